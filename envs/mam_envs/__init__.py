@@ -1,0 +1,1 @@
+"""ManiSkill environments in which a robot arm operates a mam-sim asset."""

@@ -1,0 +1,69 @@
+"""The command line: a table of verbs; each is a typed function whose flags tyro builds."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+
+VERBS: dict[str, tuple[str, str]] = {
+    "make-env": ("mam_sim.verbs.make_env:make_env", "photo | mesh | URDF to a robot environment"),
+    "articulate": ("mam_sim.verbs.articulate:articulate", "mesh or photo to an asset folder"),
+    "check": ("mam_sim.verbs.check:check", "lint and physical executability of an asset or URDF"),
+    "bench": ("mam_sim.verbs.bench:bench", "score the engine on a folder of ground-truth URDFs"),
+    "generate": ("mam_sim.verbs.generate:generate", "procedural articulated objects with truth"),
+    "collect": ("mam_sim.verbs.collect:collect", "demonstrations by the scripted expert"),
+    "train": ("mam_sim.verbs.train:train", "a policy by imitation or reinforcement learning"),
+    "eval": ("mam_sim.verbs.evaluate:evaluate", "task success of a policy, with intervals"),
+    "export": ("mam_sim.verbs.export:export", "a dataset or policy to LeRobot; an asset to MJCF/USD"),
+    "view": ("mam_sim.verbs.view:view", "pictures or a video of an asset moving its joints"),
+    "annotate": ("mam_sim.verbs.annotate:annotate", "mark corners, panels and handles on a photo"),
+    "bench-photo": ("mam_sim.verbs.bench_photo:bench_photo", "score the photo reconstructor"),
+    "doctor": ("mam_sim.verbs.doctor:doctor", "what is installed, what is active, and the fixes"),
+}
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one verb; returns the exit status (0 ok, 1 not physical, 2 input, 3 hint, 4 kind)."""
+    args = list(sys.argv[1:] if argv is None else argv)
+    if not args or args[0] in ("-h", "--help", "help"):
+        print(_usage())
+        return 0 if args else 2
+    if args[0] in ("-V", "--version"):
+        from mam_sim import __version__
+
+        print(f"mam-sim {__version__}")
+        return 0
+    # imported here so that `mam-sim --help` stays instant
+    from mam_pipeline.errors import MamSimError, unknown_name
+
+    try:
+        if args[0] not in VERBS:
+            raise unknown_name("verb", args[0], VERBS)
+        module, _, name = VERBS[args[0]][0].partition(":")
+        verb = getattr(importlib.import_module(module), name)
+        import tyro
+
+        result = tyro.cli(verb, prog=f"mam-sim {args[0]}", args=args[1:])
+        return int(result or 0)
+    except MamSimError as error:
+        if os.environ.get("MAM_SIM_DEBUG"):
+            raise
+        print(f"mam-sim: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print("mam-sim: interrupted", file=sys.stderr)
+        return 130
+    except SystemExit as stop:  # argument parsing
+        return stop.code if isinstance(stop.code, int) else 2
+
+
+def _usage() -> str:
+    width = max(map(len, VERBS))
+    lines = ["usage: mam-sim VERB [ARGUMENTS]   (mam-sim VERB --help tells more)", ""]
+    lines += [f"  {verb:<{width}}  {text}" for verb, (_, text) in VERBS.items()]
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,1 @@
+"""From a photograph or a static mesh to an articulated, checked asset."""

@@ -1,0 +1,1 @@
+"""The asset folder: its card (asset.json), its writer, collision, inertia and exports."""

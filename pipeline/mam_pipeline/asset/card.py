@@ -1,0 +1,144 @@
+"""asset.json: the card of an asset folder (schema 1), read and written as dataclasses."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mam_pipeline.errors import InputError
+
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class CardPart:
+    """A link: its kind, source primitives, mass (kg) and handle visuals."""
+
+    link: str
+    name: str
+    kind: str
+    primitives: list[int] = field(default_factory=list)
+    mass: float = 0.0
+    handles: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class CardJoint:
+    """A joint in the asset frame at q = 0; infinite limits are stored as null."""
+
+    name: str
+    type: str
+    subtype: str
+    parent: str
+    child: str
+    axis: list[float]
+    origin: list[float]
+    lower: float | None
+    upper: float | None
+    closed: float = 0.0
+    open: float = 0.0
+    damping: float = 0.0
+    friction: float = 0.0
+    effort: float = 100.0
+    velocity: float = 2.0
+    confidence: float = 1.0
+    evidence: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class CardGrasp:
+    """Where to take hold of a link at q = 0, asset frame (see mam_pipeline.types.Grasp)."""
+
+    joint: str
+    link: str
+    kind: str
+    position: list[float]
+    approach: list[float]
+    closing: list[float]
+    width: float
+    depth: float = 0.02
+    confidence: float = 1.0
+    provenance: str = "inferred"
+
+
+@dataclass(frozen=True)
+class AssetCard:
+    """Everything that asset.json says; paths are relative to the folder."""
+
+    name: str
+    urdf: str = "object.urdf"
+    schema: int = SCHEMA
+    source: dict[str, Any] = field(default_factory=dict)
+    source_to_asset: list[list[float]] = field(default_factory=lambda: np.eye(4).tolist())
+    metres_per_unit: float = 1.0
+    metres_per_unit_source: str = "assumed"
+    bounds: list[list[float]] = field(default_factory=list)
+    parts: list[CardPart] = field(default_factory=list)
+    joints: list[CardJoint] = field(default_factory=list)
+    grasps: list[CardGrasp] = field(default_factory=list)
+    backends: dict[str, Any] = field(default_factory=dict)
+    checks: dict[str, Any] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+    exports: dict[str, str] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def save(self, folder: Path) -> None:
+        """Write asset.json into `folder` (UTF-8, no NaN)."""
+        text = json.dumps(_plain(asdict(self)), indent=1, allow_nan=False, sort_keys=False)
+        (folder / "asset.json").write_text(text + "\n", encoding="utf-8")
+
+
+@dataclass(frozen=True)
+class Asset:
+    """An asset folder on disk with its card."""
+
+    folder: Path
+    card: AssetCard
+
+    @property
+    def urdf_path(self) -> Path:
+        return self.folder / self.card.urdf
+
+    @staticmethod
+    def load(path: str | Path) -> Asset:
+        """Read an asset folder (or its asset.json).
+
+        Raises:
+            InputError: the folder or card is missing, malformed or of another schema.
+        """
+        folder = Path(path)
+        if folder.name == "asset.json":
+            folder = folder.parent
+        file = folder / "asset.json"
+        if not file.is_file():
+            raise InputError(f"no asset.json in {folder}; make one with: mam-sim make-env INPUT")
+        try:
+            data = json.loads(file.read_text(encoding="utf-8"))
+            if data.get("schema") != SCHEMA:
+                raise InputError(f"{file} has schema {data.get('schema')!r}; this is schema {SCHEMA}")
+            data["parts"] = [CardPart(**p) for p in data.get("parts", [])]
+            data["joints"] = [CardJoint(**j) for j in data.get("joints", [])]
+            data["grasps"] = [CardGrasp(**g) for g in data.get("grasps", [])]
+            return Asset(folder.resolve(), AssetCard(**data))
+        except (json.JSONDecodeError, TypeError, AttributeError) as error:
+            raise InputError(f"{file} is not a valid asset card: {error}") from error
+
+
+def _plain(value: Any) -> Any:
+    """Turn numpy values and non-finite floats into what JSON can hold."""
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

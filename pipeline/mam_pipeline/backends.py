@@ -1,0 +1,168 @@
+"""Roles and their backends: where models plug in (design: one Protocol per role).
+
+`BUILTIN` names the built-in backends as "module:Class" strings; third parties register theirs
+in the entry-point groups `mam_sim.reconstructor`, `.segmenter`, `.prior`, `.reasoner`,
+`.solver`, `.retexturer`. Listing names imports nothing heavy.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mam_pipeline.errors import BackendError, unknown_name
+from mam_pipeline.hints import Hints
+from mam_pipeline.types import Articulation, IntArray, KinematicTree, Mesh, Primitives
+
+
+@dataclass(frozen=True)
+class Availability:
+    """Whether a backend can run here; `why` says what is missing and how to get it."""
+
+    ok: bool
+    why: str = ""
+    version: str = ""
+    licence: str = ""
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """A mesh made from a photo, in metres, with what was measured on the way.
+
+    Attributes:
+        confidence: cuboid, panels, handles, scale -> "high" | "medium" | "low".
+        pictures: name -> (H, W, 3) uint8 RGB pictures for the report (overlay, front ...).
+    """
+
+    mesh: Mesh
+    hints: Hints
+    confidence: Mapping[str, str] = field(default_factory=dict)
+    summary: str = ""
+    assumed: tuple[str, ...] = ()
+    pictures: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
+    details: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class KinematicPrior:
+    """Where motion is likely: the counterpart of SP4D's multi-view kinematic masks (3.2).
+
+    Attributes:
+        mobility: (P,) 0..1 per primitive, how likely it belongs to a moving part.
+        affinity: (P, P) 0..1, how likely two primitives move together.
+        masks: (N, H, W) int per-view kinematic part maps, -1 background; may be empty.
+        views: (N, 4, 4) `camera_T_asset` (OpenCV axes) of the masks.
+        evidence: named measurements, for the report.
+    """
+
+    mobility: NDArray[np.float64]
+    affinity: NDArray[np.float64]
+    masks: IntArray = field(default_factory=lambda: np.zeros((0, 0, 0), dtype=np.int64))
+    views: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4, 4)))
+    source: str = "embedded"
+    evidence: Mapping[str, Any] = field(default_factory=dict)
+
+
+@runtime_checkable
+class Backend(Protocol):
+    """What every backend has: it can say whether it may run here."""
+
+    @classmethod
+    def available(cls) -> Availability: ...
+
+
+class Reconstructor(Backend, Protocol):
+    """Photo to mesh. `options` holds the user's help (bbox, mask, front, layout, height ...)."""
+
+    def reconstruct(self, photo: Path, options: Mapping[str, Any]) -> Reconstruction: ...
+
+
+class Segmenter(Backend, Protocol):
+    """Mesh to primitives (paper 3.2)."""
+
+    def segment(self, mesh: Mesh, seed: int = 0) -> Primitives: ...
+
+
+class Prior(Backend, Protocol):
+    """Mesh and primitives to kinematic priors (paper 3.2)."""
+
+    def observe(self, mesh: Mesh, primitives: Primitives, seed: int = 0) -> KinematicPrior: ...
+
+
+class Reasoner(Backend, Protocol):
+    """Primitives and priors to parts, tree and joint subtypes (paper 3.2 and 3.3)."""
+
+    def reason(
+        self, mesh: Mesh, primitives: Primitives, prior: KinematicPrior | None, seed: int = 0
+    ) -> KinematicTree: ...
+
+
+class Solver(Backend, Protocol):
+    """Tree to joints with axes, origins and limits (paper 3.3 and 3.4)."""
+
+    def solve(
+        self, mesh: Mesh, primitives: Primitives, tree: KinematicTree, seed: int = 0
+    ) -> Articulation: ...
+
+
+BUILTIN: dict[str, dict[str, str]] = {
+    "reconstructor": {"embedded": "mam_pipeline.photo.reconstruct:EmbeddedReconstructor"},
+    "segmenter": {"geometric": "mam_pipeline.segment.geometric:GeometricSegmenter"},
+    "prior": {
+        "none": "mam_pipeline.prior.none:NoPrior",
+        "embedded": "mam_pipeline.prior.embedded:EmbeddedPrior",
+    },
+    "reasoner": {"embedded": "mam_pipeline.reason.embedded:EmbeddedReasoner"},
+    "solver": {
+        "embedded": "mam_pipeline.joints.solver:EmbeddedSolver",
+        "init": "mam_pipeline.joints.solver:PaperInitSolver",
+        "lm": "mam_pipeline.joints.solver:PaperLevenbergMarquardtSolver",
+        "nelder-mead": "mam_pipeline.joints.solver:PaperNelderMeadSolver",
+    },
+    "retexturer": {},
+}
+PREFERENCE: dict[str, tuple[str, ...]] = {role: ("embedded", "geometric") for role in BUILTIN}
+
+
+def names(role: str) -> dict[str, str]:
+    """All backend names of a role with their "module:Class" target, third parties included."""
+    table = dict(BUILTIN[role])
+    for entry in metadata.entry_points(group=f"mam_sim.{role}"):
+        table.setdefault(entry.name, entry.value)
+    return table
+
+
+def load(role: str, name: str = "auto") -> tuple[str, Any]:
+    """Return (name, instance) of a backend; "auto" takes the best one available.
+
+    Raises:
+        ConfigError: no such name.
+        BackendError: named explicitly but not available here; nothing is substituted.
+    """
+    table = names(role)
+    if name != "auto":
+        if name not in table:
+            raise unknown_name(role, name, ["auto", *table])
+        cls = _resolve(table[name])
+        state: Availability = cls.available()
+        if not state.ok:
+            raise BackendError(f"the {role} {name!r} cannot run here: {state.why}")
+        return name, cls()
+    for candidate in PREFERENCE[role]:
+        if candidate in table:
+            cls = _resolve(table[candidate])
+            if cls.available().ok:
+                return candidate, cls()
+    raise BackendError(f"no {role} is available here; run: mam-sim doctor")
+
+
+def _resolve(target: str) -> Any:
+    module, _, attribute = target.partition(":")
+    return getattr(importlib.import_module(module), attribute)

@@ -1,0 +1,1 @@
+"""Experts, imitation, reinforcement learning, evaluation and LeRobot export."""
