@@ -284,6 +284,31 @@ class Grasp:
 
 
 @dataclass(frozen=True)
+class CollisionShape:
+    """One convex collision piece of a link, asset frame at rest.
+
+    Attributes:
+        kind: box | cylinder | sphere | convex.
+        pose: (4, 4) asset_T_shape; identity for convex.
+        size: box: full extents x, y, z; cylinder: radius, length (along local z), 0;
+            sphere: radius, 0, 0. Metres.
+        vertices, faces: (n, 3), (m, 3) hull of a convex piece, asset frame.
+    """
+
+    kind: Literal["box", "cylinder", "sphere", "convex"]
+    pose: FloatArray = field(default_factory=lambda: np.eye(4))
+    size: FloatArray = field(default_factory=lambda: np.zeros(3))
+    vertices: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    faces: IntArray = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pose", readonly(self.pose, np.float64, (4, 4)))
+        object.__setattr__(self, "size", readonly(self.size, np.float64, (3,)))
+        object.__setattr__(self, "vertices", readonly(self.vertices, np.float64, (None, 3)))
+        object.__setattr__(self, "faces", readonly(self.faces, np.int64, (None, 3)))
+
+
+@dataclass(frozen=True)
 class Articulation:
     """A mesh cut into links and the joints between them; link 0 is the base.
 
