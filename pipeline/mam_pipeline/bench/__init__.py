@@ -1,0 +1,1 @@
+"""The benchmark: ground-truth URDFs as static meshes, the engine run on them, and the table."""
