@@ -15,7 +15,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "collect": ("mam_sim.verbs.collect:collect", "demonstrations by the scripted expert"),
     "train": ("mam_sim.verbs.train:train", "a policy by imitation or reinforcement learning"),
     "eval": ("mam_sim.verbs.evaluate:evaluate", "task success of a policy, with intervals"),
-    "export": ("mam_sim.verbs.export:export", "a dataset or policy to LeRobot; an asset to MJCF/USD"),
+    "export": ("mam_sim.verbs.export:export", "dataset or policy to LeRobot, asset to MJCF or USD"),
     "view": ("mam_sim.verbs.view:view", "pictures or a video of an asset moving its joints"),
     "annotate": ("mam_sim.verbs.annotate:annotate", "mark corners, panels and handles on a photo"),
     "bench-photo": ("mam_sim.verbs.bench_photo:bench_photo", "score the photo reconstructor"),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 
 class MamSimError(Exception):
@@ -36,13 +37,21 @@ class NotPhysicalError(MamSimError):
     exit_code = 1
 
 
-class HintNeeded(MamSimError):
+class _PictureError(MamSimError):
+    """An error that can show what was seen: `pictures` maps names to (H, W, 3) uint8 RGB."""
+
+    def __init__(self, message: str, pictures: Mapping[str, Any] | None = None) -> None:
+        super().__init__(message)
+        self.pictures = dict(pictures or {})
+
+
+class HintNeeded(_PictureError):
     """Confidence is too low to go on; the message names the hint that would help most."""
 
     exit_code = 3
 
 
-class NotThisKind(MamSimError):
+class NotThisKind(_PictureError):
     """The input shows a thing that this tool cannot handle (a face, a plain wall ...)."""
 
     exit_code = 4

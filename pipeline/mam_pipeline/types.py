@@ -189,7 +189,7 @@ class PartNode:
 
 @dataclass(frozen=True)
 class KinematicTree:
-    """Parts, their parents and joint subtypes; node 0 is the base (paper 3.3, articulation tree)."""
+    """The articulation tree (paper 3.3): parts, parents, joint subtypes; node 0 is the base."""
 
     nodes: tuple[PartNode, ...]
 

@@ -120,7 +120,8 @@ class Asset:
         try:
             data = json.loads(file.read_text(encoding="utf-8"))
             if data.get("schema") != SCHEMA:
-                raise InputError(f"{file} has schema {data.get('schema')!r}; this is schema {SCHEMA}")
+                found = data.get("schema")
+                raise InputError(f"{file} has schema {found!r}; this is schema {SCHEMA}")
             data["parts"] = [CardPart(**p) for p in data.get("parts", [])]
             data["joints"] = [CardJoint(**j) for j in data.get("joints", [])]
             data["grasps"] = [CardGrasp(**g) for g in data.get("grasps", [])]

@@ -1,0 +1,71 @@
+"""What every verb shares on the screen: results on stdout, progress on stderr, --quiet, --json."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+STAGES = {
+    "read": "reading the mesh",
+    "photo": "reconstructing the photo",
+    "segment": "cutting it into primitives",
+    "prior": "probing what may move",
+    "reason": "finding parts and joint types",
+    "joints": "estimating joints and limits",
+    "asset": "writing the asset (collision, inertia, URDF)",
+    "check": "checking physical executability",
+    "environment": "starting the environment",
+    "report": "drawing the report",
+}
+
+
+class Screen:
+    """Prints results to stdout and progress to stderr."""
+
+    def __init__(self, quiet: bool = False) -> None:
+        self.out = Console(file=sys.stdout, highlight=False, soft_wrap=True)
+        self.err = Console(file=sys.stderr, highlight=False)
+        self.quiet = quiet
+
+    def say(self, text: str = "") -> None:
+        """A line of result."""
+        if not self.quiet:
+            self.out.print(text, markup=False)
+
+    def json(self, value: Any) -> None:
+        """The result as JSON on stdout."""
+        sys.stdout.write(json.dumps(value, indent=1, default=str) + "\n")
+
+    @contextmanager
+    def stages(self, names: list[str]) -> Iterator[StageBar]:
+        """A bar over named stages; call the value with a stage's name when it starts."""
+        columns = (SpinnerColumn(), BarColumn(24), TextColumn("{task.description}"))
+        with Progress(
+            *columns,
+            TimeElapsedColumn(),
+            console=self.err,
+            transient=True,
+            disable=self.quiet,
+        ) as progress:
+            yield StageBar(progress, names)
+
+
+class StageBar:
+    """Moves the bar to a stage."""
+
+    def __init__(self, progress: Progress, names: list[str]) -> None:
+        self._progress, self._names = progress, names
+        self._task = progress.add_task("", total=len(names))
+
+    def __call__(self, name: str) -> None:
+        done = self._names.index(name) if name in self._names else 0
+        text = f"{done + 1}/{len(self._names)} {STAGES.get(name, name)}"
+        self._progress.update(self._task, completed=done, description=text)
+        if not self._progress.console.is_terminal and not self._progress.disable:
+            self._progress.console.print(f"[{text}]", markup=False)

@@ -1,0 +1,276 @@
+"""From an input file to an asset folder on disk: stages kept, reused, and open to a person's edits.
+
+Each stage leaves `stages/<n>_<name>/` with its artefact and a stage.json that holds the key it was
+made under (stage version, backend, config, seed, digests of what went in) and the artefact's own
+digest. A stage with the same key is reused; an artefact that a person has edited is kept, and what
+follows it is computed again because its digest is part of the next keys.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mam_pipeline import backends, stage_files
+from mam_pipeline.asset.card import Asset
+from mam_pipeline.errors import ConfigError, InputError
+from mam_pipeline.hints import Hints, load_hints, save_hints
+from mam_pipeline.stages import Engine, EngineConfig, OnStage, front_yaw, moved
+from mam_pipeline.types import Articulation, FloatArray, Mesh
+
+MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".off")
+PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".gif", ".heic")
+STAGE_VERSION = 1
+
+
+@dataclass(frozen=True)
+class MakeConfig:
+    """Everything that decides what an asset becomes; saved with it as stages/config.json."""
+
+    up: str = "auto"
+    height: float | None = None
+    scale: float | None = None
+    hints: Path | None = None
+    engine: EngineConfig = field(default_factory=EngineConfig)
+    reconstructor: str = "auto"
+    photo: Mapping[str, Any] = field(default_factory=dict)
+    interiors: bool = True
+
+
+@dataclass(frozen=True)
+class Source:
+    """The input as the engine takes it, whatever kind of file it was."""
+
+    kind: str
+    mesh: Mesh
+    source_to_asset: FloatArray
+    metres_per_unit: float
+    metres_per_unit_source: str
+    hints: Hints | None = None
+    articulation: Articulation | None = None
+    summary: str = ""
+    notes: tuple[str, ...] = ()
+
+
+def kind_of(path: Path) -> str:
+    """photo | mesh | urdf, by suffix.
+
+    Raises:
+        InputError: no such file, or a suffix that none of the three has.
+    """
+    if path.is_dir() and (path / "asset.json").is_file():
+        raise InputError(f"{path} is an asset already; try: mam-sim check {path}")
+    if not path.is_file():
+        raise InputError(f"no such file: {path}")
+    suffix = path.suffix.lower()
+    for kind, suffixes in (
+        ("mesh", MESH_SUFFIXES),
+        ("photo", PHOTO_SUFFIXES),
+        ("urdf", (".urdf", ".xml")),
+    ):
+        if suffix in suffixes:
+            return kind
+    known = ", ".join((*PHOTO_SUFFIXES[:3], *MESH_SUFFIXES, ".urdf"))
+    raise InputError(f"{path.name}: cannot read files of type {suffix or 'none'!r}; known: {known}")
+
+
+def make_asset(
+    source: Path, out: Path, config: MakeConfig, on_stage: OnStage | None = None
+) -> Asset:
+    """Turn a photo, mesh or URDF into an asset folder at `out`, all or nothing.
+
+    Raises:
+        MamSimError: one of its subclasses; `out` is then as it was before.
+    """
+    from mam_pipeline.asset.writer import write_asset
+
+    kind = kind_of(source)
+    out = out.resolve()
+    refuse_foreign(out)
+    given = None if config.hints is None else load_hints(config.hints)
+    tell = on_stage or (lambda _name: None)
+    work = out.parent / f".{out.name}.partial-{os.getpid()}"
+    shutil.rmtree(work, ignore_errors=True)
+    stages = work / "stages"
+    stages.mkdir(parents=True)
+    try:
+        if (out / "stages").is_dir():
+            shutil.copytree(out / "stages", stages, dirs_exist_ok=True)
+        started = time.perf_counter()
+        tell("read" if kind != "photo" else "photo")
+        read = _read(source, kind, config, stages)
+        hints = given if given is not None else read.hints
+        seconds = {"read": round(time.perf_counter() - started, 3)}
+        if read.articulation is not None:
+            articulation, used = read.articulation, {"articulation": "urdf"}
+        else:
+            articulation, used, more = _engine(read, hints, config, stages, tell)
+            seconds |= more
+        yaw = front_yaw(articulation) if kind == "mesh" else np.eye(4)
+        articulation = moved(articulation, yaw)
+        tell("asset")
+        started = time.perf_counter()
+        asset = write_asset(
+            articulation,
+            work / "asset",
+            name=out.name,
+            source={"path": source.name, "sha256": file_digest(source), "kind": kind},
+            source_to_asset=yaw @ read.source_to_asset,
+            metres_per_unit=read.metres_per_unit,
+            metres_per_unit_source=read.metres_per_unit_source,
+            backends=used,
+            seconds=seconds,
+            notes=[n for n in (read.summary, *read.notes) if n],
+            interiors=config.interiors and kind == "mesh",
+        )
+        seconds["asset"] = round(time.perf_counter() - started, 3)
+        (stages / "config.json").write_text(json.dumps(asdict(config), indent=1, default=str))
+        stages.rename(work / "asset" / "stages")
+        replace_folder(work / "asset", out)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+    return Asset(out, asset.card)
+
+
+def refuse_foreign(out: Path) -> None:
+    """Raise ConfigError where `out` exists and is not an asset of ours: it is never overwritten."""
+    if out.exists() and not (out / "asset.json").is_file() and not _empty(out):
+        raise ConfigError(f"{out} exists and is no asset folder; name another --out")
+
+
+def replace_folder(new: Path, out: Path) -> None:
+    """Rename `new` to `out`, moving what was there aside first and deleting it last."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    old = out.parent / f".{out.name}.old-{os.getpid()}"
+    if out.exists():
+        out.rename(old)
+    new.rename(out)
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file, hex."""
+    with path.open("rb") as handle:
+        return hashlib.file_digest(handle, "sha256").hexdigest()
+
+
+def _empty(folder: Path) -> bool:
+    return folder.is_dir() and not any(folder.iterdir())
+
+
+def _read(source: Path, kind: str, config: MakeConfig, stages: Path) -> Source:
+    if kind == "mesh":
+        from mam_pipeline.meshio import load_mesh
+
+        got = load_mesh(source, up=config.up, height=config.height, scale=config.scale)
+        return Source(
+            kind, got.mesh, got.source_to_asset, got.metres_per_unit, got.metres_per_unit_source
+        )
+    if kind == "urdf":
+        from mam_pipeline.bench.dataset import load_urdf
+
+        truth = load_urdf(source)
+        return Source(
+            kind, truth.mesh, np.eye(4), 1.0, "urdf", articulation=truth.truth_articulation()
+        )
+    return _read_photo(source, config, stages)
+
+
+def _read_photo(source: Path, config: MakeConfig, stages: Path) -> Source:
+    from PIL import Image
+
+    name, reconstructor = backends.load("reconstructor", config.reconstructor)
+    made = reconstructor.reconstruct(source, dict(config.photo))
+    folder = stages / "0_photo"
+    folder.mkdir(exist_ok=True)
+    save_hints(made.hints, folder / "hints.yaml")
+    for label, picture in made.pictures.items():
+        Image.fromarray(picture).save(folder / f"{label}.png")
+    report = {"backend": name, "confidence": dict(made.confidence), "summary": made.summary}
+    report |= {"assumed": list(made.assumed), "details": dict(made.details)}
+    (folder / "report.json").write_text(json.dumps(report, indent=1, default=str))
+    scale_from = "assumed" if "scale" in made.assumed else "user"
+    return Source(
+        "photo", made.mesh, np.eye(4), 1.0, scale_from, hints=made.hints, summary=made.summary
+    )
+
+
+def _engine(
+    read: Source, hints: Hints | None, config: MakeConfig, stages: Path, tell: OnStage
+) -> tuple[Articulation, dict[str, str], dict[str, float]]:
+    """Run or reuse segment, prior, reason and joints; returns what was used and the seconds."""
+    engine = Engine(config.engine, tell)
+    keeper = _Keeper(stages)
+    mesh = read.mesh
+    names = config.engine
+    seed = names.seed
+    mesh_key = stage_files.mesh_digest(mesh)
+    hints_key = stage_files.text_digest(repr(hints))
+
+    primitives, key = keeper.run(
+        "1_primitives",
+        [mesh_key, names.segmenter, seed],
+        lambda: engine.segment(mesh),
+        stage_files.PRIMITIVES,
+    )
+    prior, key_prior = keeper.run(
+        "2_prior",
+        [key, names.prior, seed, hints_key],
+        lambda: engine.observe(mesh, primitives, hints),
+        stage_files.PRIOR,
+    )
+    tree, key = keeper.run(
+        "3_parts",
+        [key, key_prior, names.reasoner, seed, hints_key],
+        lambda: engine.reason(mesh, primitives, prior, hints),
+        stage_files.TREE,
+    )
+    codec = stage_files.articulation_codec(mesh, primitives, tree)
+    articulation, _ = keeper.run(
+        "4_joints",
+        [key, names.solver, seed],
+        lambda: engine.solve(mesh, primitives, tree),
+        codec,
+    )
+    return articulation, {**keeper.reused, **engine.used}, engine.seconds
+
+
+class _Keeper:
+    """Runs a stage, or takes its artefact from disk when the key allows."""
+
+    def __init__(self, stages: Path) -> None:
+        self.stages = stages
+        self.reused: dict[str, str] = {}
+
+    def run(
+        self,
+        name: str,
+        inputs: list[Any],
+        compute: Callable[[], Any],
+        codec: stage_files.Codec,
+    ) -> tuple[Any, str]:
+        folder = self.stages / name
+        artefact, note = folder / codec.filename, folder / "stage.json"
+        key = stage_files.text_digest(json.dumps([STAGE_VERSION, name, *inputs], default=str))
+        if artefact.is_file() and note.is_file():
+            made = json.loads(note.read_text())
+            if made.get("key") == key:
+                digest = file_digest(artefact)
+                self.reused[name] = "edited" if digest != made.get("digest") else "reused"
+                return codec.load(artefact), digest
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        value = compute()
+        codec.save(value, artefact)
+        digest = file_digest(artefact)
+        note.write_text(json.dumps({"key": key, "digest": digest, "inputs": inputs}, default=str))
+        return value, digest
