@@ -1,0 +1,139 @@
+"""The pieces of an authored soup: shells joined over clean edges, doubles united, specks absorbed.
+
+The "hybrid" rule: joining over every shared edge welds moving parts that touch at coincident
+vertices; joining only over edges with exactly two faces shatters what was modelled with T-junctions
+and inner walls; so shells are joined over clean edges and open fragments re-joined afterwards.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import open3d as o3d
+from scipy.spatial import cKDTree
+
+from mam_pipeline.segment.topology import Topology, groups
+from mam_pipeline.types import FloatArray, IntArray
+
+REJOIN_SHARE = 0.4  # of the smaller fragment's faces lie on edges shared with the larger
+SAME_BOX = 0.005  # of the diagonal: how far corners of two shells' boxes may differ
+SPECK = 0.025  # of the diagonal: smaller pieces are nobody's part on their own
+
+
+def components(topo: Topology, frame: FloatArray) -> IntArray:
+    """(F,) piece of every kept face, -1 for the others (see `spread`).
+
+    Args:
+        frame: (3, 3) rows are the object's own axes; boxes are measured along them.
+    """
+    count = len(topo.faces)
+    label = groups(topo.manifold, count)
+    label = _dense(label, topo.kept)
+    label = _rejoin_open(topo, label)
+    label = _unite_same_box(topo, label, frame)
+    return label
+
+
+def absorb_specks(topo: Topology, label: IntArray, limit: float = SPECK) -> IntArray:
+    """Give pieces with a box diagonal below `limit` to the piece nearest to their surface."""
+    low, high = boxes(topo.points, topo, label)
+    small = np.linalg.norm(high - low, axis=1) < limit
+    if small.all() or not small.any():
+        return label
+    kept = np.flatnonzero(label >= 0)
+    is_small = small[label[kept]]
+    target = kept[~is_small]
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(
+        o3d.core.Tensor.from_numpy(topo.points.astype(np.float32)),
+        o3d.core.Tensor.from_numpy(topo.faces[target].astype(np.uint32)),
+    )
+    specks = kept[is_small]
+    centres = topo.points[topo.faces[specks]].mean(axis=1).astype(np.float32)
+    answer = scene.compute_closest_points(o3d.core.Tensor.from_numpy(centres))
+    owner = label[target[answer["primitive_ids"].numpy().astype(np.int64)]]
+    gap = np.linalg.norm(answer["points"].numpy() - centres, axis=1)
+    # the whole speck goes where its nearest face points
+    order = np.lexsort((owner, gap, label[specks]))
+    piece, first = np.unique(label[specks][order], return_index=True)
+    move = np.arange(int(label.max()) + 1)
+    move[piece] = owner[order][first]
+    out = label.copy()
+    out[kept] = move[label[kept]]
+    return _dense(out, label >= 0)
+
+
+def spread(topo: Topology, label: IntArray) -> IntArray:
+    """(F,) labels of all faces: repeated copies follow their twin, degenerate ones the nearest."""
+    out = label.copy()
+    copies = (out < 0) & (topo.twin >= 0)
+    out[copies] = label[topo.twin[copies]]
+    lost = np.flatnonzero(out < 0)
+    if len(lost) and len(lost) < len(out):
+        known = np.flatnonzero(out >= 0)
+        at_vertex = np.full(len(topo.points), -1, dtype=np.int64)
+        at_vertex[topo.faces[known].reshape(-1)] = np.repeat(out[known], 3)
+        out[lost] = at_vertex[topo.faces[lost]].max(axis=1)
+        lost = np.flatnonzero(out < 0)
+        if len(lost):
+            centres = topo.points[topo.faces].mean(axis=1)
+            out[lost] = out[known[cKDTree(centres[known]).query(centres[lost])[1]]]
+    out[out < 0] = 0
+    return out
+
+
+def boxes(points: FloatArray, topo: Topology, label: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper corners (C, 3) of each piece's box in the axes of `points`."""
+    kept = np.flatnonzero(label >= 0)
+    count = int(label.max()) + 1
+    order = kept[np.argsort(label[kept], kind="stable")]
+    start = np.searchsorted(label[order], np.arange(count))
+    corner = points[topo.faces[order]]
+    low = np.minimum.reduceat(corner.min(axis=1), start, axis=0)
+    high = np.maximum.reduceat(corner.max(axis=1), start, axis=0)
+    return low, high
+
+
+def _dense(label: IntArray, kept: np.ndarray) -> IntArray:
+    out = np.full(len(label), -1, dtype=np.int64)
+    out[kept] = np.unique(label[kept], return_inverse=True)[1]
+    return out
+
+
+def _rejoin_open(topo: Topology, label: IntArray) -> IntArray:
+    """Join fragments that share edges of three or more faces along much of the smaller one."""
+    if not len(topo.rim_face):
+        return label
+    count = int(label.max()) + 1
+    size = np.bincount(label[label >= 0], minlength=count)
+    piece, edge, face = label[topo.rim_face], topo.rim_edge, topo.rim_face
+    order = np.lexsort((piece, edge))
+    piece, edge, face = piece[order], edge[order], face[order]
+    links: list[IntArray] = []
+    # a rim edge carries few pieces: compare each half-edge with the next ones of the same edge
+    for step in (1, 2, 3):
+        same = (edge[step:] == edge[:-step]) & (piece[step:] != piece[:-step])
+        a, b = piece[:-step][same], piece[step:][same]
+        fa, fb = face[:-step][same], face[step:][same]
+        smaller = np.where(size[a] <= size[b], fa, fb)
+        links.append(np.stack([a, b, smaller], axis=1))
+    rows = np.unique(np.concatenate(links), axis=0)
+    if not len(rows):
+        return label
+    pairs, faces_on_rim = np.unique(rows[:, :2], axis=0, return_counts=True)
+    share = faces_on_rim / np.minimum(size[pairs[:, 0]], size[pairs[:, 1]])
+    merged = groups(pairs[share >= REJOIN_SHARE], count)
+    return np.where(label >= 0, merged[label], -1)
+
+
+def _unite_same_box(topo: Topology, label: IntArray, frame: FloatArray) -> IntArray:
+    """Unite shells that fill the same box: inner and outer skins, caps with their tube."""
+    low, high = boxes(topo.points @ frame.T, topo, label)
+    extent = np.linalg.norm(high - low, axis=1)
+    pairs = cKDTree(np.hstack([low, high])).query_pairs(SAME_BOX, output_type="ndarray")
+    if not len(pairs):
+        return label
+    corners = np.hstack([low, high])
+    gap = np.abs(corners[pairs[:, 0]] - corners[pairs[:, 1]]).max(axis=1)
+    close = gap < 0.05 * np.minimum(extent[pairs[:, 0]], extent[pairs[:, 1]])
+    merged = groups(pairs[close].astype(np.int64), len(low))
+    return np.where(label >= 0, merged[label], -1)
