@@ -176,9 +176,9 @@ def _read(source: Path, kind: str, config: MakeConfig, stages: Path) -> Source:
             kind, got.mesh, got.source_to_asset, got.metres_per_unit, got.metres_per_unit_source
         )
     if kind == "urdf":
-        from mam_pipeline.bench.dataset import load_urdf
+        from mam_pipeline.bench.dataset import read_object
 
-        truth = load_urdf(source)
+        truth = read_object(source)
         return Source(
             kind, truth.mesh, np.eye(4), 1.0, "urdf", articulation=truth.truth_articulation()
         )

@@ -1,0 +1,189 @@
+"""`mam-sim doctor`: what is installed, which backends are active, and the fix for each gap."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from dataclasses import asdict, dataclass
+from importlib import metadata
+from importlib.util import find_spec
+
+from mam_sim.console import Screen
+
+PACKAGES = (
+    *("numpy", "torch", "sapien", "mani-skill", "gymnasium", "stable-baselines3", "lerobot"),
+    *("trimesh", "open3d", "yourdfpy", "coacd", "lightgbm"),
+)
+EXTRAS = {
+    "mujoco": "MJCF export is read back with it: pip install 'mam-sim[mujoco]'",
+    "usd-core": "USD export: pip install 'mam-sim[usd]'",
+    "openai": "vision-language reasoners: pip install 'mam-sim[vlm]'",
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line: what, whether it is there, and what to do if it is not."""
+
+    group: str
+    name: str
+    state: str
+    ok: bool
+    needed: bool = False
+    fix: str = ""
+
+
+def doctor(json: bool = False) -> int:
+    """Say what works on this machine, what does not, and how to mend it.
+
+    Exit status 1 when something that mam-sim cannot do without is missing.
+
+    Args:
+        json: print the findings as JSON.
+    """
+    screen = Screen()
+    findings = [*_python(), *_packages(), *_system(), *_gpu(), *_backends(), *_keys()]
+    if json:
+        screen.json([asdict(f) for f in findings])
+    else:
+        group = ""
+        for f in findings:
+            if f.group != group:
+                group = f.group
+                screen.say(f"{group}")
+            mark = "ok " if f.ok else ("NO " if f.needed else "-  ")
+            screen.say(f"  {mark}{f.name:<24} {f.state}")
+            if not f.ok and f.fix:
+                screen.say(f"      fix: {f.fix}")
+    return int(any(f.needed and not f.ok for f in findings))
+
+
+def _python() -> list[Finding]:
+    ok = (3, 11) <= sys.version_info[:2] < (3, 13)
+    fix = "use Python 3.11 or 3.12"
+    return [
+        Finding("system", "python", platform.python_version(), ok, True, fix),
+        Finding("system", "machine", f"{platform.machine()}, {os.cpu_count()} cores", True),
+    ]
+
+
+def _version(package: str) -> str | None:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _packages() -> list[Finding]:
+    out = []
+    for package in PACKAGES:
+        version = _version(package)
+        fix = "make setup"
+        out.append(Finding("packages", package, version or "missing", bool(version), True, fix))
+    for package, fix in EXTRAS.items():
+        version = _version(package)
+        out.append(
+            Finding("packages", package, version or "not installed", bool(version), fix=fix)
+        )
+    owners = [p for p in ("opencv-python", "opencv-python-headless") if _version(p)]
+    out.append(
+        Finding(
+            "packages",
+            "cv2",
+            f"from {' and '.join(owners) or 'nobody'}",
+            owners == ["opencv-python-headless"],
+            not owners,
+            "only opencv-python-headless should own cv2: make setup",
+        )
+    )
+    return out
+
+
+def _system() -> list[Finding]:
+    ffmpeg = shutil.which("ffmpeg")
+    driver = vulkan_problem()
+    return [
+        Finding(
+            "rendering",
+            "ray-cast pictures",
+            "Open3D on the CPU" if find_spec("open3d") else "missing",
+            find_spec("open3d") is not None,
+            True,
+            "bash scripts/system_packages.sh (libusb-1.0-0, libgl1)",
+        ),
+        Finding(
+            "rendering",
+            "camera observations",
+            driver or "SAPIEN finds a Vulkan device",
+            driver is None,
+            fix="a GPU driver, or Mesa >= 24.3: bash scripts/system_packages.sh",
+        ),
+        Finding(
+            "rendering",
+            "ffmpeg",
+            ffmpeg or "missing",
+            ffmpeg is not None,
+            fix="apt-get install ffmpeg (videos in LeRobot datasets)",
+        ),
+    ]
+
+
+def vulkan_problem() -> str | None:
+    """None where SAPIEN can make a camera; else why not. Tried in a process of its own."""
+    code = "import sapien; sapien.render.RenderMaterial()"
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, timeout=60
+        )
+    except subprocess.TimeoutExpired:
+        return "no answer from the Vulkan driver within 60 s"
+    if done.returncode == 0:
+        return None
+    lines = [line for line in done.stderr.splitlines() if line.strip()]
+    return lines[-1] if lines else f"the driver ended the process ({done.returncode})"
+
+
+def _gpu() -> list[Finding]:
+    try:
+        import torch
+
+        found = torch.cuda.is_available()
+        name = torch.cuda.get_device_name(0) if found else "none; everything runs on the CPU"
+    except Exception as error:  # a broken CUDA set-up must not break the doctor
+        found, name = False, f"torch fails: {error}"
+    return [Finding("gpu", "cuda", name, found)]
+
+
+def _backends() -> list[Finding]:
+    from mam_pipeline import backends
+
+    out = []
+    for role in backends.BUILTIN:
+        active = ""
+        try:
+            active = backends.load(role)[0]
+        except Exception:  # told line by line below
+            active = ""
+        for name, target in backends.names(role).items():
+            state, ok, fix = "", False, ""
+            try:
+                found = backends._resolve(target).available()
+                ok, fix = found.ok, found.why
+                state = "active" if name == active else ("ready" if ok else "not available")
+                if found.licence:
+                    state += f"; licence: {found.licence}"
+            except Exception as error:  # a third party's plug-in may be broken
+                state = f"broken: {error}"
+            out.append(Finding("backends", f"{role} {name}", state, ok, fix=fix))
+    return out
+
+
+def _keys() -> list[Finding]:
+    out = []
+    for key in ("OPENAI_API_KEY", "OPENAI_BASE_URL", "HF_TOKEN"):
+        there = bool(os.environ.get(key))
+        out.append(Finding("keys", key, "set" if there else "not set", there))
+    return out
