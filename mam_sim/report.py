@@ -122,7 +122,8 @@ def _curve(evidence: dict[str, Any]) -> str:
         )
         label = f"{html.escape(str(name))}: {y.min():.3g} to {y.max():.3g}"
         out.append(
-            f'<figure><svg width=204 height=54><polyline fill=none stroke="#2a6" points="{points}"/>'
+            "<figure><svg width=204 height=54>"
+            f"<polyline fill=none stroke='#2a6' points='{points}'/>"
             f"</svg><figcaption>{label}</figcaption></figure>"
         )
     return "".join(out)
