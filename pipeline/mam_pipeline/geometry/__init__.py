@@ -1,0 +1,1 @@
+"""Shared numeric helpers: sampling, sweeps, boxes, frames."""
