@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import io
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.asset.card import Asset, CardJoint
+from mam_pipeline.types import Articulation, FloatArray, Mesh
+from mam_pipeline.urdf_input import read_asset
 
 Picture = NDArray[np.uint8]
 SIZE = (420, 360)
@@ -61,19 +64,32 @@ def _photo(asset: Asset) -> str:
 
 def _stage_pictures(asset: Asset) -> str:
     from mam_pipeline.render import render_mesh
+    from mam_pipeline.stage_files import PRIMITIVES, load_geometry
 
     figures = []
-    articulation, primitives = load_articulation(asset)
-    mesh = articulation.mesh
-    look = {"size": SIZE, "azimuth": -35.0, "elevation": 22.0}
-    figures.append(_figure(_png(render_mesh(mesh, **look)), "source"))
-    if primitives is not None and len(primitives) == len(mesh.faces):
-        colors = palette(int(primitives.max()) + 1)[primitives]
-        label = f"{int(primitives.max()) + 1} primitives"
-        figures.append(_figure(_png(render_mesh(mesh, face_colors=colors, **look)), label))
+    look: dict[str, Any] = {"size": SIZE, "azimuth": -35.0, "elevation": 22.0}
+    articulation = read_asset(asset)
+    figures.append(_figure(_png(render_mesh(articulation.mesh, **look)), "as read"))
+    stages = asset.folder / "stages"
+    kept = stages / "1_primitives" / PRIMITIVES.filename
+    if kept.is_file():
+        labels = PRIMITIVES.load(kept).labels
+        count = int(labels.max()) + 1
+        colors = palette(count)[labels]
+        turned = load_geometry(stages / "0_mesh").transformed(_engine_to_asset(asset))
+        figures.append(
+            _figure(_png(render_mesh(turned, face_colors=colors, **look)), f"{count} primitives")
+        )
     colors = link_colors(len(articulation.links))[articulation.face_link]
-    figures.append(_figure(_png(render_mesh(mesh, face_colors=colors, **look)), "parts"))
+    picture = render_mesh(articulation.mesh, face_colors=colors, **look)
+    figures.append(_figure(_png(picture), f"{len(articulation.links)} links"))
     return f"<h2>Stages</h2><div class=row>{''.join(figures)}</div>"
+
+
+def _engine_to_asset(asset: Asset) -> FloatArray:
+    """(4, 4) turn about Z between the engine's frame, in which stages are kept, and the asset's."""
+    kept = json.loads((asset.folder / "stages" / "frame.json").read_text())
+    return np.asarray(kept["asset_T_engine"])
 
 
 def _joint_table(asset: Asset) -> str:
@@ -143,7 +159,7 @@ def _views(
     """Pictures with every joint at `fraction` of its way from closed to open."""
     from mam_pipeline.render import render_mesh
 
-    articulation, _ = load_articulation(asset)
+    articulation = read_asset(asset)
     q = {}
     for joint in articulation.joints:
         goal = joint.open if np.isfinite(joint.open) else np.pi / 2
@@ -165,20 +181,7 @@ def _provenance(asset: Asset) -> str:
     return f"<h2>How it was made</h2><pre>{html.escape(text)}</pre>"
 
 
-def load_articulation(asset: Asset) -> tuple[Any, NDArray[np.int64] | None]:
-    """The asset's articulation read back from its folder, and the primitive of every face."""
-    from mam_pipeline.asset.reader import read_articulation
-
-    articulation = read_articulation(asset)
-    kept = asset.folder / "stages" / "1_primitives" / "primitives.npz"
-    primitives = None
-    if kept.is_file():
-        with np.load(kept) as data:
-            primitives = np.asarray(data["labels"])
-    return articulation, primitives
-
-
-def posed_mesh(articulation: Any, q: dict[str, float]) -> Any:
+def posed_mesh(articulation: Articulation, q: dict[str, float]) -> Mesh:
     """The articulation's mesh with every link moved to joint values `q`; vertices are unshared
     between links."""
     from dataclasses import replace

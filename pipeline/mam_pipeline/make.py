@@ -133,6 +133,7 @@ def make_asset(
             interiors=config.interiors and kind == "mesh",
         )
         seconds["asset"] = round(time.perf_counter() - started, 3)
+        (stages / "frame.json").write_text(json.dumps({"asset_T_engine": yaw.tolist()}))
         (stages / "config.json").write_text(json.dumps(asdict(config), indent=1, default=str))
         stages.rename(work / "asset" / "stages")
         replace_folder(work / "asset", out)
@@ -176,12 +177,10 @@ def _read(source: Path, kind: str, config: MakeConfig, stages: Path) -> Source:
             kind, got.mesh, got.source_to_asset, got.metres_per_unit, got.metres_per_unit_source
         )
     if kind == "urdf":
-        from mam_pipeline.bench.dataset import read_object
+        from mam_pipeline.urdf_input import read_urdf
 
-        truth = read_object(source)
-        return Source(
-            kind, truth.mesh, np.eye(4), 1.0, "urdf", articulation=truth.truth_articulation()
-        )
+        made = read_urdf(source)
+        return Source(kind, made.mesh, np.eye(4), 1.0, "urdf", articulation=made)
     return _read_photo(source, config, stages)
 
 
@@ -211,6 +210,7 @@ def _engine(
     engine = Engine(config.engine, tell)
     keeper = _Keeper(stages)
     mesh = read.mesh
+    stage_files.save_geometry(mesh, stages / "0_mesh")
     names = config.engine
     seed = names.seed
     mesh_key = stage_files.mesh_digest(mesh)

@@ -49,6 +49,22 @@ def mesh_digest(mesh: Mesh) -> str:
     return digest.hexdigest()
 
 
+def save_geometry(mesh: Mesh, folder: Path) -> None:
+    """Keep the engine's input (vertices, faces) as <folder>/mesh.npz for looking at later stages."""
+    folder.mkdir(exist_ok=True)
+    np.savez_compressed(
+        folder / "mesh.npz",
+        vertices=mesh.vertices.astype(np.float32),
+        faces=mesh.faces.astype(np.int32),
+    )
+
+
+def load_geometry(folder: Path) -> Mesh:
+    """Read back what `save_geometry` kept."""
+    with np.load(folder / "mesh.npz") as data:
+        return Mesh(data["vertices"], data["faces"])
+
+
 def _save_primitives(value: Primitives, path: Path) -> None:
     np.savez_compressed(path, labels=value.labels, merges=value.merges, method=value.method)
 

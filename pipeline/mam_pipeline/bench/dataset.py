@@ -91,11 +91,11 @@ def read_object(urdf: str | Path, name: str = "", category: str = "unknown") -> 
     """
     path = Path(urdf)
     name = name or path.parent.name
-    robot = _parse(path)
-    frames = _rest_frames(robot, path)
+    robot = parse_urdf(path)
+    frames = rest_frames(robot, path)
     inbound = {j.child: j for j in robot.joints}
     soups = {link.name: _link_soup(link, path.parent) for link in robot.links}
-    group = {n: _carrier(n, inbound) for n in frames}
+    group = {n: carrier(n, inbound) for n in frames}
     solid = {group[n] for n, soup in soups.items() if soup is not None and n in group}
     if not solid:
         raise InputError(f"{path} shows no surface: none of its links has a readable visual")
@@ -107,7 +107,7 @@ def read_object(urdf: str | Path, name: str = "", category: str = "unknown") -> 
         Link("base" if i == 0 else f"link_{i}", "body", np.flatnonzero(face_link == i))
         for i in range(len(bodies))
     )
-    joints = tuple(_joint(n, index, inbound, group, frames) for n in bodies[1:])
+    joints = tuple(truth_joint(n, index, inbound, group, frames) for n in bodies[1:])
     return GroundTruth(name, category, mesh, face_link, links, joints)
 
 
@@ -119,7 +119,7 @@ def _categories(manifest: Path) -> dict[str, str]:
     return {row["id"]: row.get("category") or "unknown" for row in rows}
 
 
-def _parse(path: Path) -> Any:
+def parse_urdf(path: Path) -> Any:
     if not path.is_file():
         raise InputError(f"no URDF at {path}")
     try:
@@ -130,7 +130,7 @@ def _parse(path: Path) -> Any:
         raise InputError(f"{path} is not a readable URDF: {error}") from error
 
 
-def _rest_frames(robot: Any, path: Path) -> dict[str, FloatArray]:
+def rest_frames(robot: Any, path: Path) -> dict[str, FloatArray]:
     """`root_T_link` (4, 4) of every link at q = 0, parents before children."""
     children: dict[str, list[Any]] = {}
     for joint in robot.joints:
@@ -171,7 +171,7 @@ def _link_soup(link: Any, folder: Path) -> Soup | None:
     return None
 
 
-def _carrier(link: str, inbound: dict[str, Any]) -> str:
+def carrier(link: str, inbound: dict[str, Any]) -> str:
     """The link whose joint moves this one: itself, or the nearest ancestor over fixed joints."""
     while link in inbound and inbound[link].type not in MOVING:
         link = inbound[link].parent
@@ -198,7 +198,7 @@ def _merge(
     return Mesh(vertices, faces[order]), np.concatenate(owner)[order]
 
 
-def _joint(
+def truth_joint(
     body: str,
     index: dict[str, int],
     inbound: dict[str, Any],
