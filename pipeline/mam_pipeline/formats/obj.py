@@ -1,0 +1,225 @@
+"""Wavefront OBJ and MTL reading and writing that keeps objects, texture files and coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mam_pipeline.errors import InputError
+from mam_pipeline.formats.gltf import image_kind
+from mam_pipeline.formats.soup import FileContent, Piece
+from mam_pipeline.types import FloatArray, Material, Mesh
+
+
+def read_obj(path: Path) -> FileContent:
+    """Read the polygons of an OBJ file, fans of triangles, with the materials of its MTL files.
+
+    A vertex is made for every distinct pair of position and texture coordinate; V is flipped to
+    the glTF convention. Texture paths outside the file's folder are not followed.
+
+    Raises:
+        InputError: a line is malformed or a face names a vertex that does not exist.
+    """
+    text = path.read_text(encoding="utf-8", errors="replace").replace("\\\n", " ")
+    state = _State(path)
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.split()
+        if not words or words[0][0] == "#":
+            continue
+        try:
+            state.line(words, line)
+        except (ValueError, IndexError) as error:
+            raise InputError(f"{path}, line {number}: not valid OBJ ({line.strip()!r})") from error
+    return state.content()
+
+
+@dataclass
+class _State:
+    """What has been read so far of one OBJ file."""
+
+    path: Path
+    v: list[list[float]] = field(default_factory=list)
+    rgb: list[list[float]] = field(default_factory=list)
+    vt: list[list[float]] = field(default_factory=list)
+    group: str = "mesh"
+    material: int = 0
+    materials: list[Material] = field(default_factory=list)
+    names: dict[str, int] = field(default_factory=dict)
+    library: dict[str, Material] = field(default_factory=dict)
+    runs: dict[tuple[str, int], list[list[tuple[int, int]]]] = field(default_factory=dict)
+
+    def line(self, words: list[str], raw: str) -> None:
+        key = words[0]
+        if key == "v":
+            numbers = [float(w) for w in words[1:]]
+            self.v.append(numbers[:3])
+            if len(numbers) >= 6:
+                self.rgb.append(numbers[3:6])
+        elif key == "vt":
+            self.vt.append([float(w) for w in words[1:3]])
+        elif key == "f":
+            self.face(words[1:])
+        elif key in ("o", "g"):
+            self.group = " ".join(words[1:]) or "mesh"
+        elif key == "usemtl":
+            self.material = self.named(" ".join(words[1:]))
+        elif key == "mtllib":
+            self.library.update(read_mtl(self.path, raw.split(None, 1)[1].strip()))
+
+    def named(self, name: str) -> int:
+        if name not in self.names:
+            self.names[name] = len(self.materials)
+            self.materials.append(self.library.get(name, Material(name=name or "default")))
+        return self.names[name]
+
+    def face(self, corners: list[str]) -> None:
+        if not self.materials:
+            self.material = self.named("default")
+        ring = []
+        for corner in corners:
+            fields = corner.split("/")
+            p = int(fields[0])
+            t = int(fields[1]) if len(fields) > 1 and fields[1] else 0
+            p = p - 1 if p > 0 else len(self.v) + p
+            t = t - 1 if t > 0 else (len(self.vt) + t if t < 0 else -1)
+            if not (0 <= p < len(self.v) and -1 <= t < len(self.vt)):
+                raise IndexError(corner)
+            ring.append((p, t))
+        if len(ring) < 3:
+            return
+        fan = [[ring[0], ring[i], ring[i + 1]] for i in range(1, len(ring) - 1)]
+        run = self.runs.setdefault((self.group, self.material), [])
+        run.extend(fan)
+
+    def content(self) -> FileContent:
+        points = np.array(self.v, dtype=np.float64).reshape(-1, 3)
+        uvs = np.array(self.vt, dtype=np.float64).reshape(-1, 2)
+        colored = len(self.rgb) == len(self.v) > 0
+        pieces = []
+        for (group, material), triangles in self.runs.items():
+            corners = np.array(triangles, dtype=np.int64).reshape(-1, 2)
+            pairs, inverse = np.unique(corners, axis=0, return_inverse=True)
+            uv = colors = None
+            if len(uvs) and (pairs[:, 1] >= 0).any():
+                uv = _flip(uvs[np.maximum(pairs[:, 1], 0)])
+            if colored:
+                colors = _rgba(np.array(self.rgb)[pairs[:, 0]])
+            faces = inverse.reshape(-1, 3)
+            pieces.append(Piece(points[pairs[:, 0]], faces, group, material, uv, colors))
+        return FileContent(tuple(pieces), tuple(self.materials) or (Material(),))
+
+
+def read_mtl(obj: Path, name: str) -> dict[str, Material]:
+    """Materials by name from a library beside `obj`; a missing library gives none."""
+    file = _beside(obj.parent, name)
+    if file is None:
+        return {}
+    out: dict[str, dict[str, Any]] = {}
+    current: dict[str, Any] = {}
+    for line in file.read_text(encoding="utf-8", errors="replace").splitlines():
+        words = line.split()
+        if not words:
+            continue
+        if words[0] == "newmtl":
+            current = out.setdefault(" ".join(words[1:]), {})
+        elif words[0] in ("Kd", "d", "Tr", "Pm", "Pr", "map_Kd") and len(words) > 1:
+            current[words[0]] = words[1:]
+    return {name: _material(name, raw, file.parent) for name, raw in out.items()}
+
+
+def write_obj(mesh: Mesh, path: Path) -> None:
+    """Write a mesh as OBJ with an MTL and its texture files beside it; image bytes untouched.
+
+    Numbers are printed with the digits that give the same float32 (UV) or float64 back.
+    """
+    stem = path.stem
+    lines = [f"mtllib {stem}.mtl"]
+    color: FloatArray = np.zeros((len(mesh.vertices), 0))
+    if mesh.colors is not None:
+        color = mesh.colors[:, :3] / 255.0
+    for point, extra in zip(mesh.vertices.tolist(), color.tolist()):
+        lines.append("v " + " ".join(map(repr, [*point, *extra])))
+    if mesh.uv is not None:
+        flipped = np.stack([mesh.uv[:, 0].astype(float), 1.0 - mesh.uv[:, 1].astype(float)], axis=1)
+        lines += [f"vt {u!r} {v!r}" for u, v in flipped.tolist()]
+    assert mesh.face_group is not None and mesh.face_material is not None
+    last: tuple[int, int] | None = None
+    corner = "{0}/{0}" if mesh.uv is not None else "{0}"
+    keys = zip(mesh.face_group.tolist(), mesh.face_material.tolist())
+    for (group, material), face in zip(keys, (mesh.faces + 1).tolist()):
+        if last is None or last[0] != group:
+            lines.append(f"o {mesh.group_names[group]}")
+        if last is None or last[1] != material:
+            lines.append(f"usemtl m{material}")
+        last = (group, material)
+        lines.append("f " + " ".join(corner.format(i) for i in face))
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    _write_mtl(mesh, path)
+
+
+def _write_mtl(mesh: Mesh, path: Path) -> None:
+    lines = []
+    files: dict[bytes, str] = {}
+    for i, material in enumerate(mesh.materials):
+        r, g, b, a = material.base_color
+        lines += [f"newmtl m{i}", f"Kd {r:.6g} {g:.6g} {b:.6g}", f"d {a:.6g}"]
+        lines += [f"Pm {material.metallic:.6g}", f"Pr {material.roughness:.6g}"]
+        if material.image is not None:
+            if material.image not in files:
+                kind = material.image_format or image_kind(material.image) or "png"
+                files[material.image] = f"{path.stem}_{i}.{'jpg' if kind == 'jpeg' else kind}"
+                (path.parent / files[material.image]).write_bytes(material.image)
+            lines.append(f"map_Kd {files[material.image]}")
+    path.with_suffix(".mtl").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _material(name: str, raw: dict[str, list[str]], folder: Path) -> Material:
+    def number(key: str, default: float) -> float:
+        try:
+            return float(raw[key][0]) if key in raw else default
+        except ValueError:
+            return default
+
+    alpha = number("d", 1.0 - number("Tr", 0.0))
+    try:
+        r, g, b = (float(w) for w in raw.get("Kd", ["1", "1", "1"])[:3])
+    except ValueError:
+        r = g = b = 0.7
+    image = kind = None
+    if "map_Kd" in raw:  # options such as "-s 1 1 1" come before the file name
+        file = _beside(folder, " ".join(raw["map_Kd"])) or _beside(folder, raw["map_Kd"][-1])
+        if file is not None:
+            data = file.read_bytes()
+            kind = image_kind(data)
+            image = data if kind is not None else None
+    if image is not None and max(r, g, b) == 0.0:  # exporters write black under a texture
+        r = g = b = 1.0
+    return Material(
+        name or "default", (r, g, b, alpha), image, kind, number("Pm", 0.0), number("Pr", 0.8)
+    )
+
+
+def _beside(folder: Path, name: str) -> Path | None:
+    root = folder.resolve()
+    parts = [p for p in name.replace("\\", "/").split("/") if p not in ("", ".")]
+    for option in ("/".join(parts), parts[-1] if parts else ""):
+        file = (root / option).resolve()
+        # a texture one folder up is common (meshes/ beside textures/), further is not ours
+        if option and file.is_file() and file.is_relative_to(root.parent):
+            return file
+    return None
+
+
+def _flip(uv: NDArray[np.float64]) -> NDArray[np.float32]:
+    return np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1).astype(np.float32)
+
+
+def _rgba(rgb: NDArray[np.float64]) -> NDArray[np.uint8]:
+    scale = 255.0 if rgb.max() <= 1.0 else 1.0
+    out = np.full((len(rgb), 4), 255, np.uint8)
+    out[:, :3] = np.clip(np.round(rgb * scale), 0, 255)
+    return out
