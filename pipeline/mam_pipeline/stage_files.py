@@ -50,7 +50,7 @@ def mesh_digest(mesh: Mesh) -> str:
 
 
 def save_geometry(mesh: Mesh, folder: Path) -> None:
-    """Keep the engine's input (vertices, faces) as <folder>/mesh.npz for looking at later stages."""
+    """Keep the engine's input as <folder>/mesh.npz, for looking at later stages."""
     folder.mkdir(exist_ok=True)
     np.savez_compressed(
         folder / "mesh.npz",

@@ -1,0 +1,99 @@
+"""The command line: one clear sentence, the right exit status, nothing half written."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mam_sim.cli import VERBS, main
+
+
+def test_every_verb_exists() -> None:
+    for target, _ in VERBS.values():
+        module, _, name = target.partition(":")
+        assert callable(getattr(importlib.import_module(module), name))
+
+
+def test_unknown_verb_names_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["make-emv"]) == 2
+    assert "did you mean 'make-env'?" in capsys.readouterr().err
+
+
+def _glb_text(folder: Path) -> Path:
+    path = folder / "text.glb"
+    path.write_text("this is no mesh")
+    return path
+
+
+def _empty(folder: Path) -> Path:
+    path = folder / "empty.obj"
+    path.write_text("")
+    return path
+
+
+def _nan(folder: Path) -> Path:
+    path = folder / "nan.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv nan 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n")
+    return path
+
+
+def _flat(folder: Path) -> Path:
+    path = folder / "flat.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n")
+    return path
+
+
+def _urdf(folder: Path) -> Path:
+    path = folder / "lost.urdf"
+    path.write_text(
+        '<robot name="r"><link name="a"><visual><geometry><mesh filename="gone.obj"/></geometry>'
+        "</visual></link></robot>"
+    )
+    return path
+
+
+def _unknown_suffix(folder: Path) -> Path:
+    path = folder / "note.docx"
+    path.write_text("hello")
+    return path
+
+
+@pytest.mark.parametrize(
+    "make", [_glb_text, _empty, _nan, _flat, _urdf, _unknown_suffix, lambda f: f / "none.glb"]
+)
+def test_bad_input_is_refused_in_one_sentence(
+    make: object, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = make(tmp_path)  # type: ignore[operator]
+    before = sorted(tmp_path.iterdir())
+    status = main(["articulate", str(source), "--out", str(tmp_path / "out")])
+    error = capsys.readouterr().err
+    assert status == 2
+    assert "Traceback" not in error
+    assert error.count("mam-sim:") == 1 and source.name in error
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_flags_are_checked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = tmp_path / "cube.obj"
+    corners = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, -1).T
+    source.write_text("".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "f 1 2 3\nf 2 3 8\n")
+    out = str(tmp_path / "out")
+    assert main(["articulate", str(source), "--out", out, "--height", "-1"]) == 2
+    assert "--height must be a positive number" in capsys.readouterr().err
+    assert main(["articulate", str(source), "--out", out, "--segmenter", "geometrik"]) == 2
+    assert "did you mean 'geometric'?" in capsys.readouterr().err
+    assert not Path(out).exists()
+
+
+def test_a_folder_that_is_no_asset_is_never_overwritten(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").write_text("words")
+    source = _flat(tmp_path)
+    assert main(["articulate", str(source), "--out", str(tmp_path / "mine")]) == 2
+    assert "is no asset folder" in capsys.readouterr().err
+    assert (tmp_path / "mine" / "thesis.tex").read_text() == "words"
