@@ -120,8 +120,16 @@ def _rejoin_open(topo: Topology, label: IntArray) -> IntArray:
     if not len(rows):
         return label
     pairs, faces_on_rim = np.unique(rows[:, :2], axis=0, return_counts=True)
-    share = faces_on_rim / np.minimum(size[pairs[:, 0]], size[pairs[:, 1]])
-    merged = groups(pairs[share >= REJOIN_SHARE], count)
+    swap = size[pairs[:, 0]] > size[pairs[:, 1]]
+    small, large = np.where(swap[:, None], pairs[:, ::-1], pairs).T
+    share = faces_on_rim / size[small]
+    good = share >= REJOIN_SHARE
+    small, large, share = small[good], large[good], share[good]
+    # each goes to its one best partner only: a scrap between two bodies must not weld them
+    order = np.lexsort((large, -size[large], -share, small))
+    _, best = np.unique(small[order], return_index=True)
+    links_kept = np.stack([small[order][best], large[order][best]], axis=1)
+    merged = groups(links_kept, count)
     return np.where(label >= 0, merged[label], -1)
 
 
