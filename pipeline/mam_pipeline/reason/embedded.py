@@ -1,0 +1,59 @@
+"""The embedded reasoner: primitives and priors to parts, articulation tree and joint subtypes.
+
+The counterpart of the paper's VLM (3.2, 3.3): learned scores on geometric and physical features
+say which primitives belong together, which groups are parts, and how each moves.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mam_pipeline.backends import Availability, KinematicPrior
+from mam_pipeline.prior.probe import Probe
+from mam_pipeline.reason.features import pair_features, primitive_features
+from mam_pipeline.reason.graph import Graph, build_graph
+from mam_pipeline.reason.group_features import group_features
+from mam_pipeline.reason.groups import Masks, enumerate_groups
+from mam_pipeline.reason.scores import Scores, load_scores
+from mam_pipeline.reason.select import select_groups
+from mam_pipeline.reason.tree import Choice, build_tree
+from mam_pipeline.types import KinematicTree, Mesh, Primitives
+
+
+class EmbeddedReasoner:
+    """Learned grouping and typing on a CPU; the weights are package data."""
+
+    def __init__(self, scores: Scores | None = None) -> None:
+        self.scores = scores if scores is not None else load_scores()
+
+    @classmethod
+    def available(cls) -> Availability:
+        """Always available."""
+        return Availability(True, "learned on procedural objects; CPU", version="1")
+
+    def reason(
+        self, mesh: Mesh, primitives: Primitives, prior: KinematicPrior | None, seed: int = 0
+    ) -> KinematicTree:
+        """Group the primitives into parts; a tree with only the base when nothing may move."""
+        probed = None if prior is None else prior.evidence.get("probe")
+        probed = probed if isinstance(probed, Probe) else None
+        graph = build_graph(mesh, primitives, seed, probed)
+        masks, choice = decide(graph, prior, self.scores)
+        return build_tree(graph, masks, choice)
+
+
+def decide(graph: Graph, prior: KinematicPrior | None, scores: Scores) -> tuple[Masks, Choice]:
+    """Candidates and what was chosen of them."""
+    unary = primitive_features(graph, prior)
+    pairs = pair_features(graph, unary, prior)
+    same, move = scores.same(pairs), scores.move(unary)
+    masks = enumerate_groups(graph, same, move)
+    if len(masks) == 0 or graph.count < 2:
+        empty = np.zeros((0, graph.count), dtype=bool)
+        return empty, Choice((), np.zeros(0), np.zeros((0, 3)), np.zeros(0), 0.0)
+    groups = group_features(graph, masks, same, move, prior)
+    value = scores.value(groups)
+    chosen = select_groups(masks, value, scores.threshold)
+    return masks, Choice(
+        tuple(chosen), value, scores.subtype(groups), scores.confidence(value), float(value.max())
+    )

@@ -1,0 +1,238 @@
+"""What the models see of a candidate part: its shape, its bonds, its freedom, its surroundings."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mam_pipeline.backends import KinematicPrior
+from mam_pipeline.prior.probe import DIRECTIONS, NEAR
+from mam_pipeline.reason.features import (
+    Table,
+    object_columns,
+    seen,
+    shape_columns,
+    table,
+)
+from mam_pipeline.reason.graph import TOUCH, Graph, roundness, tight_box
+from mam_pipeline.reason.groups import Masks
+from mam_pipeline.types import FloatArray
+
+PROUD = 0.008  # what stands out farther than this before a face is a handle, knob or trim
+
+
+def group_features(
+    graph: Graph,
+    masks: Masks,
+    same: FloatArray,
+    move: FloatArray,
+    prior: KinematicPrior | None,
+) -> Table:
+    """(C, F) features of candidate groups.
+
+    Args:
+        masks: (C, P). same: (E,), move: (P,) probabilities from the pair and primitive models.
+    """
+    weight = masks * graph.area[None]
+    area = np.maximum(weight.sum(axis=1), 1e-9)
+    low = np.where(masks[:, :, None], graph.low[None], np.inf).min(axis=1)
+    high = np.where(masks[:, :, None], graph.high[None], -np.inf).max(axis=1)
+    see = weight @ seen(graph) / area[:, None]
+    axes, size, revolve, spin = _boxes(graph, masks)
+    columns = shape_columns(graph, area, low, high, size, axes, see)
+    columns |= object_columns(graph, len(masks))
+    columns["revolve"], columns["spin_up"] = revolve, np.abs(spin[:, 2])
+    columns["revolve_most"] = (masks * graph.revolve[None] * (weight / area[:, None])).sum(axis=1)
+    columns["members"] = masks.sum(axis=1)
+    columns["member_share"] = masks.mean(axis=1)
+    columns["largest_member"] = weight.max(axis=1) / area
+    columns["twins"] = _loose_twins(size, area, masks)
+    columns |= _bonds(graph, masks, weight, same, move)
+    columns |= _surroundings(graph, masks, low, high)
+    columns |= _handles(graph, masks, see, low, high)
+    columns |= _freedom(graph, masks, axes, size, prior)
+    return table(columns)
+
+
+def _boxes(graph: Graph, masks: Masks) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Tight box and roundness of every group (of the samples; single primitives as measured)."""
+    n = len(masks)
+    axes, size = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
+    revolve, spin = np.zeros(n), np.zeros((n, 3))
+    for c, mask in enumerate(masks):
+        if mask.sum() == 1:
+            k = int(np.argmax(mask))
+            axes[c], size[c] = graph.axes[k], graph.size[k]
+            revolve[c], spin[c] = graph.revolve[k], graph.spin_axis[k]
+            continue
+        points = graph.probe.points[graph.probe.members(mask)]
+        corners = np.concatenate([points, graph.low[mask], graph.high[mask]])
+        lead = int(np.argmax(np.where(mask, graph.area, 0)))
+        tilted = np.abs(graph.axes[lead]).max(axis=1).min() < 0.99
+        axes[c], size[c] = tight_box(points if tilted else corners)
+        revolve[c], spin[c] = roundness(points, axes[c], size[c])
+    return axes, size, revolve, spin
+
+
+def _loose_twins(size: FloatArray, area: FloatArray, masks: Masks) -> FloatArray:
+    """(C,) other candidates of the same size that share no primitive with this one."""
+    ratio = np.abs(np.log((size[:, None] + 5e-3) / (size[None] + 5e-3))).max(axis=2)
+    like = (ratio < 0.08) & (np.abs(np.log(area[:, None] / area[None])) < 0.15)
+    apart = masks.astype(np.float32) @ masks.T.astype(np.float32) == 0
+    out: FloatArray = (like & apart).sum(axis=1).astype(np.float64)
+    return out
+
+
+def _bonds(
+    graph: Graph, masks: Masks, weight: FloatArray, same: FloatArray, move: FloatArray
+) -> dict[str, np.ndarray]:
+    """How well a group hangs together, how well it is cut off, how its members would move."""
+    i, j = graph.pairs[:, 0], graph.pairs[:, 1]
+    inner, cut = masks[:, i] & masks[:, j], masks[:, i] ^ masks[:, j]
+    out: dict[str, np.ndarray] = {}
+    for name, choose in (("inner", inner), ("cut", cut)):
+        number = choose.sum(axis=1)
+        out[f"{name}_pairs"] = number
+        out[f"{name}_mean"] = np.where(
+            number > 0, (choose * same).sum(axis=1) / np.maximum(number, 1), np.nan
+        )
+        out[f"{name}_low"] = np.where(choose, same, 2.0).min(axis=1, initial=2.0)
+        out[f"{name}_high"] = np.where(choose, same, -1.0).max(axis=1, initial=-1.0)
+    strong = np.zeros(masks.shape)
+    bond = (inner * same).T
+    np.maximum.at(strong.T, i, bond)
+    np.maximum.at(strong.T, j, bond)
+    weakest = np.where(masks, strong, 2.0).min(axis=1)
+    out["weakest"] = np.where(masks.sum(axis=1) > 1, weakest, np.nan)
+    area = np.maximum(weight.sum(axis=1), 1e-9)
+    out["move"] = weight @ move / area
+    out["move_low"] = np.where(masks, move, 2.0).min(axis=1)
+    out["move_high"] = np.where(masks, move, -1.0).max(axis=1)
+    rest = (~masks) * graph.area[None]
+    out["rest_move"] = rest @ move / np.maximum(rest.sum(axis=1), 1e-9)
+    out["rest_still"] = np.where(masks, 2.0, move).min(axis=1)
+    return out
+
+
+def _surroundings(
+    graph: Graph, masks: Masks, low: FloatArray, high: FloatArray
+) -> dict[str, np.ndarray]:
+    """Contact with the rest, what would be left hanging, what lies inside the group's box."""
+    p = graph.count
+    i, j = graph.pairs[:, 0], graph.pairs[:, 1]
+    cut = masks[:, i] ^ masks[:, j]
+    shared = graph.touch[:, 0] * graph.area[i] + graph.touch[:, 1] * graph.area[j]
+    area = masks @ graph.area
+    touching = np.zeros((p, p), dtype=np.float32)
+    close = graph.gap < TOUCH
+    touching[i[close], j[close]] = touching[j[close], i[close]] = 1.0
+    to_group = masks.astype(np.float32) @ touching
+    to_rest = (~masks).astype(np.float32) @ touching
+    hanging = ~masks & (to_group > 0) & (to_rest == 0)
+    lonely = masks & (to_group == 0) & (masks.sum(axis=1) > 1)[:, None]
+    margin = 0.004
+    within = np.all(
+        (graph.center[None] > low[:, None] - margin)
+        & (graph.center[None] < high[:, None] + margin),
+        axis=2,
+    )
+    gap = np.where(cut, graph.gap, 1.0).min(axis=1, initial=1.0)
+    lead = int(np.argmax(np.prod(graph.high - graph.low + 1e-3, axis=1)))
+    patch = np.where(cut[:, :, None] & close[None, :, None], graph.patch[None], 0.0).max(axis=1)
+    longest = np.maximum((high - low).max(axis=1), 1e-3)
+    return {
+        "held": (cut * shared).sum(axis=1) / np.maximum(area, 1e-9),
+        "held_area": (cut * shared).sum(axis=1), "cut_touching": (cut & close).sum(axis=1),
+        "gap": gap, "touches_lead": to_group[:, lead] > 0, "has_lead": masks[:, lead],
+        "hanging": hanging @ graph.area / np.maximum(area, 1e-9), "hanging_n": hanging.sum(axis=1),
+        "hanging_share": hanging @ graph.area,
+        "lonely": (lonely * graph.area).sum(axis=1) / np.maximum(area, 1e-9),
+        "within": ((within & ~masks) * graph.area).sum(axis=1) / np.maximum(area, 1e-9),
+        "patch0": np.sort(patch, axis=1)[:, 2] / longest,
+        "patch1": np.sort(patch, axis=1)[:, 1] / longest,
+        "border": (cut * graph.border).sum(axis=1) / longest,
+        "border_concave": (cut * graph.border * graph.concave).sum(axis=1)
+        / np.maximum((cut * graph.border).sum(axis=1), 1e-9),
+        "border_inner": ((masks[:, i] & masks[:, j]) * graph.border * graph.concave).sum(axis=1)
+        / longest,
+    }  # fmt: skip
+
+
+def _handles(
+    graph: Graph, masks: Masks, see: FloatArray, low: FloatArray, high: FloatArray
+) -> dict[str, np.ndarray]:
+    """What stands proud of the group's most visible face, and where on it."""
+    names = ("proud", "proud_off_a", "proud_off_b", "proud_long_z", "proud_reach", "face_dir_z",
+             "face_flat")  # fmt: skip
+    out = {name: np.full(len(masks), np.nan) for name in names}
+    free = graph.probe.escapes()
+    for c, mask in enumerate(masks):
+        d = int(np.argmax(see[c] - np.array([0, 0, 0, 0, 0, 0.3])))
+        rows = graph.probe.members(mask)
+        rows = rows[free[rows, d]]
+        out["face_dir_z"][c] = abs(DIRECTIONS[d, 2])
+        if len(rows) < 8:
+            continue
+        depth = graph.probe.points[rows] @ DIRECTIONS[d]
+        weight = graph.probe.weight[rows]
+        order = np.argsort(depth)
+        cumulative = np.cumsum(weight[order])
+        plane = depth[order[np.searchsorted(cumulative, 0.5 * cumulative[-1])]]
+        proud = depth > plane + PROUD
+        out["face_flat"][c] = weight[np.abs(depth - plane) < PROUD / 2].sum() / cumulative[-1]
+        out["proud"][c] = weight[proud].sum() / cumulative[-1]
+        if not proud.any():
+            continue
+        points = graph.probe.points[rows[proud]]
+        axis = [k for k in range(3) if k != d // 2]
+        half = np.maximum((high[c] - low[c])[axis] / 2, 1e-3)
+        offset = np.abs((points.mean(axis=0) - (low[c] + high[c]) / 2)[axis]) / half
+        extent = points.max(axis=0) - points.min(axis=0)
+        # the last of the two in-plane axes is the vertical one on every upright face
+        out["proud_off_a"][c], out["proud_off_b"][c] = offset
+        out["proud_long_z"][c] = extent[axis[1]] / max(extent[axis[0]] + extent[axis[1]], 1e-6)
+        out["proud_reach"][c] = (depth.max() - plane) / max(half.max(), 1e-3)
+    return out
+
+
+def _freedom(
+    graph: Graph, masks: Masks, axes: FloatArray, size: FloatArray, prior: KinematicPrior | None
+) -> dict[str, np.ndarray]:
+    """Motion probing of the complete group (kinematic prior only; NaN without)."""
+    names = [f"{what}_{axis}_{side}" for what in ("free", "near")
+             for axis in ("long", "mid", "thin") for side in ("more", "less")]  # fmt: skip
+    names += ["free_best", "free_dirs", "travel_best", "travel_median", "near_up", "near_down",
+              "free_up", "free_down", "mobility", "affinity_in", "affinity_cut", "blocked_one_way"]  # fmt: skip
+    out = {name: np.full(len(masks), np.nan) for name in names}
+    if prior is None:
+        return out
+    i, j = graph.pairs[:, 0], graph.pairs[:, 1]
+    bond = prior.affinity[i, j]
+    inner, cut = masks[:, i] & masks[:, j], masks[:, i] ^ masks[:, j]
+    out["affinity_in"] = (inner * bond).sum(axis=1) / np.maximum(inner.sum(axis=1), 1)
+    out["affinity_cut"] = np.where(cut, bond, 0).max(axis=1, initial=0.0)
+    out["mobility"] = (masks * graph.area * prior.mobility).sum(axis=1) / (
+        masks @ graph.area + 1e-9
+    )
+    for c, mask in enumerate(masks):
+        clear = graph.probe.clearance(mask)
+        if len(clear) == 0:
+            continue
+        w = graph.probe.weight[graph.probe.members(mask)]
+        w = w / w.sum()
+        length = size[c, 0]
+        free, near = w @ (clear > length), w @ (clear < NEAR)
+        travel = np.quantile(np.minimum(clear, length), 0.05, axis=0) / max(length, 1e-6)
+        taken: list[int] = []
+        for name, axis in zip(("thin", "mid", "long"), (2, 1, 0)):
+            rank = np.argsort(-np.abs(axes[c, axis]))
+            k = next(int(r) for r in rank if int(r) not in taken)
+            taken.append(k)
+            for what, value in (("free", free), ("near", near)):
+                pair = np.sort(value[[2 * k, 2 * k + 1]])
+                out[f"{what}_{name}_more"][c], out[f"{what}_{name}_less"][c] = pair[1], pair[0]
+        out["free_best"][c], out["free_dirs"][c] = free.max(), (free > 0.9).sum()
+        out["travel_best"][c], out["travel_median"][c] = travel.max(), np.median(travel)
+        out["near_up"][c], out["near_down"][c] = near[4], near[5]
+        out["free_up"][c], out["free_down"][c] = free[4], free[5]
+        out["blocked_one_way"][c] = np.abs(free[0::2] - free[1::2]).max()
+    return out

@@ -1,0 +1,142 @@
+"""Candidate parts: groups of primitives that may be one rigid body, from several merge trees."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mam_pipeline.reason.graph import Graph
+from mam_pipeline.types import FloatArray, IntArray
+
+Masks = NDArray[np.bool_]
+LIMIT = 500  # candidates that are looked at closely
+SMALL = 11  # up to this many primitives every connected group is tried
+
+
+def enumerate_groups(graph: Graph, same: FloatArray, move: FloatArray) -> Masks:
+    """(C, P) distinct candidate groups.
+
+    Args:
+        same: (E,) probability that a pair is one rigid body. move: (P,) that a primitive moves.
+    """
+    count = graph.count
+    found: dict[bytes, NDArray[np.bool_]] = {}
+
+    def add(mask: NDArray[np.bool_]) -> None:
+        size = int(mask.sum())
+        if 0 < size < count or (size == count == 1):
+            found.setdefault(np.packbits(mask).tobytes(), mask)
+
+    for k in range(count):
+        add(np.arange(count) == k)
+    for power in (0.0, 1.0):
+        both = np.minimum(move[graph.pairs[:, 0]], move[graph.pairs[:, 1]])
+        for mask in merge_tree(graph, same * both**power):
+            add(mask)
+    for alive, bond in itertools.product((0.1, 0.3, 0.5), (0.2, 0.4, 0.6, 0.8)):
+        for mask in components(graph, (same > bond), move > alive):
+            add(mask)
+    if count <= SMALL:
+        for mask in _connected(graph):
+            add(mask)
+    masks = np.array(list(found.values()), dtype=bool).reshape(-1, count)
+    if len(masks) > LIMIT:
+        keep = np.argsort(-plausibility(graph, masks, same, move), kind="stable")[:LIMIT]
+        masks = masks[np.sort(keep)]
+    return masks
+
+
+def plausibility(graph: Graph, masks: Masks, same: FloatArray, move: FloatArray) -> FloatArray:
+    """(C,) mean log-likelihood of a group's inner and cut pairs and of its members moving."""
+    i, j = graph.pairs[:, 0], graph.pairs[:, 1]
+    inner = (masks[:, i] & masks[:, j]).astype(np.float64)
+    cut = (masks[:, i] ^ masks[:, j]).astype(np.float64)
+    p = np.clip(same, 0.01, 0.99)
+    pairs = (inner @ np.log(p) + cut @ np.log(1 - p)) / np.maximum((inner + cut).sum(axis=1), 1)
+    weight = masks * np.sqrt(graph.area)[None]
+    alive = weight @ np.log(np.clip(move, 0.01, 1)) / np.maximum(weight.sum(axis=1), 1e-9)
+    out: FloatArray = pairs + alive
+    return out
+
+
+def merge_tree(graph: Graph, bond: FloatArray) -> list[NDArray[np.bool_]]:
+    """Groups of an average-linkage agglomeration over neighbouring pairs, strongest bond first."""
+    count = graph.count
+    member = {k: np.arange(count) == k for k in range(count)}
+    links: list[dict[int, tuple[float, int]]] = [{} for _ in range(count)]
+    for (i, j), w in zip(graph.pairs, bond):
+        links[i][int(j)] = links[j][int(i)] = (float(w), 1)
+    nodes = dict(enumerate(links))
+    out = []
+    best = {k: max(v, key=lambda m: v[m][0] / v[m][1], default=-1) for k, v in nodes.items()}
+    while len(nodes) > 1:
+        a = max(
+            (k for k in nodes if best[k] >= 0),
+            key=lambda k: nodes[k][best[k]][0] / nodes[k][best[k]][1],
+            default=-1,
+        )
+        if a < 0:
+            break
+        b = best[a]
+        if nodes[a][b][0] / nodes[a][b][1] < 1e-3:
+            break
+        gone = nodes.pop(b)
+        best.pop(b)
+        nodes[a].pop(b)
+        for k, (w, n) in gone.items():
+            if k == a:
+                continue
+            w0, n0 = nodes[a].get(k, (0.0, 0))
+            nodes[a][k] = nodes[k][a] = (w0 + w, n0 + n)
+            nodes[k].pop(b, None)
+        member[a] = member[a] | member.pop(b)
+        out.append(member[a])
+        for k in {a, *nodes[a]}:
+            v = nodes[k]
+            best[k] = max(v, key=lambda m, v=v: v[m][0] / v[m][1], default=-1)
+    return out
+
+
+def components(graph: Graph, joined: Masks, alive: Masks) -> list[NDArray[np.bool_]]:
+    """Connected groups of the primitives that are `alive`, over the pairs that are `joined`."""
+    label = np.arange(graph.count)
+
+    def root(k: int) -> int:
+        while label[k] != k:
+            label[k] = label[label[k]]
+            k = int(label[k])
+        return k
+
+    for e in np.flatnonzero(joined):
+        i, j = graph.pairs[e]
+        if alive[i] and alive[j]:
+            a, b = root(int(i)), root(int(j))
+            label[max(a, b)] = min(a, b)
+    roots = np.array([root(k) if alive[k] else -1 for k in range(graph.count)])
+    return [roots == r for r in np.unique(roots[roots >= 0])]
+
+
+def _connected(graph: Graph) -> list[NDArray[np.bool_]]:
+    """All connected groups of a small graph."""
+    count = graph.count
+    reach = np.zeros(count, dtype=np.int64)
+    for i, j in graph.pairs:
+        reach[i] |= 1 << int(j)
+        reach[j] |= 1 << int(i)
+    seen: set[int] = set()
+    stack = [1 << k for k in range(count)]
+    while stack:
+        bits = stack.pop()
+        if bits in seen:
+            continue
+        seen.add(bits)
+        around = 0
+        for k in range(count):
+            if bits >> k & 1:
+                around |= int(reach[k])
+        around &= ~bits
+        stack.extend(bits | 1 << k for k in range(count) if around >> k & 1)
+    shifts: IntArray = np.arange(count)
+    return [(np.int64(bits) >> shifts & 1).astype(bool) for bits in sorted(seen)]

@@ -1,0 +1,205 @@
+"""Applies a hints file to a tree: a person's word, or a photo's, outranks the reasoner's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mam_pipeline.errors import ConfigError, unknown_name
+from mam_pipeline.geometry.sampling import face_geometry, unit
+from mam_pipeline.hints import HintBox, HintJoint, HintPart, Hints
+from mam_pipeline.types import (
+    FloatArray,
+    IntArray,
+    JointCandidate,
+    JointSubtype,
+    KinematicTree,
+    Mesh,
+    PartNode,
+    Primitives,
+)
+
+INSIDE = 0.6  # share of a primitive's area that must lie in a hint's box
+
+
+def apply_hints(
+    tree: KinematicTree, primitives: Primitives, mesh: Mesh, hints: Hints
+) -> KinematicTree:
+    """Return the tree with merges, fixed primitives and named parts put in force.
+
+    Order: `merge` (a group joins the part that owns most of it), then `fixed` (back to the base),
+    then `parts` (take their primitives from whoever has them). Parts that lose all they had
+    disappear; a tree without any hint is returned as it is.
+
+    Raises:
+        ConfigError: a primitive, node or parent that does not exist, or a part without faces.
+    """
+    if hints.empty:
+        return tree
+    owner = _owners(tree, primitives.count)
+    area = np.bincount(
+        primitives.labels, face_geometry(mesh.vertices, mesh.faces)[1], minlength=primitives.count
+    )
+    for group in hints.merge:
+        members = _checked(group, primitives.count, "merge")
+        weight = np.bincount(owner[members], area[members] + 1e-12, minlength=len(tree.nodes))
+        owner[members] = int(np.argmax(weight))
+    owner[_checked(hints.fixed, primitives.count, "fixed")] = 0
+    nodes = list(tree.nodes)
+    for part in hints.parts:
+        members = part_primitives(part, primitives, mesh)
+        if part.joint is not None and part.joint.subtype == "fixed":
+            owner[members] = 0
+            continue
+        owner[members] = len(nodes)
+        nodes.append(_hinted(part, mesh, primitives, members))
+    return _rebuild(nodes, owner, hints.parts)
+
+
+def part_primitives(part: HintPart, primitives: Primitives, mesh: Mesh) -> IntArray:
+    """Sorted primitives that a hint names by index, by source node or by box."""
+    chosen = [_checked(part.primitives, primitives.count, f"part {part.name!r}")]
+    assert mesh.face_group is not None
+    for name in part.nodes:
+        if name not in mesh.group_names:
+            raise unknown_name(f"node for part {part.name!r}", name, mesh.group_names)
+        inside = mesh.face_group == mesh.group_names.index(name)
+        chosen.append(_mostly(inside, primitives, mesh))
+    if part.box is not None:
+        low, high = _corners(part.box)
+        middle = mesh.vertices[mesh.faces].mean(axis=1)
+        margin = 1e-6 * mesh.diagonal
+        inside = np.all((middle >= low - margin) & (middle <= high + margin), axis=1)
+        chosen.append(_mostly(inside, primitives, mesh))
+    out = np.unique(np.concatenate(chosen)).astype(np.int64)
+    if len(out) == 0:
+        raise ConfigError(
+            f"part {part.name!r} in the hints has no primitive: name primitives or nodes, "
+            "or widen its box"
+        )
+    return out
+
+
+def _mostly(inside: np.ndarray, primitives: Primitives, mesh: Mesh) -> IntArray:
+    """Primitives of whose area at least INSIDE is marked."""
+    areas = face_geometry(mesh.vertices, mesh.faces)[1] + 1e-15
+    total = np.bincount(primitives.labels, areas, minlength=primitives.count)
+    part = np.bincount(primitives.labels, areas * inside, minlength=primitives.count)
+    return np.flatnonzero((part >= INSIDE * total) & (total > 0)).astype(np.int64)
+
+
+def _corners(box: HintBox) -> tuple[FloatArray, FloatArray]:
+    center, half = np.asarray(box.center), np.asarray(box.size) / 2
+    return center - half, center + half
+
+
+def _checked(indices: tuple[int, ...], count: int, where: str) -> IntArray:
+    out = np.asarray(indices, dtype=np.int64).reshape(-1)
+    if len(out) and (out.min() < 0 or out.max() >= count):
+        bad = int(out[(out < 0) | (out >= count)][0])
+        raise ConfigError(f"hints, {where}: no primitive {bad}; there are {count}, from 0")
+    return out
+
+
+def _owners(tree: KinematicTree, count: int) -> IntArray:
+    owner = np.zeros(count, dtype=np.int64)
+    for index, node in enumerate(tree.nodes):
+        owner[list(node.primitives)] = index
+    return owner
+
+
+def _hinted(part: HintPart, mesh: Mesh, primitives: Primitives, members: IntArray) -> PartNode:
+    """The node of one hinted part; its parent is settled in `_rebuild`."""
+    joint = part.joint or HintJoint()
+    subtype: JointSubtype = joint.subtype or _usual(part.kind)  # type: ignore[assignment]
+    faces = mesh.faces[np.isin(primitives.labels, members)]
+    points = mesh.vertices[faces.reshape(-1)]
+    low, high = points.min(axis=0), points.max(axis=0)
+    candidate = _candidate(joint, subtype, low, high)
+    limits = None
+    if joint.lower is not None and joint.upper is not None:
+        limits = (joint.lower, joint.upper)
+    return PartNode(
+        name=part.name,
+        kind=part.kind,
+        primitives=(),
+        parent=0,
+        subtype=subtype,
+        confidence=part.confidence,
+        provenance=part.provenance,  # type: ignore[arg-type]
+        candidates=() if candidate is None else (candidate,),
+        limits=limits,
+        evidence={"hint": True} if joint.hinge_side is None else {"hinge_side": joint.hinge_side},
+    )
+
+
+def _usual(kind: str) -> JointSubtype:
+    table: dict[str, JointSubtype] = {
+        "drawer": "slide", "button": "slide", "slider": "slide", "knob": "spin", "wheel": "spin",
+        "handle": "hinge", "door": "hinge", "lid": "hinge", "lever": "hinge",
+    }  # fmt: skip
+    return table.get(kind, "hinge")
+
+
+def _candidate(
+    joint: HintJoint, subtype: JointSubtype, low: FloatArray, high: FloatArray
+) -> JointCandidate | None:
+    """The joint a hint spells out: by axis and origin, or by the hinge side of a front.
+
+    Sides are those of a person before the object, whose front faces -X: left is +Y.
+    """
+    middle = (low + high) / 2
+    if joint.axis is not None:
+        origin = middle if joint.origin is None else np.asarray(joint.origin)
+        if joint.origin is None and joint.hinge_side is not None:
+            origin = _side_line(joint.hinge_side, low, high)[1]
+        return JointCandidate(subtype, unit(joint.axis), origin, 1.0, {"hint": 1.0})
+    if joint.hinge_side is not None and subtype == "hinge":
+        axis, origin = _side_line(joint.hinge_side, low, high)
+        return JointCandidate(subtype, axis, origin, 1.0, {"hint": 1.0})
+    return None
+
+
+def _side_line(side: str, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Axis (positive opens towards -X) and a point of the hinge at one side of a front panel."""
+    middle = (low + high) / 2
+    axis, y, z = {
+        "left": ([0.0, 0.0, -1.0], high[1], middle[2]),
+        "right": ([0.0, 0.0, 1.0], low[1], middle[2]),
+        "bottom": ([0.0, -1.0, 0.0], middle[1], low[2]),
+        "top": ([0.0, 1.0, 0.0], middle[1], high[2]),
+    }[side]
+    return np.asarray(axis), np.array([middle[0], y, z])
+
+
+def _rebuild(nodes: list[PartNode], owner: IntArray, parts: tuple[HintPart, ...]) -> KinematicTree:
+    """Drop what is empty, renumber, settle parents and make names unique."""
+    members = [tuple(int(p) for p in np.flatnonzero(owner == k)) for k in range(len(nodes))]
+    alive = [k for k in range(len(nodes)) if k == 0 or members[k]]
+    new = {old: i for i, old in enumerate(alive)}
+    hinted = {part.name: part for part in parts}
+    names = {nodes[k].name: k for k in alive}  # later ones, the hinted, win
+    names.update(dict.fromkeys(("base", "body", nodes[0].name), 0))
+    out: list[PartNode] = []
+    used: set[str] = set()
+    for k in alive:
+        node = nodes[k]
+        parent = node.parent
+        hint = hinted.get(node.name) if node.provenance != "inferred" or k else None
+        if k and hint is not None and hint.parent is not None:
+            if hint.parent not in names:
+                raise unknown_name(f"parent for part {node.name!r}", hint.parent, names)
+            parent = names[hint.parent]
+        while parent > 0 and parent not in new:
+            parent = nodes[parent].parent
+        name, n = node.name, 1
+        while name in used:
+            n += 1
+            name = f"{node.name}_{n}"
+        used.add(name)
+        index = -1 if k == 0 else new[max(parent, 0)]
+        if index == new[k]:
+            index = 0
+        out.append(replace(node, name=name, primitives=members[k], parent=index))
+    return KinematicTree(tuple(out))

@@ -1,0 +1,132 @@
+"""From chosen groups to the articulation tree: parents, subtypes, names, evidence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mam_pipeline.reason.graph import Graph
+from mam_pipeline.reason.groups import Masks
+from mam_pipeline.types import FloatArray, JointSubtype, KinematicTree, PartNode
+
+SUBTYPES: tuple[JointSubtype, ...] = ("hinge", "spin", "slide")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What the scores say of all candidates, and which were chosen.
+
+    Attributes:
+        chosen: candidate indices, best first. value: (C,) expected overlap with a true part.
+        subtype: (C, 3) probabilities of hinge, spin, slide. confidence: (C,) calibrated.
+        best: the highest value of any candidate.
+    """
+
+    chosen: tuple[int, ...]
+    value: FloatArray
+    subtype: FloatArray
+    confidence: FloatArray
+    best: float
+
+
+def build_tree(graph: Graph, masks: Masks, choice: Choice) -> KinematicTree:
+    """Assemble the tree; with nothing chosen, the base says why in its evidence."""
+    taken = masks[list(choice.chosen)].any(axis=0) if choice.chosen else np.zeros(graph.count, bool)
+    evidence: dict[str, object] = {"still": np.flatnonzero(~taken).tolist()}
+    if not choice.chosen:
+        evidence["nothing_movable"] = (
+            "there is only one primitive"
+            if graph.count < 2
+            else f"the likeliest part reaches {choice.best:.2f}, which is below the threshold"
+        )
+    base = PartNode("base", "body", _indices(~taken), -1, "fixed", evidence=evidence)
+    nodes = [base]
+    parents = _parents(graph, [masks[c] for c in choice.chosen])
+    counts: dict[str, int] = {}
+    for c, parent in zip(choice.chosen, parents):
+        order = np.argsort(-choice.subtype[c], kind="stable")
+        first, second = SUBTYPES[order[0]], SUBTYPES[order[1]]
+        kind = part_kind(graph, masks[c], first)
+        counts[kind] = counts.get(kind, -1) + 1
+        nodes.append(
+            PartNode(
+                name=f"{kind}_{counts[kind]}",
+                kind=kind,
+                primitives=_indices(masks[c]),
+                parent=parent + 1,
+                subtype=first,
+                confidence=float(choice.confidence[c] * choice.subtype[c][order[0]]),
+                runner_up=_runner_up(masks, choice, c, second, float(choice.subtype[c][order[1]])),
+                evidence={
+                    "expected_overlap": round(float(choice.value[c]), 3),
+                    "subtype": dict(zip(SUBTYPES, np.round(choice.subtype[c], 3).tolist())),
+                },
+            )
+        )
+    return KinematicTree(tuple(nodes))
+
+
+def _indices(mask: np.ndarray) -> tuple[int, ...]:
+    return tuple(int(k) for k in np.flatnonzero(mask))
+
+
+def _parents(graph: Graph, parts: list[np.ndarray]) -> list[int]:
+    """Index of every part's parent among the parts, or -1 for the base.
+
+    A part hangs on another only if it touches that one much more than the base, and is smaller.
+    """
+    i, j = graph.pairs[:, 0], graph.pairs[:, 1]
+    area = graph.touch[:, 0] * graph.area[i] + graph.touch[:, 1] * graph.area[j]
+    label = np.full(graph.count, -1)
+    for k, mask in enumerate(parts):
+        label[mask] = k
+    size = [float(np.prod(graph.high[m].max(0) - graph.low[m].min(0) + 1e-3)) for m in parts]
+    out = []
+    for k in range(len(parts)):
+        shared, nearest = np.zeros(len(parts) + 1), np.full(len(parts) + 1, np.inf)
+        for a, b in ((i, j), (j, i)):
+            cut = (label[a] == k) & (label[b] != k)
+            np.add.at(shared, label[b[cut]] + 1, area[cut])
+            np.minimum.at(nearest, label[b[cut]] + 1, graph.gap[cut])
+        best, score = -1, shared[0]
+        for m in range(len(parts)):
+            closer = nearest[m + 1] < 0.5 * nearest[0] if shared[0] == 0 else False
+            if size[m] > size[k] and (
+                shared[m + 1] > 2 * max(score, 1e-9) or (closer and best < 0)
+            ):
+                best, score = m, max(shared[m + 1], score)
+        out.append(best)
+    return out
+
+
+def part_kind(graph: Graph, mask: np.ndarray, subtype: JointSubtype) -> str:
+    """A free word for a part's shape: it names links and helps grasps and reports."""
+    low, high = graph.low[mask].min(axis=0), graph.high[mask].max(axis=0)
+    extent = high - low
+    order = np.sort(extent)
+    top = graph.high[:, 2].max()
+    if subtype == "spin":
+        wide = order[0] < 0.6 * order[1]
+        return "wheel" if wide and low[2] < 0.25 * top and order[1] > 0.1 else "knob"
+    if subtype == "slide":
+        if order[2] < 0.12:
+            return "button"
+        return "panel" if order[0] < 0.12 * order[1] else "drawer"
+    if order[0] < 0.35 * order[1] or order[0] < 0.1 * order[2]:
+        flat = int(np.argmin(extent))
+        return "lid" if flat == 2 or low[2] > 0.7 * top else "door"
+    return "lever"
+
+
+def _runner_up(masks: Masks, choice: Choice, c: int, second: JointSubtype, odds: float) -> str:
+    """The second-best explanation in words: another type, or another extent."""
+    rival = masks[c].astype(np.float32) @ masks.T.astype(np.float32) > 0
+    rival[c] = False
+    if rival.any():
+        other = int(np.argmax(np.where(rival, choice.value, -1.0)))
+        if choice.value[other] > odds:
+            more = int((masks[other] & ~masks[c]).sum())
+            less = int((masks[c] & ~masks[other]).sum())
+            return f"with {more} more and {less} fewer primitives ({choice.value[other]:.2f})"
+    return f"{second} instead ({odds:.2f})"
