@@ -91,7 +91,7 @@ def motion_points(
     return np.asarray(origin + along + cos * radial + sin * across)
 
 
-def _substeps(motion: Motion, values: FloatArray) -> tuple[FloatArray, IntArray]:
+def _substeps(motion: Motion, values: FloatArray, chord: float) -> tuple[FloatArray, IntArray]:
     """Joint values from rest, fine enough that chords follow the arcs, and where `values` are.
 
     Returns:
@@ -100,7 +100,7 @@ def _substeps(motion: Motion, values: FloatArray) -> tuple[FloatArray, IntArray]
     start = np.concatenate([[0.0], values])
     pieces, index = [np.zeros(1)], []
     for a, b in itertools.pairwise(start):
-        count = max(1, int(np.ceil(abs(b - a) / CHORD))) if motion == "revolute" else 1
+        count = max(1, int(np.ceil(abs(b - a) / chord))) if motion == "revolute" else 1
         pieces.append(a + (b - a) * np.arange(1, count + 1) / count)
         index.append((index[-1] if index else -1) + count)
     return np.concatenate(pieces), np.array(index, dtype=np.int64)
@@ -118,6 +118,7 @@ class SweepScene:
         samples: int = 500,
         static_samples: int = 1000,
         contact_samples: int = 3000,
+        chord: float = CHORD,
         reach: float = 1.0,
         seed: int = 0,
     ) -> None:
@@ -128,10 +129,12 @@ class SweepScene:
             part_faces, static_faces: (n,) face indices; static is what must not be run into.
             samples, static_samples: points whose paths are followed.
             contact_samples: points among which contact at rest is looked for.
+            chord: longest arc replaced by its chord, radians; coarser is faster.
             reach: static geometry beyond this multiple of the part's size is ignored.
             seed: of all sampling.
         """
         v = mesh.vertices
+        self._chord = chord
         self.diagonal = max(mesh.diagonal, 1e-12)
         part, static = mesh.faces[part_faces], mesh.faces[static_faces]
         corners = v[part.reshape(-1)]
@@ -187,6 +190,11 @@ class SweepScene:
                 into[row] = -np.sign(side) * normals[k]
         self._into = into
 
+    @property
+    def rest_distance(self) -> FloatArray:
+        """Distance (n,) of every dense sample to the static geometry at rest, mesh unit."""
+        return self._rest.distance
+
     def contact(self, tau: float | None = None, limit: int = 2000) -> ContactSet:
         """Contact set at rest; `tau` in the mesh's unit (default: gap + 0.003 diagonals)."""
         chosen = self.rest_gap + 0.003 * self.diagonal if tau is None else tau
@@ -220,7 +228,7 @@ class SweepScene:
         """
         a, o = unit(axis), np.asarray(origin, dtype=np.float64)
         wanted = np.asarray(values, dtype=np.float64)
-        q, index = _substeps(motion, wanted)
+        q, index = _substeps(motion, wanted, self._chord)
         path = motion_points(motion, a, o, q, self.points)
         back = motion_points(motion, a, o, -q, self.static_points)
         depth = self._crossings(path, self.static_scene)

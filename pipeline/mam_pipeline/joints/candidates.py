@@ -1,0 +1,82 @@
+"""Joint hypotheses of a given part, ranked, with calibrated probabilities.
+
+This is what a reasoner asks: if these faces were one rigid part against those, would it move, how,
+and about which line? Call it once per plausible grouping (about 0.3 s).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mam_pipeline.geometry.frames import ObjectFrame, estimate_frame
+from mam_pipeline.joints.context import part_context
+from mam_pipeline.joints.features import Hypothesis, enumerate_hypotheses, part_features
+from mam_pipeline.joints.ranker import KINDS, rank
+from mam_pipeline.types import IntArray, JointCandidate, JointSubtype, Mesh
+
+
+def rank_hypotheses(
+    mesh: Mesh,
+    part_faces: IntArray,
+    static_faces: IntArray,
+    *,
+    frame: ObjectFrame | None = None,
+    parent_faces: IntArray | None = None,
+    seed: int = 0,
+    top: int = 12,
+    rules: bool = False,
+) -> list[JointCandidate]:
+    """Rank how a part may move against what stands still.
+
+    Args:
+        mesh: the whole object, asset frame.
+        part_faces: (n,) the part with everything it carries. static_faces: (m,) everything else
+            that stays at rest. parent_faces: where contact is looked for (default: static).
+        frame: `estimate_frame(mesh)`; pass it when asking for several parts.
+        top: how many candidates to return; the fixed one is always among them.
+        rules: use the hand-set scores instead of the learned model.
+
+    Returns:
+        Candidates of every subtype, most probable first. `score` is the log probability;
+        `evidence["probability"]` sums to one over all hypotheses of the part ("fixed", that is "not
+        a part that moves", included), `evidence["kind_probability"]` is that of its kind (fixed,
+        slide, or revolute, which spans hinge and spin), and `evidence["open_sure"]` says how
+        clearly the opening direction was decided (0..1). Positive motion opens. Deterministic.
+    """
+    context = part_context(
+        mesh, part_faces, static_faces, frame or estimate_frame(mesh),
+        parent_faces=parent_faces, seed=seed,
+    )  # fmt: skip
+    part = part_features(context)
+    hypotheses = enumerate_hypotheses(context)
+    ranking = rank(part, hypotheses, rules=rules)
+    lines = [h for h in hypotheses if h.revolute]
+    slides = [h for h in hypotheses if not h.revolute]
+    p_fixed, p_slide, p_turn = (float(p) for p in ranking.kind)
+    out = [_candidate(h, float(p), p_turn) for h, p in zip(lines, ranking.line)]
+    out += [_candidate(h, float(p), p_slide) for h, p in zip(slides, ranking.slide)]
+    out.sort(key=lambda c: -c.score)
+    out = out[: max(top - 1, 1)]
+    fixed = JointCandidate(
+        "fixed", context.frame.up, context.box.center, float(np.log(p_fixed + 1e-12)),
+        {"probability": p_fixed, "kind_probability": p_fixed, "open_sure": 1.0},
+    )  # fmt: skip
+    return sorted([*out, fixed], key=lambda c: -c.score)
+
+
+def kind_probabilities(candidates: list[JointCandidate]) -> dict[str, float]:
+    """Probability of fixed, slide and revolute from one part's candidates."""
+    out = dict.fromkeys(KINDS, 0.0)
+    for c in candidates:
+        kind = c.subtype if c.subtype in ("fixed", "slide") else "revolute"
+        out[kind] = float(c.evidence["kind_probability"])
+    return out
+
+
+def _candidate(h: Hypothesis, within: float, kind: float) -> JointCandidate:
+    subtype: JointSubtype = "slide" if not h.revolute else "spin" if h.spin else "hinge"
+    p = within * kind
+    return JointCandidate(
+        subtype, h.axis, h.origin, float(np.log(p + 1e-12)),
+        {"probability": p, "kind_probability": kind, "within_kind": within, "open_sure": h.sure},
+    )  # fmt: skip

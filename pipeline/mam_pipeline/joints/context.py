@@ -1,0 +1,218 @@
+"""What is measured once per part, before any joint hypothesis is looked at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mam_pipeline.geometry.boxes import Box, aligned_box, minimal_box, principal_axes
+from mam_pipeline.geometry.frames import ObjectFrame
+from mam_pipeline.geometry.sampling import unit
+from mam_pipeline.geometry.sweep import ContactSet, SweepScene
+from mam_pipeline.types import FloatArray, IntArray, Mesh
+
+_OFF = np.deg2rad(6.0)  # directions closer than this are the same
+
+
+@dataclass(frozen=True)
+class Handle:
+    """What sticks out of a part's front.
+
+    Attributes:
+        center, half: (3,) its box, in multiples of the part's half extents / in mesh units.
+        share: of the part's area. reach: how far it sticks out, mesh unit. 0 when there is none.
+    """
+
+    center: FloatArray
+    half: FloatArray
+    share: float
+    reach: float
+
+
+@dataclass(frozen=True)
+class PartContext:
+    """A part among static geometry, in the object's frame axes.
+
+    Attributes:
+        scene: sweeps of the part. frame: of the whole object.
+        box: the part's box: along the object's axes, or the least one if that is much tighter.
+        aligned: box along the object's axes.
+        contact: contact set at gap + 0.003 diagonals.
+        exposure: (6,) share of the part's samples that see the outside along +x +y +z -x -y -z
+            of the *part box* axes.
+        front: (3,) unit direction the part shows to the outside.
+        handle: what sticks out in front.
+    """
+
+    scene: SweepScene
+    frame: ObjectFrame
+    box: Box
+    aligned: Box
+    contact: ContactSet
+    exposure: FloatArray
+    front: FloatArray
+    handle: Handle
+
+    @property
+    def diagonal(self) -> float:
+        """The object's diagonal, mesh unit."""
+        return self.scene.diagonal
+
+
+def part_context(
+    mesh: Mesh,
+    part_faces: IntArray,
+    static_faces: IntArray,
+    frame: ObjectFrame,
+    *,
+    parent_faces: IntArray | None = None,
+    seed: int = 0,
+    samples: int = 300,
+    static_samples: int = 500,
+) -> PartContext:
+    """Measure a part.
+
+    Args:
+        part_faces: of the moving part with everything it carries. static_faces: all that does
+            not move with it. parent_faces: where contact is looked for (default: static).
+    """
+    scene = SweepScene(
+        mesh, part_faces, static_faces,
+        samples=samples, static_samples=static_samples, contact_samples=2000, seed=seed,
+        chord=np.deg2rad(10.0),
+    )  # fmt: skip
+    vertices = mesh.vertices[np.unique(mesh.faces[part_faces])]
+    aligned = aligned_box(vertices, frame.axes)
+    least = minimal_box(vertices)
+    turned = np.degrees(np.arccos(np.clip(np.abs(least.axes @ frame.axes.T).max(axis=1), 0, 1)))
+    box = least if least.volume < 0.8 * aligned.volume and turned.max() > 6.0 else aligned
+    if parent_faces is None or len(parent_faces) == len(static_faces):
+        contact = scene.contact()
+    else:
+        contact = SweepScene(
+            mesh, part_faces, parent_faces, samples=1, static_samples=1,
+            contact_samples=2000, seed=seed,
+        ).contact()  # fmt: skip
+    exposure = _exposure(scene, box, frame)
+    front = _front(box, exposure, frame, scene)
+    return PartContext(
+        scene, frame, box, aligned, contact, exposure, front, _handle(scene, box, front)
+    )
+
+
+def _exposure(scene: SweepScene, box: Box, frame: ObjectFrame) -> FloatArray:
+    """Share of samples whose ray along each box direction meets nothing static."""
+    directions = np.concatenate([box.axes, -box.axes]) * frame.diagonal
+    out = np.zeros(6)
+    for k, d in enumerate(directions):
+        hits = scene.static_scene.first_hits(
+            scene.points + 0.002 * d, np.broadcast_to(d, scene.points.shape)
+        )
+        out[k] = float((~np.isfinite(hits.t)).mean())
+    return out
+
+
+def _front(box: Box, exposure: FloatArray, frame: ObjectFrame, scene: SweepScene) -> FloatArray:
+    """Direction that the part's broad side shows to the outside.
+
+    Broad and well-seen directions score; being on that side of the object breaks ties.
+    """
+    sides = np.array([box.half[1] * box.half[2], box.half[0] * box.half[2],
+                      box.half[0] * box.half[1]])  # fmt: skip
+    broad = np.tile(sides / max(sides.max(), 1e-300), 2)
+    object_center = (0.5 * (frame.low + frame.high)) @ frame.axes
+    directions = np.concatenate([box.axes, -box.axes])
+    aside = directions @ (box.center - object_center) / frame.diagonal
+    down = np.maximum(-(directions @ frame.up), 0.0)
+    score = broad * (0.2 + exposure) + 1.0 * aside - 0.5 * down
+    return np.asarray(directions[int(np.argmax(score))])
+
+
+def _handle(scene: SweepScene, box: Box, front: FloatArray) -> Handle:
+    """Find what sticks out beyond the largest area that faces the front."""
+    dense = scene.dense
+    height = (dense.points - box.center) @ front
+    facing = np.abs(dense.normals @ front) > 0.9
+    nothing = Handle(np.zeros(3), np.zeros(3), 0.0, 0.0)
+    if facing.sum() < 10:
+        return nothing
+    step = 0.004 * scene.diagonal
+    bins = np.round((height[facing] - height.min()) / step).astype(int)
+    mass = np.bincount(bins)
+    # The foremost plane with a fair share of the facing area is the front of the panel.
+    plane = height.min() + float(np.flatnonzero(mass >= 0.4 * mass.max())[-1]) * step
+    ahead = height > plane + 0.006 * scene.diagonal
+    if ahead.sum() < 3:
+        return nothing
+    points = dense.points[ahead]
+    local = box.local(points)
+    low, high = local.min(axis=0), local.max(axis=0)
+    return Handle(
+        0.5 * (low + high),
+        0.5 * (high - low) * box.half,
+        float(ahead.mean()),
+        float(height.max() - plane),
+    )
+
+
+def directions_of(context: PartContext) -> list[FloatArray]:
+    """Distinct candidate directions: object axes, tight box axes, contact and part principal axes.
+
+    Contact normals enter through their mean plane (the contact's smallest principal direction).
+    """
+    found: list[FloatArray] = [np.array(a) for a in context.frame.axes]
+    extra: list[FloatArray] = [] if context.box is context.aligned else list(context.box.axes)
+    points = context.contact.points
+    if len(points) >= 8:
+        axes, values = principal_axes(points)
+        if values[0] > 4.0 * values[1]:
+            extra.append(axes[0])
+        if values[1] > 4.0 * values[2]:
+            extra.append(axes[2])
+    part_axes, spread = principal_axes(context.scene.points)
+    if spread[0] > 1.5 * spread[1]:
+        extra.append(part_axes[0])
+    if spread[1] > 1.5 * spread[2]:
+        extra.append(part_axes[2])
+    for axis in extra:
+        if all(abs(float(unit(axis) @ a)) < np.cos(_OFF) for a in found):
+            found.append(unit(axis))
+    return found[:7]
+
+
+def revolute_lines(context: PartContext, axis: FloatArray) -> list[FloatArray]:
+    """Points (3,) where a line along `axis` may pierce the part: box grid, contact, centres."""
+    base = context.box.axes if any(
+        abs(float(axis @ a)) > np.cos(_OFF) for a in context.box.axes
+    ) else _plane_axes(axis, context.frame.axes)  # fmt: skip
+    cross = [a for a in base if abs(float(axis @ a)) < 0.5][:2]
+    points = context.scene.points
+    local = np.stack([points @ c for c in cross], axis=1)
+    low, high = local.min(axis=0), local.max(axis=0)
+    middle = 0.5 * (low + high)
+    spots = [np.array([u, w]) for u in (low[0], middle[0], high[0])
+             for w in (low[1], middle[1], high[1])]  # fmt: skip
+    spots.append(local.mean(axis=0))
+    contact = context.contact.points
+    if len(contact) >= 3:
+        flat = np.stack([contact @ c for c in cross], axis=1)
+        spots.append(flat.mean(axis=0))
+        spots.append(0.5 * (flat.min(axis=0) + flat.max(axis=0)))
+        k = int(np.argmax(np.ptp(flat, axis=0)))
+        cut = 0.1 * np.ptp(flat[:, k])
+        spots.append(flat[flat[:, k] <= flat[:, k].min() + cut].mean(axis=0))
+        spots.append(flat[flat[:, k] >= flat[:, k].max() - cut].mean(axis=0))
+    keep: list[FloatArray] = []
+    for s in spots:
+        if all(np.linalg.norm(s - other) > 0.006 * context.diagonal for other in keep):
+            keep.append(s)
+    height = float(context.box.center @ axis) * axis
+    return [s[0] * cross[0] + s[1] * cross[1] + height for s in keep]
+
+
+def _plane_axes(axis: FloatArray, frame: FloatArray) -> FloatArray:
+    """Rows (3, 3): two directions perpendicular to `axis`, as level and upright as can be; axis."""
+    reference = frame[int(np.argmin(np.abs(frame @ axis)))]
+    u = unit(np.cross(axis, reference))
+    return np.stack([u, unit(np.cross(axis, u)), axis])

@@ -1,0 +1,148 @@
+"""Scores of joint hypotheses: a learned model when its weights are there, hand-set rules otherwise.
+
+Three questions, each answered from the features of `joints.features`: does the part move and by
+which kind of joint (from the part and the best hypothesis of each kind); which line; which slide.
+"""
+
+from __future__ import annotations
+
+import gzip
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from mam_pipeline.joints.features import LINE_NAMES, PART_NAMES, SLIDE_NAMES, Hypothesis
+from mam_pipeline.types import FloatArray
+
+KINDS = ("fixed", "slide", "revolute")
+WEIGHTS = "ranker_weights.json.gz"
+
+
+def rule_line_scores(lines: FloatArray) -> FloatArray:
+    """Hand-set score (n,) of revolute hypotheses (n, LINE_NAMES); higher is better."""
+    col = {name: lines[:, i] for i, name in enumerate(LINE_NAMES)}
+    spin = col["off_axis"] < 0.3
+    hinge_score = (
+        -1.2 * (col["free_60"] + col["free_90"])
+        - 2.0 * (np.minimum(col["line_part"], 0.2) + np.minimum(col["line_static"], 0.2)) * 5
+        - 1.0 * np.minimum(col["other_gap"], 0.1) * 5
+        + 0.5 * np.clip(col["handle_far"], 0, 1)
+        + 0.5 * np.minimum(col["off_axis"], 1.0)
+        + 0.3 * col["up"]
+        - 0.4 * col["to_front"]
+        - 0.5 * col["tilted"]
+    )
+    spin_score = 0.6 - 6.0 * col["spin_match"] - 1.0 * col["contact_centred"] - col["free_60"]
+    return np.where(spin, np.maximum(spin_score, hinge_score - 1.0), hinge_score)
+
+
+def rule_slide_scores(slides: FloatArray) -> FloatArray:
+    """Hand-set score (n,) of slide hypotheses (n, SLIDE_NAMES); higher is better."""
+    col = {name: slides[:, i] for i, name in enumerate(SLIDE_NAMES)}
+    free = np.mean([col[f"free_{k}"] for k in range(5)], axis=0)
+    other = np.mean([col[f"other_{k}"] for k in range(5)], axis=0)
+    return (
+        -1.0 * free - 0.5 * col["free_0"] + 0.2 * (other - free) + 0.3 * col["handle_along"]
+        + 0.3 * col["free_front"] - 0.3 * col["contact_normal"] - 0.5 * col["tilted"]
+    )  # fmt: skip
+
+
+def kind_features(part: FloatArray, hypotheses: Sequence[Hypothesis], lines: FloatArray,
+                  slides: FloatArray) -> FloatArray:  # fmt: skip
+    """One row: the part, then the two best lines and slides by their scores (n,)."""
+    row = [part]
+    for revolute, scores, width in ((True, lines, len(LINE_NAMES)),
+                                    (False, slides, len(SLIDE_NAMES))):  # fmt: skip
+        rows = [h.features for h in hypotheses if h.revolute == revolute]
+        order = np.argsort(-scores, kind="stable")[:2]
+        for k in range(2):
+            row.append(rows[order[k]] if k < len(order) else np.full(width, np.nan))
+        row.append(np.sort(scores)[::-1][:1] if len(scores) else np.array([np.nan]))
+    return np.concatenate(row)
+
+
+def rule_kind(part: FloatArray, lines: FloatArray, slides: FloatArray) -> FloatArray:
+    """Hand-set probabilities (3,) over KINDS, from shape and the best scores."""
+    f = dict(zip(PART_NAMES, part))
+    deep = f["depth_over_width"] > 0.45 or f["exposure_mean"] < 0.35
+    wheel = f["symmetric"] < 0.05
+    slide = 1.2 * deep - 0.8 * wheel + 0.8 * (float(slides.max()) if len(slides) else -2.0)
+    turn = 0.6 + 0.8 * (f["flat"] < 0.25) + 0.5 * wheel
+    turn += 0.5 * (float(lines.max()) if len(lines) else -2.0)
+    score = np.array([-1.0, slide, turn])
+    out = np.exp(1.5 * (score - score.max()))
+    return np.asarray(out / out.sum())
+
+
+@dataclass(frozen=True)
+class Model:
+    """The learned boosters and their temperatures."""
+
+    line: Any
+    slide: Any
+    kind: Any
+    line_temperature: float
+    slide_temperature: float
+    kind_temperature: float
+
+
+@lru_cache(maxsize=1)
+def learned() -> Model | None:
+    """The packaged model, or None when the package carries no weights."""
+    file = resources.files("mam_pipeline.joints") / WEIGHTS
+    if not file.is_file():
+        return None
+    import lightgbm
+
+    data = json.loads(gzip.decompress(file.read_bytes()))
+    names = (list(LINE_NAMES), list(SLIDE_NAMES), list(PART_NAMES))
+    if (data["line_names"], data["slide_names"], data["part_names"]) != tuple(names):
+        return None  # made for other features; the rules still hold
+    boosters = {k: lightgbm.Booster(model_str=data[k]) for k in ("line", "slide", "kind")}
+    return Model(**boosters, **{f"{k}_temperature": data[f"{k}_temperature"] for k in boosters})
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Probabilities of one part's hypotheses.
+
+    Attributes:
+        kind: (3,) over KINDS. line: (n,) within lines. slide: (m,) within slides; each sums to 1.
+    """
+
+    kind: FloatArray
+    line: FloatArray
+    slide: FloatArray
+
+
+def softmax(scores: FloatArray, temperature: float = 1.0) -> FloatArray:
+    """Probabilities (n,) from scores (n,)."""
+    if not len(scores):
+        return np.zeros(0)
+    z = np.exp((scores - scores.max()) / temperature)
+    return np.asarray(z / z.sum())
+
+
+def rank(part: FloatArray, hypotheses: Sequence[Hypothesis], *, rules: bool = False) -> Ranking:
+    """Rank one part's hypotheses with the learned model, or with the rules if asked for."""
+    lines = np.array([h.features for h in hypotheses if h.revolute]).reshape(-1, len(LINE_NAMES))
+    slides = np.array([h.features for h in hypotheses if not h.revolute])
+    slides = slides.reshape(-1, len(SLIDE_NAMES))
+    model = None if rules else learned()
+    if model is None:
+        a, b = rule_line_scores(lines), rule_slide_scores(slides)
+        return Ranking(rule_kind(part, a, b), softmax(a, 0.15), softmax(b, 0.15))
+    a = model.line.predict(lines, num_threads=1) if len(lines) else np.zeros(0)
+    b = model.slide.predict(slides, num_threads=1) if len(slides) else np.zeros(0)
+    row = kind_features(part, hypotheses, a, b)
+    raw = np.asarray(model.kind.predict(row[None], raw_score=True, num_threads=1))[0]
+    return Ranking(
+        softmax(raw, model.kind_temperature),
+        softmax(a, model.line_temperature),
+        softmax(b, model.slide_temperature),
+    )
