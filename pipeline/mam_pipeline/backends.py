@@ -104,6 +104,12 @@ class Reasoner(Backend, Protocol):
     ) -> KinematicTree: ...
 
 
+class Retexturer(Backend, Protocol):
+    """New appearance for a part; its triangles stay as they are (paper 3.4)."""
+
+    def retexture(self, mesh: Mesh, picture: Path) -> Mesh: ...
+
+
 class Solver(Backend, Protocol):
     """Tree to joints with axes, origins and limits (paper 3.3 and 3.4)."""
 
@@ -113,22 +119,45 @@ class Solver(Backend, Protocol):
 
 
 BUILTIN: dict[str, dict[str, str]] = {
-    "reconstructor": {"embedded": "mam_pipeline.photo.reconstruct:EmbeddedReconstructor"},
-    "segmenter": {"geometric": "mam_pipeline.segment.geometric:GeometricSegmenter"},
+    "reconstructor": {
+        "embedded": "mam_pipeline.photo.reconstruct:EmbeddedReconstructor",
+        "hunyuan3d": "mam_pipeline.models.image_to_mesh:HunyuanReconstructor",
+        "triposr": "mam_pipeline.models.image_to_mesh:TripoSrReconstructor",
+        "triposg": "mam_pipeline.models.image_to_mesh:TripoSgReconstructor",
+    },
+    "segmenter": {
+        "geometric": "mam_pipeline.segment.geometric:GeometricSegmenter",
+        "p3sam": "mam_pipeline.models.p3sam:P3SamSegmenter",
+    },
     "prior": {
         "none": "mam_pipeline.prior.none:NoPrior",
         "embedded": "mam_pipeline.prior.embedded:EmbeddedPrior",
+        "sp4d": "mam_pipeline.models.sp4d:Sp4dPrior",
+        "file": "mam_pipeline.models.sp4d:FilePrior",
     },
-    "reasoner": {"embedded": "mam_pipeline.reason.embedded:EmbeddedReasoner"},
+    "reasoner": {
+        "embedded": "mam_pipeline.reason.embedded:EmbeddedReasoner",
+        "vlm": "mam_pipeline.models.vlm:VlmReasoner",
+        "file": "mam_pipeline.models.vlm:FileReasoner",
+    },
     "solver": {
         "embedded": "mam_pipeline.joints.solver:EmbeddedSolver",
         "init": "mam_pipeline.joints.solver:PaperInitSolver",
         "lm": "mam_pipeline.joints.solver:PaperLevenbergMarquardtSolver",
         "nelder-mead": "mam_pipeline.joints.solver:PaperNelderMeadSolver",
     },
-    "retexturer": {},
+    "retexturer": {"hunyuan3d": "mam_pipeline.models.retexture:HunyuanRetexturer"},
 }
-PREFERENCE: dict[str, tuple[str, ...]] = {role: ("embedded", "geometric") for role in BUILTIN}
+# What "auto" tries, best first. A model is tried only where the user has set it up; nothing that
+# costs money or sends pictures to a stranger is ever taken without being named.
+PREFERENCE: dict[str, tuple[str, ...]] = {
+    "reconstructor": ("embedded",),
+    "segmenter": ("p3sam", "geometric"),
+    "prior": ("sp4d", "embedded"),
+    "reasoner": ("embedded",),
+    "solver": ("embedded",),
+    "retexturer": ("hunyuan3d",),
+}
 
 
 def names(role: str) -> dict[str, str]:

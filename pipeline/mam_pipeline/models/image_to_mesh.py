@@ -1,0 +1,213 @@
+"""Learned reconstructors: Hunyuan3D-2 / 2.1 over HTTP, TripoSR and TripoSG through runners.
+
+Whatever mesh comes back is brought upright and to scale by the cuboid that the embedded
+reconstructor fits to the same photo, and its parts hints travel along where that fit succeeded.
+"""
+
+from __future__ import annotations
+
+import base64
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import requests
+
+from mam_pipeline.backends import Availability, Reconstruction
+from mam_pipeline.errors import BackendError, InputError, MamSimError
+from mam_pipeline.hints import Hints
+from mam_pipeline.meshio import load_mesh
+from mam_pipeline.models import external, settings
+
+TENCENT = "Tencent community licence: not in the EU, the UK and South Korea, outputs included"
+
+
+class HunyuanReconstructor:
+    """The API server of Hunyuan3D-2 or 2.1 at MAM_SIM_HUNYUAN3D."""
+
+    variable = "MAM_SIM_HUNYUAN3D"
+
+    @classmethod
+    def available(cls) -> Availability:
+        """Whether a server is named."""
+        found = settings.runner(cls.variable)
+        if found is None or found.url is None:
+            why = f"set {cls.variable} to the server's URL (docs/hunyuan3d.md)"
+            return Availability(False, why, "", TENCENT)
+        return Availability(True, "", found.url, TENCENT)
+
+    def reconstruct(self, photo: Path, options: Mapping[str, Any]) -> Reconstruction:
+        """Photo to mesh by the server; see the module's text for what happens to the mesh.
+
+        Raises:
+            BackendError: unreachable, an error, no end within the time limit, or no GLB.
+        """
+        found = settings.runner(self.variable)
+        if found is None or found.url is None:
+            raise BackendError(f"{self.variable} is not set; see: mam-sim doctor")
+        request = {
+            "image": base64.b64encode(photo.read_bytes()).decode(),
+            "texture": False,
+            "seed": int(options.get("seed", 0)),
+            "octree_resolution": 256,
+            "num_inference_steps": 5,
+            "guidance_scale": 5.0,
+            "face_count": 40000,
+        }
+        data = ask_server(found.url, request)
+        return _finish(data, ".glb", photo, options, "hunyuan3d")
+
+
+class _RunnerReconstructor:
+    """A model behind a command or our zip protocol: image.png in, mesh.glb or mesh.obj out."""
+
+    variable = ""
+    licence = ""
+    page = ""
+    name = ""
+
+    @classmethod
+    def available(cls) -> Availability:
+        """Whether a runner is named."""
+        return external.availability(cls.variable, cls.licence, cls.page)
+
+    def reconstruct(self, photo: Path, options: Mapping[str, Any]) -> Reconstruction:
+        """Photo to mesh; raises BackendError where the runner fails."""
+        from PIL import Image, ImageOps
+
+        with tempfile.TemporaryDirectory(prefix="mam-photo-") as scratch:
+            inbox, outbox = Path(scratch, "in"), Path(scratch, "out")
+            inbox.mkdir()
+            with Image.open(photo) as image:
+                ImageOps.exif_transpose(image).convert("RGBA").save(inbox / "image.png")
+            request = {"image": "image.png", "seed": int(options.get("seed", 0))}
+            external.call(self.variable, "reconstruct", request, inbox, outbox)
+            for suffix in (".glb", ".obj"):
+                if (outbox / f"mesh{suffix}").is_file():
+                    data = (outbox / f"mesh{suffix}").read_bytes()
+                    return _finish(data, suffix, photo, options, self.name)
+            raise BackendError(f"{self.name} ended without an error but wrote no mesh.glb")
+
+
+class TripoSrReconstructor(_RunnerReconstructor):
+    """TripoSR: MIT, runs on a CPU too."""
+
+    variable, name, page = "MAM_SIM_TRIPOSR", "triposr", "docs/triposr.md"
+    licence = "MIT"
+
+
+class TripoSgReconstructor(_RunnerReconstructor):
+    """TripoSG: MIT code and weights; its default matting (RMBG-1.4) has terms of its own."""
+
+    variable, name, page = "MAM_SIM_TRIPOSG", "triposg", "docs/triposg.md"
+    licence = "MIT; RMBG-1.4, if used, has BRIA's terms"
+
+
+def ask_server(url: str, request: Mapping[str, Any]) -> bytes:
+    """POST /send and poll /status/{uid}; both dialects (2.0 and 2.1). Returns a GLB.
+
+    The server reports no failure while a job runs (a failed one stays "processing" for ever), so
+    the client's own time limit ends it. Errors come as HTTP 404 with a text.
+
+    Raises:
+        BackendError: see above.
+    """
+    limit = settings.number("MAM_SIM_TIMEOUT", 900)
+    deadline = time.monotonic() + limit
+    job = _json(lambda: requests.post(f"{url}/send", json=request, timeout=(10, limit)), url)
+    uid = job.get("uid")
+    if not isinstance(uid, str) or not uid.replace("-", "").isalnum():
+        raise BackendError(f"{url} gave no job number: {str(job)[:200]}")
+    pause = min(2.0, limit / 10)
+    while time.monotonic() < deadline:
+        state = _json(lambda: requests.get(f"{url}/status/{uid}", timeout=(10, 60)), url)
+        status = state.get("status")
+        if status == "completed":
+            return _glb(state.get("model_base64"), url)
+        if status == "error" or status not in ("processing", "texturing", "pending"):
+            said = state.get("message") or state.get("text") or status
+            raise BackendError(f"{url} failed: {said}")
+        time.sleep(pause)
+    raise BackendError(f"{url} was not done within {limit:g} s (MAM_SIM_TIMEOUT)")
+
+
+def _json(send, url: str) -> dict[str, Any]:  # type: ignore[no-untyped-def]
+    try:
+        answer = send()
+    except requests.Timeout as error:
+        raise BackendError(f"{url} gave no answer in time") from error
+    except requests.RequestException as error:
+        raise BackendError(f"{url} cannot be reached: {error}") from error
+    try:
+        body = answer.json()
+    except ValueError:
+        body = {}
+    if answer.status_code >= 400:
+        said = body.get("text") if isinstance(body, dict) else None
+        raise BackendError(f"{url} answered {answer.status_code}: {said or answer.text[:300]}")
+    if not isinstance(body, dict):
+        raise BackendError(f"{url} sent no JSON object")
+    return body
+
+
+def _glb(text: Any, url: str) -> bytes:
+    try:
+        data = base64.b64decode(text or "", validate=True)
+    except (ValueError, TypeError) as error:
+        raise BackendError(f"{url} sent a model that is no base64") from error
+    if data[:4] != b"glTF":
+        raise BackendError(f"{url} sent a model that is no GLB")
+    if int.from_bytes(data[8:12], "little") != len(data):
+        raise BackendError(f"{url} sent half a GLB")
+    return data
+
+
+def _finish(
+    data: bytes, suffix: str, photo: Path, options: Mapping[str, Any], name: str
+) -> Reconstruction:
+    """Upright, to scale, with what the embedded reconstructor measured on the same photo."""
+    with tempfile.TemporaryDirectory(prefix="mam-mesh-") as scratch:
+        file = Path(scratch, f"mesh{suffix}")
+        file.write_bytes(data)
+        try:
+            mesh = load_mesh(file, up="y").mesh
+        except InputError as error:
+            raise BackendError(f"{name} made an unusable mesh: {error}") from error
+    fitted = _cuboid(photo, options)
+    tall = float(np.ptp(mesh.bounds[:, 2]))
+    assumed: tuple[str, ...] = ()
+    hints, pictures, height = Hints(), {}, options.get("height")
+    if fitted is not None:
+        hints, pictures = fitted.hints, dict(fitted.pictures)
+        height = height or float(np.ptp(fitted.mesh.bounds[:, 2]))
+        assumed = fitted.assumed
+    elif height is None:
+        height, assumed = 0.8, ("scale",)
+    scaled = mesh.transformed(np.diag([*[float(height) / max(tall, 1e-9)] * 3, 1.0]))
+    moving = sum(p.joint is not None for p in hints.parts)
+    note = f"{name}: {len(mesh.faces)} faces, {float(height):.2f} m high"
+    if moving:
+        note += f"; the photo shows {moving} moving parts"
+    # the fused mesh has no nodes of those names; the boxes tell where the parts are
+    return Reconstruction(
+        scaled, _boxes_only(hints), summary=note, assumed=assumed, pictures=pictures
+    )
+
+
+def _boxes_only(hints: Hints) -> Hints:
+    from dataclasses import replace
+
+    parts = tuple(replace(p, nodes=()) for p in hints.parts if p.box is not None)
+    return replace(hints, parts=parts)
+
+
+def _cuboid(photo: Path, options: Mapping[str, Any]) -> Reconstruction | None:
+    from mam_pipeline.photo.reconstruct import EmbeddedReconstructor
+
+    try:
+        return EmbeddedReconstructor().reconstruct(photo, options)
+    except MamSimError:
+        return None  # no box in the picture: scale and parts come from elsewhere

@@ -1,0 +1,193 @@
+"""SP4D (Stable Part Diffusion 4D) as the kinematic prior: one view in, part maps around out.
+
+The model wants four frames and gives, for every frame, twelve novel views whose left half is the
+colour picture and whose right half is the part map in a continuous colour code. Its cameras are
+undocumented: they are found by laying our own mesh's silhouette over the colour halves.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from mam_pipeline.backends import Availability, KinematicPrior
+from mam_pipeline.errors import BackendError, ConfigError
+from mam_pipeline.models import external, settings, views
+from mam_pipeline.models.kinematic_masks import prior_from_masks
+from mam_pipeline.types import IntArray, Mesh, Primitives
+
+VARIABLE = "MAM_SIM_SP4D"
+LICENCE = "Stability AI Community License: free below US$ 1 M of yearly revenue"
+STEP = 360.0 / 13.0  # degrees between neighbouring views, the input view included
+REFERENCE = (-30.0, 10.0)  # azimuth, elevation of the view that is shown to the model
+SMALLEST_IOU = 0.6
+
+
+class Sp4dPrior:
+    """Runs SP4D through its runner (`mam_pipeline/models/runners/sp4d.py`)."""
+
+    @classmethod
+    def available(cls) -> Availability:
+        """Whether a runner is named in MAM_SIM_SP4D."""
+        return external.availability(VARIABLE, LICENCE, "docs/sp4d.md")
+
+    def observe(self, mesh: Mesh, primitives: Primitives, seed: int = 0) -> KinematicPrior:
+        """Ask for part maps, calibrate the cameras, cluster the colours, vote on primitives.
+
+        Raises:
+            BackendError: the runner failed, its answer has another shape, or its views do not
+                show our object.
+        """
+        grey = np.full((int(primitives.labels.max()) + 1, 3), 175, dtype=np.uint8)
+        picture = views.paint(views.look(mesh, [REFERENCE], 576)[0], primitives.labels, grey)
+        with tempfile.TemporaryDirectory(prefix="mam-sp4d-") as scratch:
+            inbox, outbox = Path(scratch, "in"), Path(scratch, "out")
+            (inbox / "frames").mkdir(parents=True)
+            for t in range(4):
+                Image.fromarray(picture).save(inbox / "frames" / f"{t}.png")
+            external.call(VARIABLE, "parts", {"frames": "frames", "seed": seed}, inbox, outbox)
+            frames = _frames(external.need(outbox, "maps.npz", "SP4D"))
+        return prior_from_frames(mesh, primitives, frames, seed)
+
+
+class FilePrior:
+    """Kinematic masks that somebody else made: masks.npz in the folder MAM_SIM_PRIOR_FILE.
+
+    The file holds `masks` (N, H, H) integers with -1 as background, and `azimuth`, `elevation`
+    (N,) in degrees for the cameras of `mam_pipeline.models.views.look`.
+    """
+
+    @classmethod
+    def available(cls) -> Availability:
+        """Whether the folder is named."""
+        there = settings.folder("MAM_SIM_PRIOR_FILE") is not None
+        return Availability(there, "" if there else "set MAM_SIM_PRIOR_FILE to a folder")
+
+    def observe(self, mesh: Mesh, primitives: Primitives, seed: int = 0) -> KinematicPrior:
+        """Read the masks and vote.
+
+        Raises:
+            ConfigError: the file is missing or has another shape.
+        """
+        folder = settings.folder("MAM_SIM_PRIOR_FILE")
+        file = (folder or Path()) / "masks.npz"
+        try:
+            with np.load(file, allow_pickle=False) as data:
+                masks = np.asarray(data["masks"], dtype=np.int64)
+                angles = np.stack([data["azimuth"], data["elevation"]], axis=1)
+        except (OSError, KeyError, ValueError) as error:
+            raise ConfigError(f"{file} holds no kinematic masks: {error}") from error
+        if masks.ndim != 3 or masks.shape[1] != masks.shape[2] or len(masks) != len(angles):
+            raise ConfigError(f"{file}: masks of shape {masks.shape} for {len(angles)} views")
+        cast = views.look(mesh, [(float(a), float(e)) for a, e in angles], masks.shape[1])
+        return prior_from_masks(cast, masks, primitives, "file")
+
+
+def prior_from_frames(
+    mesh: Mesh, primitives: Primitives, frames: NDArray[np.uint8], seed: int
+) -> KinematicPrior:
+    """(T, V, H, 2W, 3) frames of SP4D to a prior; see `Sp4dPrior.observe`."""
+    half = frames.shape[3] // 2
+    color, parts = frames[:, :, :, :half], frames[:, :, :, half:]
+    silhouettes = (color[0].min(axis=-1) < 245) | (parts[0].min(axis=-1) < 245)
+    camera = calibrate(mesh, silhouettes)
+    if camera.iou < SMALLEST_IOU:
+        raise BackendError(
+            f"SP4D's views do not show this object (silhouette overlap {camera.iou:.2f}, "
+            f"needed {SMALLEST_IOU})"
+        )
+    size = parts.shape[2]
+    cast = views.look(mesh, camera.directions(len(silhouettes)), size, camera.distance, camera.fov)
+    labels = cluster(parts, seed)  # (T, V, H, W)
+    repeated = [view for _ in range(len(labels)) for view in cast]
+    found = prior_from_masks(repeated, labels.reshape(-1, size, half), primitives, "sp4d")
+    evidence = {**found.evidence, "silhouette_iou": round(camera.iou, 3), "sense": camera.sense}
+    return KinematicPrior(
+        found.mobility,
+        found.affinity,
+        labels[0],
+        np.stack([v.camera_T_asset for v in cast]),
+        "sp4d",
+        evidence,
+    )
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Sense of rotation (+1 or -1), field of view (rad), distance (diagonals), overlap found."""
+
+    sense: int
+    fov: float
+    distance: float
+    iou: float
+
+    def directions(self, count: int) -> list[tuple[float, float]]:
+        """(azimuth, elevation) of views 1 .. count."""
+        azimuth, elevation = REFERENCE
+        return [(azimuth + self.sense * STEP * k, elevation) for k in range(1, count + 1)]
+
+
+def calibrate(mesh: Mesh, silhouettes: NDArray[np.bool_], size: int = 72) -> Camera:
+    """Grid search over sense, field of view and distance for the best mean silhouette IoU."""
+    small = np.stack(
+        [
+            cv2.resize(s.astype(np.uint8), (size, size), interpolation=cv2.INTER_AREA) > 0
+            for s in silhouettes
+        ]
+    )
+    best = Camera(1, views.FOV, 2.0, -1.0)
+    for sense in (1, -1):
+        for degrees in (20.0, 34.0, 50.0):
+            fov = np.radians(degrees)
+            for fill in np.linspace(0.5, 1.15, 9):
+                distance = 0.5 / (np.tan(fov / 2) * fill)
+                trial = Camera(sense, float(fov), float(distance), 0.0)
+                cast = views.look(mesh, trial.directions(len(small)), size, distance, float(fov))
+                ours = np.stack([v.faces >= 0 for v in cast])
+                overlap = (ours & small).sum(axis=(1, 2))
+                union = (ours | small).sum(axis=(1, 2))
+                iou = float(np.mean(overlap / np.maximum(union, 1)))
+                if iou > best.iou:
+                    best = Camera(sense, float(fov), float(distance), iou)
+    return best
+
+
+def cluster(parts: NDArray[np.uint8], seed: int) -> IntArray:
+    """Part maps (T, V, H, W, 3) to labels (T, V, H, W): mean shift in Lab over all maps at once."""
+    from sklearn.cluster import MeanShift
+
+    t, v, h, w, _ = parts.shape
+    lab = cv2.cvtColor(parts.reshape(t * v * h, w, 3), cv2.COLOR_RGB2LAB).reshape(-1, 3)
+    front = parts.reshape(-1, 3).min(axis=1) < 245
+    if not front.any():
+        raise BackendError("SP4D's part maps are empty")
+    rows = lab[front].astype(np.float64)
+    rng = np.random.default_rng(seed)
+    few = rows[rng.choice(len(rows), min(3000, len(rows)), replace=False)]
+    centres = MeanShift(bandwidth=18.0, bin_seeding=True, min_bin_freq=3).fit(few).cluster_centers_
+    labels = np.full(t * v * h * w, -1, dtype=np.int64)
+    nearest = np.empty(len(rows), dtype=np.int64)
+    for start in range(0, len(rows), 200_000):
+        block = rows[start : start + 200_000]
+        gap = ((block[:, None, :] - centres[None]) ** 2).sum(axis=2)
+        nearest[start : start + 200_000] = gap.argmin(axis=1)
+    labels[front] = nearest
+    return labels.reshape(t, v, h, w)
+
+
+def _frames(path: Path) -> NDArray[np.uint8]:
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            frames = np.asarray(data["frames"])
+    except (OSError, KeyError, ValueError) as error:
+        raise BackendError(f"SP4D wrote a maps.npz that cannot be read: {error}") from error
+    good = frames.ndim == 5 and frames.shape[4] == 3 and frames.shape[3] == 2 * frames.shape[2]
+    if not good or frames.dtype != np.uint8:
+        raise BackendError(f"SP4D sent frames of shape {frames.shape} and type {frames.dtype}")
+    return frames
