@@ -1,0 +1,166 @@
+"""Read a rectified front: panels, their handles, and whether each is a drawer or a door."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from mam_pipeline.photo.handles import Blob, find_blobs
+from mam_pipeline.photo.options import Layout
+from mam_pipeline.photo.partition import Leaf, Partition, best_partition
+from mam_pipeline.photo.seams import Seams, find_seams
+
+Array = NDArray[np.float64]
+HANDLE_THRESHOLD = 0.5
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One cell of the front.
+
+    Attributes:
+        box: (x0, y0, x1, y1) front pixels.
+        kind: drawer | door | open | fixed.
+        hinge_side: left | right | top | bottom for doors, as seen from the front.
+        handles: those that belong to it, observed or inferred.
+        confidence: 0..1 that the rectangle is right; `kind_confidence` that the kind is.
+    """
+
+    box: tuple[float, float, float, float]
+    kind: str
+    hinge_side: str | None = None
+    handles: tuple[Blob, ...] = ()
+    confidence: float = 0.5
+    kind_confidence: float = 0.5
+    provenance: str = "observed"
+
+    @property
+    def movable(self) -> bool:
+        """Whether the cell opens."""
+        return self.kind in ("drawer", "door")
+
+
+@dataclass(frozen=True)
+class FrontReading:
+    """A rectified front (h, w, 3) and what was read on it."""
+
+    image: NDArray[np.uint8]
+    panels: tuple[Panel, ...]
+    value: float = 0.0
+    confidence: float = 0.0
+    details: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def movable(self) -> tuple[Panel, ...]:
+        """Panels that open."""
+        return tuple(p for p in self.panels if p.movable)
+
+
+def read_front(
+    image: NDArray[np.uint8],
+    layout: Layout | None = None,
+    category: str | None = None,
+    metres_per_pixel: float = 0.0015,
+) -> FrontReading:
+    """Find panels and handles on a rectified front picture (h, w, 3)."""
+    seams = find_seams(image)
+    blobs = find_blobs(image, seams)
+    partition = best_partition(seams, blobs)
+    panels = [panel_of(leaf, blobs, image, metres_per_pixel) for leaf in partition.leaves if leaf.kind == "panel"]
+    panels.sort(key=lambda p: (round(p.box[1] / 20), p.box[0]))
+    return FrontReading(image, tuple(panels), partition.value, panels_confidence(partition, panels))
+
+
+def panel_of(leaf: Leaf, blobs: list[Blob], image: NDArray[np.uint8], scale: float) -> Panel:
+    """Turn a leaf into a panel with its best handle(s), kind and hinge."""
+    mine = sorted((blobs[i] for i in leaf.handles), key=lambda b: -b.score)
+    mine = [b for b in mine if b.score > HANDLE_THRESHOLD]
+    chosen = _choose_handles(mine, leaf.box)
+    kind, side, sure = classify(leaf.box, chosen, image, scale)
+    support = float(np.mean(leaf.sides))
+    confidence = float(np.clip(0.9 * support + (0.15 if chosen else -0.1), 0.05, 0.98))
+    return Panel(tuple(float(v) for v in leaf.box), kind, side, chosen, confidence, sure)  # type: ignore[arg-type]
+
+
+def _choose_handles(mine: list[Blob], box: tuple[int, int, int, int]) -> tuple[Blob, ...]:
+    if not mine:
+        return ()
+    first = mine[0]
+    width = box[2] - box[0]
+    middle = (box[0] + box[2]) / 2
+    if abs(first.center[0] - middle) > 0.12 * width:
+        for other in mine[1:]:
+            mirrored = abs((first.center[0] + other.center[0]) / 2 - middle) < 0.06 * width
+            like = np.abs(np.log(np.array(first.size) / np.array(other.size))).max() < 0.4
+            level = abs(first.center[1] - other.center[1]) < 0.05 * width
+            if mirrored and like and level:
+                return (first, other)
+    return (first,)
+
+
+def classify(
+    box: tuple[float, float, float, float],
+    handles: tuple[Blob, ...],
+    image: NDArray[np.uint8],
+    scale: float,
+) -> tuple[str, str | None, float]:
+    """(kind, hinge side, confidence) from the panel's shape and where its handle sits."""
+    x0, y0, x1, y1 = box
+    w, h = x1 - x0, y1 - y0
+    if not handles and looks_open(image, box):
+        return "open", None, 0.7
+    z = 0.0  # > 0 drawer, < 0 door
+    z += 1.6 * float(np.clip(np.log(w / h), -1.5, 1.5))
+    z += 2.0 * float(np.clip((0.33 - h * scale) / 0.2, -1.5, 1.0))
+    side: str | None = None
+    if len(handles) == 2:
+        return "drawer", None, 0.9
+    if handles:
+        u = (handles[0].center[0] - x0) / w
+        v = (handles[0].center[1] - y0) / h
+        hw, hh = handles[0].size
+        off = abs(u - 0.5)
+        z += 2.5 * float(np.clip((0.2 - off) / 0.12, -1.5, 1.2))
+        z += 1.2 * float(np.clip(np.log(hw / hh), -1.5, 1.0)) if max(hw, hh) > 2.2 * min(hw, hh) else 0.0
+        side = "left" if u > 0.5 else "right"
+        if off < 0.2 and h * scale > 0.3 and v < 0.25 and hw > 0.45 * w:
+            return "door", "bottom", 0.8
+    kind = "drawer" if z > 0 else "door"
+    if kind == "door" and side is None:
+        side = "left"
+    sure = float(1 / (1 + np.exp(-abs(z))))
+    return kind, side if kind == "door" else None, sure
+
+
+def looks_open(image: NDArray[np.uint8], box: tuple[float, float, float, float]) -> bool:
+    """Whether a cell is a dark cavity rather than a panel: darker than the front, and shaded."""
+    x0, y0, x1, y1 = (int(v) for v in box)
+    grey = cv2.cvtColor(image, cv2.COLOR_RGB2LAB)[..., 0].astype(np.float64) * 100 / 255
+    m = max(2, round(0.04 * min(x1 - x0, y1 - y0)))
+    cell = grey[y0 + m : y1 - m, x0 + m : x1 - m]
+    if cell.size < 50:
+        return False
+    bright = float(np.percentile(grey, 70))
+    upper = float(np.median(cell[: max(1, len(cell) // 3)]))
+    middle = float(np.median(cell))
+    return middle < 0.62 * bright and upper < 0.58 * bright
+
+
+def panels_confidence(partition: Partition, panels: list[Panel]) -> float:
+    """0..1 how far to trust the partition as a whole."""
+    if not panels:
+        return 0.0
+    support = float(np.mean([np.mean(leaf.sides) for leaf in partition.leaves if leaf.kind == "panel"]))
+    handled = float(np.mean([bool(p.handles) or p.kind == "open" for p in panels]))
+    return float(np.clip(0.55 * support + 0.45 * handled - 0.01 * max(0, len(panels) - 8), 0, 1))
+
+
+def with_handle(panel: Panel, handle: Blob) -> Panel:
+    """The panel with one more handle."""
+    return replace(panel, handles=(*panel.handles, handle))
+
+
+__all__ = ["FrontReading", "Panel", "Seams", "classify", "looks_open", "read_front"]

@@ -1,0 +1,193 @@
+"""Handle candidates on a rectified front: compact patches that differ from their surroundings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from mam_pipeline.photo.seams import Seams
+
+Array = NDArray[np.float64]
+LEVELS = (7.0, 11.0, 17.0, 26.0, 38.0)
+
+
+@dataclass(frozen=True)
+class Blob:
+    """A handle candidate: box (x0, y0, x1, y1) in front pixels, features, probability."""
+
+    box: tuple[float, float, float, float]
+    score: float
+    features: tuple[float, ...] = ()
+    provenance: str = "observed"
+
+    @property
+    def center(self) -> tuple[float, float]:
+        """Middle of the box, front pixels."""
+        return (self.box[0] + self.box[2]) / 2, (self.box[1] + self.box[3]) / 2
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height, front pixels."""
+        return self.box[2] - self.box[0], self.box[3] - self.box[1]
+
+
+def contrast_map(rgb: NDArray[np.uint8]) -> Array:
+    """(h, w) Lab distance of each pixel to the median of its surroundings."""
+    side = max(rgb.shape[:2])
+    window = max(9, round(0.075 * side)) | 1
+    lab8 = cv2.cvtColor(cv2.GaussianBlur(rgb, (0, 0), 0.9), cv2.COLOR_RGB2LAB)
+    base = cv2.medianBlur(lab8, window).astype(np.float64)
+    difference = (lab8.astype(np.float64) - base) * [100 / 255, 1.0, 1.0]
+    return np.linalg.norm(difference, axis=2)
+
+
+def long_lines(seams: Seams, share: float = 0.3) -> NDArray[np.bool_]:
+    """Pixels of seam lines that run over at least `share` of the front: never part of a handle."""
+    out = np.zeros(seams.vertical.shape, bool)
+    for response, along in ((seams.vertical, 0), (seams.horizontal, 1)):
+        n = max(9, int(share * response.shape[along]))
+        strong = response > 0.5
+        shape = (n, 1) if along == 0 else (1, n)
+        kept = cv2.morphologyEx(strong.astype(np.uint8), cv2.MORPH_OPEN, np.ones(shape, np.uint8))
+        out |= kept > 0
+    return out
+
+
+def find_blobs(rgb: NDArray[np.uint8], seams: Seams, keep: int = 60) -> list[Blob]:
+    """Handle candidates, most likely first."""
+    h, w = rgb.shape[:2]
+    side = max(h, w)
+    contrast = contrast_map(rgb)
+    lines = long_lines(seams)
+    noise = float(np.median(contrast))
+    lab = cv2.cvtColor(rgb.astype(np.float32) / 255.0, cv2.COLOR_RGB2LAB).astype(np.float64)
+    clear = np.where(lines, 0.0, contrast)
+    found: list[tuple[Array, tuple[int, int, int, int]]] = []
+    for level in LEVELS:
+        if level < 2.0 * noise:
+            continue
+        binary = (clear > level).astype(np.uint8)
+        binary = cv2.morphologyEx(binary, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+        binary = cv2.morphologyEx(binary, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+        count, labels, stats, _ = cv2.connectedComponentsWithStats(binary, connectivity=8)
+        for k in range(1, count):
+            x, y, bw, bh, area = stats[k]
+            if not _plausible(bw, bh, area, side, w, h, x, y):
+                continue
+            part = labels[y : y + bh, x : x + bw] == k
+            f = features((x, y, x + bw, y + bh), part, contrast, lab, seams, noise)
+            found.append((f, (x, y, x + bw, y + bh)))
+    if not found:
+        return []
+    table = np.stack([f for f, _ in found])
+    table = np.column_stack([table, repetition(table, np.array([b for _, b in found]), side)])
+    score = handle_probability(table)
+    order = np.argsort(-score, kind="stable")
+    out: list[Blob] = []
+    for i in order:
+        box = found[i][1]
+        if all(_overlap(box, b.box) < 0.3 for b in out):
+            out.append(Blob(tuple(float(v) for v in box), float(score[i]), tuple(table[i])))  # type: ignore[arg-type]
+        if len(out) == keep:
+            break
+    return out
+
+
+def _plausible(bw: int, bh: int, area: int, side: int, w: int, h: int, x: int, y: int) -> bool:
+    thin, long = min(bw, bh), max(bw, bh)
+    return (
+        thin >= max(3, 0.005 * side)
+        and thin <= 0.13 * side
+        and 0.011 * side <= long <= (0.85 if bw > bh else 0.45) * side
+        and (long <= 0.3 * side or long / thin > 6)
+        and area >= 0.22 * bw * bh
+        and x > 2 and y > 2 and x + bw < w - 2 and y + bh < h - 2
+    )  # fmt: skip
+
+
+def features(
+    box: tuple[int, int, int, int],
+    part: NDArray[np.bool_],
+    contrast: Array,
+    lab: Array,
+    seams: Seams,
+    noise: float,
+) -> Array:
+    """Numbers that tell a handle from texture; all relative to the front's size or noise."""
+    x0, y0, x1, y1 = box
+    h, w = contrast.shape
+    side = max(h, w)
+    bw, bh = x1 - x0, y1 - y0
+    pad = max(4, round(0.35 * min(max(bw, bh), 0.12 * side)))
+    a0, b0, a1, b1 = max(0, x0 - pad), max(0, y0 - pad), min(w, x1 + pad), min(h, y1 + pad)
+    ring = np.ones((b1 - b0, a1 - a0), bool)
+    ring[max(0, y0 - b0 - 2) : y1 - b0 + 2, max(0, x0 - a0 - 2) : x1 - a0 + 2] = False
+    around = contrast[b0:b1, a0:a1]
+    inside = contrast[y0:y1, x0:x1][part]
+    outside = around[ring] if ring.any() else np.array([noise])
+    color = lab[y0:y1, x0:x1][part]
+    color_out = lab[b0:b1, a0:a1][ring] if ring.any() else lab[b0:b1, a0:a1].reshape(-1, 3)
+    delta = np.median(color, axis=0) - np.median(color_out, axis=0)
+    mirrored = part[:, ::-1]
+    symmetric = (part & mirrored).sum() / max((part | mirrored).sum(), 1)
+    upright = (part & part[::-1]).sum() / max((part | part[::-1]).sum(), 1)
+    return np.array(
+        [
+            bw / side, bh / side, np.log(bw / bh), part.mean(),
+            inside.mean(), np.percentile(inside, 90), outside.mean(), np.percentile(outside, 90),
+            inside.mean() / (outside.mean() + noise + 0.5),
+            (outside > 0.5 * inside.mean()).mean(),
+            delta[0], np.hypot(delta[1], delta[2]), np.std(color[:, 0]), np.std(color_out[:, 0]),
+            symmetric, upright,
+            seams.vertical[y0:y1, x0:x1].mean(), seams.horizontal[y0:y1, x0:x1].mean(),
+            (x0 + x1) / 2 / w, (y0 + y1) / 2 / h, noise, w / h,
+        ]
+    )  # fmt: skip
+
+
+def repetition(table: Array, boxes: Array, side: int) -> Array:
+    """(n, 3) how many like candidates share the row, the column, and the whole front."""
+    size = np.stack([boxes[:, 2] - boxes[:, 0], boxes[:, 3] - boxes[:, 1]], 1).astype(float)
+    center = (boxes[:, :2] + boxes[:, 2:]) / 2.0
+    ratio = np.abs(np.log(size[:, None] / size[None])).max(axis=2)
+    color = np.abs(table[:, None, [10, 11]] - table[None, :, [10, 11]]).max(axis=2)
+    like = (ratio < 0.3) & (color < 10)
+    distance = np.abs(center[:, None] - center[None])
+    apart = distance.max(axis=2) > 0.04 * side
+    row = (like & apart & (distance[..., 1] < 0.012 * side)).sum(axis=1)
+    column = (like & apart & (distance[..., 0] < 0.012 * side)).sum(axis=1)
+    return np.stack([row, column, (like & apart).sum(axis=1)], axis=1).astype(float)
+
+
+def handle_probability(table: Array) -> Array:
+    """(n,) probability that a candidate is a handle, from its features."""
+    bw, bh, ratio, fill = table[:, 0], table[:, 1], table[:, 2], table[:, 3]
+    inside, isolation, busy = table[:, 4], table[:, 8], table[:, 9]
+    symmetric = np.maximum(table[:, 14], table[:, 15])
+    repeated = np.minimum(table[:, 22] + table[:, 23], 3.0)
+    size = np.maximum(bw, bh)
+    z = (
+        -2.6
+        + 0.55 * np.clip(isolation, 0, 6)
+        + 0.03 * np.clip(inside, 0, 40)
+        - 3.0 * busy
+        + 1.5 * (symmetric - 0.6)
+        + 0.55 * repeated
+        + 1.0 * (fill - 0.5)
+        - 8.0 * np.clip(size - 0.22, 0, None)
+        - 30 * np.clip(0.02 - size, 0, None)
+        - 1.2 * ((np.abs(ratio) < 0.9) & (size > 0.09))
+    )
+    return 1 / (1 + np.exp(-z))
+
+
+def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> float:
+    w = min(a[2], b[2]) - max(a[0], b[0])
+    h = min(a[3], b[3]) - max(a[1], b[1])
+    if w <= 0 or h <= 0:
+        return 0.0
+    smaller = min((a[2] - a[0]) * (a[3] - a[1]), (b[2] - b[0]) * (b[3] - b[1]))
+    return w * h / max(smaller, 1e-9)

@@ -1,0 +1,159 @@
+"""Which pixels belong to the object: alpha, the user's mask, a plain backdrop, or GrabCut."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from scipy import ndimage
+
+from mam_pipeline.errors import ConfigError
+from mam_pipeline.photo.image import Photo
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ObjectMask:
+    """(h, w) float 0..1 at the photo's small size, how it was made, and how far to trust it."""
+
+    mask: Array
+    method: str
+    trust: float
+
+
+def find_mask(
+    photo: Photo, user: Path | None = None, bbox: tuple[float, ...] | None = None
+) -> ObjectMask:
+    """Segment the object; `bbox` (small pixels) restricts every method."""
+    window = np.ones(photo.small.shape[:2])
+    if bbox is not None:
+        x0, y0, x1, y1 = (round(v) for v in bbox)
+        window[:] = 0
+        window[max(0, y0) : y1, max(0, x0) : x1] = 1
+        if window.sum() < 400:
+            raise ConfigError("the bounding box lies outside the picture or is tiny")
+    if user is not None:
+        mask = _user_mask(user, photo.size) * window
+        if not 0.005 < mask.mean() <= 1.0:
+            raise ConfigError(f"the mask {user.name} selects {mask.mean():.1%} of the picture")
+        return ObjectMask(mask, "user", 1.0)
+    if photo.alpha is not None and 0.01 < (photo.alpha > 0.5).mean() < 0.99:
+        return ObjectMask((photo.alpha > 0.5) * window, "alpha", 1.0)
+    plain = plain_backdrop(photo.small)
+    if plain is not None and (plain * window).mean() > 0.02:
+        return ObjectMask(plain * window, "plain backdrop", 0.9)
+    return ObjectMask(grabcut(photo.small, window, bbox is not None), "grabcut", 0.4)
+
+
+def _user_mask(path: Path, size: tuple[int, int]) -> Array:
+    try:
+        with Image.open(path) as file:
+            grey = np.asarray(file.convert("L"), dtype=np.float64) / 255.0
+    except Exception as error:
+        raise ConfigError(f"the mask {path} cannot be read as a picture") from error
+    return (cv2.resize(grey, size, interpolation=cv2.INTER_AREA) > 0.5).astype(float)
+
+
+def _smooth_backdrop(lab: Array) -> tuple[Array, Array] | None:
+    """Fit a quadratic colour model to the picture's border; None if the border is not plain."""
+    h, w = lab.shape[:2]
+    y, x = np.mgrid[0:h, 0:w]
+    x, y = x / w - 0.5, y / h - 0.5
+    band = max(3, round(0.02 * max(h, w)))
+    border = np.zeros((h, w), bool)
+    border[:band] = border[:, :band] = border[:, -band:] = True
+    border[-band:] = True
+    basis = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+    a, b = basis[border], lab[border]
+    weight = np.ones(len(a))
+    for _ in range(6):  # iteratively reweighted: an object that touches the border is an outlier
+        coefficients, *_ = np.linalg.lstsq(a * weight[:, None], b * weight[:, None], rcond=None)
+        residual = np.linalg.norm(b - a @ coefficients, axis=1)
+        weight = 1 / (1 + (residual / 4.0) ** 2)
+    if (residual < 9.0).mean() < 0.72:
+        return None
+    difference = lab - basis @ coefficients
+    return difference, border
+
+
+def plain_backdrop(rgb: NDArray[np.uint8]) -> Array | None:
+    """Mask of an object before a plain (possibly graded) backdrop with soft shadow, or None."""
+    soft = cv2.GaussianBlur(rgb, (0, 0), 1.2)
+    lab = cv2.cvtColor(soft.astype(np.float32) / 255.0, cv2.COLOR_RGB2LAB).astype(np.float64)
+    fitted = _smooth_backdrop(lab)
+    if fitted is None:
+        return None
+    difference, border = fitted
+    h, w = difference.shape[:2]
+    chroma = np.linalg.norm(difference[..., 1:], axis=2)
+    total = np.linalg.norm(difference, axis=2)
+    gx = np.abs(cv2.Sobel(lab, cv2.CV_64F, 1, 0)).max(axis=2) / 4
+    gy = np.abs(cv2.Sobel(lab, cv2.CV_64F, 0, 1)).max(axis=2) / 4
+    gradient = np.hypot(gx, gy)
+    floor = np.median(gradient[border])
+    calm = gradient < max(1.6, 3.0 * floor)
+    near = total < 5.0
+    shadow = (chroma < 6.0) & (difference[..., 0] < 2.0) & (difference[..., 0] > -45.0)
+    passable = (near & (gradient < max(4.0, 4 * floor))) | (calm & shadow)
+    passable = ndimage.binary_erosion(passable, iterations=1, border_value=1)
+    labels, count = ndimage.label(passable)
+    if count == 0:
+        return None
+    edge = np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])
+    outside = np.isin(labels, np.unique(edge[edge > 0]))
+    outside = ndimage.binary_dilation(outside, iterations=2)
+    return _main_blob(~outside)
+
+
+def _main_blob(mask: NDArray[np.bool_]) -> Array | None:
+    mask = ndimage.binary_opening(mask, iterations=2)
+    labels, count = ndimage.label(mask)
+    if count == 0:
+        return None
+    area = np.bincount(labels.ravel())
+    area[0] = 0
+    keep = labels == area.argmax()
+    keep = ndimage.binary_fill_holes(keep)
+    if keep is None or keep.mean() < 0.02 or keep.mean() > 0.97:
+        return None
+    return keep.astype(float)
+
+
+def grabcut(rgb: NDArray[np.uint8], window: Array, boxed: bool) -> Array:
+    """GrabCut with a centred prior, at a third of the size; falls back to the prior itself."""
+    h, w = rgb.shape[:2]
+    size = (max(16, w // 3), max(16, h // 3))
+    small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
+    win = cv2.resize(window, size, interpolation=cv2.INTER_NEAREST) > 0
+    y, x = np.mgrid[0 : size[1], 0 : size[0]]
+    if boxed:
+        ys, xs = np.nonzero(win)
+        cx, cy = (xs.min() + xs.max()) / 2, (ys.min() + ys.max()) / 2
+        rx, ry = np.ptp(xs) / 2 + 1, np.ptp(ys) / 2 + 1
+        r = np.maximum(np.abs(x - cx) / rx, np.abs(y - cy) / ry)
+        state = np.full(r.shape, cv2.GC_BGD, np.uint8)
+        state[r < 1.0] = cv2.GC_PR_FGD
+        state[r < 0.4] = cv2.GC_FGD
+    else:
+        r = np.maximum(np.abs(x / size[0] - 0.5), np.abs(y / size[1] - 0.5)) * 2
+        state = np.full(r.shape, cv2.GC_PR_BGD, np.uint8)
+        state[r < 0.78] = cv2.GC_PR_FGD
+        state[r < 0.25] = cv2.GC_FGD
+        state[r > 0.985] = cv2.GC_BGD
+    try:
+        cv2.setRNGSeed(1)
+        cv2.grabCut(
+            small, state, None, np.zeros((1, 65)), np.zeros((1, 65)), 4, cv2.GC_INIT_WITH_MASK
+        )
+    except cv2.error:  # one colour only: no two models can be fitted
+        return window * 1.0
+    mask = (state == cv2.GC_FGD) | (state == cv2.GC_PR_FGD)
+    blob = _main_blob(mask & win)
+    if blob is None:
+        blob = ((r < 0.8) & win).astype(float)
+    return (cv2.resize(blob, (w, h), interpolation=cv2.INTER_LINEAR) > 0.5).astype(float) * window

@@ -1,0 +1,144 @@
+"""The user's help to the photo reconstructor, parsed from a mapping of options and checked."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mam_pipeline.errors import ConfigError
+
+CATEGORY_NAMES = (
+    "nightstand", "drawer_unit", "cabinet", "sideboard", "wardrobe",
+    "fridge", "microwave", "oven", "dishwasher", "washing_machine",
+)  # fmt: skip
+Layout = tuple[tuple[tuple[str, int], ...], ...]
+
+
+@dataclass(frozen=True)
+class PhotoOptions:
+    """Help for one photo; None means "find it yourself".
+
+    Attributes:
+        bbox: (x0, y0, x1, y1) pixels of the upright file around the object.
+        mask: a picture file, white where the object is.
+        front: (4, 2) corners of the front face TL, TR, BR, BL, pixels of the upright file.
+        layout: rows from the top; each row a tuple of (kind, count) from the left.
+        height, width, depth: metres of the whole object; any one fixes the scale.
+    """
+
+    bbox: tuple[float, float, float, float] | None = None
+    mask: Path | None = None
+    front: tuple[tuple[float, float], ...] | None = None
+    layout: Layout | None = None
+    height: float | None = None
+    width: float | None = None
+    depth: float | None = None
+    category: str | None = None
+    accept_low_confidence: bool = False
+
+
+def parse_options(options: Mapping[str, Any]) -> PhotoOptions:
+    """Build PhotoOptions; None values are ignored.
+
+    Raises:
+        ConfigError: an unknown key (names the nearest) or a value that cannot be used.
+    """
+    known = [f.name for f in fields(PhotoOptions)]
+    out: dict[str, Any] = {}
+    for key, value in options.items():
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else f"; known: {', '.join(known)}"
+            raise ConfigError(f"unknown photo option {key!r}{hint}")
+        if value is None:
+            continue
+        out[key] = _parse(key, value)
+    return PhotoOptions(**out)
+
+
+def _parse(key: str, value: Any) -> Any:
+    if key == "bbox":
+        v = _numbers(key, value, 4)
+        if v[2] - v[0] < 8 or v[3] - v[1] < 8:
+            raise ConfigError(f"bbox must be x0,y0,x1,y1 with x0 < x1 and y0 < y1, got {value!r}")
+        return tuple(v)
+    if key == "front":
+        quad = np.array(_numbers(key, value, 8)).reshape(4, 2)
+        turn = np.cross(np.roll(quad, -1, 0) - quad, np.roll(quad, -2, 0) - np.roll(quad, -1, 0))
+        if not (turn > 0).all():
+            raise ConfigError(
+                "front must be four corners x,y of a convex quadrilateral in the order "
+                "top left, top right, bottom right, bottom left"
+            )
+        return tuple(map(tuple, quad.tolist()))
+    if key == "mask":
+        path = Path(value)
+        if not path.is_file():
+            raise ConfigError(f"no mask picture at {path}")
+        return path
+    if key == "layout":
+        return value if isinstance(value, tuple) else parse_layout(str(value))
+    if key == "category":
+        name = str(value).strip().lower().replace(" ", "_").replace("-", "_")
+        if name not in CATEGORY_NAMES:
+            near = difflib.get_close_matches(name, CATEGORY_NAMES, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise ConfigError(
+                f"no photo category {name!r}{hint}; known: {', '.join(CATEGORY_NAMES)}"
+            )
+        return name
+    if key == "accept_low_confidence":
+        return bool(value)
+    length = _numbers(key, value, 1)[0]
+    if not 0.02 <= length <= 20:
+        raise ConfigError(f"{key} must be metres between 0.02 and 20, got {value!r}")
+    return length
+
+
+def parse_layout(text: str) -> Layout:
+    """Read "3 drawers", "2x3 drawers" (rows x columns), "2 drawers / 2 doors", "drawer, door".
+
+    Rows are separated by "/", cells of a row by "," or "+". "3 drawers" alone is three rows.
+    """
+    rows: list[tuple[tuple[str, int], ...]] = []
+    pieces = [r.strip() for r in text.lower().split("/")]
+    for piece in pieces:
+        cells: list[tuple[str, int]] = []
+        grid = 1
+        for item in re.split(r"[,+]", piece):
+            match = re.fullmatch(
+                r"\s*(?:(\d+)\s*[x×]\s*)?(\d+)?\s*(drawer|door|open|shelf|fixed)(?:s|es)?\s*", item
+            )
+            if not match:
+                raise ConfigError(
+                    f"layout {text!r}: {item.strip()!r} is not understood; write for example "
+                    '"3 drawers", "2x3 drawers" or "2 drawers / 2 doors"'
+                )
+            grid = max(grid, int(match[1] or 1))
+            kind = {"shelf": "open"}.get(match[3], match[3])
+            cells.append((kind, int(match[2] or 1)))
+        if len(pieces) == 1 and len(cells) == 1 and grid == 1 and cells[0][0] == "drawer":
+            rows += [(("drawer", 1),)] * cells[0][1]  # a lone "3 drawers" is a stack
+        else:
+            rows += [tuple(cells)] * grid
+    if sum(n for row in rows for _, n in row) > 60 or any(n < 1 for r in rows for _, n in r):
+        raise ConfigError(f"layout {text!r} must have between 1 and 60 panels")
+    return tuple(rows)
+
+
+def _numbers(key: str, value: Any, count: int) -> list[float]:
+    if isinstance(value, str):
+        value = [v for v in re.split(r"[,\s]+", value.strip()) if v]
+    try:
+        out = [float(v) for v in np.asarray(value, dtype=float).reshape(-1)]
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"{key} must be {count} numbers, got {value!r}") from error
+    if len(out) != count or not np.isfinite(out).all():
+        raise ConfigError(f"{key} must be {count} finite numbers, got {value!r}")
+    return out

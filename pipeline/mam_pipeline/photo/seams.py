@@ -1,0 +1,118 @@
+"""Where panels may end: graded, oriented seam maps of the rectified front and candidate lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Seams:
+    """Seam evidence on a front of (h, w) pixels.
+
+    Attributes:
+        vertical, horizontal: (h, w) 0..1 evidence for a vertical / horizontal line at a pixel.
+        xs, ys: candidate line positions, pixels, the borders 0 and w (h) included.
+    """
+
+    vertical: Array
+    horizontal: Array
+    xs: NDArray[np.int64]
+    ys: NDArray[np.int64]
+
+    def support_x(self) -> Array:
+        """(len(xs), h + 1) cumulative support down each candidate column."""
+        best = _widen(self.vertical, 2, axis=1)
+        columns = best[:, np.clip(self.xs, 0, best.shape[1] - 1)].T
+        return np.concatenate([np.zeros((len(columns), 1)), np.cumsum(columns, axis=1)], axis=1)
+
+    def support_y(self) -> Array:
+        """(len(ys), w + 1) cumulative support along each candidate row."""
+        best = _widen(self.horizontal, 2, axis=0)
+        rows = best[np.clip(self.ys, 0, best.shape[0] - 1)]
+        return np.concatenate([np.zeros((len(rows), 1)), np.cumsum(rows, axis=1)], axis=1)
+
+
+def _widen(response: Array, reach: int, axis: int) -> Array:
+    return ndimage.maximum_filter1d(response, 2 * reach + 1, axis=axis)
+
+
+def seam_response(lab: Array, axis: int) -> Array:
+    """Evidence 0..1 for lines across `axis` (1: vertical lines), from steps and dark grooves."""
+    along = 1 - axis
+    soft = ndimage.gaussian_filter1d(lab, 1.0, axis=axis)
+    soft = ndimage.uniform_filter1d(soft, 5, axis=along)
+    step = np.abs(ndimage.correlate1d(soft, [-1, -1, 0, 1, 1], axis=axis)).max(axis=2) / 2
+    light = soft[..., 0]
+    groove = np.zeros_like(light)
+    for reach in (3, 5):
+        before, after = np.roll(light, reach, axis), np.roll(light, -reach, axis)
+        groove = np.maximum(groove, np.minimum(before, after) - light)
+        groove = np.maximum(groove, 0.7 * (light - np.maximum(before, after)))
+    other = np.abs(ndimage.correlate1d(soft, [-1, -1, 0, 1, 1], axis=along)).max(axis=2) / 2
+    other = ndimage.uniform_filter1d(other, 5, axis=axis)
+    value = np.maximum(step, 1.6 * groove) - 0.5 * other
+    noise = np.median(value[value > 0]) if (value > 0).any() else 0.0
+    level = np.clip(2.2 * noise + 2.0, 3.0, 9.0)
+    graded = np.clip((value - 0.35 * level) / (0.65 * level), 0.0, 1.0)
+    # a seam goes on: bridge short breaks, drop short bits
+    graded = ndimage.grey_closing(graded, size=(1, 13) if along == 1 else (13, 1))
+    return ndimage.uniform_filter1d(graded, 9, axis=along)
+
+
+def line_response(rgb: NDArray[np.uint8]) -> tuple[Array, Array]:
+    """Vertical and horizontal evidence from straight segments, which do not depend on contrast."""
+    h, w = rgb.shape[:2]
+    grey = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
+    grey = cv2.createCLAHE(2.0, (6, 6)).apply(grey)
+    found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(grey)[0]
+    out = [np.zeros((h, w), np.float32), np.zeros((h, w), np.float32)]
+    for x0, y0, x1, y1 in [] if found is None else found.reshape(-1, 4):
+        length = float(np.hypot(x1 - x0, y1 - y0))
+        if length < 0.03 * max(h, w):
+            continue
+        slope = min(abs(x1 - x0), abs(y1 - y0)) / length
+        if slope > 0.045:
+            continue
+        canvas = out[0] if abs(y1 - y0) > abs(x1 - x0) else out[1]
+        value = min(1.0, 0.45 + 2.5 * length / max(h, w))
+        patch = np.zeros_like(canvas)
+        cv2.line(patch, (round(float(x0)), round(float(y0))), (round(float(x1)), round(float(y1))), value, 1)
+        np.maximum(canvas, patch, out=canvas)
+    return out[0].astype(np.float64), out[1].astype(np.float64)
+
+
+def candidates(response: Array, axis: int, keep: int = 24) -> NDArray[np.int64]:
+    """Positions along `axis` of lines with long support somewhere, borders included."""
+    size = response.shape[axis]
+    along = 1 - axis
+    wide = _widen(response, 1, axis=axis)
+    length = response.shape[along]
+    score = np.zeros(size)
+    for share, weight in ((1.0, 1.2), (0.5, 1.0), (0.3, 0.9), (0.18, 0.75)):
+        n = max(5, int(share * length))
+        run = ndimage.uniform_filter1d(wide, n, axis=along, mode="constant")
+        score = np.maximum(score, weight * run.max(axis=along))
+    score = ndimage.gaussian_filter1d(score, 0.8)
+    peak = score == ndimage.maximum_filter1d(score, 5)
+    margin = max(3, round(0.012 * size))
+    peak[:margin] = peak[-margin:] = False
+    where = np.flatnonzero(peak & (score > 0.4))
+    where = where[np.argsort(-score[where], kind="stable")][:keep]
+    return np.concatenate([[0], np.sort(where), [size]]).astype(np.int64)
+
+
+def find_seams(rgb: NDArray[np.uint8]) -> Seams:
+    """Seam maps and candidate lines of a rectified front (h, w, 3)."""
+    lab = cv2.cvtColor(rgb.astype(np.float32) / 255.0, cv2.COLOR_RGB2LAB).astype(np.float64)
+    vertical, horizontal = seam_response(lab, 1), seam_response(lab, 0)
+    lines_v, lines_h = line_response(rgb)
+    vertical = np.maximum(vertical, lines_v)
+    horizontal = np.maximum(horizontal, lines_h)
+    return Seams(vertical, horizontal, candidates(vertical, 1), candidates(horizontal, 0))
