@@ -1,0 +1,125 @@
+"""Damping, friction, effort and speed of joints, so that a door stays where it is left.
+
+Friction on the card is Coulomb: newton metres for hinges, newtons for slides. URDF's `friction`
+has the same meaning, but SAPIEN ignores it, and its own joint friction is a dimensionless factor
+on the force that the joint transmits (PhysX): a vertical slide does not feel it at all. A velocity
+drive towards zero whose force is limited to the friction behaves as Coulomb friction should, so
+`coulomb_drive` gives its numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mam_pipeline.asset.inertia import Inertial
+from mam_pipeline.types import Articulation, FloatArray, Joint
+
+GRAVITY = 9.81
+HAND_FORCE = 1.5
+"""Force at the far edge that a well-running joint asks for, newtons."""
+HOLD = 1.3
+"""Friction over the largest gravity load that must be held, so that nothing sags."""
+STOP_SECONDS = 0.6
+"""A part that is let go comes to rest within about this time through damping alone."""
+CREEP = {"revolute": 0.002, "continuous": 0.002, "prismatic": 0.0005}
+"""Speed (rad/s or m/s) at which a coulomb drive develops its whole friction."""
+
+
+def with_dynamics(articulation: Articulation, inertials: Sequence[Inertial]) -> Articulation:
+    """Fill in damping, friction, effort and velocity where the joints leave them at zero."""
+    joints = [_joint(articulation, j, inertials) for j in articulation.joints]
+    return replace(articulation, joints=tuple(joints))
+
+
+def coulomb_drive(type_: str, friction: float, damping: float = 0.0) -> tuple[float, float]:
+    """(damping, force_limit) of a stiffness-free drive that acts as Coulomb friction.
+
+    Without friction the drive is the plain viscous damping, unlimited.
+    """
+    if friction <= 0.0:
+        return damping, float(np.finfo(np.float32).max)
+    return max(damping, friction / CREEP.get(type_, 0.002)), friction
+
+
+def set_joint_friction(joint: Any, type_: str, friction: float, damping: float = 0.0) -> None:
+    """Give a SAPIEN articulation joint the card's friction (see the module's first words)."""
+    drive_damping, limit = coulomb_drive(type_, friction, damping)
+    joint.set_friction(0.0)
+    joint.set_drive_properties(0.0, drive_damping, limit, "force")
+    joint.set_drive_velocity_target(0.0)
+
+
+def carried_links(articulation: Articulation, joint: Joint) -> list[int]:
+    """The joint's child and every link behind it."""
+    out = [joint.child]
+    for other in articulation.joints:  # topological order: parents come first
+        if other.parent in out:
+            out.append(other.child)
+    return out
+
+
+def gravity_load(
+    articulation: Articulation, joint: Joint, inertials: Sequence[Inertial]
+) -> tuple[float, float, float]:
+    """Largest gravity force along the joint over its range, moved inertia, and lever arm.
+
+    Returns:
+        (load, inertia, arm): N m, kg m2 and m for rotations; N, kg and 1 for slides.
+    """
+    links = carried_links(articulation, joint)
+    mass = sum(inertials[i].mass for i in links)
+    if joint.type == "prismatic":
+        return mass * GRAVITY * abs(float(joint.axis[2])), mass, 1.0
+    inertia, moment = 0.0, np.zeros(3)
+    for i in links:
+        body = inertials[i]
+        r = body.center - joint.origin
+        across = r - (r @ joint.axis) * joint.axis
+        turned = float(joint.axis @ body.inertia @ joint.axis)
+        inertia += turned + body.mass * float(across @ across)
+        moment += body.mass * r
+    low = joint.lower if np.isfinite(joint.lower) else -np.pi
+    high = joint.upper if np.isfinite(joint.upper) else np.pi
+    down = np.array([0.0, 0.0, -GRAVITY])
+    load = 0.0
+    for q in np.linspace(low, high, 25):
+        turned_moment = _rotate(joint.axis, float(q), moment)
+        load = max(load, abs(float(joint.axis @ np.cross(turned_moment, down))))
+    return load, inertia, _arm(articulation, joint, links)
+
+
+def _joint(articulation: Articulation, joint: Joint, inertials: Sequence[Inertial]) -> Joint:
+    if joint.type == "fixed":
+        return joint
+    load, inertia, arm = gravity_load(articulation, joint, inertials)
+    running = HAND_FORCE * arm
+    if joint.subtype == "spin":
+        running *= 0.3  # knobs and wheels turn at a finger's touch
+    friction = joint.friction if joint.friction > 0 else running + HOLD * load
+    damping = joint.damping if joint.damping > 0 else inertia / STOP_SECONDS
+    effort = max(joint.effort, 4.0 * (friction + load))
+    velocity = joint.velocity
+    return replace(joint, friction=friction, damping=damping, effort=effort, velocity=velocity)
+
+
+def _arm(articulation: Articulation, joint: Joint, links: Sequence[int]) -> float:
+    """Distance of the farthest carried vertex from the axis, metres."""
+    far = 0.0
+    for i in links:
+        faces = articulation.links[i].faces
+        if not len(faces):
+            continue
+        r = articulation.mesh.vertices[articulation.mesh.faces[faces].reshape(-1)] - joint.origin
+        across = r - (r @ joint.axis)[:, None] * joint.axis
+        far = max(far, float(np.linalg.norm(across, axis=1).max()))
+    return max(far, 0.005)
+
+
+def _rotate(axis: FloatArray, angle: float, v: FloatArray) -> FloatArray:
+    along = (v @ axis) * axis
+    side = v - along
+    return np.asarray(along + np.cos(angle) * side + np.sin(angle) * np.cross(axis, side))

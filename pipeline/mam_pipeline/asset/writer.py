@@ -1,0 +1,245 @@
+"""Writing an asset folder: URDF, visuals, collision pieces and the card, all or nothing."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mam_pipeline.asset.card import Asset, AssetCard, CardGrasp, CardJoint, CardPart
+from mam_pipeline.asset.collision import collision_shapes
+from mam_pipeline.asset.dynamics import with_dynamics
+from mam_pipeline.asset.grasps import find_grasps, handle_faces
+from mam_pipeline.asset.inertia import Inertial, link_inertials
+from mam_pipeline.asset.urdf import link_origins, urdf_text
+from mam_pipeline.errors import NotPhysicalError
+from mam_pipeline.formats.gltf import write_glb
+from mam_pipeline.types import Articulation, CollisionShape, FloatArray
+
+
+def write_asset(
+    articulation: Articulation,
+    out: str | Path,
+    *,
+    name: str,
+    source: Mapping[str, Any] | None = None,
+    source_to_asset: ArrayLike | None = None,
+    metres_per_unit: float = 1.0,
+    metres_per_unit_source: str = "assumed",
+    collision: Mapping[str, Sequence[CollisionShape]] | None = None,
+    backends: Mapping[str, Any] | None = None,
+    seconds: Mapping[str, float] | None = None,
+    notes: Sequence[str] = (),
+    interiors: bool = False,
+) -> Asset:
+    """Write the folder `out`, replacing an asset that was there; a killed run leaves no half.
+
+    Args:
+        articulation: in the asset frame (metres, Z up, front towards -X, floor z = 0).
+        out: the folder.
+        name: of the asset.
+        source: {path, sha256, kind} of the input.
+        source_to_asset: (4, 4) file coordinates to asset frame, scale included.
+        metres_per_unit, metres_per_unit_source: the scale and who said so.
+        collision: pieces by link name (asset frame); computed for links that it leaves out.
+        backends, seconds, notes: for the card.
+        interiors: close the holes of parts cut from fused meshes and give drawers their boxes.
+
+    Raises:
+        NotPhysicalError: a link without surface, or numbers that are not finite.
+    """
+    out = Path(out)
+    began = time.perf_counter()
+    articulation = _valid(articulation)
+    more_notes = list(notes)
+    if interiors:
+        from mam_pipeline.asset.interiors import add_interiors
+
+        articulation, said = add_interiors(articulation)
+        more_notes += said
+    inertials = link_inertials(articulation)
+    articulation = with_dynamics(articulation, inertials)
+    pieces = {k: list(v) for k, v in (collision or {}).items()}
+    if any(link.name not in pieces for link in articulation.links):
+        pieces = {**collision_shapes(articulation, skip=frozenset(pieces)), **pieces}
+    if not articulation.grasps:
+        articulation = replace(articulation, grasps=find_grasps(articulation))
+    work = out.parent / f".{out.name}.partial-{os.getpid()}"
+    shutil.rmtree(work, ignore_errors=True)
+    try:
+        (work / "visual").mkdir(parents=True)
+        (work / "collision").mkdir()
+        visuals, handles = _write_visuals(articulation, work)
+        shapes = _write_collision(articulation, pieces, work)
+        text = urdf_text(articulation, inertials, visuals, shapes, _identifier(name))
+        (work / "object.urdf").write_text(text, encoding="utf-8")
+        card = _card(articulation, inertials, handles)
+        card = replace(
+            card,
+            name=name,
+            source=dict(source or {}),
+            source_to_asset=_matrix(source_to_asset),
+            metres_per_unit=float(metres_per_unit),
+            metres_per_unit_source=metres_per_unit_source,
+            backends=dict(backends or {}),
+            seconds={**(seconds or {}), "write": round(time.perf_counter() - began, 3)},
+            notes=more_notes,
+        )
+        card.save(work)
+        _replace_folder(work, out)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+    return Asset(out.resolve(), card)
+
+
+def _valid(articulation: Articulation) -> Articulation:
+    """Names that files and simulators take, and numbers that are finite."""
+    if not np.isfinite(articulation.mesh.vertices).all():
+        raise NotPhysicalError("the mesh has vertices that are not finite numbers")
+    names = _unique([link.name for link in articulation.links], "link")
+    links = tuple(replace(link, name=n) for link, n in zip(articulation.links, names))
+    joint_names = _unique([j.name for j in articulation.joints], "joint")
+    joints = []
+    for joint, joint_name in zip(articulation.joints, joint_names):
+        length = float(np.linalg.norm(joint.axis))
+        known = np.isfinite([*joint.axis, *joint.origin]).all() and length > 1e-6
+        if not known or np.isnan([joint.lower, joint.upper]).any():
+            raise NotPhysicalError(f"joint {joint.name!r} has no finite axis, origin or limits")
+        if joint.type != "continuous" and not joint.upper >= joint.lower:
+            raise NotPhysicalError(
+                f"joint {joint.name!r} has limits {joint.lower:.4g} > {joint.upper:.4g}"
+            )
+        joints.append(replace(joint, name=joint_name, axis=joint.axis / length))
+    old_joint = {j.name: n for j, n in zip(articulation.joints, joint_names)}
+    old_link = {link.name: n for link, n in zip(articulation.links, names)}
+    grasps = tuple(
+        replace(g, joint=old_joint.get(g.joint, g.joint), link=old_link.get(g.link, g.link))
+        for g in articulation.grasps
+    )
+    return replace(articulation, links=links, joints=tuple(joints), grasps=grasps)
+
+
+def _write_visuals(
+    articulation: Articulation, folder: Path
+) -> tuple[dict[str, list[tuple[str, str]]], dict[str, list[str]]]:
+    """A GLB per link, and one for its handle; vertices in the link frame, Z up.
+
+    glTF would have Y up, but URDF loaders (SAPIEN, yourdfpy, MuJoCo's) take the coordinates of a
+    visual mesh as they stand.
+    """
+    origins = link_origins(articulation)
+    mesh = articulation.mesh
+    visuals: dict[str, list[tuple[str, str]]] = {}
+    handles: dict[str, list[str]] = {}
+    for i, link in enumerate(articulation.links):
+        visuals[link.name], handles[link.name] = [], []
+        grip = handle_faces(articulation, i)
+        rest = np.setdiff1d(link.faces, grip, assume_unique=True)
+        # setdiff1d sorts; sorted indices keep the source's face order
+        for label, faces in ((link.name, rest), (f"handle_{link.name}", np.sort(grip))):
+            if not len(faces):
+                continue
+            file = f"visual/{label}.glb"
+            shift = np.eye(4)
+            shift[:3, 3] = -origins[i]
+            write_glb(mesh.submesh(faces).transformed(shift), folder / file, up="z")
+            visuals[link.name].append((label, file))
+            if label.startswith("handle_"):
+                handles[link.name].append(label)
+    return visuals, handles
+
+
+def _write_collision(
+    articulation: Articulation, pieces: Mapping[str, Sequence[CollisionShape]], folder: Path
+) -> dict[str, list[tuple[CollisionShape, str]]]:
+    """Convex pieces as OBJ files in the link frame; primitives stay in the URDF."""
+    origins = link_origins(articulation)
+    out: dict[str, list[tuple[CollisionShape, str]]] = {}
+    for i, link in enumerate(articulation.links):
+        out[link.name] = []
+        for k, shape in enumerate(pieces.get(link.name, ())):
+            file = ""
+            if shape.kind == "convex":
+                file = f"collision/{link.name}_{k:02d}.obj"
+                _write_hull(shape, origins[i], folder / file)
+            out[link.name].append((shape, file))
+    return out
+
+
+def _write_hull(shape: CollisionShape, origin: FloatArray, path: Path) -> None:
+    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in (shape.vertices - origin).tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (shape.faces + 1).tolist()]
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+
+
+def _card(
+    articulation: Articulation, inertials: Sequence[Inertial], handles: Mapping[str, list[str]]
+) -> AssetCard:
+    links = articulation.links
+    parts = [
+        CardPart(
+            link.name, link.name, link.kind, list(link.primitives), body.mass, handles[link.name]
+        )
+        for link, body in zip(links, inertials)
+    ]
+    wanted = {f.name for f in fields(CardJoint)}
+    joints = []
+    for joint in articulation.joints:
+        data = {k: v for k, v in vars(joint).items() if k in wanted}
+        data |= {"parent": links[joint.parent].name, "child": links[joint.child].name}
+        data |= {"axis": joint.axis.tolist(), "origin": joint.origin.tolist()}
+        data |= {k: v if np.isfinite(v) else None for k, v in _limits(joint).items()}
+        data["evidence"] = dict(joint.evidence)
+        joints.append(CardJoint(**data))
+    grasps = []
+    for grasp in articulation.grasps:
+        data = asdict(grasp)
+        data |= {k: data[k].tolist() for k in ("position", "approach", "closing")}
+        grasps.append(CardGrasp(**data))
+    bounds = articulation.mesh.bounds.tolist()
+    return AssetCard(name="", bounds=bounds, parts=parts, joints=joints, grasps=grasps)
+
+
+def _limits(joint: Any) -> dict[str, float]:
+    return {"lower": joint.lower, "upper": joint.upper}
+
+
+def _matrix(given: ArrayLike | None) -> list[list[float]]:
+    matrix = np.eye(4) if given is None else np.asarray(given, dtype=float).reshape(4, 4)
+    return [[float(x) for x in row] for row in matrix]
+
+
+def _identifier(name: str) -> str:
+    clean = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_")
+    return clean or "object"
+
+
+def _unique(names: Sequence[str], default: str) -> list[str]:
+    seen: set[str] = set()
+    out = []
+    for name in names:
+        base = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_") or default
+        candidate, k = base, 1
+        while candidate.lower() in seen:  # file systems may not tell cases apart
+            candidate, k = f"{base}_{k}", k + 1
+        seen.add(candidate.lower())
+        out.append(candidate)
+    return out
+
+
+def _replace_folder(new: Path, out: Path) -> None:
+    """Rename `new` to `out`, moving what was there aside first and deleting it last."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    old = out.parent / f".{out.name}.old-{os.getpid()}"
+    if out.exists():
+        out.rename(old)
+    new.rename(out)
+    shutil.rmtree(old, ignore_errors=True)

@@ -1,0 +1,32 @@
+"""SAPIEN without a graphics driver: loading a URDF for physics alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import sapien
+from sapien.wrapper.urdf_loader import URDFLoader
+
+
+class PhysicsLoader(URDFLoader):
+    """SAPIEN's URDF loader without visuals, so that no render device is asked for."""
+
+    def _build_link(self, link: Any, link_builder: Any) -> None:
+        link.visuals = []
+        super()._build_link(link, link_builder)
+
+
+def physics_scene(timestep: float = 1 / 200) -> sapien.Scene:
+    """An empty scene with CPU physics only; no Vulkan driver is needed."""
+    scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
+    scene.set_timestep(timestep)
+    return scene
+
+
+def load_physics(scene: sapien.Scene, urdf: Path, fix_root: bool = True) -> Any:
+    """Load a URDF's bodies, collision shapes and joints; returns the SAPIEN articulation."""
+    loader = PhysicsLoader()
+    loader.scene = scene
+    loader.fix_root_link = fix_root
+    return loader.load(str(urdf))
