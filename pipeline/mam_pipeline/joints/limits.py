@@ -1,0 +1,195 @@
+"""Joint limits from collision, contact loss and what such joints usually do (paper section 3.4).
+
+Two rules. The paper's: turn both ways up to 180 degrees to the first collision; push in to the
+first collision, pull out until contact is lost. Ours: open towards the freer side only, stop before
+the part enters anything deeper than the check allows, and no farther than such joints usually go.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from mam_pipeline.geometry.sampling import unit
+from mam_pipeline.geometry.sweep import Motion, SweepScene
+from mam_pipeline.types import FloatArray, JointSubtype, JointType
+
+STRICT = 0.0045  # deepest crossing allowed, of the diagonal (the check fails at 0.005)
+LENIENT = 0.05  # share of the part's area that may be blocked when the strict rule leaves nothing
+HINGE_CAP = np.pi / 2
+SLIDE_CAP = 0.85  # of the part's extent along the slide: drawers keep some of their rails
+FULL_TURN = 0.01  # blocked share over a whole turn below which a spin is endless
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Range of a joint, q = 0 at rest and positive q opening.
+
+    Attributes:
+        type: revolute, continuous or prismatic. lower, upper: rad or mesh unit.
+        closed, open: the values called closed and open. rule: which rule set them, in words.
+        evidence: travel found in both directions and the penetration over the range.
+    """
+
+    type: JointType
+    lower: float
+    upper: float
+    closed: float
+    open: float
+    rule: str
+    evidence: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Travel:
+    """How far a part goes in one direction (all >= 0, rad or mesh unit).
+
+    Attributes:
+        strict: to the first crossing deeper than STRICT. lenient: to LENIENT blocked area.
+        contact: until contact is lost (infinite for revolute joints).
+        values, depth, blocked: (n,) the curve, for the report.
+    """
+
+    strict: float
+    lenient: float
+    contact: float
+    values: FloatArray
+    depth: FloatArray
+    blocked: FloatArray
+
+
+def travel(
+    scene: SweepScene, motion: Motion, axis: FloatArray, origin: FloatArray, end: float,
+    steps: int = 36,
+) -> Travel:  # fmt: skip
+    """Sweep from rest to `end` (signed) and say where it stops."""
+    values = np.linspace(0.0, end, steps + 1)[1:]
+    slide = motion == "prismatic"
+    found = scene.sweep(motion, axis, origin, values, contact=slide)
+    step = abs(end) / steps
+    bad = np.flatnonzero(found.depth > STRICT * scene.diagonal)
+    strict = abs(end) if not len(bad) else step * int(bad[0])
+    if len(bad):  # depth grows steadily with motion: find where it crosses within the step
+        k = int(bad[0])
+        before = found.depth[k - 1] if k else 0.0
+        rise = max(found.depth[k] - before, 1e-12)
+        strict += step * max(0.0, (STRICT * scene.diagonal - before) / rise)
+    lost = np.inf
+    if slide and len(found.contact) and scene.rest_gap < 0.02 * scene.diagonal:
+        gone = np.flatnonzero(found.gap > scene.rest_gap + 0.015 * scene.diagonal)
+        lost = step * int(gone[0]) if len(gone) else np.inf
+    return Travel(strict, abs(found.free_travel(LENIENT)), lost, values, found.depth, found.blocked)
+
+
+def paper_limits(
+    scene: SweepScene, subtype: JointSubtype, axis: FloatArray, origin: FloatArray
+) -> Limits:
+    """The paper's rule: first collision both ways; slides end outwards at contact loss."""
+    if subtype == "slide":
+        extent = float(np.ptp(scene.points @ unit(axis)))
+        out = travel(scene, "prismatic", axis, origin, 1.2 * extent)
+        back = travel(scene, "prismatic", axis, origin, -1.2 * extent)
+        upper = min(out.strict, out.contact)
+        lower = -min(back.strict, back.contact)
+        return Limits("prismatic", lower, upper, 0.0, upper, "paper", _evidence(out, back))
+    out = travel(scene, "revolute", axis, origin, np.pi)
+    back = travel(scene, "revolute", axis, origin, -np.pi)
+    if out.strict >= np.pi and back.strict >= np.pi:
+        return Limits(
+            "continuous", -np.inf, np.inf, 0.0, 0.0, "paper: no collision in a whole turn",
+            _evidence(out, back),
+        )  # fmt: skip
+    return Limits(
+        "revolute", -back.strict, out.strict, 0.0, out.strict, "paper", _evidence(out, back)
+    )
+
+
+def embedded_limits(
+    scene: SweepScene, subtype: JointSubtype, axis: FloatArray, origin: FloatArray,
+    *, alone: SweepScene | None = None, given: tuple[float, float] | None = None,
+) -> Limits:  # fmt: skip
+    """Our rule.
+
+    Args:
+        scene: against everything that stands still, siblings included.
+        alone: against the same without the siblings: where only a sibling is in the way (a drawer
+            behind a closed door) the joint's own range counts.
+        given: limits that a person or the reasoner set; they are kept as they are.
+    """
+    motion: Motion = "prismatic" if subtype == "slide" else "revolute"
+    if given is not None:
+        lower, upper = given
+        far = upper if abs(upper) >= abs(lower) else lower
+        kind: JointType = "prismatic" if motion == "prismatic" else "revolute"
+        if not np.isfinite(lower + upper):
+            return Limits("continuous", -np.inf, np.inf, 0.0, 0.0, "given")
+        return Limits(kind, lower, upper, lower + upper - far, far, "given")
+    limits = _open_way(scene, subtype, motion, axis, origin)
+    if alone is not None and limits.type != "continuous":
+        free = _open_way(alone, subtype, motion, axis, origin)
+        if free.type != "continuous" and free.upper > 3.0 * limits.upper + 1e-9:
+            note = {**free.evidence, "blocked_by_sibling_at": limits.upper}
+            return Limits(free.type, free.lower, free.upper, free.closed, free.open,
+                          free.rule + "; another part must move first", note)  # fmt: skip
+    return limits
+
+
+def _open_way(
+    scene: SweepScene, subtype: JointSubtype, motion: Motion, axis: FloatArray, origin: FloatArray
+) -> Limits:
+    """Range towards the opening side, by subtype."""
+    if subtype == "spin":
+        return _spin(scene, axis, origin)
+    extent = float(np.ptp(scene.points @ unit(axis)))
+    cap = SLIDE_CAP * extent if subtype == "slide" else HINGE_CAP
+    out = travel(scene, motion, axis, origin, 1.15 * cap)
+    reach = min(cap, out.contact)
+    upper, rule = min(out.strict, reach), "first collision, at most the usual range"
+    if out.strict >= reach:
+        rule = "usual range" if out.contact >= cap else "contact loss"
+    if upper < 0.15 * min(out.lenient, reach):
+        upper, rule = min(out.lenient, reach), "small collisions ignored: nothing else is free"
+    evidence = {**_evidence(out, None), "cap": cap}
+    if upper < 1e-3 * (scene.diagonal if motion == "prismatic" else 1.0):
+        upper = 0.02 * scene.diagonal if motion == "prismatic" else np.deg2rad(5.0)
+        rule = "nothing is free; a token range"
+    kind: JointType = "prismatic" if motion == "prismatic" else "revolute"
+    return Limits(kind, 0.0, float(upper), 0.0, float(upper), rule, evidence)
+
+
+def _spin(scene: SweepScene, axis: FloatArray, origin: FloatArray) -> Limits:
+    """Endless if a whole turn is free, else what is free on both sides of rest."""
+    out = travel(scene, "revolute", axis, origin, np.pi)
+    back = travel(scene, "revolute", axis, origin, -np.pi)
+    evidence = _evidence(out, back)
+    if max(out.blocked[-1], back.blocked[-1]) < FULL_TURN:
+        return Limits("continuous", -np.inf, np.inf, 0.0, 0.0, "a whole turn is free", evidence)
+    lower, upper = -min(back.strict, np.pi / 2), min(out.strict, np.pi / 2)
+    if upper - lower < np.deg2rad(20.0):
+        lower, upper = -min(back.lenient, np.pi / 2), min(out.lenient, np.pi / 2)
+    if upper - lower < np.deg2rad(5.0):
+        lower, upper = 0.0, np.pi / 2
+    return Limits("revolute", lower, upper, 0.0, upper if upper >= -lower else lower,
+                  "free on both sides, at most a quarter turn each", evidence)  # fmt: skip
+
+
+def _evidence(out: Travel, back: Travel | None) -> dict[str, Any]:
+    """Plain curves for the report."""
+    keep = slice(None, None, 3)
+    found: dict[str, Any] = {
+        "free_travel": out.strict,
+        "lenient_travel": out.lenient,
+        "penetration": {
+            "q": [round(float(v), 5) for v in out.values[keep]],
+            "depth": [round(float(v), 6) for v in out.depth[keep]],
+            "blocked": [round(float(v), 5) for v in out.blocked[keep]],
+        },
+    }
+    if back is not None:
+        found["free_travel_back"] = back.strict
+    if np.isfinite(out.contact):
+        found["contact_lost_at"] = out.contact
+    return found

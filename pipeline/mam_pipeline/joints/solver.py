@@ -1,0 +1,284 @@
+"""The solvers: from parts and their subtypes to joints with axes, origins and limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mam_pipeline.backends import Availability
+from mam_pipeline.geometry.frames import ObjectFrame, estimate_frame
+from mam_pipeline.geometry.sampling import unit
+from mam_pipeline.geometry.sweep import SweepScene
+from mam_pipeline.joints.candidates import rank_hypotheses
+from mam_pipeline.joints.limits import Limits, embedded_limits, paper_limits
+from mam_pipeline.joints.optimise import Method, refine
+from mam_pipeline.joints.paper import initialise, paper_part
+from mam_pipeline.types import (
+    Articulation,
+    FloatArray,
+    IntArray,
+    Joint,
+    JointCandidate,
+    KinematicTree,
+    Link,
+    Mesh,
+    PartNode,
+    Primitives,
+)
+
+
+@dataclass(frozen=True)
+class PartFaces:
+    """Faces around one joint: of the link, of all that moves with it, and of what does not.
+
+    Attributes:
+        own: of the link. moving: with its descendants. static: everything else.
+        parent: of the parent link. fixed: static without the link's movable siblings.
+    """
+
+    own: IntArray
+    moving: IntArray
+    static: IntArray
+    parent: IntArray
+    fixed: IntArray
+
+
+class EmbeddedSolver:
+    """Ranked hypotheses and limits by our rule: the default, because it measures best."""
+
+    @classmethod
+    def available(cls) -> Availability:
+        """Always: it needs nothing but the package."""
+        return Availability(True, version="1")
+
+    def solve(
+        self, mesh: Mesh, primitives: Primitives, tree: KinematicTree, seed: int = 0
+    ) -> Articulation:
+        """Estimate every joint of the tree.
+
+        Args:
+            mesh: asset frame. primitives: its faces' labels. tree: parts, parents and subtypes.
+            seed: of all sampling.
+
+        Returns:
+            One link per node, one joint per node but the base, parents first.
+        """
+        links = tuple(
+            Link(n.name, n.kind, np.flatnonzero(np.isin(primitives.labels, n.primitives)),
+                 n.primitives)
+            for n in tree.nodes
+        )  # fmt: skip
+        frame = estimate_frame(mesh)
+        joints = [self._joint(mesh, frame, tree, links, i, seed) for i in topological_order(tree)]
+        return Articulation(mesh, links, tuple(joints))
+
+    def _joint(
+        self, mesh: Mesh, frame: ObjectFrame, tree: KinematicTree, links: Sequence[Link],
+        index: int, seed: int,
+    ) -> Joint:  # fmt: skip
+        node = tree.nodes[index]
+        faces = faces_around(tree, links, index)
+        if node.subtype == "fixed" or not len(faces.moving) or not len(faces.static):
+            return _fixed_joint(mesh, node, index, faces)
+        return self._estimate(mesh, frame, node, index, faces, seed)
+
+    def _estimate(
+        self, mesh: Mesh, frame: ObjectFrame, node: PartNode, index: int, faces: PartFaces,
+        seed: int,
+    ) -> Joint:  # fmt: skip
+        """Choose a hypothesis, then its limits."""
+        candidates = choose_candidates(mesh, frame, node, faces, seed)
+        best = candidates[0]
+        subtype = best.subtype
+        scene = SweepScene(mesh, faces.moving, faces.static, static_samples=1500, seed=seed)
+        alone = None
+        if len(faces.fixed) < len(faces.static) and len(faces.fixed):
+            alone = SweepScene(mesh, faces.moving, faces.fixed, static_samples=1500, seed=seed)
+        limits = embedded_limits(
+            scene, subtype, best.axis, best.origin, alone=alone, given=node.limits
+        )
+        evidence = {
+            "solver": "embedded",
+            **_contact_evidence(scene),
+            "candidates": [_plain(c) for c in candidates[:6]],
+            "limits": {"rule": limits.rule, **limits.evidence},
+        }
+        own = float(best.evidence.get("within_kind", 1.0))
+        confidence = node.confidence * (1.0 if node.provenance == "user" else max(own, 0.5))
+        return _joint(node, index, best.axis, best.origin, limits, confidence, evidence)
+
+
+class PaperInitSolver(EmbeddedSolver):
+    """The paper's initialisation (eq. 2-8) and limits, without its optimisation."""
+
+    method: Method | None = None
+
+    def _estimate(
+        self, mesh: Mesh, frame: ObjectFrame, node: PartNode, index: int, faces: PartFaces,
+        seed: int,
+    ) -> Joint:  # fmt: skip
+        user = _user_candidate(node)
+        part = paper_part(mesh, faces.moving, faces.parent, seed=seed)
+        first = initialise(part, node.subtype, seed)
+        axis, origin = (first.axis, first.origin) if user is None else (user.axis, user.origin)
+        evidence: dict[str, Any] = {
+            "solver": self.method or "init", "initial": dict(first.evidence),
+        }  # fmt: skip
+        scene = SweepScene(mesh, faces.moving, faces.static, static_samples=1500, seed=seed)
+        if user is None:
+            axis = opening_sign(scene, node, axis, origin, frame) * axis
+        if self.method is not None and user is None:
+            contact = part.contact * part.unit + part.center
+            motion = "prismatic" if node.subtype == "slide" else "revolute"
+            done = refine(scene, motion, axis, origin, self.method, contact)  # type: ignore[arg-type]
+            axis, origin = done.axis, done.origin
+            evidence["optimisation"] = {
+                "method": self.method, "accepted": done.accepted, "why": done.why,
+                "loss_before": done.loss_before, "loss_after": done.loss_after,
+                "curve": list(done.curve),
+            }  # fmt: skip
+        if node.limits is None:
+            limits = paper_limits(scene, node.subtype, axis, origin)
+        else:
+            limits = embedded_limits(scene, node.subtype, axis, origin, given=node.limits)
+        evidence.update(_contact_evidence(scene))
+        evidence["limits"] = {"rule": limits.rule, **limits.evidence}
+        return _joint(node, index, axis, origin, limits, node.confidence, evidence)
+
+
+class PaperLevenbergMarquardtSolver(PaperInitSolver):
+    """The paper with the optimiser its method section names."""
+
+    method = "lm"
+
+
+class PaperNelderMeadSolver(PaperInitSolver):
+    """The paper with the optimiser its implementation section names."""
+
+    method = "nelder-mead"
+
+
+def topological_order(tree: KinematicTree) -> list[int]:
+    """Indices of all nodes but the base, parents first."""
+    depth = {0: 0}
+    left = list(range(1, len(tree.nodes)))
+    while left:
+        ready = [i for i in left if tree.nodes[i].parent in depth]
+        if not ready:
+            raise ValueError(f"parts {[tree.nodes[i].name for i in left]} form a loop")
+        for i in ready:
+            depth[i] = depth[tree.nodes[i].parent] + 1
+        left = [i for i in left if i not in depth]
+    return [i for i in depth if i != 0]
+
+
+def faces_around(tree: KinematicTree, links: Sequence[Link], index: int) -> PartFaces:
+    """Which faces move with node `index`, and which stand still."""
+    moving = {index}
+    while True:
+        more = {i for i, n in enumerate(tree.nodes) if n.parent in moving} - moving
+        if not more:
+            break
+        moving |= more
+    parent = tree.nodes[index].parent
+    trunk, node = {0}, parent
+    while node > 0:
+        trunk.add(node)
+        node = tree.nodes[node].parent
+    stiff = {i for i, n in enumerate(tree.nodes)
+             if n.subtype == "fixed" and n.parent in trunk} - moving  # fmt: skip
+
+    def gather(chosen: set[int]) -> IntArray:
+        parts = [links[i].faces for i in sorted(chosen)]
+        return np.sort(np.concatenate(parts)) if parts else np.zeros(0, dtype=np.int64)
+
+    rest = set(range(len(links))) - moving
+    return PartFaces(
+        links[index].faces, gather(moving), gather(rest), links[parent].faces,
+        gather(trunk | stiff),
+    )  # fmt: skip
+
+
+def choose_candidates(
+    mesh: Mesh, frame: ObjectFrame, node: PartNode, faces: PartFaces, seed: int
+) -> list[JointCandidate]:
+    """Hypotheses of the node's kind of motion, best first.
+
+    A person's axis is obeyed; the reasoner's ranked candidates are reused; else they are made here.
+    """
+    user = _user_candidate(node)
+    if user is not None:
+        return [user]
+    kinds = ("slide",) if node.subtype == "slide" else ("hinge", "spin")
+    known = [c for c in node.candidates if c.subtype in kinds]
+    if not known:
+        parent = faces.parent if len(faces.parent) else faces.static
+        known = [
+            c for c in rank_hypotheses(
+                mesh, faces.moving, faces.static, frame=frame, parent_faces=parent, seed=seed,
+                top=1000,
+            ) if c.subtype in kinds
+        ]  # fmt: skip
+    return known
+
+
+def opening_sign(
+    scene: SweepScene, node: PartNode, axis: FloatArray, origin: FloatArray, frame: ObjectFrame
+) -> float:
+    """+1 or -1: the direction in which the part moves more freely, outwards in case of a tie."""
+    slide = node.subtype == "slide"
+    reach = 0.6 * float(np.ptp(scene.points @ unit(axis))) if slide else np.pi / 2
+    values = reach * np.array([0.25, 0.5, 0.75, 1.0])
+    motion = "prismatic" if slide else "revolute"
+    plus = scene.sweep(motion, axis, origin, values).blocked.mean()  # type: ignore[arg-type]
+    minus = scene.sweep(motion, axis, origin, -values).blocked.mean()  # type: ignore[arg-type]
+    middle = 0.5 * (frame.low + frame.high) @ frame.axes
+    swing = axis if slide else np.cross(axis, scene.center - origin)
+    outward = float(np.sign(swing @ (scene.center - middle)))
+    return 1.0 if minus - plus + 0.01 * outward >= 0 else -1.0
+
+
+def _user_candidate(node: PartNode) -> JointCandidate | None:
+    """The joint that a person gave for this part, if any."""
+    if node.provenance != "user" or not node.candidates:
+        return None
+    first = node.candidates[0]
+    return first if first.subtype == node.subtype else None
+
+
+def _joint(
+    node: PartNode, index: int, axis: FloatArray, origin: FloatArray, limits: Limits,
+    confidence: float, evidence: dict[str, Any],
+) -> Joint:  # fmt: skip
+    subtype = "slide" if limits.type == "prismatic" else node.subtype
+    return Joint(
+        f"{node.name}_joint", limits.type, subtype, node.parent, index, unit(axis),
+        np.asarray(origin, dtype=np.float64), float(limits.lower), float(limits.upper),
+        float(limits.closed), float(limits.open), confidence=float(np.clip(confidence, 0.0, 1.0)),
+        evidence=evidence,
+    )  # fmt: skip
+
+
+def _fixed_joint(mesh: Mesh, node: PartNode, index: int, faces: PartFaces) -> Joint:
+    used = mesh.vertices[np.unique(mesh.faces[faces.own])] if len(faces.own) else np.zeros((1, 3))
+    return Joint(
+        f"{node.name}_joint", "fixed", "fixed", node.parent, index, np.array([0.0, 0.0, 1.0]),
+        0.5 * (used.min(axis=0) + used.max(axis=0)), 0.0, 0.0, confidence=node.confidence,
+    )  # fmt: skip
+
+
+def _contact_evidence(scene: SweepScene) -> dict[str, Any]:
+    found = scene.contact()
+    return {"contact": {"points": len(found.points), "share": round(found.share, 4),
+                        "gap": found.gap, "tau": found.tau}}  # fmt: skip
+
+
+def _plain(c: JointCandidate) -> dict[str, Any]:
+    return {
+        "subtype": c.subtype, "axis": [round(float(v), 5) for v in c.axis],
+        "origin": [round(float(v), 5) for v in c.origin], "score": round(float(c.score), 4),
+        **{k: round(float(v), 4) for k, v in c.evidence.items()},
+    }  # fmt: skip
