@@ -1,0 +1,127 @@
+"""Exact convex collision pieces for the shapes of the kit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mam_pipeline.types import CollisionShape, FloatArray, IntArray
+from mam_pipeline.world import shapes
+
+SIDES = 16  # of the prisms that stand for cones
+WEDGES = 10  # around a hollow vessel
+
+
+def box(low: ArrayLike, high: ArrayLike) -> CollisionShape:
+    """Axis-aligned box."""
+    low, high = np.minimum(low, high), np.maximum(low, high)
+    pose = np.eye(4)
+    pose[:3, 3] = (low + high) / 2
+    return CollisionShape("box", pose, high - low)
+
+
+def sphere(center: ArrayLike, radius: float) -> CollisionShape:
+    """Sphere."""
+    pose = np.eye(4)
+    pose[:3, 3] = center
+    return CollisionShape("sphere", pose, np.array([radius, 0, 0]))
+
+
+def cylinder(start: ArrayLike, end: ArrayLike, radius: float) -> CollisionShape:
+    """Cylinder between two points."""
+    start, end = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+    pose = shapes.frame((start + end) / 2, end - start, (1, 0, 0))
+    return CollisionShape("cylinder", pose, np.array([radius, np.linalg.norm(end - start), 0]))
+
+
+def rings(stack: FloatArray) -> CollisionShape:
+    """Convex piece from (2, n, 3) rings: two outlines of n points joined side by side."""
+    n = stack.shape[1]
+    k = np.arange(1, n - 1)
+    fan = np.stack([np.zeros_like(k), k, k + 1], axis=1)
+    faces: IntArray = np.concatenate([shapes.grid_faces(2, n, False, True), fan[:, ::-1], fan + n])
+    return CollisionShape("convex", vertices=stack.reshape(-1, 3), faces=faces)
+
+
+def solid(profile: ArrayLike) -> list[CollisionShape]:
+    """Pieces of a solid of revolution about local z; profile (n, 2) of (radius, z)."""
+    p = _fewer(np.asarray(profile, dtype=float), 8)
+    out = []
+    for (r0, z0), (r1, z1) in zip(p[:-1], p[1:]):
+        if abs(z1 - z0) < 1e-9:
+            continue
+        if abs(r0 - r1) < 1e-9:
+            out.append(cylinder([0, 0, z0], [0, 0, z1], r0))
+            continue
+        ring = shapes.circle(1.0, SIDES)
+        low = np.c_[ring * max(r0, 1e-5), np.full(SIDES, z0)]
+        high = np.c_[ring * max(r1, 1e-5), np.full(SIDES, z1)]
+        out.append(rings(np.stack([low, high])))
+    return out
+
+
+def shell(profile: ArrayLike, wall: float, bottom: bool) -> list[CollisionShape]:
+    """Wedges of a hollow solid of revolution about local z (see Builder.vessel)."""
+    p = _fewer(np.asarray(profile, dtype=float), 4)
+    edge = shapes.circle(1.0, WEDGES)
+    # the polygon's edges lie inside the circle: its corners go out half-way, its insides in
+    reach = 1.0 / np.cos(np.pi / WEDGES)
+    out = []
+    for (r0, z0), (r1, z1) in zip(p[:-1], p[1:]):
+        if abs(z1 - z0) < 1e-9:
+            continue
+        for k in range(WEDGES):
+            a, b = edge[k], edge[(k + 1) % WEDGES]
+            layers = []
+            for r, z in ((r0, z0), (r1, z1)):
+                inner, outer = max(r - wall, 1e-5) * reach, r * 0.5 * (1 + reach)
+                xy = np.stack([a * inner, a * outer, b * outer, b * inner])
+                layers.append(np.c_[xy, np.full(4, z)])
+            out.append(rings(np.stack(layers)))
+    if bottom:
+        out.append(cylinder([0, 0, p[0, 1]], [0, 0, p[0, 1] + wall], p[0, 0]))
+    return out
+
+
+def path(points: ArrayLike, radius: float, loop: bool = False) -> list[CollisionShape]:
+    """Cylinders along a bent rod."""
+    p = np.asarray(points, dtype=float)
+    if len(p) > 13:
+        p = p[np.linspace(0, len(p) - 1, 12 if not loop else 13).round().astype(int)]
+    ends = np.roll(p, -1, axis=0)
+    pairs = list(zip(p, ends))[: None if loop else -1]
+    return [cylinder(a, b, radius) for a, b in pairs if np.linalg.norm(b - a) > 1e-6]
+
+
+def prism(polygon: ArrayLike, height: float) -> list[CollisionShape]:
+    """Prisms over a simple polygon: one if convex, else one for each of its triangles."""
+    p = np.asarray(polygon, dtype=float)
+    if shapes.signed_area(p) < 0:
+        p = p[::-1]
+    outlines = [p] if shapes.is_convex(p) else [p[t] for t in shapes.triangulate(p)]
+    return [
+        rings(np.stack([np.c_[o, np.zeros(len(o))], np.c_[o, np.full(len(o), height)]]))
+        for o in outlines
+    ]
+
+
+def moved(shape: CollisionShape, matrix: FloatArray) -> CollisionShape:
+    """The piece moved by a rigid transform (4, 4)."""
+    if shape.kind == "convex":
+        vertices = shape.vertices @ matrix[:3, :3].T + matrix[:3, 3]
+        return CollisionShape("convex", vertices=vertices, faces=shape.faces)
+    return CollisionShape(shape.kind, matrix @ shape.pose, shape.size)
+
+
+def all_moved(pieces: Sequence[CollisionShape], matrix: FloatArray) -> tuple[CollisionShape, ...]:
+    """`moved` for several pieces."""
+    return tuple(moved(p, matrix) for p in pieces)
+
+
+def _fewer(profile: FloatArray, segments: int) -> FloatArray:
+    """A profile with at most so many segments: points at equal steps, both ends kept."""
+    if len(profile) <= segments + 1:
+        return profile
+    return profile[np.linspace(0, len(profile) - 1, segments + 1).round().astype(int)]
