@@ -1,1 +1,28 @@
-"""ManiSkill environments in which a robot arm operates a mam-sim asset."""
+"""ManiSkill environments on any asset: gym.make("mam_envs:OperateJoint-v1", asset=DIR, ...).
+
+Importing this package registers the environment; the simulator is loaded by gym.make.
+"""
+
+from __future__ import annotations
+
+import gymnasium as _gym
+from gymnasium.envs.registration import WrapperSpec as _WrapperSpec
+
+ENV_ID = "mam_envs:OperateJoint-v1"
+MAX_EPISODE_STEPS = 200
+
+if "OperateJoint-v1" not in _gym.registry:
+    _gym.register(
+        "OperateJoint-v1",
+        entry_point="mam_envs.env:OperateJointEnv",
+        vector_entry_point="mam_envs.env:make_vector",
+        max_episode_steps=MAX_EPISODE_STEPS,
+        disable_env_checker=True,
+        additional_wrappers=(
+            _WrapperSpec(
+                "MSTimeLimit",
+                entry_point="mani_skill.utils.registration:TimeLimitWrapper",
+                kwargs={"max_episode_steps": MAX_EPISODE_STEPS},
+            ),
+        ),
+    )

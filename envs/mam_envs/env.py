@@ -1,0 +1,534 @@
+"""OperateJoint-v1: a robot arm opens, closes, turns or pushes any joint of any asset."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import sapien
+import torch
+from mani_skill.envs.sapien_env import BaseEnv
+from mani_skill.utils import common
+from mani_skill.utils.geometry.rotation_conversions import matrix_to_quaternion
+from mani_skill.utils.registration import REGISTERED_ENVS
+from mani_skill.utils.registration import EnvSpec as ManiSkillSpec
+from mani_skill.utils.structs import Articulation, Link, Pose
+from mani_skill.utils.structs.types import GPUMemoryConfig, SimConfig
+from mani_skill.vector.wrappers.gymnasium import ManiSkillVectorEnv
+
+from mam_envs import layout as layouts
+from mam_envs import randomisation, rewards, scene, vulkan
+from mam_envs.contact import ContactProbe
+from mam_envs.objects import ObjectModel
+from mam_envs.robots import RobotSpec, robot_spec
+from mam_envs.spec import EnvConfig, JointGoal, fill
+from mam_pipeline.asset.card import Asset
+from mam_pipeline.errors import ConfigError
+from mam_pipeline.types import FloatArray
+
+ENV_ID = "OperateJoint-v1"
+MAX_STEPS = 200
+TOUCH_FORCE = 0.1  # newtons
+GRACE_STEPS = 5  # control steps for which motion after a touch still counts as driven
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What a planner may know of one sub-scene at this moment (privileged).
+
+    Attributes:
+        layout: asset, task and nominal placement.
+        goal: the joint that is to be moved now.
+        base: (4, 4) world_T_base. world_asset: (4, 4) world_T_asset.
+        q: joint value of the goal's joint. others: values of the object's other joints.
+        arm: (n,) arm joint values.
+    """
+
+    layout: scene.Layout
+    goal: JointGoal
+    base: FloatArray
+    world_asset: FloatArray
+    q: float
+    others: Mapping[str, float]
+    arm: FloatArray
+
+    @property
+    def model(self) -> ObjectModel:
+        return self.layout.model
+
+    @property
+    def robot(self) -> RobotSpec:
+        return self.layout.robot
+
+
+class OperateJointEnv(BaseEnv):
+    """Task: move a joint of an articulated object with a robot arm.
+
+    The object stands at the world's origin, its front towards -x; the arm stands where inverse
+    kinematics reaches the handle along the joint's whole path.
+
+    Randomizations: the object's place and yaw, the arm's start, and whatever else
+    `RandomisationConfig` asks for.
+
+    Success: the joint has gone `TaskConfig.fraction` (0.75) of its way (or is within `tolerance`
+    of the asked value), is slower than `still_speed`, and at least half of its motion happened
+    while the robot touched the moving part. In a sequence every joint must get there in turn.
+
+    Observations: `agent` (qpos, qvel) and `extra` (tcp_pose) are what a real arm knows;
+    `extra/privileged` (handle, joint state, progress) only exists in state modes and comes last
+    in the flat vector; `observation_layout` names every slice.
+    """
+
+    SUPPORTED_REWARD_MODES = ("normalized_dense", "dense", "sparse", "none")
+    agent: Any
+    object: Articulation
+
+    def __init__(
+        self,
+        *args: Any,
+        asset: str | Path | Asset | Sequence[str | Path | Asset],
+        joint: str | Sequence[str] | None = None,
+        task: str | Sequence[str] | None = None,
+        robot_uids: str = "panda",
+        scale: float | str = "auto",
+        config: EnvConfig | Mapping[str, Any] | str | Path | None = None,
+        randomisation: Mapping[str, Any] | None = None,
+        reward: Mapping[str, Any] | None = None,
+        world: Mapping[str, Any] | None = None,
+        judge: Mapping[str, Any] | None = None,
+        num_envs: int = 1,
+        reconfiguration_freq: int | None = None,
+        obs_mode: str | None = None,
+        render_mode: str | None = None,
+        render_backend: str = "auto",
+        **kwargs: Any,
+    ) -> None:
+        """Build the environment (use gym.make("mam_envs:OperateJoint-v1", asset=..., ...)).
+
+        Args:
+            asset: one asset folder or several; several are spread over the sub-scenes, or drawn
+                anew at every reset when there is only one.
+            joint: its name; None takes the most confident joint with a grasp; several make a
+                sequence.
+            task: open | close | turn_to | push (one, or one per joint); None picks by the joint.
+            robot_uids: panda, so100, fetch, xarm6_robotiq (see mam_envs.robots).
+            scale: factor on the object's size, or "auto": 1 where the arm can do it, else shrunk
+                to its reach.
+            config: EnvConfig, mapping or YAML file; randomisation, reward, world (scene) and
+                judge (task) override single settings of it.
+            render_backend: auto | none | cpu | gpu ...; auto renders only what is asked for.
+
+        Raises:
+            InputError, ConfigError: bad asset, joint, task, robot or setting.
+            PlacementError: no place lets this arm do it; the message says why.
+            BackendError: pictures are asked for without a Vulkan driver.
+        """
+        settings = EnvConfig.make(config)
+        parts = {"randomisation": randomisation, "reward": reward, "scene": world, "task": judge}
+        self.config = fill(settings, {k: v for k, v in parts.items() if v})
+        self.robot_spec = robot_spec(robot_uids)
+        found = [asset] if isinstance(asset, str | Path | Asset) else list(asset)
+        if not found:
+            raise ConfigError("asset is an empty list")
+        self.layouts = [
+            layouts.arrange(a, joint, task, self.robot_spec, scale, self.config) for a in found
+        ]
+        if len({len(item.goals) for item in self.layouts}) > 1:
+            raise ConfigError("all assets need the same number of joints in a sequence")
+        self._chosen = [0] * num_envs
+        if reconfiguration_freq is None:
+            reconfiguration_freq = 1 if num_envs == 1 and len(self.layouts) > 1 else 0
+        vulkan.prepare()
+        if layouts.agent_uid(robot_uids) not in ("panda", "fetch") and num_envs > 1:
+            kwargs.setdefault("sim_backend", "physx_cuda")
+        super().__init__(
+            *args,
+            num_envs=num_envs,
+            robot_uids=layouts.agent_uid(robot_uids),
+            reconfiguration_freq=reconfiguration_freq,
+            obs_mode=obs_mode,
+            render_mode=render_mode,
+            render_backend=vulkan.render_backend(render_backend, obs_mode, render_mode),
+            **kwargs,
+        )
+
+    # -- configuration ---------------------------------------------------------------------
+    @property
+    def _default_sim_config(self) -> SimConfig:
+        return SimConfig(
+            spacing=8,
+            gpu_memory_config=GPUMemoryConfig(
+                max_rigid_contact_count=2**21, max_rigid_patch_count=2**19
+            ),
+        )
+
+    @property
+    def _default_sensor_configs(self) -> list[Any]:
+        spread = self.config.randomisation.camera
+        out = []
+        for uid, spec in self.config.scene.cameras.items():
+            noise = self._batched_episode_rng[0].normal(0, 1, 3) * spread if spread else None
+            out.append(scene.camera(uid, spec, self.layout(0), noise))
+        return out
+
+    @property
+    def _default_human_render_camera_configs(self) -> list[Any]:
+        return [scene.camera("render_camera", self.config.scene.render, self.layout(0))]
+
+    def layout(self, index: int = 0) -> scene.Layout:
+        """The asset, task and placement of one sub-scene."""
+        return self.layouts[self._chosen[index]]
+
+    # -- building --------------------------------------------------------------------------
+    def _load_agent(self, options: dict, *_: Any, **__: Any) -> None:
+        if self.num_envs == 1:
+            self._chosen = [int(self._batched_episode_rng[0].randint(len(self.layouts)))]
+        else:
+            self._chosen = [i % len(self.layouts) for i in range(self.num_envs)]
+        super()._load_agent(options, sapien.Pose(self.layout(0).placement.base))
+
+    def _load_scene(self, options: dict) -> None:
+        scene.build_world(
+            self.scene, self.config.scene, [self.layout(i) for i in range(self.num_envs)]
+        )
+        sapien.set_log_level("off")  # PhysX calls thin panels oblong
+        built = [
+            scene.build_object(self.scene, self.layout(i), i, f"object_{i}")
+            for i in range(self.num_envs)
+        ]
+        sapien.set_log_level("warn")
+        self._objects = built
+        stages = len(self.layout(0).goals)
+        dofs: list[list[int]] = []
+        targets: list[list[Link]] = [[] for _ in range(stages)]
+        for i, item in enumerate(built):
+            self.remove_from_state_dict_registry(item)
+            names = [j.name for j in item.active_joints]
+            goals = self.layout(i).goals
+            dofs.append([names.index(g.joint) for g in goals])
+            for k, g in enumerate(goals):
+                child = self.layout(i).model.kinematics.joint(g.joint).child
+                targets[k].append(item.links_map[child])
+            rng = self._batched_episode_rng[i]
+            drawn = randomisation.draw(self.config.randomisation, rng, len(self.robot_spec.arm))
+            randomisation.set_physics(
+                item, self.layout(i).model, [g.joint for g in goals], drawn
+            )
+            share = self.config.randomisation.colour
+            if share and self.scene.can_render():
+                scene.tint(item, rng.uniform(0, 1, 3), share * float(rng.uniform()))
+        self._dof_index = torch.tensor(dofs, device=self.device)
+        self.object = Articulation.merge(built, name="object")
+        self.add_to_state_dict_registry(self.object)
+        self.targets = [
+            Link.merge(rows, name=f"target_{k}") for k, rows in enumerate(targets)
+        ]
+        self._make_buffers()
+
+    def _load_lighting(self, options: dict) -> None:
+        low, high = self.config.randomisation.light
+        factor = low
+        if high > low:
+            factor = float(self._batched_episode_rng[0].uniform(low, high))
+        scene.build_lights(self.scene, factor, self.enable_shadow)
+
+    def _make_buffers(self) -> None:
+        """Per-sub-scene constants (b, stages) and episode memory (b,)."""
+        n, stages = self.num_envs, len(self.targets)
+        rows: dict[str, list[list[float]]] = {}
+        for key in ("q_start", "q_goal", "tolerance", "closed", "open", "still_speed"):
+            rows[key] = [
+                [float(getattr(g, key)) for g in self.layout(i).goals] for i in range(n)
+            ]
+        tensors = {k: torch.tensor(v, device=self.device) for k, v in rows.items()}
+        self._goal = tensors
+        points = np.zeros((n, stages, 3), dtype=np.float32)
+        for i in range(n):
+            item = self.layout(i)
+            rest = item.model.kinematics.link_poses({})
+            for k, g in enumerate(item.goals):
+                pose = rest[item.model.kinematics.joint(g.joint).child][0]
+                points[i, k] = (item.handles[k] - pose[:3, 3]) @ pose[:3, :3]
+        self._handle_point = torch.tensor(points, device=self.device)
+        zero = torch.zeros(n, device=self.device)
+        self.stage = torch.zeros(n, dtype=torch.long, device=self.device)
+        self._q_begin = self._goal["q_start"].clone()
+        self._q_last, self._driven, self._moved = zero.clone(), zero.clone(), zero.clone()
+        self._untouched, self._force, self._rate = zero.clone(), zero.clone(), zero.clone()
+        self._since_touch = torch.full_like(zero, 1e6)
+        self._last_action: torch.Tensor | None = None
+
+    def _after_reconfigure(self, options: dict) -> None:
+        spec = self.robot_spec
+        links = self.agent.robot.links_map
+        hand = [links[name] for name in (*spec.finger_links, *spec.hand_links)]
+        self._tip = links[spec.tip]
+        self._tool = torch.tensor(spec.chain.tool, dtype=torch.float32, device=self.device)
+        item = self.layout(0)
+        parts = [set(item.model.moving_links(g.joint)) for g in item.goals]
+        self._probe = ContactProbe(self, hand, self.targets, parts)
+
+    # -- episodes --------------------------------------------------------------------------
+    def _initialize_episode(self, env_idx: torch.Tensor, options: dict) -> None:
+        spec = self.robot_spec
+        names = [j.name for j in self.agent.robot.active_joints]
+        rest = np.array([spec.rest.get(name, 0.0) for name in names], dtype=np.float32)
+        arm = [names.index(name) for name in spec.arm]
+        qpos = np.tile(rest, (len(env_idx), 1))
+        base = np.zeros((len(env_idx), 4, 4), dtype=np.float32)
+        pose = np.zeros((len(env_idx), 4, 4), dtype=np.float32)
+        object_q = np.zeros((len(env_idx), self.object.max_dof), dtype=np.float32)
+        for row, i in enumerate(env_idx.tolist()):
+            item = self.layout(i)
+            rng = self._batched_episode_rng[i]
+            drawn, pose[row] = layouts.draw_clear(item, self.config.randomisation, rng)
+            qpos[row, arm] = np.clip(
+                rest[arm] + drawn.noise, spec.chain.limits[:, 0], spec.chain.limits[:, 1]
+            )
+            base[row] = item.placement.base
+            joints = [j.name for j in self._objects[i].active_joints]
+            for k, name in enumerate(joints):
+                object_q[row, k] = layouts.rest_value(item.model, name)
+            for k, goal in enumerate(item.goals):
+                value = randomisation.start_value(goal, drawn)
+                object_q[row, self._dof_index[i, k]] = value
+                self._q_begin[i, k] = value
+            if not self.gpu_sim_enabled:
+                randomisation.set_physics(
+                    self._objects[i], item.model, [g.joint for g in item.goals], drawn
+                )
+        self.agent.robot.set_pose(_pose(base, self.device))
+        self.agent.reset(torch.tensor(qpos, device=self.device))
+        self.object.set_pose(_pose(pose, self.device))
+        self.object.set_qpos(torch.tensor(object_q, device=self.device))
+        self.object.set_qvel(torch.zeros_like(torch.tensor(object_q), device=self.device))
+        self._world_asset = getattr(self, "_world_asset", np.tile(np.eye(4), (self.num_envs, 1, 1)))
+        self._world_asset[env_idx.cpu().numpy()] = pose
+        if self.gpu_sim_enabled:
+            self.scene._gpu_apply_all()
+            self.scene.px.gpu_update_articulation_kinematics()
+            self.scene._gpu_fetch_all()
+        self._forget(env_idx)
+
+    def _forget(self, env_idx: torch.Tensor) -> None:
+        """Start the episode memory of some sub-scenes anew."""
+        self.stage[env_idx] = 0
+        for memory in (self._driven, self._moved, self._untouched, self._force, self._rate):
+            memory[env_idx] = 0.0
+        self._since_touch[env_idx] = 1e6
+        self._q_last[env_idx] = self.joint_value()[env_idx]
+        if self._last_action is not None:
+            self._last_action[env_idx] = 0.0
+
+    # -- state of the task -----------------------------------------------------------------
+    def _now(self, key: str) -> torch.Tensor:
+        """(b,) a goal constant of each sub-scene's present stage."""
+        return self._goal[key].gather(1, self.stage[:, None])[:, 0]
+
+    def _dof(self, values: torch.Tensor) -> torch.Tensor:
+        index = self._dof_index.gather(1, self.stage[:, None])
+        return values.gather(1, index)[:, 0]
+
+    def joint_value(self) -> torch.Tensor:
+        """(b,) value of the joint to be moved now, radians or metres."""
+        return self._dof(self.object.get_qpos())
+
+    def joint_speed(self) -> torch.Tensor:
+        """(b,) its velocity."""
+        return self._dof(self.object.get_qvel())
+
+    def open_fraction(self) -> torch.Tensor:
+        """(b,) 0 closed, 1 open."""
+        closed = self._now("closed")
+        return (self.joint_value() - closed) / (self._now("open") - closed)
+
+    def progress(self) -> torch.Tensor:
+        """(b,) 0 where the stage began, 1 where success begins."""
+        begin = self._q_begin.gather(1, self.stage[:, None])[:, 0]
+        return (self.joint_value() - begin) / (self._now("q_goal") - begin)
+
+    def handle_position(self) -> torch.Tensor:
+        """(b, 3) point to hold, world."""
+        rows = []
+        for k, target in enumerate(self.targets):
+            matrix = target.pose.to_transformation_matrix()
+            point = torch.einsum("bij,bj->bi", matrix[:, :3, :3], self._handle_point[:, k])
+            rows.append(point + matrix[:, :3, 3])
+        if len(rows) == 1:
+            return rows[0]
+        index = self.stage[:, None, None].expand(-1, 1, 3)
+        return torch.stack(rows, dim=1).gather(1, index)[:, 0]
+
+    def tool_pose(self) -> Pose:
+        """Pose (b,) of the tool frame: z approaches, y closes."""
+        matrix = self._tip.pose.to_transformation_matrix() @ self._tool
+        quaternion = matrix_to_quaternion(matrix[:, :3, :3])
+        return Pose.create_from_pq(matrix[:, :3, 3], quaternion)
+
+    def situation(self, index: int = 0) -> Situation:
+        """What a planner may know of sub-scene `index`."""
+        item = self.layout(index)
+        goal = item.goals[int(self.stage[index])]
+        values = common.to_numpy(self.object.get_qpos())[index]
+        joints = [j.name for j in self._objects[index].active_joints]
+        others = {n: float(values[k]) for k, n in enumerate(joints) if n != goal.joint}
+        names = [j.name for j in self.agent.robot.active_joints]
+        q = common.to_numpy(self.agent.robot.get_qpos())[index]
+        arm = np.array([q[names.index(n)] for n in self.robot_spec.arm], dtype=float)
+        return Situation(
+            item,
+            goal,
+            item.placement.base,
+            np.array(self._world_asset[index], dtype=float),
+            float(values[joints.index(goal.joint)]),
+            others,
+            arm,
+        )
+
+    # -- stepping --------------------------------------------------------------------------
+    def _step_action(self, action: Any) -> Any:
+        out = super()._step_action(action)
+        if isinstance(out, torch.Tensor):
+            if self._last_action is not None and self._last_action.shape == out.shape:
+                self._rate = ((out - self._last_action) ** 2).mean(dim=-1)
+            self._last_action = out.clone()
+        self._count_contact()
+        return out
+
+    def _count_contact(self) -> None:
+        """Credit this step's joint motion to the robot if it touches, or has just touched."""
+        self._force = self._probe.force(self.stage)
+        touching = self._force > TOUCH_FORCE
+        self._since_touch = torch.where(
+            touching, torch.zeros_like(self._since_touch), self._since_touch + 1
+        )
+        q = self.joint_value()
+        step = (q - self._q_last).abs()
+        recent = self._since_touch <= GRACE_STEPS
+        self._driven = self._driven + step * recent
+        self._moved = self._moved + step
+        width = (self._now("open") - self._now("closed")).abs()
+        self._untouched = step * (~recent) / width
+        self._q_last = q
+
+    def evaluate(self) -> dict[str, torch.Tensor]:
+        """Success and what it depends on; (b,) each."""
+        q, progress = self.joint_value(), self.progress()
+        tolerance = self._now("tolerance")
+        near = (q - self._now("q_goal")).abs() <= tolerance
+        reached = torch.where(tolerance > 0, near, progress >= 1.0)
+        still = self.joint_speed().abs() <= self._now("still_speed")
+        share = self._driven / self._moved.clamp(min=1e-9)
+        by_contact = (share >= self.config.task.driven) & (self._moved > 0)
+        done = reached & still & by_contact
+        last = len(self.targets) - 1
+        success = done & (self.stage >= last)
+        if last and (done & (self.stage < last)).any():
+            self._next_stage(done & (self.stage < last))
+        return {
+            "success": success,
+            "open_fraction": self.open_fraction(),
+            "progress": progress,
+            "by_contact": by_contact,
+            "contact_force": self._force,
+            "stage": self.stage.clone(),
+        }
+
+    def _next_stage(self, move: torch.Tensor) -> None:
+        """Sequences: go on to the next joint where the present one is done."""
+        self.stage = self.stage + move.long()
+        keep = ~move
+        self._driven, self._moved = self._driven * keep, self._moved * keep
+        self._q_last = self.joint_value()
+        index = self.stage[:, None]
+        begin = self._q_begin.clone()
+        begin.scatter_(1, index, self.joint_value()[:, None])
+        self._q_begin = torch.where(move[:, None], begin, self._q_begin)
+
+    # -- observations and rewards ----------------------------------------------------------
+    def _get_obs_extra(self, info: dict) -> dict[str, Any]:
+        tool = self.tool_pose()
+        out: dict[str, Any] = {"tcp_pose": tool.raw_pose}
+        if self.obs_mode in ("state", "state_dict"):
+            handle = self.handle_position()
+            out["privileged"] = {
+                "handle_position": handle,
+                "tcp_to_handle": handle - tool.p,
+                "joint_value": self.joint_value(),
+                "joint_speed": self.joint_speed(),
+                "joint_goal": self._now("q_goal"),
+                "open_fraction": info["open_fraction"],
+                "progress": info["progress"],
+                "touching": (info["contact_force"] > TOUCH_FORCE).float(),
+            }
+        return out
+
+    def observation_layout(self) -> list[tuple[str, int, int, bool]]:
+        """(name, start, stop, privileged) of every entry of the flat state vector."""
+        info = self.get_info()
+        found = self._get_obs_state_dict(info)
+        out: list[tuple[str, int, int, bool]] = []
+        at = 0
+        for name, value in _entries(found, ""):
+            width = int(np.prod(value.shape[1:])) if value.ndim > 1 else 1
+            out.append((name, at, at + width, "privileged" in name))
+            at += width
+        return out
+
+    def _get_obs_sensor_data(self, apply_texture_transforms: bool = True) -> dict:
+        out = super()._get_obs_sensor_data(apply_texture_transforms)
+        if self.config.scene.background and apply_texture_transforms:
+            layouts.put_background(self, out)
+        return out
+
+    def reward_terms(self, info: dict) -> rewards.RewardTerms:
+        """The unscaled terms of the dense reward, (b,) each."""
+        distance = (self.handle_position() - self.tool_pose().p).norm(dim=-1)
+        moved = info["by_contact"] & (info["progress"] > 0.02)
+        reach = torch.where(moved, torch.ones_like(distance), 1 - torch.tanh(5 * distance))
+        return rewards.RewardTerms(
+            reach=reach,
+            contact=(info["contact_force"] > TOUCH_FORCE).float(),
+            progress=info["progress"].clamp(-1, 1) + (info["stage"] > 0) * 0.0,
+            success=info["success"].float(),
+            untouched_motion=self._untouched,
+            action_rate=self._rate,
+        )
+
+    def compute_dense_reward(self, obs: Any, action: Any, info: dict) -> torch.Tensor:
+        """Sum of the scaled terms; each is put into info under reward/<name>."""
+        scaled = self.reward_terms(info).scaled(self.config.reward)
+        for name, value in scaled.items():
+            info[f"reward/{name}"] = value
+        return torch.stack(list(scaled.values())).sum(dim=0)
+
+    def compute_normalized_dense_reward(self, obs: Any, action: Any, info: dict) -> torch.Tensor:
+        """Dense reward over the most that one step can bring."""
+        return self.compute_dense_reward(obs, action, info) / rewards.largest(self.config.reward)
+
+
+def _entries(value: Any, prefix: str) -> list[tuple[str, torch.Tensor]]:
+    if isinstance(value, Mapping):
+        return [row for k, v in value.items() for row in _entries(v, f"{prefix}/{k}".strip("/"))]
+    return [(prefix, value)]
+
+
+def _pose(matrix: np.ndarray, device: torch.device) -> Pose:
+    m = torch.tensor(np.asarray(matrix, dtype=np.float32), device=device)
+    return Pose.create_from_pq(m[:, :3, 3], matrix_to_quaternion(m[:, :3, :3]))
+
+
+def make_vector(**kwargs: Any) -> ManiSkillVectorEnv:
+    """Vector entry point for gym.make_vec: sub-scenes of one simulation."""
+    import gymnasium as gym
+
+    return ManiSkillVectorEnv(gym.make(ENV_ID, **kwargs))
+
+
+# ManiSkill's own tools (replay, recording) look environments up here
+REGISTERED_ENVS.setdefault(
+    ENV_ID, ManiSkillSpec(ENV_ID, OperateJointEnv, max_episode_steps=MAX_STEPS)
+)

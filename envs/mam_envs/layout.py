@@ -1,0 +1,154 @@
+"""From an asset and a wish to a layout: models, goals, scale, placement; and drawing clear starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+
+from mam_envs import randomisation
+from mam_envs.objects import ObjectModel
+from mam_envs.placement import Placement, object_pose, place
+from mam_envs.reach import PlacementError, rest_is_clear
+from mam_envs.robots import ALIASES, ROBOTS, RobotSpec
+from mam_envs.scene import Layout
+from mam_envs.spec import EnvConfig, JointGoal, RandomisationConfig, TaskConfig, joint_goal
+from mam_pipeline.asset.card import Asset
+from mam_pipeline.errors import ConfigError
+from mam_pipeline.types import FloatArray
+
+if TYPE_CHECKING:
+    from mam_envs.env import OperateJointEnv
+
+
+def agent_uid(robot: str) -> str:
+    """ManiSkill's agent for a robot name or alias."""
+    return robot if robot in ("panda_wristcam",) else ALIASES.get(robot, robot)
+
+
+def arrange(
+    asset: str | Path | Asset,
+    joint: str | Sequence[str] | None,
+    task: str | Sequence[str] | None,
+    robot: RobotSpec,
+    scale: float | str,
+    config: EnvConfig,
+) -> Layout:
+    """Resolve names, size and place of one asset; remembered for equal questions.
+
+    Raises:
+        InputError, ConfigError, PlacementError: see OperateJointEnv.
+    """
+    found = asset if isinstance(asset, Asset) else Asset.load(asset)
+    joints = (joint,) if joint is None or isinstance(joint, str) else tuple(joint)
+    tasks = (task,) if task is None or isinstance(task, str) else tuple(task)
+    if len(tasks) not in (1, len(joints)):
+        raise ConfigError(f"{len(joints)} joints but {len(tasks)} tasks; give one task or as many")
+    if len(tasks) < len(joints):
+        tasks = tasks * len(joints)
+    if isinstance(scale, str) and scale != "auto":
+        raise ConfigError(f"scale is a number or 'auto', not {scale!r}")
+    stamp = (found.folder / "asset.json").stat().st_mtime_ns
+    key = (str(found.folder), stamp, joints, tasks, robot.uid, scale)
+    return _arrange(key, config.task, config.randomisation)
+
+
+@lru_cache(maxsize=256)
+def _arrange(key: tuple[Any, ...], task: TaskConfig, chance: RandomisationConfig) -> Layout:
+    folder, _, joints, tasks, uid, scale = key
+    asset, robot = Asset.load(folder), ROBOTS[uid]
+    if scale != "auto":
+        return _at_scale(asset, joints, tasks, robot, float(scale), task, chance)
+    try:
+        return _at_scale(asset, joints, tasks, robot, 1.0, task, chance)
+    except PlacementError as error:
+        low, high = ObjectModel.load(asset).bounds()
+        shrunk = 1.1 * robot.reach / float(np.linalg.norm(high - low))
+        if shrunk > 0.95 or robot.reach > 0.5:
+            raise
+        try:
+            return _at_scale(asset, joints, tasks, robot, shrunk, task, chance)
+        except PlacementError:
+            raise error from None
+
+
+def _at_scale(
+    asset: Asset,
+    joints: tuple[str | None, ...],
+    tasks: tuple[str | None, ...],
+    robot: RobotSpec,
+    scale: float,
+    task: TaskConfig,
+    chance: RandomisationConfig,
+) -> Layout:
+    if not scale > 0:
+        raise ConfigError(f"scale must be positive, not {scale}")
+    model = ObjectModel.load(asset, scale)
+    goals = tuple(joint_goal(model, j, t, task) for j, t in zip(joints, tasks))
+    placement = place(model, goals, robot, chance)
+    return Layout(model, goals, placement, robot, _handles(model, goals, placement))
+
+
+def _handles(
+    model: ObjectModel, goals: tuple[JointGoal, ...], placement: Placement
+) -> tuple[FloatArray, ...]:
+    out = []
+    for k, goal in enumerate(goals):
+        grasp = placement.path.hold.grasp if k == 0 else model.grasps(goal.joint)[0]
+        out.append(np.array(grasp.position))
+    return tuple(out)
+
+
+def rest_value(model: ObjectModel, joint: str) -> float:
+    """Value at which a joint that is not the task's starts: the source's pose."""
+    row = next((j for j in model.kinematics.joints if j.name == joint), None)
+    return 0.0 if row is None else float(np.clip(0.0, row.lower, row.upper))
+
+
+def draw_clear(
+    layout: Layout, chance: RandomisationConfig, rng: np.random.RandomState, tries: int = 10
+) -> tuple[randomisation.Draw, FloatArray]:
+    """Draw an episode in which the arm at rest does not touch the object, and world_T_asset.
+
+    Raises:
+        PlacementError: ten draws in a row overlap (the randomisation is too wide).
+    """
+    goal = layout.goals[0]
+    for _ in range(tries):
+        drawn = randomisation.draw(chance, rng, len(layout.robot.arm))
+        pose = object_pose(
+            layout.model, layout.placement.object_height, drawn.shift, drawn.yaw
+        )
+        q = {g.joint: randomisation.start_value(g, drawn) for g in layout.goals}
+        if rest_is_clear(layout.model, layout.robot, layout.placement.base, pose, q, drawn.noise):
+            return drawn, pose
+    raise PlacementError(
+        f"{layout.model.asset.card.name}: the arm at rest overlaps the object at {goal.joint!r}; "
+        "make randomisation.position or yaw smaller"
+    )
+
+
+def put_background(env: OperateJointEnv, data: dict[str, Any]) -> None:
+    """Replace what is neither robot nor object by the background picture, in place."""
+    import cv2
+
+    path = env.config.scene.background
+    picture = cv2.imread(str(path))
+    if picture is None:
+        raise ConfigError(f"background picture {path} cannot be read")
+    seen = [*env.agent.robot.links, *(link for o in env._objects for link in o.links)]
+    ids = torch.unique(torch.cat([link.per_scene_id for link in seen])).to(env.device)
+    for name, sensor in env.scene.sensors.items():
+        if "rgb" not in data.get(name, {}):
+            continue
+        rgb = data[name]["rgb"]
+        mask = sensor.get_obs(rgb=False, depth=False, position=False, segmentation=True)
+        keep = torch.isin(mask["segmentation"], ids)
+        size = (rgb.shape[2], rgb.shape[1])
+        fitted = cv2.cvtColor(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), 4)
+        behind = torch.from_numpy(np.ascontiguousarray(fitted)).to(rgb.device)
+        data[name]["rgb"] = torch.where(keep, rgb, behind[None].expand_as(rgb))

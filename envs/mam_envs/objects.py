@@ -1,0 +1,231 @@
+"""The articulated object as planning sees it: kinematics, convex pieces, grasps, joint ranges."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from scipy.spatial import ConvexHull, QhullError
+
+from mam_envs.kinematics import KinematicModel
+from mam_pipeline.asset.card import Asset, CardGrasp, CardJoint
+from mam_pipeline.errors import InputError, NotPhysicalError, unknown_name
+from mam_pipeline.types import FloatArray
+
+GRAVITY = 9.81
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A convex collision piece in its link's frame: `planes` (M, 4) rows (normal, offset),
+    inside where normal . x + offset <= 0; `points` (V, 3) its corners."""
+
+    planes: FloatArray
+    points: FloatArray
+
+
+@dataclass(frozen=True)
+class ObjectModel:
+    """An asset at one scale; lengths are in metres after scaling, frames as in the asset."""
+
+    asset: Asset
+    kinematics: KinematicModel
+    scale: float
+
+    @staticmethod
+    def load(asset: Asset, scale: float = 1.0) -> ObjectModel:
+        """Read the asset's URDF.
+
+        Raises:
+            InputError: the URDF is missing or broken, or the card names a joint it lacks.
+        """
+        if not asset.urdf_path.is_file():
+            raise InputError(f"{asset.folder} names {asset.card.urdf}, which does not exist")
+        kinematics = KinematicModel.load(asset.urdf_path, scale)
+        names = {j.name for j in kinematics.joints}
+        for joint in asset.card.joints:
+            if joint.name not in names:
+                raise InputError(f"{asset.folder}: joint {joint.name!r} is not in the URDF")
+        return ObjectModel(asset, kinematics, scale)
+
+    def card_joint(self, name: str) -> CardJoint:
+        """The card's entry of a joint, or an error that names the others."""
+        movable = [j for j in self.asset.card.joints if j.type != "fixed"]
+        for joint in movable:
+            if joint.name == name:
+                return joint
+        raise unknown_name("joint", name, [j.name for j in movable])
+
+    def default_joint(self) -> str:
+        """The most confident joint that has a grasp (then the first movable one)."""
+        movable = [j for j in self.asset.card.joints if j.type != "fixed"]
+        if not movable:
+            raise NotPhysicalError(f"{self.asset.card.name} has no movable joint")
+        grasped = {g.joint for g in self.asset.card.grasps}
+        best = max(movable, key=lambda j: (j.name in grasped, j.confidence))
+        return best.name
+
+    def unit(self, joint: CardJoint) -> float:
+        """Factor from the card's joint values to this model's (scale for slides)."""
+        return self.scale if joint.type == "prismatic" else 1.0
+
+    def span(self, joint: CardJoint) -> tuple[float, float]:
+        """(closed, open) joint values; where the card does not say, closed is the limit next to
+        the rest pose. A continuous joint counts one turn."""
+        unit = self.unit(joint)
+        closed, open_ = joint.closed, joint.open
+        if abs(open_ - closed) < 1e-9:
+            if joint.lower is None or joint.upper is None:
+                closed, open_ = 0.0, 2 * np.pi
+            elif abs(joint.upper) >= abs(joint.lower):
+                closed, open_ = joint.lower, joint.upper
+            else:
+                closed, open_ = joint.upper, joint.lower
+        return closed * unit, open_ * unit
+
+    def limits(self, joint: CardJoint) -> tuple[float, float]:
+        """(lower, upper), infinite for continuous joints."""
+        unit = self.unit(joint)
+        lower = -np.inf if joint.lower is None else joint.lower * unit
+        upper = np.inf if joint.upper is None else joint.upper * unit
+        return lower, upper
+
+    def grasps(self, joint: str) -> list[CardGrasp]:
+        """The joint's grasps, most confident first, scaled."""
+        s = self.scale
+        rows = [
+            CardGrasp(
+                g.joint,
+                g.link,
+                g.kind,
+                [s * v for v in g.position],
+                list(g.approach),
+                list(g.closing),
+                g.width * s,
+                g.depth * s,
+                g.confidence,
+                g.provenance,
+            )
+            for g in self.asset.card.grasps
+            if g.joint == joint
+        ]
+        return sorted(rows, key=lambda g: -g.confidence)
+
+    def moving_links(self, joint: str) -> tuple[str, ...]:
+        """Links that the joint carries."""
+        return self.kinematics.subtree(self.kinematics.joint(joint).child)
+
+    def mass(self, joint: str) -> float:
+        """Kilograms carried by the joint, from the URDF."""
+        moving = self.moving_links(joint)
+        total = 0.0
+        for link in self.kinematics.robot.links:
+            if link.name in moving and link.inertial is not None:
+                total += float(link.inertial.mass or 0.0)
+        return total * self.scale**3
+
+    def motion(self, joint: str, q: FloatArray, others: Mapping[str, float]) -> FloatArray:
+        """asset_T_moved (N, 4, 4): what carries points of the moving link from the rest pose
+        (q = 0 of every joint) to joint values `q` (N,), the other joints at `others`."""
+        child = self.kinematics.joint(joint).child
+        rest = self.kinematics.link_poses({})[child][0]
+        poses = self.kinematics.link_poses({**others, joint: q})[child]
+        return poses @ np.linalg.inv(rest)
+
+    def holding_force(self, joint: str, q: FloatArray, point: FloatArray) -> float:
+        """Largest force (N) at `point` (3,) (asset frame, rest) that gravity and friction ask for
+        along the path `q` (N,): virtual work over the point's travel."""
+        moving = self.moving_links(joint)
+        poses = self.kinematics.link_poses({joint: q})
+        energy = np.zeros(len(q))
+        for link in self.kinematics.robot.links:
+            if link.name not in moving or link.inertial is None or not link.inertial.mass:
+                continue
+            centre = np.zeros(3) if link.inertial.origin is None else link.inertial.origin[:3, 3]
+            height = poses[link.name][:, 2, :3] @ (centre * self.scale) + poses[link.name][:, 2, 3]
+            energy += float(link.inertial.mass) * self.scale**3 * GRAVITY * height
+        motion = self.motion(joint, q, {})
+        where = motion[:, :3, :3] @ point + motion[:, :3, 3]
+        travel = np.maximum(np.linalg.norm(np.diff(where, axis=0), axis=1), 1e-6)
+        friction = self.card_joint(joint).friction * np.abs(np.diff(q))
+        return float(np.max((np.maximum(np.diff(energy), 0.0) + friction) / travel, initial=0.0))
+
+    @cached_property
+    def pieces(self) -> dict[str, tuple[Piece, ...]]:
+        """Convex collision pieces of every link."""
+        return {
+            link.name: tuple(
+                p for c in link.collisions for p in _pieces(c, self.asset.urdf_path, self.scale)
+            )
+            for link in self.kinematics.robot.links
+        }
+
+    def bounds(self, q: Mapping[str, float] | None = None) -> FloatArray:
+        """(2, 3) box of the collision pieces at joint values `q`, asset frame."""
+        poses = self.kinematics.link_poses(q or {})
+        rows = [
+            piece.points @ poses[name][0][:3, :3].T + poses[name][0][:3, 3]
+            for name, pieces in self.pieces.items()
+            for piece in pieces
+        ]
+        if not rows:
+            raise NotPhysicalError(f"{self.asset.card.name} has no collision shapes")
+        points = np.concatenate(rows)
+        return np.stack([points.min(axis=0), points.max(axis=0)])
+
+    @cached_property
+    def footprint(self) -> FloatArray:
+        """(2, 3) box at the rest pose (of `bounds()`), remembered."""
+        return self.bounds()
+
+    def depth(
+        self, points: FloatArray, q: Mapping[str, float], skip: tuple[str, ...] = ()
+    ) -> FloatArray:
+        """(N,) how deep points (N, 3), asset frame, lie inside the object (negative: outside, then
+        the distance to the nearest bounding plane, a lower bound)."""
+        poses = self.kinematics.link_poses(q)
+        out = np.full(len(points), -np.inf)
+        for name, pieces in self.pieces.items():
+            if name in skip or not pieces:
+                continue
+            pose = poses[name][0]
+            local = (points - pose[:3, 3]) @ pose[:3, :3]
+            for piece in pieces:
+                distance = (local @ piece.planes[:, :3].T + piece.planes[:, 3]).max(axis=1)
+                np.maximum(out, -distance, out=out)
+        return out
+
+
+def _pieces(collision: object, urdf: Path, scale: float) -> list[Piece]:
+    """The convex pieces of one URDF collision element, scaled."""
+    g = collision.geometry  # type: ignore[attr-defined]
+    if g.mesh is not None:
+        file = urdf.parent / g.mesh.filename.replace("package://", "")
+        if not file.is_file():
+            raise InputError(f"{urdf} names the mesh {g.mesh.filename}, which does not exist")
+        mesh = trimesh.load(file, force="mesh", process=False)
+        if g.mesh.scale is not None:
+            mesh.apply_scale(g.mesh.scale)
+    elif g.box is not None:
+        mesh = trimesh.creation.box(g.box.size)
+    elif g.cylinder is not None:
+        mesh = trimesh.creation.cylinder(g.cylinder.radius, g.cylinder.length, sections=16)
+    elif g.sphere is not None:
+        mesh = trimesh.creation.icosphere(1, g.sphere.radius)
+    else:
+        return []
+    origin = collision.origin  # type: ignore[attr-defined]
+    points = np.asarray(mesh.vertices)
+    if origin is not None:
+        points = points @ origin[:3, :3].T + origin[:3, 3]
+    points = points * scale
+    try:
+        hull = ConvexHull(points)
+    except QhullError:  # flat: no volume to run into
+        return []
+    planes = np.unique(np.round(hull.equations, 7), axis=0)
+    return [Piece(planes, points[hull.vertices])]

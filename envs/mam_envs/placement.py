@@ -1,0 +1,219 @@
+"""Where to stand: a base for the arm from which it reaches the handle along the joint's path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mam_envs.objects import ObjectModel
+from mam_envs.reach import (
+    ArmPath,
+    Hold,
+    PlacementError,
+    Search,
+    goal_values,
+    holds,
+    search,
+)
+from mam_envs.robots import RobotSpec
+from mam_envs.spec import JointGoal, RandomisationConfig
+from mam_pipeline.types import FloatArray
+
+TABLE_LIFTS = (0.0, 0.15, -0.15, 0.3, -0.3, 0.5, -0.5, 0.75, 1.0, 1.3)
+FLOOR_LIFTS = (0.0, -0.3, -0.6)
+ANGLES = (0.0, 25.0, -25.0, 50.0, -50.0, 75.0, -75.0)
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where robot and object stand on a common surface (z = 0 of the world).
+
+    Attributes:
+        base: (4, 4) world_T_base, upright.
+        object_height: height of the stand below the object, metres; the object is at the world's
+            origin otherwise.
+        path: a reference motion at the object's nominal pose.
+        robust: share of displaced object poses (corners of the randomisation) that are reachable.
+    """
+
+    base: FloatArray
+    object_height: float
+    path: ArmPath
+    robust: float
+
+    @property
+    def base_height(self) -> float:
+        """Height of the stand below the robot, metres."""
+        return float(self.base[2, 3])
+
+
+def object_pose(model: ObjectModel, height: float, shift: Sequence[float], yaw: float) -> FloatArray:
+    """(4, 4) world_T_asset: on its stand, turned by `yaw` about its vertical middle axis, shifted
+    by (x, y)."""
+    low, high = model.footprint
+    middle = 0.5 * (low + high)
+    c, s = np.cos(yaw), np.sin(yaw)
+    out = np.eye(4)
+    out[:2, :2] = [[c, -s], [s, c]]
+    out[:2, 3] = middle[:2] - out[:2, :2] @ middle[:2] + np.asarray(shift)[:2]
+    out[2, 3] = height - low[2]
+    return out
+
+
+def place(
+    model: ObjectModel,
+    goals: Sequence[JointGoal],
+    robot: RobotSpec,
+    chance: RandomisationConfig,
+) -> Placement:
+    """Find a base for a task on one joint, or on several in turn.
+
+    Stands of several heights are tried, the lowest difference between robot and object first, and
+    base positions round the handle at the arm's favourite distances; the first height at which
+    some base serves all displaced poses of the randomisation wins, else the best base found.
+
+    Raises:
+        PlacementError: no base can do it, with the reason (too heavy, too high, too wide ...).
+    """
+    goal = goals[0]
+    what = f"{model.asset.card.name}: joint {goal.joint!r}"
+    candidates = holds(model, goal, robot)
+    later = [(g, holds(model, g, robot)) for g in goals[1:]]
+    for g, c in ((goal, candidates), *later):
+        _strong_enough(model, g, robot, c, f"{model.asset.card.name}: joint {g.joint!r}")
+    q = goal_values(goal, 10)
+    best: Placement | None = None
+    furthest = Search((), 0, 0, 0)
+    handle = np.mean([h.tool[:3, 3] for h in candidates], axis=0)
+    for lift in FLOOR_LIFTS if robot.floor_only else TABLE_LIFTS:
+        rise = max(0.0, -lift)
+        world_asset = object_pose(model, rise, (0.0, 0.0), 0.0)
+        height = float(handle[2] + world_asset[2, 3]) - max(lift, 0.0)
+        if not -0.9 * robot.reach < height - robot.shoulder < 0.95 * robot.reach:
+            continue
+        bases = _bases(model, goal, robot, candidates, world_asset, max(lift, 0.0), q)
+        found = search(model, goal, robot, candidates, bases, world_asset, q, keep=6)
+        furthest = max(furthest, found, key=lambda f: (f.followed, f.reached, f.tried))
+        for path in _one_per_base(found.paths)[:3]:
+            if not all(_serves(model, g, robot, c, path.base, world_asset) for g, c in later):
+                what = f"{model.asset.card.name}: the other joints of the sequence"
+                continue
+            share = _robustness(model, goal, robot, candidates, path, rise, q, chance)
+            share -= 0.1 * abs(lift)
+            if best is None or share > best.robust + 1e-9:
+                best = Placement(path.base, rise, path, share)
+            if share >= 0.99:
+                return best
+        if best is not None and best.robust >= 0.7:
+            break
+    if best is None:
+        raise PlacementError(furthest.reason(what) + f" for robot {robot.uid}")
+    return replace(best, robust=max(0.0, best.robust))
+
+
+def _strong_enough(
+    model: ObjectModel, goal: JointGoal, robot: RobotSpec, candidates: Sequence[Hold], what: str
+) -> None:
+    q = goal_values(goal, 8)
+    force = min(
+        model.holding_force(goal.joint, q, np.array(h.grasp.position)) for h in candidates
+    )
+    if force > robot.force:
+        raise PlacementError(
+            f"{what} is too heavy: it needs {force:.0f} N at the handle; "
+            f"{robot.uid} is trusted with {robot.force:.0f} N"
+        )
+
+
+def _bases(
+    model: ObjectModel,
+    goal: JointGoal,
+    robot: RobotSpec,
+    candidates: Sequence[Hold],
+    world_asset: FloatArray,
+    height: float,
+    q: FloatArray,
+) -> FloatArray:
+    """(B, 4, 4) upright base poses round the handle, clear of the object's footprint."""
+    tools = np.stack([h.tool for h in candidates])
+    handle = world_asset[:3, :3] @ tools[:, :3, 3].mean(axis=0) + world_asset[:3, 3]
+    facing = -(world_asset[:3, :3] @ np.array(candidates[0].grasp.approach))
+    facing[2] = 0.0
+    if np.linalg.norm(facing) < 0.5:
+        facing = np.array([-1.0, 0.0, 0.0])
+    boxes = [model.bounds({goal.joint: float(v)}) for v in (q[0], q[len(q) // 2], q[-1])]
+    low = np.min([b[0] for b in boxes], axis=0) + world_asset[:3, 3]
+    high = np.max([b[1] for b in boxes], axis=0) + world_asset[:3, 3]
+    rows = []
+    start = np.arctan2(facing[1], facing[0])
+    rise = abs(handle[2] - height - robot.shoulder)
+    for share in (0.78, 0.62, 0.92, 0.48):
+        flat = np.sqrt(max((share * robot.reach) ** 2 - min(rise, 0.6 * robot.reach) ** 2, 0.0))
+        flat = max(flat, 0.3 * robot.reach)
+        for angle in ANGLES:
+            a = start + np.deg2rad(angle)
+            at = handle[:2] + flat * np.array([np.cos(a), np.sin(a)])
+            near = np.clip(at, low[:2], high[:2])
+            # a base under the object's moving part is fine only if that part passes overhead
+            under = low[2] > height + robot.shoulder + 0.3
+            if np.linalg.norm(at - near) < robot.base_radius and not under:
+                continue
+            rows.append(base_pose(robot, at, height, handle[:2]))
+    return np.stack(rows) if rows else np.zeros((0, 4, 4))
+
+
+def base_pose(
+    robot: RobotSpec, at: FloatArray, height: float, facing: FloatArray
+) -> FloatArray:
+    """(4, 4) upright world_T_base at (x, y), its arm pointing at the point `facing` (x, y)."""
+    yaw = np.arctan2(facing[1] - at[1], facing[0] - at[0]) - robot.forward
+    out = np.eye(4)
+    c, s = np.cos(yaw), np.sin(yaw)
+    out[:2, :2] = [[c, -s], [s, c]]
+    out[:3, 3] = [at[0], at[1], height]
+    return out
+
+
+def _serves(
+    model: ObjectModel,
+    goal: JointGoal,
+    robot: RobotSpec,
+    candidates: Sequence[Hold],
+    base: FloatArray,
+    world_asset: FloatArray,
+) -> bool:
+    """Whether a base can also do another joint."""
+    q = goal_values(goal, 10)
+    return bool(search(model, goal, robot, candidates, base[None], world_asset, q, keep=1).paths)
+
+
+def _one_per_base(paths: Sequence[ArmPath]) -> list[ArmPath]:
+    out: dict[bytes, ArmPath] = {}
+    for path in paths:
+        out.setdefault(path.base.tobytes(), path)
+    return list(out.values())
+
+
+def _robustness(
+    model: ObjectModel,
+    goal: JointGoal,
+    robot: RobotSpec,
+    candidates: Sequence[Hold],
+    path: ArmPath,
+    rise: float,
+    q: FloatArray,
+    chance: RandomisationConfig,
+) -> float:
+    """Share of the randomisation's corner poses that this base can serve."""
+    if chance.position == 0 and chance.yaw == 0:
+        return 1.0
+    served = 0
+    corners = [(1, 1, 1), (-1, 1, -1), (1, -1, -1), (-1, -1, 1)]
+    for sx, sy, turn in corners:
+        shift = (sx * chance.position, sy * chance.position)
+        pose = object_pose(model, rise, shift, turn * np.deg2rad(chance.yaw))
+        found = search(model, goal, robot, candidates, path.base[None], pose, q, keep=1)
+        served += bool(found.paths)
+    return served / len(corners)

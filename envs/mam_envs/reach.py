@@ -1,0 +1,459 @@
+"""Ways to hold a part, and which arm motions carry the hold along the joint's whole path."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from mam_envs.kinematics import Solution
+from mam_envs.objects import ObjectModel
+from mam_envs.robots import RobotSpec
+from mam_envs.spec import JointGoal
+from mam_pipeline.asset.card import CardGrasp
+from mam_pipeline.errors import NotPhysicalError
+from mam_pipeline.types import FloatArray
+
+WAYPOINTS = 14
+BACK_OFF = 0.10
+POSITION_TOLERANCE = 0.004
+SEED = 20240601
+
+
+class PlacementError(NotPhysicalError):
+    """No arm of this kind can do the task, wherever it stands; the message says why."""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """One way to take hold of, or push, a part.
+
+    Attributes:
+        grasp: the card's grasp it comes from.
+        mode: grip (fingers close on the part) or push (closed fingers press on it).
+        tool: (4, 4) asset_T_tool at the rest pose.
+        lag: share of the part's turn that the hand follows (1 = rigid; less where the fingers can
+            pivot round a bar).
+        cost: how unnatural it is, for ranking.
+    """
+
+    grasp: CardGrasp
+    mode: Literal["grip", "push"]
+    tool: FloatArray
+    lag: float = 1.0
+    cost: float = 0.0
+
+
+@dataclass(frozen=True)
+class ArmPath:
+    """An arm motion that moves the joint.
+
+    Attributes:
+        hold: what it holds on to.
+        base: (4, 4) world_T_base of the robot.
+        approach: (A, n) arm joints from the pre-grasp to the grasp.
+        follow: (K, n) arm joints at joint values `q` (K,) of the object.
+        cost: lower is better.
+    """
+
+    hold: Hold
+    base: FloatArray
+    approach: FloatArray
+    follow: FloatArray
+    q: FloatArray
+    cost: float
+
+
+@dataclass(frozen=True)
+class Search:
+    """Outcome of a search: paths (best first) and how far the others came."""
+
+    paths: tuple[ArmPath, ...]
+    reached: int
+    followed: int
+    tried: int
+
+    def reason(self, what: str) -> str:
+        """Why there is no path, in words."""
+        if not self.tried:
+            return f"{what}: there is nowhere to stand"
+        if not self.reached:
+            return f"{what} is out of reach from every place that was tried ({self.tried} poses)"
+        if not self.followed:
+            return f"{what} can be reached but not followed along the joint's whole path"
+        return f"{what} can be followed, but the arm would hit the object or the ground"
+
+
+def turn(axis: FloatArray, angle: float) -> FloatArray:
+    """(3, 3) rotation about a unit axis."""
+    x, y, z = axis
+    k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
+
+
+def holds(
+    model: ObjectModel, goal: JointGoal, robot: RobotSpec, tilts: Sequence[float] = (0, 25, 50)
+) -> list[Hold]:
+    """All holds that the joint's grasps offer to this hand.
+
+    Raises:
+        PlacementError: there is no grasp at all, or none that fits the hand.
+    """
+    grasps = model.grasps(goal.joint)
+    name = model.asset.card.name
+    if not grasps:
+        raise PlacementError(
+            f"{name}: joint {goal.joint!r} offers nothing to hold or push; name a handle in hints"
+        )
+    out: list[Hold] = []
+    narrowest = np.inf
+    for g in grasps:
+        if g.kind == "push":
+            if _pushes(model, goal, g):
+                out += _variants(robot, g, "push", tilts)
+            continue
+        narrowest = min(narrowest, g.width)
+        if g.width <= robot.max_width - 0.004:
+            out += _variants(robot, g, "grip", tilts)
+        if goal.task == "close":
+            out += _variants(robot, _pushing(model, goal, g), "push", tilts, extra=0.5)
+    if not out:
+        wide = 100 * narrowest
+        raise PlacementError(
+            f"{name}: the handle of {goal.joint!r} is {wide:.1f} cm wide; "
+            f"{robot.uid} opens to {100 * robot.max_width:.1f} cm"
+            if np.isfinite(narrowest)
+            else f"{name}: joint {goal.joint!r} can only be pushed, and not in that direction"
+        )
+    return out
+
+
+def _direction(model: ObjectModel, goal: JointGoal, point: FloatArray) -> FloatArray:
+    """(3,) unit vector in which `point` (rest pose) sets out when the task begins, asset frame."""
+    step = 0.02 * (goal.q_goal - goal.q_start)
+    motion = model.motion(goal.joint, np.array([goal.q_start, goal.q_start + step]), {})
+    where = motion[:, :3, :3] @ point + motion[:, :3, 3]
+    move = where[1] - where[0]
+    return move / max(float(np.linalg.norm(move)), 1e-12)
+
+
+def _pushes(model: ObjectModel, goal: JointGoal, g: CardGrasp) -> bool:
+    start = model.motion(goal.joint, np.array([goal.q_start]), {})[0, :3, :3]
+    along = start @ np.array(g.approach) @ _direction(model, goal, np.array(g.position))
+    return bool(along > 0.3)
+
+
+def _pushing(model: ObjectModel, goal: JointGoal, g: CardGrasp) -> CardGrasp:
+    """A push at a handle in the direction of the task, at the rest pose."""
+    start = model.motion(goal.joint, np.array([goal.q_start]), {})[0, :3, :3]
+    approach = start.T @ _direction(model, goal, np.array(g.position))
+    closing = np.cross(approach, [0.0, 0.0, 1.0])
+    if np.linalg.norm(closing) < 0.3:
+        closing = np.cross(approach, [0.0, 1.0, 0.0])
+    closing /= np.linalg.norm(closing)
+    position = np.array(g.position) - approach * 0.5 * min(g.width, 0.03)
+    return CardGrasp(
+        g.joint, g.link, "push", position.tolist(), approach.tolist(), closing.tolist(), 0.0
+    )
+
+
+def _variants(
+    robot: RobotSpec,
+    g: CardGrasp,
+    mode: Literal["grip", "push"],
+    tilts: Sequence[float],
+    extra: float = 0.0,
+) -> list[Hold]:
+    """Tilted and rolled versions of a grasp: about the closing axis always, about the bar where
+    the fingers close on one."""
+    approach = np.array(g.approach, dtype=float)
+    closing = np.array(g.closing, dtype=float)
+    approach /= np.linalg.norm(approach)
+    closing -= approach * (closing @ approach)
+    closing /= np.linalg.norm(closing)
+    bar = np.cross(closing, approach)
+    turns = [(closing, 0.0)]
+    signs = [s * t for t in tilts if t for s in (1, -1)]
+    turns += [(closing, t) for t in signs]
+    if mode == "push" or g.kind in ("handle", "edge", "rim"):
+        turns += [(bar, t) for t in signs]
+    rolls = (0, 180) if mode == "grip" else (0, 90, 180, 270)
+    ahead = robot.tip_ahead if mode == "push" else max(0.0, robot.tip_ahead - g.depth)
+    out = []
+    for axis, degrees in turns:
+        rotation = turn(axis, np.deg2rad(degrees))
+        a, c = rotation @ approach, rotation @ closing
+        for roll in rolls:
+            y = turn(a, np.deg2rad(roll)) @ c
+            tool = np.eye(4)
+            tool[:3, :3] = np.stack([np.cross(y, a), y, a], axis=1)
+            tool[:3, 3] = np.array(g.position) - a * ahead
+            cost = 0.6 * np.deg2rad(abs(degrees)) + 0.5 * (1 - g.confidence) + extra
+            out.append(Hold(g, mode, tool, 1.0, cost))
+    return out
+
+
+def tool_path(model: ObjectModel, goal: JointGoal, hold: Hold, q: FloatArray) -> FloatArray:
+    """asset_T_tool (K, 4, 4) at joint values q (K,)."""
+    out = model.motion(goal.joint, q, {}) @ hold.tool
+    if hold.lag < 1.0 and goal.subtype != "slide":
+        slow = goal.q_start + hold.lag * (q - goal.q_start)
+        turned = model.motion(goal.joint, slow, {})
+        out[:, :3, :3] = turned[:, :3, :3] @ hold.tool[:3, :3]
+    return out
+
+
+def goal_values(goal: JointGoal, count: int = WAYPOINTS, q_now: float | None = None) -> FloatArray:
+    """(count,) joint values from the start past the goal: a hold slips a few per cent, so the
+    hand aims a tenth of the way further where the range allows."""
+    start = goal.q_start if q_now is None else q_now
+    end = goal.q_goal
+    if goal.tolerance == 0.0:
+        end = goal.q_goal + 0.12 * (goal.q_goal - goal.q_start)
+    low, high = min(goal.lower, goal.upper), max(goal.lower, goal.upper)
+    return np.linspace(start, float(np.clip(end, low, high)), count)
+
+
+def search(
+    model: ObjectModel,
+    goal: JointGoal,
+    robot: RobotSpec,
+    candidates: Sequence[Hold],
+    bases: FloatArray,
+    world_asset: FloatArray,
+    q: FloatArray,
+    others: Mapping[str, float] | None = None,
+    start: FloatArray | None = None,
+    keep: int = 4,
+    ground: float = 0.0,
+) -> Search:
+    """Find arm paths for some holds and base poses.
+
+    Args:
+        bases: (B, 4, 4) world_T_base.
+        world_asset: (4, 4) world_T_asset of the object.
+        q: (K,) joint values to go through.
+        others: values of the object's other joints.
+        start: (n,) arm joints at the beginning; rest if None.
+        keep: how many collision-free paths are enough.
+        ground: height of the surface that the arm must stay above, world.
+    """
+    begin = robot.rest_arm if start is None else start
+    seeds = _seeds(robot, begin)
+    b, h, s = len(bases), len(candidates), len(seeds)
+    if b * h == 0:
+        return Search((), 0, 0, 0)
+    tools = np.stack([tool_path(model, goal, hold, q[:1])[0] for hold in candidates])
+    inverse = np.linalg.inv(bases)
+    base_index, hold_index, seed_index = (
+        a.reshape(-1) for a in np.meshgrid(np.arange(b), np.arange(h), np.arange(s), indexing="ij")
+    )
+    targets = inverse[base_index] @ world_asset @ tools[hold_index]
+    near = np.linalg.norm(targets[:, :3, 3], axis=1) < 1.35 * robot.reach + robot.shoulder
+    base_index, hold_index, seed_index = base_index[near], hold_index[near], seed_index[near]
+    if not len(base_index):
+        return Search((), 0, 0, b * h)
+    grasp = _solve(robot, targets[near], seeds[seed_index], 40, posture=begin)
+    ok = grasp.good(POSITION_TOLERANCE, robot.rotation_tolerance)
+    rows = [(int(i), int(j), k) for i, j, k in zip(base_index[ok], hold_index[ok], grasp.q[ok])]
+    rows = _distinct(rows)
+    if not rows:
+        return Search((), 0, 0, b * h)
+    paths = _follow(model, goal, robot, candidates, bases, world_asset, q, rows, begin)
+    good: list[ArmPath] = []
+    for path in paths[:60]:
+        if clear(model, goal, robot, path, world_asset, others or {}, ground):
+            good.append(path)
+            if len(good) >= keep:
+                break
+    return Search(tuple(good), len(rows), len(paths), b * h)
+
+
+def _seeds(robot: RobotSpec, begin: FloatArray) -> FloatArray:
+    """Fixed first guesses: the present posture, and two others of the same family."""
+    rng = np.random.default_rng(SEED)
+    spread = rng.uniform(-0.7, 0.7, size=(2, len(begin)))
+    spread[0, 0] = spread[1, 0] = 0.0
+    return np.concatenate([begin[None], begin + spread])
+
+
+def _solve(
+    robot: RobotSpec,
+    targets: FloatArray,
+    start: FloatArray,
+    iterations: int,
+    posture: FloatArray | None = None,
+) -> Solution:
+    return robot.chain.solve(targets, start, robot.rotation_weight, iterations, posture)
+
+
+def _distinct(rows: list[tuple[int, int, FloatArray]]) -> list[tuple[int, int, FloatArray]]:
+    """Drop solutions that two seeds found twice."""
+    out: dict[tuple[int, int, bytes], tuple[int, int, FloatArray]] = {}
+    for i, j, q in rows:
+        out.setdefault((i, j, np.round(q, 1).tobytes()), (i, j, q))
+    return list(out.values())
+
+
+def _follow(
+    model: ObjectModel,
+    goal: JointGoal,
+    robot: RobotSpec,
+    candidates: Sequence[Hold],
+    bases: FloatArray,
+    world_asset: FloatArray,
+    q: FloatArray,
+    rows: list[tuple[int, int, FloatArray]],
+    begin: FloatArray,
+) -> list[ArmPath]:
+    """Carry grasp solutions along the joint's path and back to a pre-grasp; best first."""
+    lags = (1.0,)
+    if goal.subtype != "slide":
+        lags = (1.0, 0.6, 0.25)
+    lagged: list[tuple[int, Hold, FloatArray]] = []
+    for i, j, arm in rows:
+        hold = candidates[j]
+        pivots = hold.mode == "push" or hold.grasp.kind in ("handle", "rim")
+        for lag in lags if pivots else (1.0,):
+            extra = hold.cost + 0.3 * (1 - lag)
+            lagged.append((i, Hold(hold.grasp, hold.mode, hold.tool, lag, extra), arm))
+    if len(lagged) > 900:  # the cheapest are enough
+        lagged = sorted(lagged, key=lambda r: r[1].cost)[:900]
+    tools = np.stack([tool_path(model, goal, hold, q) for _, hold, _ in lagged])
+    base = np.stack([bases[i] for i, _, _ in lagged])
+    into = (np.linalg.inv(base) @ world_asset)[:, None]
+    targets = into @ tools
+    back = np.stack([_backed(tools[:, 0], d) for d in (0.0, 0.4 * BACK_OFF, BACK_OFF)], axis=1)
+    back_targets = into @ back
+    arm = np.stack([a for _, _, a in lagged])
+    alive = np.ones(len(arm), dtype=bool)
+    follow = np.zeros((len(arm), len(q), arm.shape[1]))
+    follow[:, 0] = arm
+    approach = np.zeros((len(arm), 3, arm.shape[1]))
+    approach[:, 0] = arm
+    for store, goals in ((follow, targets), (approach, back_targets)):
+        for k in range(1, goals.shape[1]):
+            live = np.flatnonzero(alive)
+            if not len(live):
+                return []
+            found = _solve(robot, goals[live, k], store[live, k - 1], 12)
+            jump = np.abs(found.q - store[live, k - 1]).max(axis=1)
+            fine = found.good(1.5 * POSITION_TOLERANCE, 1.5 * robot.rotation_tolerance)
+            alive[live] = fine & (jump < 0.7)
+            store[live, k] = found.q
+    limits = robot.chain.limits
+    out = []
+    for r in np.flatnonzero(alive):
+        i, hold, _ = lagged[r]
+        travel = np.abs(np.diff(follow[r], axis=0)).sum(axis=0).max()
+        away = np.abs(approach[r, -1] - begin).max()
+        margin = np.minimum(follow[r] - limits[:, 0], limits[:, 1] - follow[r]).min()
+        cost = hold.cost + 0.3 * travel + 0.3 * away + 2.0 * max(0.0, 0.15 - margin)
+        out.append(ArmPath(hold, bases[i], approach[r, ::-1], follow[r], q, float(cost)))
+    return sorted(out, key=lambda p: p.cost)
+
+
+def _backed(tool: FloatArray, distance: float) -> FloatArray:
+    """Tool poses (N, 4, 4) moved back along their approach."""
+    out = tool.copy()
+    out[:, :3, 3] -= distance * tool[:, :3, 2]
+    return out
+
+
+def clear(
+    model: ObjectModel,
+    goal: JointGoal,
+    robot: RobotSpec,
+    path: ArmPath,
+    world_asset: FloatArray,
+    others: Mapping[str, float],
+    ground: float = 0.0,
+) -> bool:
+    """Whether the arm stays out of the object and above the ground along a whole path.
+
+    While the hand holds the part its fingers may touch the part, and the hand may come close.
+    """
+    moving = model.moving_links(goal.joint)
+    pushing = path.hold.mode == "push"
+    opened = robot.closed if pushing else hold_opening(robot, path.hold)
+    before = {**others, goal.joint: float(path.q[0])}
+    start = robot.rest_arm
+    swing = np.linspace(start, path.approach[0], 6)[:-1]
+    slack = 0.004 if not pushing else robot.tip_ahead + 0.004
+    for arm in (*swing, *path.approach[:-1]):
+        if not _free(model, robot, arm, opened, path.base, world_asset, before, (), ground, 0.0):
+            return False
+    if not _free(
+        model, robot, path.approach[-1], opened, path.base, world_asset, before, (), ground, slack
+    ):
+        return False
+    touching = robot.finger_links
+    for k in range(1, len(path.q), 2):
+        now = {**others, goal.joint: float(path.q[k])}
+        arm = path.follow[k]
+        if not _free(
+            model, robot, arm, opened, path.base, world_asset, now, touching, ground, 0.004, moving
+        ):
+            return False
+    return True
+
+
+def _in_stand(model: ObjectModel, points: FloatArray) -> bool:
+    """Whether points (N, 3), asset frame, lie in the stand below the object's footprint."""
+    low, high = model.footprint
+    inside = ((points[:, :2] > low[:2]) & (points[:, :2] < high[:2])).all(axis=1)
+    return bool((inside & (points[:, 2] < low[2] - 0.005)).any())
+
+
+def rest_is_clear(
+    model: ObjectModel,
+    robot: RobotSpec,
+    base: FloatArray,
+    world_asset: FloatArray,
+    q: Mapping[str, float],
+    noise: FloatArray,
+) -> bool:
+    """Whether the arm at rest (plus noise (n,)) keeps out of the object."""
+    gripper = robot.rest.get(robot.gripper[0], 0.0)
+    arm = robot.rest_arm + noise
+    return _free(model, robot, arm, gripper, base, world_asset, q, (), -np.inf, 0.0)
+
+
+def hold_opening(robot: RobotSpec, hold: Hold) -> float:
+    """Gripper command before closing: the handle's width and some room."""
+    return robot.opening(min(robot.max_width, hold.grasp.width + 0.04))
+
+
+def _free(
+    model: ObjectModel,
+    robot: RobotSpec,
+    arm: FloatArray,
+    gripper: float,
+    base: FloatArray,
+    world_asset: FloatArray,
+    q: Mapping[str, float],
+    touching: tuple[str, ...],
+    ground: float,
+    slack: float,
+    moving: tuple[str, ...] = (),
+) -> bool:
+    """Whether one arm posture keeps clear; `touching` links may touch `moving` ones."""
+    poses = robot.link_poses(arm[None], gripper)
+    into = np.linalg.inv(world_asset) @ base
+    held, rest = [], []
+    for name, points in robot.surface.items():
+        pose = poses[name][0]
+        local = points @ pose[:3, :3].T + pose[:3, 3]
+        (held if name in touching else rest).append(local)
+        lifted = name in robot.swinging
+        if lifted and (local @ base[2, :3] + base[2, 3]).min() < ground - 0.002:
+            return False
+    points = np.concatenate(rest) @ into[:3, :3].T + into[:3, 3]
+    if (model.depth(points, q) > slack).any() or _in_stand(model, points):
+        return False
+    if held:
+        points = np.concatenate(held) @ into[:3, :3].T + into[:3, 3]
+        return not (model.depth(points, q, skip=moving) > slack).any()
+    return True

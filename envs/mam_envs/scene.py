@@ -1,0 +1,204 @@
+"""The world round the object: floor or table, stands, a wall, lights, cameras, the object itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import sapien
+from mani_skill.sensors.camera import CameraConfig
+from mani_skill.utils import sapien_utils
+from mani_skill.utils.building.ground import build_ground
+from mani_skill.utils.building.urdf_loader import URDFLoader
+from mani_skill.utils.structs import Articulation
+
+from mam_envs.objects import ObjectModel
+from mam_envs.placement import Placement, object_pose
+from mam_envs.robots import RobotSpec
+from mam_envs.spec import CameraSpec, JointGoal, SceneConfig
+from mam_pipeline.types import FloatArray
+
+if TYPE_CHECKING:
+    from mani_skill.envs.scene import ManiSkillScene
+
+TABLE_HEIGHT = 0.75
+WOOD, GREY, WHITE = (0.58, 0.44, 0.31, 1.0), (0.35, 0.36, 0.38, 1.0), (0.86, 0.86, 0.84, 1.0)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """One asset with its task and place, ready to be built.
+
+    Attributes:
+        goals: one or, for a sequence, several joints in order.
+        handles: (3,) per goal, the point to hold, asset frame at rest.
+    """
+
+    model: ObjectModel
+    goals: tuple[JointGoal, ...]
+    placement: Placement
+    robot: RobotSpec
+    handles: tuple[FloatArray, ...]
+
+    @property
+    def world_asset(self) -> FloatArray:
+        """(4, 4) nominal world_T_asset."""
+        return object_pose(self.model, self.placement.object_height, (0.0, 0.0), 0.0)
+
+    def view(self) -> tuple[FloatArray, float]:
+        """Middle (3,) and diagonal of what a camera should see: object, base and handle's way."""
+        boxes = [self.model.bounds()]
+        for goal in self.goals:
+            boxes += [self.model.bounds({goal.joint: v}) for v in (goal.closed, goal.open)]
+        pose = self.world_asset
+        corners = np.concatenate(boxes) + pose[:3, 3]
+        base = self.placement.base[:3, 3]
+        points = np.concatenate([corners, base[None] + [0, 0, 0.6 * self.robot.reach]])
+        low, high = points.min(axis=0), points.max(axis=0)
+        return 0.5 * (low + high), float(np.linalg.norm(high - low))
+
+    def block(self) -> FloatArray | None:
+        """(2, 3) world box of the stand below the object, or None."""
+        if self.placement.object_height <= 0:
+            return None
+        low, high = self.model.bounds()
+        pose = self.world_asset
+        low, high = low + pose[:3, 3], high + pose[:3, 3]
+        return np.array([[low[0], low[1], 0.0], [high[0], high[1], low[2]]])
+
+
+class ObjectLoader(URDFLoader):
+    """ManiSkill's URDF loader that leaves visuals out where nothing is rendered."""
+
+    visual_free = False
+
+    def _build_link(self, link: Any, builder: Any) -> Any:
+        if self.visual_free:
+            link.visuals = []
+        return super()._build_link(link, builder)
+
+
+def build_object(scene: ManiSkillScene, layout: Layout, index: int, name: str) -> Articulation:
+    """Load one asset into sub-scene `index`, its base fixed to the world."""
+    loader = ObjectLoader()
+    loader.set_scene(scene)
+    loader.name = name
+    loader.fix_root_link = True
+    loader.scale = layout.model.scale
+    loader.visual_free = not scene.can_render()
+    builder = loader.parse(str(layout.model.asset.urdf_path))["articulation_builders"][0]
+    builder.set_scene_idxs([index])
+    builder.initial_pose = sapien.Pose(layout.world_asset)
+    return builder.build(name=name)
+
+
+def surface_of(config: SceneConfig, layout: Layout) -> str:
+    """Resolve "auto": small objects stand on a table, large ones on the floor."""
+    if layout.robot.floor_only:
+        return "floor"
+    if config.surface != "auto":
+        return config.surface
+    low, high = layout.model.bounds()
+    return "table" if high[2] - low[2] < 0.6 and layout.placement.base_height < 0.3 else "floor"
+
+
+def build_world(scene: ManiSkillScene, config: SceneConfig, layouts: list[Layout]) -> None:
+    """Ground (z = 0 carries robot and object), stands, wall. `layouts`: one per sub-scene."""
+    table = surface_of(config, layouts[0]) == "table"
+    if table:
+        build_ground(scene, altitude=-TABLE_HEIGHT, floor_width=40)
+        _box(scene, "table", (0.3, 0.0, -0.02), (2.6, 2.6, 0.04), WOOD, None)
+    else:
+        build_ground(scene, floor_width=40)
+    for i, layout in enumerate(layouts):
+        _stands(scene, layout, i)
+        if config.wall and scene.can_render():
+            low, high = layout.model.bounds()
+            x = float(high[0] - 0.5 * (low[0] + high[0])) + 0.35
+            size = (0.05, 6.0, 3.5)
+            z = 1.0 if not table else 1.0 - TABLE_HEIGHT
+            _box(scene, f"wall_{i}", (x + 0.5, 0, z), size, WHITE, i, solid=False)
+
+
+def _stands(scene: ManiSkillScene, layout: Layout, i: int) -> None:
+    """What robot and object stand on; the robot's own stand takes no part in contacts."""
+    height = layout.placement.base_height
+    if height > 0:
+        at = layout.placement.base[:3, 3]
+        w = 2.0 * layout.robot.base_radius
+        middle = (float(at[0]), float(at[1]), 0.5 * height)
+        _box(scene, f"robot_stand_{i}", middle, (w, w, height), GREY, i, solid=False)
+    block = layout.block()
+    if block is not None:
+        middle = tuple(float(v) for v in 0.5 * (block[0] + block[1]))
+        size = tuple(float(v) for v in block[1] - block[0])
+        _box(scene, f"object_stand_{i}", middle, size, GREY, i)  # type: ignore[arg-type]
+
+
+def _box(
+    scene: ManiSkillScene,
+    name: str,
+    middle: tuple[float, float, float],
+    size: tuple[float, float, float],
+    colour: tuple[float, float, float, float],
+    index: int | None,
+    solid: bool = True,
+) -> None:
+    builder = scene.create_actor_builder()
+    half = [0.5 * s for s in size]
+    if solid:
+        builder.add_box_collision(half_size=half)
+    elif not scene.can_render():
+        return
+    if scene.can_render():
+        material = sapien.render.RenderMaterial(base_color=colour, roughness=0.7, specular=0.2)
+        builder.add_box_visual(half_size=half, material=material)
+    builder.initial_pose = sapien.Pose(p=middle)
+    if index is not None:
+        builder.set_scene_idxs([index])
+    builder.build_static(name=name)
+
+
+def camera(
+    uid: str, spec: CameraSpec, layout: Layout, noise: FloatArray | None = None
+) -> CameraConfig:
+    """ManiSkill's configuration of one camera; `noise` (3,) metres shifts its eye."""
+    eye, target = np.array(spec.eye, dtype=float), np.array(spec.target, dtype=float)
+    if spec.relative:
+        middle, size = layout.view()
+        eye, target = middle + 0.62 * size * eye, middle + 0.62 * size * target
+    if noise is not None:
+        eye = eye + noise
+    return CameraConfig(
+        uid,
+        pose=sapien_utils.look_at(eye=eye.tolist(), target=target.tolist()),
+        width=spec.width,
+        height=spec.height,
+        fov=float(np.deg2rad(spec.fov)),
+        near=0.01,
+        far=60,
+    )
+
+
+def build_lights(scene: ManiSkillScene, factor: float, shadow: bool) -> None:
+    """A lamp from the front, a fill light, ambient light; all times `factor`."""
+    scene.set_ambient_light([0.35 * factor] * 3)
+    scene.add_directional_light(
+        [1.0, 0.6, -1.2], [1.1 * factor] * 3, shadow=shadow, shadow_scale=5, shadow_map_size=2048
+    )
+    scene.add_directional_light([0.2, -1.0, -0.6], [0.5 * factor] * 3)
+
+
+def tint(articulation: Articulation, colour: FloatArray, share: float) -> None:
+    """Mix every material of an object with `colour` (3,)."""
+    for link in articulation.links:
+        for raw in link._objs:
+            body = raw.entity.find_component_by_type(sapien.render.RenderBodyComponent)
+            if body is None:
+                continue
+            for shape in body.render_shapes:
+                for part in shape.parts:
+                    base = np.array(part.material.base_color)
+                    base[:3] = (1 - share) * base[:3] + share * colour
+                    part.material.set_base_color(base)
