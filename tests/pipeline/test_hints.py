@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.hints import (
     HintBox,
