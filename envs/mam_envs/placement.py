@@ -93,8 +93,10 @@ def place(
         height = float(handle[2] + world_asset[2, 3]) - max(lift, 0.0)
         if not -0.9 * robot.reach < height - robot.shoulder < 0.95 * robot.reach:
             continue
-        bases = _bases(model, goal, robot, candidates, world_asset, max(lift, 0.0), q)
-        found = search(model, goal, robot, candidates, bases, world_asset, q, keep=6)
+        bases, costs = _bases(model, goal, robot, candidates, world_asset, max(lift, 0.0), q)
+        found = search(
+            model, goal, robot, candidates, bases, world_asset, q, keep=6, base_costs=costs
+        )
         furthest = max(furthest, found, key=lambda f: (f.followed, f.reached, f.tried))
         for path in _one_per_base(found.paths)[:3]:
             if not all(_serves(model, g, robot, c, path.base, world_asset) for g, c in later):
@@ -135,8 +137,9 @@ def _bases(
     world_asset: FloatArray,
     height: float,
     q: FloatArray,
-) -> FloatArray:
-    """(B, 4, 4) upright base poses round the handle, clear of the object's footprint."""
+) -> tuple[FloatArray, FloatArray]:
+    """(B, 4, 4) upright base poses round the handle, clear of the object's footprint, and (B,)
+    what they cost: standing in front of the handle is preferred."""
     tools = np.stack([h.tool for h in candidates])
     handle = world_asset[:3, :3] @ tools[:, :3, 3].mean(axis=0) + world_asset[:3, 3]
     facing = -(world_asset[:3, :3] @ np.array(candidates[0].grasp.approach))
@@ -146,7 +149,7 @@ def _bases(
     boxes = [model.bounds({goal.joint: float(v)}) for v in (q[0], q[len(q) // 2], q[-1])]
     low = np.min([b[0] for b in boxes], axis=0) + world_asset[:3, 3]
     high = np.max([b[1] for b in boxes], axis=0) + world_asset[:3, 3]
-    rows = []
+    rows, costs = [], []
     start = np.arctan2(facing[1], facing[0])
     rise = abs(handle[2] - height - robot.shoulder)
     for share in (0.78, 0.62, 0.92, 0.48):
@@ -161,7 +164,8 @@ def _bases(
             if np.linalg.norm(at - near) < robot.base_radius and not under:
                 continue
             rows.append(base_pose(robot, at, height, handle[:2]))
-    return np.stack(rows) if rows else np.zeros((0, 4, 4))
+            costs.append(0.008 * abs(angle))
+    return (np.stack(rows) if rows else np.zeros((0, 4, 4))), np.array(costs)
 
 
 def base_pose(

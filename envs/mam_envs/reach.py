@@ -228,6 +228,9 @@ def search(
     start: FloatArray | None = None,
     keep: int = 4,
     ground: float = 0.0,
+    base_costs: FloatArray | None = None,
+    seeds: FloatArray | None = None,
+    lags: Sequence[float] = (1.0, 0.6, 0.25),
 ) -> Search:
     """Find arm paths for some holds and base poses.
 
@@ -239,9 +242,12 @@ def search(
         start: (n,) arm joints at the beginning; rest if None.
         keep: how many collision-free paths are enough.
         ground: height of the surface that the arm must stay above, world.
+        base_costs: (B,) added to the cost of paths from each base.
+        seeds: (S, n) first guesses for the grasp; a fixed family round `start` if None.
+        lags: shares of the part's turn that the hand may follow.
     """
     begin = robot.rest_arm if start is None else start
-    seeds = _seeds(robot, begin)
+    seeds = _seeds(robot, begin) if seeds is None else seeds
     b, h, s = len(bases), len(candidates), len(seeds)
     if b * h == 0:
         return Search((), 0, 0, 0)
@@ -261,10 +267,13 @@ def search(
     rows = _distinct(rows)
     if not rows:
         return Search((), 0, 0, b * h)
-    paths = _follow(model, goal, robot, candidates, bases, world_asset, q, rows, begin)
+    extra = np.zeros(b) if base_costs is None else base_costs
+    paths = _follow(
+        model, goal, robot, candidates, bases, world_asset, q, rows, begin, extra, lags
+    )
     good: list[ArmPath] = []
     for path in paths[:60]:
-        if clear(model, goal, robot, path, world_asset, others or {}, ground):
+        if clear(model, goal, robot, path, world_asset, others or {}, ground, begin):
             good.append(path)
             if len(good) >= keep:
                 break
@@ -307,16 +316,17 @@ def _follow(
     q: FloatArray,
     rows: list[tuple[int, int, FloatArray]],
     begin: FloatArray,
+    base_costs: FloatArray,
+    lags: Sequence[float],
 ) -> list[ArmPath]:
     """Carry grasp solutions along the joint's path and back to a pre-grasp; best first."""
-    lags = (1.0,)
-    if goal.subtype != "slide":
-        lags = (1.0, 0.6, 0.25)
+    if goal.subtype == "slide":
+        lags = (1.0,)
     lagged: list[tuple[int, Hold, FloatArray]] = []
     for i, j, arm in rows:
         hold = candidates[j]
         pivots = hold.mode == "push" or hold.grasp.kind in ("handle", "rim")
-        for lag in lags if pivots else (1.0,):
+        for lag in lags if pivots else (max(lags),):
             extra = hold.cost + 0.3 * (1 - lag)
             lagged.append((i, Hold(hold.grasp, hold.mode, hold.tool, lag, extra), arm))
     if len(lagged) > 900:  # the cheapest are enough
@@ -350,7 +360,7 @@ def _follow(
         travel = np.abs(np.diff(follow[r], axis=0)).sum(axis=0).max()
         away = np.abs(approach[r, -1] - begin).max()
         margin = np.minimum(follow[r] - limits[:, 0], limits[:, 1] - follow[r]).min()
-        cost = hold.cost + 0.3 * travel + 0.3 * away + 2.0 * max(0.0, 0.15 - margin)
+        cost = hold.cost + base_costs[i] + 0.3 * travel + 0.3 * away + 2.0 * max(0.0, 0.15 - margin)
         out.append(ArmPath(hold, bases[i], approach[r, ::-1], follow[r], q, float(cost)))
     return sorted(out, key=lambda p: p.cost)
 
@@ -370,6 +380,7 @@ def clear(
     world_asset: FloatArray,
     others: Mapping[str, float],
     ground: float = 0.0,
+    begin: FloatArray | None = None,
 ) -> bool:
     """Whether the arm stays out of the object and above the ground along a whole path.
 
@@ -379,8 +390,8 @@ def clear(
     pushing = path.hold.mode == "push"
     opened = robot.closed if pushing else hold_opening(robot, path.hold)
     before = {**others, goal.joint: float(path.q[0])}
-    start = robot.rest_arm
-    swing = np.linspace(start, path.approach[0], 6)[:-1]
+    start = robot.rest_arm if begin is None else begin
+    swing = np.linspace(start, path.approach[0], 8)[:-1]
     slack = 0.004 if not pushing else robot.tip_ahead + 0.004
     for arm in (*swing, *path.approach[:-1]):
         if not _free(model, robot, arm, opened, path.base, world_asset, before, (), ground, 0.0):

@@ -45,7 +45,10 @@ class RobotSpec:
         force: what the hand can pull, newtons (assumed, below the data sheet's payload limits).
         forward: yaw of the base frame in which the arm points, radians.
         base_radius: clearance around the base, metres.
+        gripper_range: command values that ManiSkill's normalised gripper action of -1 and 1 stands
+            for; None where the action is the joint value itself.
         step: joint motion per control step that real arms of the kind follow, radians.
+        delta: arm joint change that a normalised action of 1 asks for in pd_joint_delta_pos.
     """
 
     uid: str
@@ -74,7 +77,9 @@ class RobotSpec:
     base_radius: float = 0.12
     step: float = 0.1
     floor_only: bool = False
+    gripper_range: tuple[float, float] | None = None
     extra_actions: int = 0
+    delta: float = 0.1
 
     @cached_property
     def path(self) -> Path:
@@ -123,6 +128,9 @@ class RobotSpec:
 
     def action(self, arm: FloatArray, gripper: float) -> FloatArray:
         """Action of control mode pd_joint_pos: arm targets (n,), gripper command, zeros."""
+        if self.gripper_range is not None:
+            low, high = self.gripper_range
+            gripper = 2.0 * (gripper - low) / (high - low) - 1.0
         return np.concatenate([arm, [gripper], np.zeros(self.extra_actions)]).astype(np.float32)
 
     def link_poses(self, arm: FloatArray, gripper: float) -> dict[str, FloatArray]:
@@ -184,6 +192,7 @@ PANDA = RobotSpec(
     tool_closing=(0, 1, 0),
     gripper=("panda_finger_joint1", "panda_finger_joint2"),
     opened=0.04,
+    gripper_range=(-0.01, 0.04),
     closed=-0.01,
     shut=0.0,
     max_width=0.078,
@@ -235,6 +244,7 @@ SO100 = RobotSpec(
     forward=-np.pi / 2,
     base_radius=0.06,
     step=0.08,
+    delta=0.05,
 )
 FETCH = RobotSpec(
     uid="fetch",
@@ -254,6 +264,7 @@ FETCH = RobotSpec(
     tool_closing=(0, 1, 0),
     gripper=("l_gripper_finger_joint", "r_gripper_finger_joint"),
     opened=0.05,
+    gripper_range=(-0.01, 0.05),
     closed=-0.01,
     shut=0.0,
     max_width=0.098,
@@ -290,6 +301,7 @@ XARM6 = RobotSpec(
     tool_closing=(0, 1, 0),
     gripper=("left_outer_knuckle_joint", "right_outer_knuckle_joint"),
     opened=0.0,
+    gripper_range=(0.0, 0.81),
     closed=0.81,
     shut=0.81,
     max_width=0.08,

@@ -1,0 +1,141 @@
+"""From a situation to a timed arm motion: approach, grip or press, follow the joint, hold still."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mam_envs.env import Situation
+from mam_envs.reach import ArmPath, Hold, Search, goal_values, hold_opening, holds, search, tool_path
+from mam_envs.robots import RobotSpec
+from mam_pipeline.errors import NotPhysicalError
+from mam_pipeline.types import FloatArray
+
+TILTS = (0, 15, 30, 45, 60)
+CLOSE_STEPS = 6
+SETTLE_STEPS = 25
+HAND_SPEED = 0.012
+"""Metres per control step (20 Hz) at which the hand drags or presses the part."""
+
+
+class PlanningError(NotPhysicalError):
+    """The expert finds no motion in this situation; the message says why."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A timed motion, one row per control step (20 Hz).
+
+    Attributes:
+        path: the arm path it times.
+        arm: (T, n) joint targets, radians.
+        gripper: (T,) gripper commands.
+        phase: (T,) names: move, approach, close, follow, settle.
+        expected: (T,) joint value of the object that should be reached by then.
+    """
+
+    path: ArmPath
+    arm: FloatArray
+    gripper: FloatArray
+    phase: tuple[str, ...]
+    expected: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.arm)
+
+
+def plan(now: Situation, skip: Sequence[Hold] = ()) -> Plan:
+    """Plan from the present state of arm and object.
+
+    The hold and branch of the nominal placement are tried first, so that all episodes look alike
+    (a learner needs that); then every hold that the asset offers.
+
+    Args:
+        skip: holds that were tried in vain.
+
+    Raises:
+        PlanningError: with the reason.
+    """
+    robot, goal, model = now.robot, now.goal, now.model
+    q = goal_values(goal, q_now=now.q)
+    nominal = now.layout.placement.path
+    if nominal.hold.grasp.joint == goal.joint and not _tried(nominal.hold, skip):
+        found = search(
+            model, goal, robot, [nominal.hold], now.base[None], now.world_asset, q,
+            now.others, now.arm, keep=1,
+            seeds=np.stack([nominal.approach[-1], nominal.approach[0]]),
+            lags=(nominal.hold.lag,),
+        )
+        if found.paths:
+            return time_path(robot, now, found.paths[0])
+    candidates = [h for h in holds(model, goal, robot, TILTS) if not _tried(h, skip)]
+    found = Search((), 0, 0, 0)
+    if candidates:
+        found = search(
+            model, goal, robot, candidates, now.base[None], now.world_asset, q,
+            now.others, now.arm, keep=1,
+        )
+    if not found.paths:
+        raise PlanningError(found.reason(f"{model.asset.card.name}: joint {goal.joint!r}"))
+    return time_path(robot, now, found.paths[0])
+
+
+def _tried(hold: Hold, skip: Sequence[Hold]) -> bool:
+    return any(
+        hold.mode == s.mode and np.allclose(hold.tool, s.tool, atol=1e-3) for s in skip
+    )
+
+
+def time_path(robot: RobotSpec, now: Situation, path: ArmPath) -> Plan:
+    """Put an arm path on the clock: joint speeds below the robot's, the hand slow at the part."""
+    opened = hold_opening(robot, path.hold)
+    closed = robot.closed
+    pushing = path.hold.mode == "push"
+    ready = closed if pushing else opened
+    rows: list[FloatArray] = []
+    grip: list[float] = []
+    names: list[str] = []
+    expected: list[float] = []
+    start = float(path.q[0])
+
+    def add(arm: FloatArray, gripper: float, name: str, values: FloatArray | float) -> None:
+        rows.append(arm)
+        grip.extend([gripper] * len(arm))
+        names.extend([name] * len(arm))
+        expected.extend(np.broadcast_to(values, (len(arm),)).tolist())
+
+    add(_timed(np.stack([now.arm, path.approach[0]]), 0.8 * robot.step), ready, "move", start)
+    add(_timed(path.approach, 0.35 * robot.step, least=10), ready, "approach", start)
+    if not pushing:
+        hold_still = np.repeat(path.approach[-1:], CLOSE_STEPS, axis=0)
+        add(hold_still, closed, "close", start)
+    hand = tool_path(now.model, now.goal, path.hold, path.q)[:, :3, 3]
+    length = float(np.linalg.norm(np.diff(hand, axis=0), axis=1).sum())
+    least = max(12, int(np.ceil(length / HAND_SPEED)))
+    arm, values = _timed_with(path.follow, path.q, 0.5 * robot.step, least)
+    add(arm, closed, "follow", values)
+    add(np.repeat(path.follow[-1:], SETTLE_STEPS, axis=0), closed, "settle", float(path.q[-1]))
+    return Plan(
+        path, np.concatenate(rows), np.array(grip), tuple(names), np.array(expected)
+    )
+
+
+def _timed(points: FloatArray, step: float, least: int = 8) -> FloatArray:
+    """Joint waypoints (K, n) as targets (T, n), no joint faster than `step` per row on average,
+    starting and ending gently."""
+    return _timed_with(points, np.zeros(len(points)), step, least)[0]
+
+
+def _timed_with(
+    points: FloatArray, values: FloatArray, step: float, least: int
+) -> tuple[FloatArray, FloatArray]:
+    lengths = np.abs(np.diff(points, axis=0)).max(axis=1)
+    along = np.concatenate([[0.0], np.cumsum(np.maximum(lengths, 1e-6))])
+    count = max(least, int(np.ceil(along[-1] / step)))
+    s = np.linspace(0.0, 1.0, count + 1)[1:]
+    eased = 0.75 * s + 0.25 * (3 * s**2 - 2 * s**3)
+    at = eased * along[-1]
+    arm = np.stack([np.interp(at, along, column) for column in points.T], axis=1)
+    return arm, np.interp(at, along, values)

@@ -1,0 +1,233 @@
+"""The expert as a policy: one action per step, watching the joint and trying again if it slips."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from mam_envs.env import OperateJointEnv, Situation
+from mam_envs.reach import Hold
+from mam_pipeline.errors import ConfigError
+from mam_pipeline.types import FloatArray
+from mam_policies.expert.plan import Plan, PlanningError, plan
+
+RETREAT_STEPS = 14
+SLIP = 0.3
+"""Share of the whole way that the joint may lag behind the hand before it counts as slipped."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """How one episode went.
+
+    Attributes:
+        success: of the environment; steps: control steps taken; plans: how many were tried.
+        reason: why not, or "".
+        open_fraction: of the joint at the end.
+        records: observations and actions if they were asked for.
+    """
+
+    success: bool
+    steps: int
+    plans: int
+    reason: str
+    open_fraction: float
+    mode: str = ""
+    records: dict[str, list[Any]] = field(default_factory=dict)
+
+
+class Expert:
+    """Drives one environment (num_envs=1) with control mode pd_joint_pos or pd_joint_delta_pos.
+
+    Usage: `expert.reset()` after `env.reset(...)`, then `env.step(expert.act())`.
+
+    Attributes:
+        phase: name of what it does now (move, approach, close, follow, settle, retreat, done).
+        target: (n,) arm joint target of the last action, radians.
+    """
+
+    def __init__(self, env: Any, noise: float = 0.0, seed: int = 0, attempts: int = 3) -> None:
+        """Bind to an environment.
+
+        Args:
+            env: gym environment on OperateJoint-v1.
+            noise: standard deviation of noise on the arm targets, radians; the plan is kept.
+            seed: of that noise.
+            attempts: plans per joint before it gives up.
+
+        Raises:
+            ConfigError: a control mode that takes no joint targets, or more than one sub-scene.
+        """
+        self.env: OperateJointEnv = env.unwrapped
+        if not isinstance(self.env, OperateJointEnv):
+            raise ConfigError(f"the expert works on OperateJoint-v1, not {type(self.env).__name__}")
+        if self.env.num_envs != 1:
+            raise ConfigError("the expert drives one environment; use num_envs=1")
+        self.mode = self.env.control_mode
+        if self.mode not in ("pd_joint_pos", "pd_joint_delta_pos"):
+            raise ConfigError(
+                f"the expert needs control_mode pd_joint_pos or pd_joint_delta_pos, "
+                f"not {self.mode!r}"
+            )
+        self.noise, self.attempts = noise, attempts
+        self.rng = np.random.default_rng(seed)
+        self.plans: list[Plan] = []
+        self.reason = ""
+        self.phase = "done"
+
+    def reset(self) -> None:
+        """Plan for the situation after a reset.
+
+        Raises:
+            PlanningError: there is no motion; the message says why.
+        """
+        self.skip: list[Hold] = []
+        self.plans, self.reason = [], ""
+        self.stage = int(self.env.stage[0])
+        self._begin(self.env.situation())
+
+    def _begin(self, now: Situation) -> None:
+        self.plan = plan(now, self.skip)
+        self.plans.append(self.plan)
+        self.at = 0
+        self.retreat: list[FloatArray] = []
+        self.gripper = float(self.plan.gripper[0])
+        self.phase = self.plan.phase[0]
+        self.target = now.arm
+
+    def act(self) -> FloatArray:
+        """The next action (the environment's action vector)."""
+        now = self.env.situation()
+        if int(self.env.stage[0]) != self.stage:
+            self.stage, self.skip = int(self.env.stage[0]), []
+            self._let_go(now)
+        if self.retreat:
+            self.phase = "retreat"
+            self.target = self.retreat.pop(0)
+            self.gripper = self.env.robot_spec.opened
+            if not self.retreat:
+                self._again()
+            return self._action(now)
+        if self.at >= len(self.plan):
+            if not self._may_retry():
+                self.phase = "done"
+                self.reason = self.reason or self._why(now)
+                return self._action(now)
+            self._give_up(now)
+            return self.act()
+        self.target = self.plan.arm[self.at]
+        self.gripper = float(self.plan.gripper[self.at])
+        self.phase = self.plan.phase[self.at]
+        if self.phase in ("follow", "settle") and self._slipped(now) and self._may_retry():
+            self._give_up(now)
+            return self.act()
+        self.at += 1
+        return self._action(now)
+
+    def _slipped(self, now: Situation) -> bool:
+        way = now.goal.q_goal - self.plan.path.q[0]
+        behind = (self.plan.expected[self.at] - now.q) / (way if abs(way) > 1e-9 else 1e-9)
+        return bool(behind > SLIP)
+
+    def _may_retry(self) -> bool:
+        return len(self.plans) < self.attempts
+
+    def _why(self, now: Situation) -> str:
+        done = float(self.env.progress()[0])
+        touched = bool(self.env.get_info()["by_contact"][0])
+        if done < 0.05:
+            return "the hold slipped before the joint moved" if touched else "no contact was made"
+        if done < 1.0:
+            return f"the joint stopped at {100 * done:.0f} % of the way"
+        return "the joint was not still, or moved without contact"
+
+    def _give_up(self, now: Situation) -> None:
+        self.skip.append(self.plan.path.hold)
+        self.reason = self._why(now)
+        self._let_go(now)
+
+    def _let_go(self, now: Situation) -> None:
+        """Open the hand and back off the way it came, then plan anew."""
+        robot, path = now.robot, self.plan.path
+        chain = robot.chain
+        rotation, position, _ = chain.forward(now.arm[None])
+        goal = np.eye(4)[None].copy()
+        goal[0, :3, :3], goal[0, :3, 3] = rotation[0], position[0]
+        goal[0, :3, 3] -= 0.09 * rotation[0, :, 2]
+        back = chain.solve(goal, now.arm[None], robot.rotation_weight, 20).q[0]
+        shares = np.linspace(0, 1, RETREAT_STEPS - 3)
+        wait = [now.arm.copy() for _ in range(4)] if path.hold.mode == "grip" else []
+        self.retreat = [*wait, *((1 - s) * now.arm + s * back for s in shares)]
+
+    def _again(self) -> None:
+        try:
+            self._begin(self.env.situation())
+        except PlanningError as error:
+            self.reason = f"{self.reason}; then: {error}" if self.reason else str(error)
+            self.at = len(self.plan)
+            self.plans += [self.plan] * self.attempts  # no further tries
+
+    def _action(self, now: Situation) -> FloatArray:
+        target = self.target
+        if self.noise:
+            target = target + self.rng.normal(0, self.noise, len(target))
+        robot = now.robot
+        if self.mode == "pd_joint_pos":
+            limits = robot.chain.limits
+            return robot.action(np.clip(target, limits[:, 0], limits[:, 1]), self.gripper)
+        return self._delta(now, target)
+
+    def _delta(self, now: Situation, target: FloatArray) -> FloatArray:
+        """The same as a normalised change of joint values."""
+        robot = now.robot
+        action = robot.action((target - now.arm) / robot.delta, self.gripper)
+        if robot.gripper_range is None:  # the gripper, too, is commanded by its change
+            grip_now = float(self.env.agent.robot.get_qpos()[0, -1])
+            action[len(target)] = (self.gripper - grip_now) / 0.2
+        return np.clip(action, -1, 1)
+
+
+def run_episode(
+    env: Any, expert: Expert, seed: int | None = None, record: bool = False, extra_steps: int = 0
+) -> Episode:
+    """Reset, let the expert act until success or the time limit, and report.
+
+    Args:
+        record: keep observations, actions, rewards and infos (lists; one more observation than
+            actions).
+        extra_steps: control steps to go on for after success (the arm holds still).
+    """
+    obs, info = env.reset(seed=seed)
+    records: dict[str, list[Any]] = {"obs": [obs]} if record else {}
+    for key in ("action", "reward", "info", "phase") if record else ():
+        records[key] = []
+    try:
+        expert.reset()
+    except PlanningError as error:
+        return Episode(False, 0, 0, str(error), float(info["open_fraction"][0]), "", records)
+    success, steps, left = False, 0, extra_steps
+    while True:
+        action = expert.act()
+        if expert.phase == "done" and not success:
+            break
+        obs, reward, terminated, truncated, info = env.step(action)
+        steps += 1
+        if record:
+            for key, value in zip(
+                ("obs", "action", "reward", "info", "phase"),
+                (obs, action, reward, info, expert.phase),
+            ):
+                records[key].append(value)
+        success = success or bool(info["success"].reshape(-1)[0])
+        if bool(np.asarray(truncated).reshape(-1)[0]):
+            break
+        if success:
+            if left <= 0:
+                break
+            left -= 1
+    reason = "" if success else expert.reason or "out of time"
+    fraction = float(info["open_fraction"].reshape(-1)[0])
+    mode = expert.plan.path.hold.mode
+    return Episode(success, steps, len(expert.plans), reason, fraction, mode, records)
