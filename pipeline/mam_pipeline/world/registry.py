@@ -21,6 +21,9 @@ FAMILIES: tuple[str, ...] = (
     "laundry",
     "openings",
     "household",
+    "electronics",
+    "vessels",
+    "controls",
 )
 
 
