@@ -19,7 +19,9 @@ Array = NDArray[np.float64]
 GAP = 0.003
 BOARD = 0.018
 THIN = 0.010
-QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+QUADS = np.array(
+    [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+)
 FACE_ORDER = ("front", "back", "right", "left", "bottom", "top")
 
 
@@ -81,7 +83,9 @@ class _Builder:
             self.texture[face] = len(self.materials)
             self.materials.append(Material(f"photo_{face}", (1, 1, 1, 1), data, "jpeg"))
 
-    def box(self, name: str, low: Array, high: Array, skins: tuple[str, ...] = (), inside: bool = False) -> None:
+    def box(
+        self, name: str, low: Array, high: Array, skins: tuple[str, ...] = (), inside: bool = False
+    ) -> None:
         """Add a box; faces named in `skins` show the photo of that side of the object."""
         lo, hi = np.minimum(low, high), np.maximum(low, high)
         grid = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
@@ -139,7 +143,12 @@ def build_object(spec: BodySpec) -> tuple[Mesh, Hints]:
     for cell in spec.cells:
         if cell.kind == "fixed":
             rect = _shrink(cell.rect, 0.0)
-            b.box(f"{cell.name}_front", b.at(0, rect[0], rect[1]), b.at(BOARD + GAP, rect[2], rect[3]), ("front",))
+            b.box(
+                f"{cell.name}_front",
+                b.at(0, rect[0], rect[1]),
+                b.at(BOARD + GAP, rect[2], rect[3]),
+                ("front",),
+            )
         elif cell.kind in ("drawer", "door"):
             parts.append(_movable(b, cell))
     parts.insert(0, _base_part(b))
@@ -158,9 +167,7 @@ def _base_part(b: _Builder) -> HintPart:
 
 def _plain(box: HintBox) -> HintBox:
     c, z = box.center, box.size
-    return HintBox(
-        (float(c[0]), float(c[1]), float(c[2])), (float(z[0]), float(z[1]), float(z[2]))
-    )
+    return HintBox((float(c[0]), float(c[1]), float(c[2])), (float(z[0]), float(z[1]), float(z[2])))
 
 
 def _carcass(b: _Builder) -> None:

@@ -307,7 +307,9 @@ def fit_cuboids(evidence: Evidence, seed: int = 0, keep: int = 3) -> list[Cuboid
     out: list[Cuboid] = []
     seeds: list[Array] = []
     for _, p in found:
-        if len(seeds) < keep and not any(np.abs(p[0] - q[0]) + np.abs(p[1] - q[1]) < 0.12 for q in seeds):
+        if len(seeds) < keep and not any(
+            np.abs(p[0] - q[0]) + np.abs(p[1] - q[1]) < 0.12 for q in seeds
+        ):
             seeds.append(p)
     for p in seeds:
         start = p + rng.normal(0, 1, (56, 9)) * spread

@@ -110,7 +110,9 @@ def _from_front(photo: Photo, mask: ObjectMask, options: PhotoOptions) -> Found:
     if options.width and options.height:
         ratio = options.width / options.height
     image = rectify(photo, quad, ratio)
-    reading = read_front(image, options.layout, options.category, (options.height or 0.85) / image.shape[0])
+    reading = read_front(
+        image, options.layout, options.category, (options.height or 0.85) / image.shape[0]
+    )
     return Found(
         mask, quad, (ratio, 0.6, 1.0), reading, 0.0, 0.0, [quad], front_given=True
     )  # fmt: skip

@@ -69,7 +69,11 @@ def read_front(
     seams = find_seams(image)
     blobs = find_blobs(image, seams)
     partition = best_partition(seams, blobs)
-    panels = [panel_of(leaf, blobs, image, metres_per_pixel) for leaf in partition.leaves if leaf.kind == "panel"]
+    panels = [
+        panel_of(leaf, blobs, image, metres_per_pixel)
+        for leaf in partition.leaves
+        if leaf.kind == "panel"
+    ]
     panels.sort(key=lambda p: (round(p.box[1] / 20), p.box[0]))
     return FrontReading(image, tuple(panels), partition.value, panels_confidence(partition, panels))
 
@@ -124,7 +128,11 @@ def classify(
         hw, hh = handles[0].size
         off = abs(u - 0.5)
         z += 2.5 * float(np.clip((0.2 - off) / 0.12, -1.5, 1.2))
-        z += 1.2 * float(np.clip(np.log(hw / hh), -1.5, 1.0)) if max(hw, hh) > 2.2 * min(hw, hh) else 0.0
+        z += (
+            1.2 * float(np.clip(np.log(hw / hh), -1.5, 1.0))
+            if max(hw, hh) > 2.2 * min(hw, hh)
+            else 0.0
+        )
         side = "left" if u > 0.5 else "right"
         if off < 0.2 and h * scale > 0.3 and v < 0.25 and hw > 0.45 * w:
             return "door", "bottom", 0.8
@@ -153,7 +161,9 @@ def panels_confidence(partition: Partition, panels: list[Panel]) -> float:
     """0..1 how far to trust the partition as a whole."""
     if not panels:
         return 0.0
-    support = float(np.mean([np.mean(leaf.sides) for leaf in partition.leaves if leaf.kind == "panel"]))
+    support = float(
+        np.mean([np.mean(leaf.sides) for leaf in partition.leaves if leaf.kind == "panel"])
+    )
     handled = float(np.mean([bool(p.handles) or p.kind == "open" for p in panels]))
     return float(np.clip(0.55 * support + 0.45 * handled - 0.01 * max(0, len(panels) - 8), 0, 1))
 

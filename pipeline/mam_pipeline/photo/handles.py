@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -44,7 +47,7 @@ def contrast_map(rgb: NDArray[np.uint8]) -> Array:
     return np.linalg.norm(difference, axis=2)
 
 
-def long_lines(seams: Seams, share: float = 0.3) -> NDArray[np.bool_]:
+def long_lines(seams: Seams, share: float = 0.42) -> NDArray[np.bool_]:
     """Pixels of seam lines that run over at least `share` of the front: never part of a handle."""
     out = np.zeros(seams.vertical.shape, bool)
     for response, along in ((seams.vertical, 0), (seams.horizontal, 1)):
@@ -56,8 +59,10 @@ def long_lines(seams: Seams, share: float = 0.3) -> NDArray[np.bool_]:
     return out
 
 
-def find_blobs(rgb: NDArray[np.uint8], seams: Seams, keep: int = 60) -> list[Blob]:
-    """Handle candidates, most likely first."""
+def find_blobs(
+    rgb: NDArray[np.uint8], seams: Seams, keep: int = 60, separate: bool = True
+) -> list[Blob]:
+    """Handle candidates, most likely first; overlapping ones only if not `separate`."""
     h, w = rgb.shape[:2]
     side = max(h, w)
     contrast = contrast_map(rgb)
@@ -83,13 +88,14 @@ def find_blobs(rgb: NDArray[np.uint8], seams: Seams, keep: int = 60) -> list[Blo
     if not found:
         return []
     table = np.stack([f for f, _ in found])
-    table = np.column_stack([table, repetition(table, np.array([b for _, b in found]), side)])
+    boxes = np.array([b for _, b in found], dtype=float)
+    table = np.column_stack([table, repetition(table, boxes, side), crowding(boxes, side)])
     score = handle_probability(table)
     order = np.argsort(-score, kind="stable")
     out: list[Blob] = []
     for i in order:
         box = found[i][1]
-        if all(_overlap(box, b.box) < 0.3 for b in out):
+        if not separate or all(_overlap(box, b.box) < 0.3 for b in out):
             out.append(Blob(tuple(float(v) for v in box), float(score[i]), tuple(table[i])))  # type: ignore[arg-type]
         if len(out) == keep:
             break
@@ -143,9 +149,29 @@ def features(
             delta[0], np.hypot(delta[1], delta[2]), np.std(color[:, 0]), np.std(color_out[:, 0]),
             symmetric, upright,
             seams.vertical[y0:y1, x0:x1].mean(), seams.horizontal[y0:y1, x0:x1].mean(),
-            (x0 + x1) / 2 / w, (y0 + y1) / 2 / h, noise, w / h,
+            *_ends(contrast, box), 
+1.0 - seams.calm[y0:y1, x0:x1].mean(), min(x0, w - x1) / side, noise,
         ]
     )  # fmt: skip
+
+
+def _ends(contrast: Array, box: tuple[int, int, int, int]) -> tuple[float, float]:
+    """Contrast just beyond the two ends of the long side: a seam goes on, a handle stops."""
+    x0, y0, x1, y1 = box
+    h, w = contrast.shape
+    reach = max(4, round(0.25 * max(x1 - x0, y1 - y0)))
+    if x1 - x0 >= y1 - y0:
+        a, b = (
+            contrast[y0:y1, max(0, x0 - reach) : max(1, x0 - 1)],
+            contrast[y0:y1, x1 + 1 : x1 + reach],
+        )
+    else:
+        a, b = (
+            contrast[max(0, y0 - reach) : max(1, y0 - 1), x0:x1],
+            contrast[y1 + 1 : y1 + reach, x0:x1],
+        )
+    means = sorted(float(np.percentile(v, 85)) if v.size else 0.0 for v in (a, b))
+    return means[0], means[1]
 
 
 def repetition(table: Array, boxes: Array, side: int) -> Array:
@@ -162,26 +188,28 @@ def repetition(table: Array, boxes: Array, side: int) -> Array:
     return np.stack([row, column, (like & apart).sum(axis=1)], axis=1).astype(float)
 
 
+def crowding(boxes: Array, side: int) -> Array:
+    """(n, 2) how many separate candidates lie nearby: a few handles, but many bits of pattern."""
+    center = (boxes[:, :2] + boxes[:, 2:]) / 2.0
+    half = (boxes[:, 2:] - boxes[:, :2]) / 2.0
+    gap = np.abs(center[:, None] - center[None]) - half[:, None] - half[None]
+    gap = gap.max(axis=2)  # > 0: the boxes do not touch
+    return np.stack(
+        [((gap > 0) & (gap < reach * side)).sum(axis=1) for reach in (0.04, 0.1)], axis=1
+    ).astype(float)
+
+
+@lru_cache(maxsize=1)
+def _model() -> Any:
+    """Boosted trees trained on synthetic photos only (benchmarks/photo_handles.py)."""
+    import lightgbm
+
+    return lightgbm.Booster(model_file=str(Path(__file__).with_name("handle_model.txt")))
+
+
 def handle_probability(table: Array) -> Array:
     """(n,) probability that a candidate is a handle, from its features."""
-    bw, bh, ratio, fill = table[:, 0], table[:, 1], table[:, 2], table[:, 3]
-    inside, isolation, busy = table[:, 4], table[:, 8], table[:, 9]
-    symmetric = np.maximum(table[:, 14], table[:, 15])
-    repeated = np.minimum(table[:, 22] + table[:, 23], 3.0)
-    size = np.maximum(bw, bh)
-    z = (
-        -2.6
-        + 0.55 * np.clip(isolation, 0, 6)
-        + 0.03 * np.clip(inside, 0, 40)
-        - 3.0 * busy
-        + 1.5 * (symmetric - 0.6)
-        + 0.55 * repeated
-        + 1.0 * (fill - 0.5)
-        - 8.0 * np.clip(size - 0.22, 0, None)
-        - 30 * np.clip(0.02 - size, 0, None)
-        - 1.2 * ((np.abs(ratio) < 0.9) & (size > 0.09))
-    )
-    return 1 / (1 + np.exp(-z))
+    return np.asarray(_model().predict(table, num_threads=1), dtype=np.float64)
 
 
 def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> float:

@@ -75,9 +75,7 @@ def side_share(cuboid: Cuboid, front: str) -> float:
     return 1 - areas.get(front, 0.0) / max(total, 1e-9)
 
 
-def guess_category(
-    width: float, height: float, kinds: list[str], given: str | None = None
-) -> str:
+def guess_category(width: float, height: float, kinds: list[str], given: str | None = None) -> str:
     """A furniture category from proportions and what the front holds; only its size is used."""
     if given:
         return given

@@ -24,13 +24,19 @@ def _rect(box: tuple[float, float, float, float]) -> Array:
     return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], dtype=float)
 
 
-def _lines(image: NDArray[np.uint8], points: Array, color: tuple[int, int, int], width: int) -> None:
+def _lines(
+    image: NDArray[np.uint8], points: Array, color: tuple[int, int, int], width: int
+) -> None:
     near = np.clip(points, -4000, 4000)
     cv2.polylines(image, [np.round(near * 16).astype(np.int32)], True, color, width, cv2.LINE_AA, 4)
 
 
 def draw_overlay(
-    photo: Photo, faces: list[Array], quad: Array | None, reading: FrontReading | None, title: str = ""
+    photo: Photo,
+    faces: list[Array],
+    quad: Array | None,
+    reading: FrontReading | None,
+    title: str = "",
 ) -> NDArray[np.uint8]:
     """The photo with the box (red), drawers (green), doors (blue), open cells, handles (magenta)."""
     image = photo.small.copy()

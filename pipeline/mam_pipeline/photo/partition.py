@@ -90,7 +90,9 @@ class _Regions:
         pair = self._pairs(blobs, xs, ys)
         one = np.maximum(single, pair)
         many = np.clip(1 - none - one, 0, 1)
-        panel = one * k.one_handle + none * k.no_handle + many * k.many_handles * (1 + 0.3 * expected)
+        panel = (
+            one * k.one_handle + none * k.no_handle + many * k.many_handles * (1 + 0.3 * expected)
+        )
         across = self.row.transpose(1, 2, 0)  # (i0, i1, j)
         side = 0.25 * (
             self.column[:, None] + self.column[None, :]

@@ -148,7 +148,9 @@ def body_of(photo: Photo, found: Found, sizes: Sizes) -> BodySpec:
         )  # fmt: skip
     textures = [("front", jpeg(rectify(photo, found.quad, w / h, TEXTURE_SIDE)))]
     for face, quad in found.other_faces:
-        ratio = sizes.depth / sizes.height if face in ("left", "right") else sizes.width / sizes.depth
+        ratio = (
+            sizes.depth / sizes.height if face in ("left", "right") else sizes.width / sizes.depth
+        )
         textures.append((face, jpeg(rectify(photo, quad, ratio, TEXTURE_SIDE // 2))))
     have = {f for f, _ in textures}
     for face, twin in (("left", "right"), ("right", "left")):
@@ -252,4 +254,11 @@ def summarise(reading: FrontReading, sizes: Sizes) -> str:
     )
 
 
-__all__ = ["DEFAULTS", "Cuboid", "EmbeddedReconstructor", "reconstruct_photo", "replace", "side_share"]
+__all__ = [
+    "DEFAULTS",
+    "Cuboid",
+    "EmbeddedReconstructor",
+    "reconstruct_photo",
+    "replace",
+    "side_share",
+]

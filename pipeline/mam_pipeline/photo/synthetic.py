@@ -52,7 +52,9 @@ class Piece:
     proud: tuple[float, ...] = ()  # x of each panel's face, metres
 
 
-def synthesise(seed: int, level: str = "clean", width: int = 720) -> tuple[NDArray[np.uint8], PhotoTruth]:
+def synthesise(
+    seed: int, level: str = "clean", width: int = 720
+) -> tuple[NDArray[np.uint8], PhotoTruth]:
     """Render one photo (H, W, 3 RGB) with its truth; the same seed gives the same picture."""
     rng = np.random.default_rng([seed, LEVELS.index(level)])
     category = str(rng.choice(CATEGORIES, p=WEIGHTS))
@@ -151,7 +153,14 @@ def _fill(scene, rng, cell, area, style, ids, size, base) -> PanelTruth | None: 
     if cell.kind == "round":
         mid = ((s0 + s1) / 2, (t0 + t1) / 2)
         r = 0.38 * min(s1 - s0, t1 - t0)
-        scene.tube(_p(face - 0.02, -mid[0], mid[1]), _p(face, -mid[0], mid[1]), r * 0.97, r, ids["handle"], 48)
+        scene.tube(
+            _p(face - 0.02, -mid[0], mid[1]),
+            _p(face, -mid[0], mid[1]),
+            r * 0.97,
+            r,
+            ids["handle"],
+            48,
+        )
         scene.ellipsoid(_p(face - 0.02, -mid[0], mid[1]), (0.02, r * 0.75, r * 0.75), ids["dark"])
         rect = front(mid[0] - r, mid[1] - r, mid[0] + r, mid[1] + r)
         return panel_truth(cell, rect, (), round_door=True)
@@ -165,10 +174,14 @@ def _panel(scene, rng, r, face, thick, style, ids, cell) -> None:  # type: ignor
     back = face + thick
     if cell.kind == "round" or style.panel == "slab" or min(s1 - s0, t1 - t0) < 0.12:
         scene.box(_p(face, -s0, t0), _p(back, -s1, t1), ids["panel"])
-        if cell.hinge_side == "bottom" or (style.handle == "bar" and style.board == 0.02 and s1 - s0 < 0.45):
+        if cell.hinge_side == "bottom" or (
+            style.handle == "bar" and style.board == 0.02 and s1 - s0 < 0.45
+        ):
             if t1 - t0 < 0.7:
                 m = 0.07
-                scene.box(_p(face - 1e-3, -s0 - m, t0 + m), _p(back, -s1 + m, t1 - 1.6 * m), ids["dark"])
+                scene.box(
+                    _p(face - 1e-3, -s0 - m, t0 + m), _p(back, -s1 + m, t1 - 1.6 * m), ids["dark"]
+                )
         return
     for a, c, e, g in (
         (s0, t0, s0 + rim, t1), (s1 - rim, t0, s1, t1),
@@ -176,7 +189,11 @@ def _panel(scene, rng, r, face, thick, style, ids, cell) -> None:  # type: ignor
     ):  # fmt: skip
         scene.box(_p(face, -a, c), _p(back, -e, g), ids["panel"])
     sink = 0.006
-    scene.box(_p(face + sink, -s0 - rim, t0 + rim), _p(back, -s1 + rim, t1 - rim), ids["inlay" if style.panel == "ornament" else "panel"])
+    scene.box(
+        _p(face + sink, -s0 - rim, t0 + rim),
+        _p(back, -s1 + rim, t1 - rim),
+        ids["inlay" if style.panel == "ornament" else "panel"],
+    )
     if style.panel == "raised":
         m = rim + 0.025
         if min(s1 - s0, t1 - t0) > 2.4 * m:
@@ -207,7 +224,10 @@ def _handles(scene, cell, r, face, style, ids):  # type: ignore[no-untyped-def]
     size = min(style.handle_size, 0.6 * w if cell.kind == "drawer" else 0.5 * h)
     if cell.kind == "drawer":
         count = 2 if w > 0.75 and w > 2.5 * h else 1
-        spots = [((k + 0.5) / count if count == 1 else 0.22 + 0.56 * k, 0.5 if h < 0.3 else 0.62) for k in range(count)]
+        spots = [
+            ((k + 0.5) / count if count == 1 else 0.22 + 0.56 * k, 0.5 if h < 0.3 else 0.62)
+            for k in range(count)
+        ]
         vertical = False
     elif cell.hinge_side == "bottom":
         spots, vertical = [(0.5, 1 - min(0.06 / h, 0.3))], False
@@ -254,7 +274,9 @@ def _handle(scene, style, s, t, size, vertical, face, surface):  # type: ignore[
     for sign in (-0.85, 0.85):
         a = s if vertical else s + sign * half
         c = t + sign * half if vertical else t
-        scene.box(_p(face - 0.03, -(a - 0.004), c - 0.004), _p(face, -(a + 0.004), c + 0.004), surface)
+        scene.box(
+            _p(face - 0.03, -(a - 0.004), c - 0.004), _p(face, -(a + 0.004), c + 0.004), surface
+        )
     return (s - ds, t - dt, s + ds, t + dt)
 
 
@@ -297,16 +319,17 @@ def _apparent(piece: Piece, camera: Camera, quad: NDArray[np.float64]) -> tuple[
     matrix = quad_homography(quad, 1.0, 1.0)
 
     def seen(rect: Rect, x: float) -> Rect:
-        u, v = np.array([rect[0], rect[2], rect[2], rect[0]]), np.array([rect[1], rect[1], rect[3], rect[3]])
+        u, v = (
+            np.array([rect[0], rect[2], rect[2], rect[0]]),
+            np.array([rect[1], rect[1], rect[3], rect[3]]),
+        )
         points = np.stack([np.full(4, x), (0.5 - u) * w, piece.base + (1 - v) * h], axis=1)
         q = apply_homography(matrix, camera.project(points))
         u0, v0, u1, v1 = q[[0, 3], 0].mean(), q[:2, 1].mean(), q[1:3, 0].mean(), q[2:, 1].mean()
         return (float(u0), float(v0), float(u1), float(v1))
 
     return tuple(
-        replace(
-            p, rect=seen(p.rect, face), handles=tuple(seen(k, face - 0.022) for k in p.handles)
-        )
+        replace(p, rect=seen(p.rect, face), handles=tuple(seen(k, face - 0.022) for k in p.handles))
         for p, face in zip(piece.panels, piece.proud)
     )
 
@@ -359,7 +382,11 @@ def _room(scene: Scene, piece: Piece, rng: np.random.Generator, level: str) -> N
         if rng.random() < 0.6:
             tone = 1.3
             floor = scene.material(Surface("plain", (tone, tone, tone), gloss=0.0))
-            scene.add(np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]]) * 1.0, np.array([[0, 1, 2], [0, 2, 3]]), floor)
+            scene.add(
+                np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]]) * 1.0,
+                np.array([[0, 1, 2], [0, 2, 3]]),
+                floor,
+            )
         return
     a, b = WOODS[int(rng.integers(len(WOODS)))]
     kinds = [
@@ -369,12 +396,22 @@ def _room(scene: Scene, piece: Piece, rng: np.random.Generator, level: str) -> N
         Surface("noise", (0.4, 0.42, 0.45), (0.55, 0.55, 0.5)),
     ]
     floor = scene.material(kinds[int(rng.integers(len(kinds)))])
-    wall = scene.material(Surface("plain" if level == "medium" else "noise", tuple(rng.uniform(0.25, 0.8, 3)), tuple(rng.uniform(0.3, 0.8, 3))))  # type: ignore[arg-type]
+    wall = scene.material(
+        Surface(
+            "plain" if level == "medium" else "noise",
+            tuple(rng.uniform(0.25, 0.8, 3)),
+            tuple(rng.uniform(0.3, 0.8, 3)),
+        )
+    )  # type: ignore[arg-type]
     scene.box(_p(-9, -9, -0.05), _p(9, 9, 0), floor)
     back = d + float(rng.uniform(0.02, 0.6))
     scene.box(_p(back, -9, 0), _p(back + 0.1, 9, 6), wall)
     if rng.random() < 0.6:
-        scene.box(_p(back - 0.015, -9, 0), _p(back, 9, 0.1), scene.material(Surface("plain", (0.8, 0.8, 0.78))))
+        scene.box(
+            _p(back - 0.015, -9, 0),
+            _p(back, 9, 0.1),
+            scene.material(Surface("plain", (0.8, 0.8, 0.78))),
+        )
     if level == "medium":
         return
     _clutter(scene, piece, rng, back)
@@ -386,7 +423,13 @@ def _clutter(scene: Scene, piece: Piece, rng: np.random.Generator, back: float) 
 
     def paint() -> int:
         metal = METALS if rng.random() < 0.2 else PAINTS
-        return scene.material(Surface(str(rng.choice(["plain", "noise", "wood"])), metal[int(rng.integers(len(metal)))], tuple(rng.uniform(0.1, 0.8, 3))))  # type: ignore[arg-type]
+        return scene.material(
+            Surface(
+                str(rng.choice(["plain", "noise", "wood"])),
+                metal[int(rng.integers(len(metal)))],
+                tuple(rng.uniform(0.1, 0.8, 3)),
+            )
+        )  # type: ignore[arg-type]
 
     for _ in range(int(rng.integers(0, 4))):  # things on top
         x, y = rng.uniform(0.06, d - 0.06), rng.uniform(-w / 2 + 0.08, w / 2 - 0.08)
@@ -394,11 +437,20 @@ def _clutter(scene: Scene, piece: Piece, rng: np.random.Generator, back: float) 
         if rng.random() < 0.5:
             scene.tube(_p(x, y, top), _p(x, y, top + 3 * s), s, 0.6 * s, paint())
         else:
-            scene.box(_p(x - s, y - 1.5 * s, top), _p(x + s, y + 1.5 * s, top + s), paint(), rng.uniform(0, 3))
+            scene.box(
+                _p(x - s, y - 1.5 * s, top),
+                _p(x + s, y + 1.5 * s, top + s),
+                paint(),
+                rng.uniform(0, 3),
+            )
     for _ in range(int(rng.integers(0, 4))):  # pictures on the wall
         y, z, s = rng.uniform(-2, 2), rng.uniform(1.0, 2.2), rng.uniform(0.15, 0.4)
         scene.box(_p(back - 0.02, y - s, z - s), _p(back, y + s, z + 1.3 * s), paint())
-        scene.box(_p(back - 0.022, y - 0.85 * s, z - 0.85 * s), _p(back, y + 0.85 * s, z + 1.15 * s), paint())
+        scene.box(
+            _p(back - 0.022, y - 0.85 * s, z - 0.85 * s),
+            _p(back, y + 0.85 * s, z + 1.15 * s),
+            paint(),
+        )
     for side in (-1, 1):  # neighbours
         if rng.random() < 0.6:
             near = side * (w / 2 + rng.uniform(0.08, 0.6))

@@ -1,0 +1,153 @@
+"""Run the reconstructor on photos with truth and collect scores: the body of `bench-photo`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mam_pipeline.errors import InputError
+from mam_pipeline.photo.find import find_object
+from mam_pipeline.photo.image import Photo, make_photo, read_photo
+from mam_pipeline.photo.options import PhotoOptions, parse_options
+from mam_pipeline.photo.reconstruct import judge
+from mam_pipeline.photo.score import (
+    FoundPanel, PhotoScore, handle_hits, match, polygon_iou, rect_quad, score_photo,
+)  # fmt: skip
+from mam_pipeline.photo.truth import PhotoTruth, Rect
+
+Array = NDArray[np.float64]
+YOLO_CLASSES = ("handle", "cabinet door", "refrigerator door", "door")
+PICTURES = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff")
+
+
+def predict(
+    photo: Photo, options: PhotoOptions | None = None
+) -> tuple[Array, tuple[float, float, float], list[FoundPanel], bool, Mapping[str, str]]:
+    """Front corners (small pixels), shape, panels, depth observed, confidence words."""
+    options = options or PhotoOptions()
+    found = find_object(photo, options)
+    h, w = found.reading.image.shape[:2]
+
+    def norm(b: tuple[float, float, float, float]) -> Rect:
+        return b[0] / w, b[1] / h, b[2] / w, b[3] / h
+
+    panels = [
+        FoundPanel(
+            p.kind,
+            norm(p.box),
+            tuple(norm(b.box) for b in p.handles if b.provenance != "assumed"),
+        )
+        for p in found.reading.movable
+    ]
+    observed = found.side_share >= 0.06 and not found.front_given
+    return found.quad, found.shape, panels, observed, judge(found, options).words
+
+
+def score_image(
+    image: NDArray[np.uint8], truth: PhotoTruth, options: PhotoOptions | None = None
+) -> PhotoScore:
+    """Score one synthetic photo (H, W, 3)."""
+    photo = make_photo(image)
+    start = time.perf_counter()
+    quad, shape, panels, observed, words = predict(photo, options)
+    seconds = time.perf_counter() - start
+    return score_photo(
+        truth, quad / photo.scale, shape, panels, observed and truth.depth_visible, words, seconds
+    )
+
+
+def layout_of(truth: PhotoTruth) -> str | None:
+    """The layout text a user would type for a piece, or None if rows cannot say it."""
+    panels = sorted(truth.panels, key=lambda p: (round(p.rect[1], 2), p.rect[0]))
+    rows: list[list[Any]] = []
+    for p in panels:
+        middle = (p.rect[1] + p.rect[3]) / 2
+        if rows and abs((rows[-1][0].rect[1] + rows[-1][0].rect[3]) / 2 - middle) < 0.03:
+            rows[-1].append(p)
+        else:
+            rows.append([p])
+    lows = [min(p.rect[1] for p in r) for r in rows]
+    highs = [max(p.rect[3] for p in r) for r in rows]
+    if any(low < high - 0.02 for low, high in zip(lows[1:], highs)):
+        return None
+    return " / ".join(", ".join(f"1 {p.kind}" for p in r) for r in rows)
+
+
+def yolo_items(folder: Path) -> Iterator[tuple[Path, list[tuple[str, Array]]]]:
+    """Photos of a folder with YOLO boxes: `name.jpg` beside `name.txt`, or images/ and labels/.
+
+    Each line is `class x y w h` (0..1 of the picture); classes are those of `classes.txt`, or
+    handle, cabinet door, refrigerator door, door.
+
+    Raises:
+        InputError: no labelled photo, or a line that is not five numbers.
+    """
+    names = YOLO_CLASSES
+    listing = folder / "classes.txt"
+    if listing.is_file():
+        names = tuple(listing.read_text(encoding="utf-8").split("\n"))
+    photos = sorted(p for p in folder.rglob("*") if p.suffix.lower() in PICTURES)
+    some = False
+    for path in photos:
+        twin = Path(str(path.parent).replace("images", "labels")) / f"{path.stem}.txt"
+        label = next((f for f in (path.with_suffix(".txt"), twin) if f.is_file()), None)
+        if label is None:
+            continue
+        some = True
+        yield path, _read_yolo(label, names)
+    if not some:
+        raise InputError(f"{folder} holds no photo with a YOLO label file beside it or in labels/")
+
+
+def _read_yolo(path: Path, names: tuple[str, ...]) -> list[tuple[str, Array]]:
+    out = []
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+        if not line.strip():
+            continue
+        try:
+            k, x, y, w, h = (float(v) for v in line.split()[:5])
+            name = names[int(k)].strip()
+        except (ValueError, IndexError) as error:
+            raise InputError(f"{path.name} line {number}: expected `class x y w h`") from error
+        box = np.array(
+            [
+                [x - w / 2, y - h / 2],
+                [x + w / 2, y - h / 2],
+                [x + w / 2, y + h / 2],
+                [x - w / 2, y + h / 2],
+            ]
+        )
+        out.append((name, box))
+    return out
+
+
+def score_yolo(
+    path: Path, boxes: list[tuple[str, Array]], options: Mapping[str, Any]
+) -> dict[str, int]:
+    """Counts for one photo with YOLO boxes: panels at IoU 0.5 and handle centres inside."""
+    photo = read_photo(path)
+    quad, _, panels, _, _ = predict(photo, parse_options(options))
+    size = np.array(photo.size, float)
+
+    def upright(q: Array) -> Array:
+        low, high = q.min(axis=0), q.max(axis=0)
+        return np.array(
+            [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]]
+        )
+
+    ours = [upright(rect_quad(p.rect, quad)) for p in panels]
+    theirs = [b * size for n, b in boxes if n != "handle"]
+    iou = np.array([[polygon_iou(t, o) for o in ours] for t in theirs]).reshape(len(theirs), -1)
+    handles = [b * size for n, b in boxes if n == "handle"]
+    found = [upright(rect_quad(k, quad)) for p in panels for k in p.handles]
+    hit, right = handle_hits(handles, found)
+    return {
+        "panels": len(theirs), "found": len(ours), "matched50": len(match(iou, 0.5)),
+        "handles": len(handles), "handles_hit": hit, "handles_found": len(found),
+        "handles_right": right,
+    }  # fmt: skip
