@@ -12,7 +12,7 @@ from mam_pipeline.backends import Availability, KinematicPrior
 from mam_pipeline.prior.probe import Probe
 from mam_pipeline.reason.features import pair_features, primitive_features
 from mam_pipeline.reason.graph import Graph, build_graph
-from mam_pipeline.reason.group_features import group_features
+from mam_pipeline.reason.group_features import group_features, with_rivals
 from mam_pipeline.reason.groups import Masks, enumerate_groups
 from mam_pipeline.reason.scores import Scores, load_scores
 from mam_pipeline.reason.select import select_groups
@@ -52,7 +52,8 @@ def decide(graph: Graph, prior: KinematicPrior | None, scores: Scores) -> tuple[
         empty = np.zeros((0, graph.count), dtype=bool)
         return empty, Choice((), np.zeros(0), np.zeros((0, 3)), np.zeros(0), 0.0)
     groups = group_features(graph, masks, same, move, prior)
-    value = scores.value(groups)
+    groups = with_rivals(groups, masks, scores.value(groups))
+    value = scores.revise(groups)
     chosen = select_groups(masks, value, scores.threshold)
     return masks, Choice(
         tuple(chosen), value, scores.subtype(groups), scores.confidence(value), float(value.max())

@@ -102,7 +102,7 @@ def object_columns(graph: Graph, count: int) -> dict[str, np.ndarray]:
     values = {
         "n": float(np.log(graph.count)), "tall": float(whole[2]),
         "deep": float(flat[0] / flat[1]), "largest": float(graph.area.max()),
-        "largest_box": float(box.max()), "fused": float(graph.border.sum() > 0),
+        "largest_box": float(box.max()), "border": float(graph.border.sum()),
         "round_share": float(graph.area[graph.revolve > 0.8].sum()),
         "thin_share": float(graph.area[graph.size[:, 2] < 0.12 * graph.size[:, 1]].sum()),
     }  # fmt: skip
@@ -207,7 +207,7 @@ def pair_features(graph: Graph, unary: Table, prior: KinematicPrior | None) -> T
     for name in PAIR_UNARY:
         column = unary.column(name)
         columns[f"a_{name}"], columns[f"b_{name}"] = column[a], column[b]
-    for name in ("object_n", "object_tall", "object_fused", "object_largest"):
+    for name in ("object_n", "object_tall", "object_border", "object_largest"):
         columns[name] = unary.column(name)[a]
     columns["affinity"] = np.full(len(a), np.nan) if prior is None else prior.affinity[a, b]
     return table(columns)

@@ -137,7 +137,8 @@ def _surroundings(
     )
     gap = np.where(cut, graph.gap, 1.0).min(axis=1, initial=1.0)
     lead = int(np.argmax(np.prod(graph.high - graph.low + 1e-3, axis=1)))
-    patch = np.where(cut[:, :, None] & close[None, :, None], graph.patch[None], 0.0).max(axis=1)
+    patch = np.where(cut[:, :, None] & close[None, :, None], graph.patch[None], 0.0)
+    patch = patch.max(axis=1, initial=0.0)
     longest = np.maximum((high - low).max(axis=1), 1e-3)
     return {
         "held": (cut * shared).sum(axis=1) / np.maximum(area, 1e-9),
@@ -236,3 +237,33 @@ def _freedom(
         out["free_up"][c], out["free_down"][c] = free[4], free[5]
         out["blocked_one_way"][c] = np.abs(free[0::2] - free[1::2]).max()
     return out
+
+
+def with_rivals(groups: Table, masks: Masks, value: FloatArray) -> Table:
+    """The features with what a first look (`value`, (C,)) says of rivals, twins and the rest."""
+    share = masks.astype(np.float32) @ masks.T.astype(np.float32)
+    size = masks.sum(axis=1).astype(np.float32)
+    rival = share > 0
+    np.fill_diagonal(rival, False)
+    inside = (share == size[None, :]) & rival  # column's members all in the row's group
+    around = (share == size[:, None]) & rival
+    apart = ~rival
+    np.fill_diagonal(apart, False)
+    extent = np.stack([groups.column(k) for k in ("size0", "size1", "size2")], axis=1)
+    like = np.abs(np.log((extent[:, None] + 5e-3) / (extent[None] + 5e-3))).max(axis=2) < 0.1
+
+    def best(where: np.ndarray) -> np.ndarray:
+        out: np.ndarray = np.where(where, value[None, :], 0.0).max(axis=1, initial=0.0)
+        return out
+
+    columns = dict(zip(groups.names, groups.values.T))
+    columns |= {
+        "value": value, "best_rival": best(rival), "best_inside": best(inside),
+        "best_around": best(around), "best_twin": best(apart & like), "best_apart": best(apart),
+        "rank_rivals": (rival & (value[None, :] > value[:, None])).sum(axis=1),
+        "rank_all": (value[None, :] > value[:, None]).sum(axis=1),
+        "strong_apart": (apart & (value[None, :] > 0.5)).sum(axis=1),
+        "strong_inside": (inside & (value[None, :] > 0.5)).sum(axis=1),
+        "best_all": np.full(len(value), value.max(initial=0.0)),
+    }  # fmt: skip
+    return table(columns)

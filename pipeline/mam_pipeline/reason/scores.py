@@ -1,12 +1,24 @@
-"""The scores the reasoner goes by: learned models from package data, or the hand-set rules."""
+"""The scores the reasoner goes by: gradient-boosted trees from package data, or hand-set rules.
+
+Weights are LightGBM's text format, packed; `reason.train` writes them from procedural objects.
+"""
 
 from __future__ import annotations
 
-from typing import Protocol
+import gzip
+import json
+from collections.abc import Mapping
+from functools import lru_cache
+from importlib import resources
+from typing import Any, Protocol
+
+import numpy as np
 
 from mam_pipeline.reason import rules
 from mam_pipeline.reason.features import Table
 from mam_pipeline.types import FloatArray
+
+MODELS = ("same", "move", "value", "revise", "subtype")
 
 
 class Scores(Protocol):
@@ -21,7 +33,10 @@ class Scores(Protocol):
         """(P,) probability that a primitive belongs to a moving part."""
 
     def value(self, groups: Table) -> FloatArray:
-        """(C,) expected overlap of a candidate with a true part."""
+        """(C,) expected overlap of a candidate with a true part, each looked at alone."""
+
+    def revise(self, groups: Table) -> FloatArray:
+        """(C,) the same, knowing the value of its rivals and twins (`with_rivals`)."""
 
     def subtype(self, groups: Table) -> FloatArray:
         """(C, 3) probabilities of hinge, spin, slide."""
@@ -47,6 +62,10 @@ class RuleScores:
         """See `rules.part_value`."""
         return rules.part_value(groups)
 
+    def revise(self, groups: Table) -> FloatArray:
+        """Rules do not look at rivals."""
+        return groups.column("value").astype(np.float64)
+
     def subtype(self, groups: Table) -> FloatArray:
         """See `rules.subtype_odds`."""
         return rules.subtype_odds(groups)
@@ -57,6 +76,60 @@ class RuleScores:
         return out
 
 
+class LearnedScores:
+    """Boosted trees. `boosters` by name (MODELS); `settings`: threshold and calibration curve."""
+
+    def __init__(self, boosters: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
+        self.boosters = boosters
+        self.threshold = float(settings["threshold"])
+        self._curve = np.asarray(settings["calibration"], dtype=np.float64)  # (k, 2) value, odds
+
+    def _predict(self, name: str, features: Table) -> FloatArray:
+        booster = self.boosters[name]
+        if tuple(booster.feature_name()) != features.names:
+            raise ValueError(f"the weights {name!r} were trained on other features; train again")
+        if len(features.values) == 0:
+            return np.zeros(0)
+        out: FloatArray = booster.predict(features.values, num_threads=1)
+        return out
+
+    def same(self, pairs: Table) -> FloatArray:
+        """Pair model."""
+        return self._predict("same", pairs)
+
+    def move(self, unary: Table) -> FloatArray:
+        """Primitive model."""
+        return self._predict("move", unary)
+
+    def value(self, groups: Table) -> FloatArray:
+        """Group model."""
+        return self._predict("value", groups)
+
+    def revise(self, groups: Table) -> FloatArray:
+        """Group model that sees the rivals."""
+        return self._predict("revise", groups)
+
+    def subtype(self, groups: Table) -> FloatArray:
+        """Type model."""
+        return self._predict("subtype", groups).reshape(-1, 3)
+
+    def confidence(self, value: FloatArray) -> FloatArray:
+        """Calibrated on validation objects: how often such a candidate was a true part."""
+        out: FloatArray = np.interp(value, self._curve[:, 0], self._curve[:, 1])
+        return out
+
+
+@lru_cache(maxsize=1)
 def load_scores() -> Scores:
-    """The best scores there are."""
-    return RuleScores()
+    """The learned scores of this package, or the rules when it was built without weights."""
+    folder = resources.files("mam_pipeline.reason") / "weights"
+    if not (folder / "settings.json").is_file():
+        return RuleScores()
+    import lightgbm
+
+    boosters = {}
+    for name in MODELS:
+        text = gzip.decompress((folder / f"{name}.txt.gz").read_bytes()).decode("utf-8")
+        boosters[name] = lightgbm.Booster(model_str=text)
+    settings = json.loads((folder / "settings.json").read_text(encoding="utf-8"))
+    return LearnedScores(boosters, settings)

@@ -1,0 +1,143 @@
+"""Training examples: procedural objects, seen through the real segmenter and probing."""
+
+from __future__ import annotations
+
+import pickle
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mam_pipeline.backends import KinematicPrior
+from mam_pipeline.geometry.sampling import face_geometry
+from mam_pipeline.prior.embedded import affinity, mobility
+from mam_pipeline.prior.probe import NEAR
+from mam_pipeline.reason.graph import Graph, build_graph
+from mam_pipeline.segment.geometric import GeometricSegmenter
+from mam_pipeline.types import Articulation, FloatArray, IntArray, Mesh, Primitives
+from mam_pipeline.world import make_object
+
+SUBTYPE_OF = {"hinge": 0, "spin": 1, "slide": 2}
+
+
+@dataclass(frozen=True)
+class Example:
+    """One object as the reasoner meets it, with the truth.
+
+    Attributes:
+        name, category: of the object. fused: whether the mesh is one skin.
+        graph: its primitives. overlap: (P, L) area share of every primitive in every true link.
+        parent: (L,) parent links. subtype: (L,) 0 hinge, 1 spin, 2 slide, -1 base or fixed.
+    """
+
+    name: str
+    category: str
+    fused: bool
+    graph: Graph
+    overlap: FloatArray
+    parent: IntArray
+    subtype: IntArray
+
+    @property
+    def link(self) -> IntArray:
+        """(P,) the true link that owns most of every primitive."""
+        return np.argmax(self.overlap, axis=1)
+
+    @property
+    def purity(self) -> FloatArray:
+        """(P,) share of a primitive's area that its link owns."""
+        return self.overlap.max(axis=1) / np.maximum(self.overlap.sum(axis=1), 1e-12)
+
+    def prior(self) -> KinematicPrior:
+        """What the embedded prior says of it."""
+        sampled = self.graph.probe
+        return KinematicPrior(mobility(sampled), affinity(sampled.cover(NEAR)))
+
+    def part_overlap(self, masks: np.ndarray) -> FloatArray:
+        """(C, L) IoU of groups with the true links; the base's and empty columns are 0."""
+        inside = masks.astype(np.float64) @ self.overlap
+        union = inside.sum(axis=1)[:, None] + self.overlap.sum(axis=0)[None] - inside
+        out = inside / np.maximum(union, 1e-12)
+        out[:, self.subtype < 0] = 0.0
+        return out
+
+
+def make_example(name: str, category: str, truth: Articulation, primitives: Primitives) -> Example:
+    """Measure one object whose links are known."""
+    mesh = truth.mesh
+    return from_labels(name, category, mesh, truth.face_link, truth, primitives)
+
+
+def from_labels(
+    name: str,
+    category: str,
+    mesh: Mesh,
+    face_link: IntArray,
+    truth: Articulation,
+    primitives: Primitives,
+) -> Example:
+    """As `make_example`, with the faces' links given; fixed joints melt into their parents."""
+    parent = np.full(len(truth.links), -1)
+    subtype = np.full(len(truth.links), -1)
+    root = np.arange(len(truth.links))
+    for joint in truth.joints:
+        parent[joint.child] = joint.parent
+        if joint.type == "fixed":
+            root[joint.child] = root[joint.parent]
+        else:
+            subtype[joint.child] = SUBTYPE_OF[joint.subtype]
+    area = face_geometry(mesh.vertices, mesh.faces)[1]
+    overlap = np.zeros((primitives.count, len(truth.links)))
+    np.add.at(overlap, (primitives.labels, root[face_link]), area / max(float(area.sum()), 1e-30))
+    graph = build_graph(mesh, primitives)
+    fused = len(primitives.merges) > 0
+    return Example(name, category, fused, graph, overlap, parent, subtype)
+
+
+def world_example(category: str, seed: int) -> Example:
+    """One procedural object, segmented as in the product."""
+    truth = make_object(category, seed).truth()
+    primitives = GeometricSegmenter().segment(truth.mesh)
+    return make_example(f"{category}_{seed:06d}", category, truth, primitives)
+
+
+def save_example(example: Example, path: Path) -> None:
+    """Write an example, floats halved, packed."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    graph = _shrunk(replace(example.graph, probe=_shrunk(_bare(example.graph.probe))))
+    data = zlib.compress(pickle.dumps(replace(example, graph=graph)), 1)
+    temporary = path.with_suffix(".part")
+    temporary.write_bytes(data)
+    temporary.rename(path)
+
+
+def load_example(path: Path) -> Example:
+    """Read what `save_example` wrote (a cache of this program's own; not for foreign files)."""
+    example: Example = pickle.loads(zlib.decompress(path.read_bytes()))
+    return example
+
+
+def load_corpus(folder: Path, names: list[str] | None = None) -> Iterator[Example]:
+    """Examples of a cache folder, sorted by name."""
+    for path in sorted(folder.glob("*.ex")):
+        if names is None or path.stem in names:
+            yield load_example(path)
+
+
+def _bare(probe: Any) -> Any:
+    return replace(probe, vertices=np.zeros((0, 3)))
+
+
+def _shrunk(item: Any) -> Any:
+    """The dataclass with 32-bit arrays."""
+    small = {}
+    for field in fields(item):
+        value = getattr(item, field.name)
+        if isinstance(value, np.ndarray) and value.dtype == np.float64:
+            small[field.name] = value.astype(np.float32)
+        elif isinstance(value, np.ndarray) and value.dtype == np.int64:
+            small[field.name] = value.astype(np.int32)
+    return replace(item, **small)
