@@ -119,7 +119,9 @@ def _joint_row(joint: CardJoint) -> str:
 def _short(evidence: dict[str, Any]) -> str:
     import yaml
 
-    text = yaml.safe_dump(evidence, default_flow_style=None, sort_keys=False, width=100)
+    from mam_pipeline.stage_files import plain
+
+    text = yaml.safe_dump(plain(evidence), default_flow_style=None, sort_keys=False, width=100)
     return text if len(text) < 4000 else text[:4000] + "\n... (asset.json has all of it)"
 
 
