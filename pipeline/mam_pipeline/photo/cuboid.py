@@ -23,6 +23,8 @@ ROWS = 72
 SAMPLES = np.linspace(0.02, 0.98, 22)
 SIGMA = np.deg2rad(2.2)
 FACE_NAMES = ("front", "right", "left", "top", "bottom")
+WEAK_MASK = 0.4  # weight of a mask that is not trusted, against 1
+COVER = 0.35  # weight of the aligned segments that a box leaves outside, with such a mask
 GRID_FOCAL = (0.6, 0.8, 1.1, 1.6, 3.0)
 
 
@@ -35,6 +37,7 @@ class Evidence:
     segments: Segments
     edges: EdgeMaps
     focal: float | None = None  # pixels, from EXIF
+    context: Segments | None = None  # segments of the whole picture, whatever the mask
 
     @property
     def size(self) -> tuple[int, int]:
@@ -49,13 +52,19 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Cuboid:
-    """A fitted box: parameters, cost with its terms, and the picture it was fitted to."""
+    """A fitted box: parameters, cost with its terms, and the picture it was fitted to.
+
+    `cost` uses the weights of an untrusted mask, so that boxes fitted to different masks of one
+    photo compare; `own` is what was minimised.
+    """
 
     params: Array
     cost: float
     iou: float
     edge: float
     align: float
+    cover: float
+    own: float
     size: tuple[int, int]
 
     @property
@@ -131,14 +140,21 @@ class Objective:
         line = evidence.mask[np.clip(self.rows.astype(int), 0, h - 1)]
         self.cumulative = np.concatenate([np.zeros((ROWS, 1)), np.cumsum(line, axis=1)], axis=1)
         self.total = float(self.cumulative[:, -1].sum())
+        self.cover_weight = 0.0 if evidence.mask_weight > 0.9 else COVER
         weight = evidence.segments.length
         self.weight = weight / max(weight.sum(), 1e-9)
+        self.context = evidence.context or evidence.segments
+        self.context_row = (
+            np.clip(self.context.middle[:, 1] / h * ROWS, 0, ROWS - 1).astype(int)
+            if len(self.context.length)
+            else np.zeros(0, int)
+        )
         self.log_focal = (
             None if evidence.focal is None else float(np.log(evidence.focal / evidence.diagonal))
         )
 
-    def overlap(self, uv: Array) -> tuple[Array, Array]:
-        """(n,) IoU of the projected hulls with the mask, and hull area inside (row pixels)."""
+    def overlap(self, uv: Array) -> tuple[Array, Array, Array]:
+        """(n,) IoU of the projected hulls with the mask, and (n, ROWS) hull ends left, right."""
         a, b = uv[:, EDGES[:, 0]], uv[:, EDGES[:, 1]]
         dy = b[..., 1] - a[..., 1]
         t = (self.rows[:, None] - a[:, None, :, 1]) / np.where(np.abs(dy) < 1e-9, 1e-9, dy)[:, None]
@@ -153,7 +169,7 @@ class Objective:
         row = np.arange(ROWS)
         common = (self.cumulative[row, i1] - self.cumulative[row, i0]).sum(axis=1)
         area = (i1 - i0).sum(axis=1)
-        return common / np.maximum(area + self.total - common, 1.0), area.astype(float)
+        return common / np.maximum(area + self.total - common, 1.0), i0, i1
 
     def edge_cost(self, p: Array, uv: Array) -> Array:
         """(n,) mean clipped distance 0..1 of visible box edges to like-oriented segments."""
@@ -172,9 +188,24 @@ class Objective:
 
     def alignment(self, p: Array) -> Array:
         """(n,) length-weighted share of segments that point at one of the box's directions."""
-        s = self.e.segments
-        if len(s.length) == 0:
+        if len(self.e.segments.length) == 0:
             return np.zeros(len(p))
+        return self._aligned(p, self.e.segments) @ self.weight
+
+    def coverage(self, p: Array, left: Array, right: Array) -> Array:
+        """(n,) share of the picture's aligned segment length that lies inside the hull."""
+        if len(self.context.length) == 0:
+            return np.ones(len(p))
+        value = self._aligned(p, self.context) * self.context.length
+        x = self.context.middle[:, 0]
+        slack = 0.01 * self.e.size[0]
+        inside = (left[:, self.context_row] - slack <= x) & (
+            right[:, self.context_row] + slack >= x
+        )
+        return (value * inside).sum(axis=1) / np.maximum(value.sum(axis=1), 1e-9)
+
+    def _aligned(self, p: Array, s: Segments) -> Array:
+        """(n, segments) 0..1 how well each segment points at the nearest box direction."""
         turn = rotation(p[:, 0], p[:, 1], p[:, 2])
         diagonal = self.e.diagonal
         m = (s.middle - np.array(self.e.size) / 2) / diagonal
@@ -186,7 +217,7 @@ class Objective:
             to /= np.linalg.norm(to, axis=2, keepdims=True) + 1e-12
             cross = np.abs(to[..., 0] * s.direction[:, 1] - to[..., 1] * s.direction[:, 0])
             np.maximum(best, np.exp(-((cross / SIGMA) ** 2)), out=best)
-        return best @ self.weight
+        return best
 
     def priors(self, p: Array, uv: Array, depth: Array) -> Array:
         """(n,) penalties: unusual lens, tilt or proportions; a box behind or beyond the view."""
@@ -212,25 +243,31 @@ class Objective:
     def __call__(self, p: Array) -> Array:
         """(n,) cost of (n, 9) parameters; below 0.25 is trustworthy, above 0.9 no box."""
         uv, depth = project(p, self.e.size)
-        iou, _ = self.overlap(uv)
+        iou, left, right = self.overlap(uv)
         return (
             1.6 * self.e.mask_weight * (1 - iou)
+            + self.cover_weight * (1 - self.coverage(p, left, right))
             + 0.8 * self.edge_cost(p, uv)
             + 0.7 * (1 - self.alignment(p))
             + self.priors(p, uv, depth)
         )
 
     def report(self, params: Array) -> Cuboid:
-        """The box at `params` with the cost's terms; mask weight 1, so that costs compare."""
+        """The box at `params` with the cost's terms; `cost` compares across masks."""
         p = params[None]
         uv, _ = project(p, self.e.size)
-        iou, edge = float(self.overlap(uv)[0][0]), float(self.edge_cost(p, uv)[0])
+        overlap, left, right = self.overlap(uv)
+        iou, edge = float(overlap[0]), float(self.edge_cost(p, uv)[0])
+        cover = float(self.coverage(p, left, right)[0])
+        shift = 1.6 * (WEAK_MASK - self.e.mask_weight) * (1 - iou)
+        shift += (COVER - self.cover_weight) * (1 - cover)
+        cost = float(self(p)[0])
         return Cuboid(
-            params, float(self(p)[0]), iou, edge, float(self.alignment(p)[0]), self.e.size
+            params, cost + shift, iou, edge, float(self.alignment(p)[0]), cover, cost, self.e.size
         )
 
 
-def pose_hypotheses(objective: Objective, keep: int = 6) -> Array:
+def pose_hypotheses(objective: Objective, keep: int = 5) -> Array:
     """(k, 4) distinct yaw, pitch, roll, log f from a grid, best Manhattan alignment first."""
     fixed = objective.log_focal
     focals = np.log(GRID_FOCAL) if fixed is None else np.array([fixed])
@@ -320,4 +357,4 @@ def fit_cuboids(evidence: Evidence, seed: int = 0, keep: int = 3) -> list[Cuboid
             options={"maxfev": 500, "initial_simplex": rows[0] + np.vstack([np.zeros(9), np.diag(spread * 0.15)])},
         )  # fmt: skip
         out.append(objective.report(polished.x))
-    return sorted(out, key=lambda c: c.cost)
+    return sorted(out, key=lambda c: c.own)

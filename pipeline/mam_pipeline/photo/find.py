@@ -7,17 +7,18 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mam_pipeline.photo.cuboid import Cuboid, Evidence, fit_cuboids
+from mam_pipeline.photo.cuboid import WEAK_MASK, Cuboid, Evidence, fit_cuboids
 from mam_pipeline.photo.front import FrontReading, read_front
 from mam_pipeline.photo.image import Photo
-from mam_pipeline.photo.lines import edge_maps, find_segments
-from mam_pipeline.photo.mask import ObjectMask, find_mask
+from mam_pipeline.photo.lines import Segments, edge_maps, find_segments
+from mam_pipeline.photo.mask import ObjectMask, find_masks
 from mam_pipeline.photo.measure import guess_category, quad_area, rectify, side_share
 from mam_pipeline.photo.options import PhotoOptions
 from mam_pipeline.photo.quad import aspect_of_quad
 
 Array = NDArray[np.float64]
 NO_BOX_COST = 0.95
+SURE_COST = 0.22  # no other mask needs to be tried
 
 
 @dataclass(frozen=True)
@@ -49,15 +50,35 @@ class Found:
 
 def find_object(photo: Photo, options: PhotoOptions) -> Found:
     """Run mask, segments, box and front; `options` in pixels of the file are scaled here."""
-    box = None if options.bbox is None else tuple(v * photo.scale for v in options.bbox)
-    mask = find_mask(photo, options.mask, box)
     if options.front is not None:
-        return _from_front(photo, mask, options)
-    segments = find_segments(photo.small, mask.mask)
-    weight = 1.0 if mask.trust > 0.5 else 0.4
-    evidence = Evidence(mask.mask, weight, segments, edge_maps(segments, photo.size), photo.focal)
-    cuboids = fit_cuboids(evidence)
+        box = None if options.bbox is None else _scaled(options.bbox, photo.scale)
+        return _from_front(photo, find_masks(photo, options.mask, box)[0], options)
+    mask, _, cuboids = fit_photo(photo, options)
     return _best_front(photo, mask, cuboids, options)
+
+
+def _scaled(values: tuple[float, ...], scale: float) -> tuple[float, ...]:
+    return tuple(v * scale for v in values)
+
+
+def fit_photo(photo: Photo, options: PhotoOptions) -> tuple[ObjectMask, Segments, list[Cuboid]]:
+    """The mask whose box explains the picture best, its segments, and boxes best first."""
+    box = None if options.bbox is None else _scaled(options.bbox, photo.scale)
+    masks = find_masks(photo, options.mask, box)
+    best: tuple[ObjectMask, Segments, list[Cuboid]] | None = None
+    context = find_segments(photo.small, None)
+    for mask in masks:
+        segments = find_segments(photo.small, mask.mask)
+        maps = edge_maps(segments, photo.size)
+        weight = 1.0 if mask.trust > 0.5 else WEAK_MASK
+        evidence = Evidence(mask.mask, weight, segments, maps, photo.focal, context)
+        cuboids = fit_cuboids(evidence, keep=2)
+        if best is None or cuboids[0].cost < best[2][0].cost:
+            best = mask, segments, cuboids
+        if cuboids[0].cost < SURE_COST:
+            break
+    assert best is not None  # there is always one mask
+    return best
 
 
 def _best_front(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 from scipy import ndimage
+from skimage import filters, graph
 
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.photo.image import Photo
@@ -26,10 +27,14 @@ class ObjectMask:
     trust: float
 
 
-def find_mask(
+def find_masks(
     photo: Photo, user: Path | None = None, bbox: tuple[float, ...] | None = None
-) -> ObjectMask:
-    """Segment the object; `bbox` (small pixels) restricts every method."""
+) -> list[ObjectMask]:
+    """Segment the object in one to three ways; `bbox` (small pixels) restricts all.
+
+    One mask where the user or the file gives it; else plain backdrop, salient object and centred
+    GrabCut: the box fitted to each tells which is right.
+    """
     window = np.ones(photo.small.shape[:2])
     if bbox is not None:
         x0, y0, x1, y1 = (round(v) for v in bbox)
@@ -41,13 +46,21 @@ def find_mask(
         mask = _user_mask(user, photo.size) * window
         if not 0.005 < mask.mean() <= 1.0:
             raise ConfigError(f"the mask {user.name} selects {mask.mean():.1%} of the picture")
-        return ObjectMask(mask, "user", 1.0)
+        return [ObjectMask(mask, "user", 1.0)]
     if photo.alpha is not None and 0.01 < (photo.alpha > 0.5).mean() < 0.99:
-        return ObjectMask((photo.alpha > 0.5) * window, "alpha", 1.0)
+        return [ObjectMask((photo.alpha > 0.5) * window, "alpha", 1.0)]
+    out = []
     plain = plain_backdrop(photo.small)
     if plain is not None and (plain * window).mean() > 0.02:
-        return ObjectMask(plain * window, "plain backdrop", 0.9)
-    return ObjectMask(grabcut(photo.small, window, bbox is not None), "grabcut", 0.4)
+        out.append(ObjectMask(plain * window, "plain backdrop", 0.9))
+    if bbox is None:
+        out.append(ObjectMask(salient_mask(photo.small), "salient", 0.4))
+    out.append(ObjectMask(grabcut(photo.small, window, bbox is not None), "grabcut", 0.4))
+    return [m for i, m in enumerate(out) if all(_iou(m.mask, n.mask) < 0.93 for n in out[:i])]
+
+
+def _iou(a: Array, b: Array) -> float:
+    return float((a * b).sum() / max(np.maximum(a, b).sum(), 1.0))
 
 
 def _user_mask(path: Path, size: tuple[int, int]) -> Array:
@@ -75,9 +88,12 @@ def _smooth_backdrop(lab: Array) -> tuple[Array, Array] | None:
         coefficients, *_ = np.linalg.lstsq(a * weight[:, None], b * weight[:, None], rcond=None)
         residual = np.linalg.norm(b - a @ coefficients, axis=1)
         weight = 1 / (1 + (residual / 4.0) ** 2)
-    if (residual < 9.0).mean() < 0.72:
-        return None
     difference = lab - basis @ coefficients
+    plain = np.linalg.norm(difference, axis=2) < 9.0
+    sides = (plain[:band], plain[-band:], plain[:, :band], plain[:, -band:])
+    share = sorted(float(s.mean()) for s in sides)
+    if (residual < 9.0).mean() < 0.75 or share[1] < 0.8:  # the object may touch one side
+        return None
     return difference, border
 
 
@@ -107,7 +123,79 @@ def plain_backdrop(rgb: NDArray[np.uint8]) -> Array | None:
     edge = np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])
     outside = np.isin(labels, np.unique(edge[edge > 0]))
     outside = ndimage.binary_dilation(outside, iterations=2)
-    return _main_blob(~outside)
+    blob = _main_blob(~outside)
+    if blob is None or _lines_outside(rgb, blob) > 0.3:
+        return None  # the backdrop ran into an object of its own colour
+    return blob
+
+
+def _lines_outside(rgb: NDArray[np.uint8], blob: Array) -> float:
+    """Share of straight-line length that lies off the mask: a plain backdrop has none."""
+    grey = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
+    found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(grey)[0]
+    if found is None:
+        return 0.0
+    ends = found.reshape(-1, 4)
+    length = np.hypot(ends[:, 2] - ends[:, 0], ends[:, 3] - ends[:, 1])
+    length = np.where(length > 0.02 * max(rgb.shape[:2]), length, 0.0)
+    wide = ndimage.binary_dilation(blob[::4, ::4] > 0.5, iterations=4)
+    x = np.clip((ends[:, 0] + ends[:, 2]) / 8, 0, wide.shape[1] - 1).astype(int)
+    y = np.clip((ends[:, 1] + ends[:, 3]) / 8, 0, wide.shape[0] - 1).astype(int)
+    return float((length * ~wide[y, x]).sum() / max(length.sum(), 1e-9))
+
+
+def salient_mask(rgb: NDArray[np.uint8], side: int = 220) -> Array:
+    """Salient object: far in colour and along paths from the picture's border, then GrabCut.
+
+    Colour: Mahalanobis distance to each border side's colours, the most object-like side left
+    out (Zhang et al., minimum barrier salient object detection, 2015). Paths: geodesic distance
+    to the border over colour steps (Wei et al., geodesic saliency, 2012).
+    """
+    h, w = rgb.shape[:2]
+    k = side / max(h, w)
+    size = (max(24, round(w * k)), max(24, round(h * k)))
+    small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
+    flat = cv2.pyrMeanShiftFiltering(np.ascontiguousarray(small[..., ::-1]), 4, 10)[..., ::-1]
+    lab = cv2.cvtColor(flat.astype(np.float32) / 255.0, cv2.COLOR_RGB2LAB).astype(np.float64)
+    n = max(3, round(0.06 * side))
+    sides = [lab[:n], lab[-n:], lab[:, :n], lab[:, -n:]]
+    far = np.stack([_unlike(lab, s.reshape(-1, 3)) for s in sides])
+    colour = far.sum(axis=0) - far.max(axis=0)
+    step = np.linalg.norm(np.stack(np.gradient(lab, axis=(0, 1))), axis=(0, 3))
+    paths = graph.MCP_Geometric(0.02 + np.clip(step - 1.5, 0, None) / 10.0)
+    edge = np.zeros(lab.shape[:2], bool)
+    edge[0] = edge[:, 0] = edge[:, -1] = edge[-1] = True
+    distance, _ = paths.find_costs(np.argwhere(edge).tolist())
+    y, x = np.mgrid[0 : lab.shape[0], 0 : lab.shape[1]]
+    r = np.hypot(x / lab.shape[1] - 0.5, y / lab.shape[0] - 0.5)
+    salience = (_unit(colour) + _unit(distance)) * np.exp(-((r / 0.55) ** 2))
+    salience = _unit(cv2.GaussianBlur(salience, (0, 0), 2.0))
+    level = float(filters.threshold_otsu(salience))
+    state = np.where(salience > level, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
+    state[salience > 0.5 * (level + 1)] = cv2.GC_FGD
+    state[salience < 0.35 * level] = cv2.GC_BGD
+    try:
+        cv2.setRNGSeed(1)
+        models = np.zeros((1, 65)), np.zeros((1, 65))
+        cv2.grabCut(small, state, None, *models, 3, cv2.GC_INIT_WITH_MASK)
+        blob = _main_blob((state == cv2.GC_FGD) | (state == cv2.GC_PR_FGD))
+    except cv2.error:
+        blob = None
+    if blob is None:
+        blob = (salience > level).astype(float)
+    return (cv2.resize(blob, (w, h), interpolation=cv2.INTER_LINEAR) > 0.5).astype(float)
+
+
+def _unlike(lab: Array, sample: Array) -> Array:
+    """(h, w) 0..1 Mahalanobis distance of colours to a sample's distribution."""
+    spread = np.linalg.inv(np.cov(sample.T) + 4.0 * np.eye(3))
+    d = lab - sample.mean(axis=0)
+    return _unit(np.sqrt(np.einsum("ijk,kl,ijl->ij", d, spread, d)))
+
+
+def _unit(values: Array) -> Array:
+    low, high = np.percentile(values, [1, 99])
+    return np.clip((values - low) / max(high - low, 1e-9), 0, 1)
 
 
 def _main_blob(mask: NDArray[np.bool_]) -> Array | None:
