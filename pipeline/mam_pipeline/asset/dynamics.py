@@ -25,7 +25,7 @@ HOLD = 1.3
 """Friction over the largest gravity load that must be held, so that nothing sags."""
 STOP_SECONDS = 0.6
 """A part that is let go comes to rest within about this time through damping alone."""
-CREEP = {"revolute": 0.002, "continuous": 0.002, "prismatic": 0.0005}
+CREEP = {"revolute": 0.001, "continuous": 0.001, "prismatic": 1e-4}
 """Speed (rad/s or m/s) at which a coulomb drive develops its whole friction."""
 
 

@@ -58,18 +58,8 @@ def components(triangles: FloatArray, source: IntArray, tolerance: float) -> lis
     same corners (double-sided soups) one stays. Faces are joined over shared edges, not over
     single vertices, so boxes that touch at a corner stay apart.
     """
-    if not len(triangles):
-        return []
-    keys = np.round(triangles.reshape(-1, 3) / max(tolerance, 1e-12)).astype(np.int64)
-    _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    vertices = triangles.reshape(-1, 3)[first]
-    faces = inverse.reshape(-1, 3)
-    proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2])
-    proper &= faces[:, 2] != faces[:, 0]
-    faces, kept = faces[proper], np.asarray(source)[proper]
-    _, once = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
-    once = np.sort(once)
-    faces, kept = faces[once], kept[once]
+    vertices, faces, index = weld(triangles, tolerance)
+    kept = np.asarray(source)[index]
     if not len(faces):
         return []
     labels = _edge_labels(faces)
@@ -81,6 +71,26 @@ def components(triangles: FloatArray, source: IntArray, tolerance: float) -> lis
         out.append(Component(vertices[used], local, kept[labels == label], _closed(local)))
     areas = [float(triangle_areas(c.triangles).sum()) for c in out]
     return [out[i] for i in np.argsort(areas, kind="stable")[::-1]]
+
+
+def weld(triangles: FloatArray, tolerance: float) -> tuple[FloatArray, IntArray, IntArray]:
+    """Indexed surface of triangles (n, 3, 3): corners nearer than about `tolerance` are one vertex.
+
+    Returns:
+        (V, 3) vertices, (F, 3) faces without degenerate and repeated ones (of a double-sided
+        soup's two faces one stays), and the (F,) index of each among the triangles.
+    """
+    if not len(triangles):
+        return np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros(0, np.int64)
+    keys = np.round(triangles.reshape(-1, 3) / max(tolerance, 1e-12)).astype(np.int64)
+    _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    vertices = triangles.reshape(-1, 3)[first]
+    faces = inverse.reshape(-1, 3)
+    proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2])
+    index = np.flatnonzero(proper & (faces[:, 2] != faces[:, 0]))
+    _, once = np.unique(np.sort(faces[index], axis=1), axis=0, return_index=True)
+    index = index[np.sort(once)]
+    return vertices, faces[index], index
 
 
 def triangle_areas(triangles: FloatArray) -> FloatArray:

@@ -1,0 +1,188 @@
+"""Driving every joint in SAPIEN: freezing, drift, explosions, holding under gravity, return.
+
+Gravity is compensated while joints are driven (a controller's task), and left to act alone while
+a pose must hold; then joint friction is all that holds it. Works without a graphics driver.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mam_pipeline.asset.dynamics import set_joint_friction
+from mam_pipeline.check.simulate import load_physics, physics_scene
+from mam_pipeline.check.thresholds import MAX_SECONDS, THRESHOLDS, Thresholds
+from mam_pipeline.types import FloatArray
+
+STEP = 1.0 / 200.0
+RAMP_SECONDS = 1.5
+SETTLE_SECONDS = 0.5
+_OMEGA = 30.0
+_TURN = 2.0 * np.pi
+
+
+@dataclass(frozen=True)
+class JointDrive:
+    """What driving one joint showed: shares of its range, and its top speed (rad/s or m/s)."""
+
+    reached: float
+    return_error: float
+    hold_drift: float
+    top_speed: float
+
+
+@dataclass(frozen=True)
+class DriveResult:
+    """The whole object: base drift in metres; `failure` names why loading or running failed."""
+
+    joints: Mapping[str, JointDrive]
+    base_drift: float = 0.0
+    failure: str = ""
+    exploded: bool = False
+    timed_out: bool = False
+
+
+def drive_urdf(
+    urdf: Path,
+    frictions: Mapping[str, tuple[float, float]],
+    thresholds: Thresholds = THRESHOLDS,
+    seconds: float = MAX_SECONDS,
+) -> DriveResult:
+    """Load a URDF with a fixed base and drive its joints one after another.
+
+    Args:
+        urdf: the file.
+        frictions: joint name -> (Coulomb friction in N m or N, damping); SAPIEN reads only the
+            damping of a URDF.
+        thresholds: how long to hold.
+        seconds: wall-clock budget.
+    """
+    try:
+        scene = physics_scene(STEP)
+        robot = load_physics(scene, urdf)
+    except Exception as error:  # SAPIEN raises RuntimeError, AssertionError, ValueError ...
+        return DriveResult({}, failure=f"{type(error).__name__}: {error}".splitlines()[0])
+    if robot is None:
+        return DriveResult({}, failure="the loader returned nothing")
+    return _Driver(scene, robot, frictions, thresholds, time.monotonic() + seconds).run()
+
+
+class _Driver:
+    """One articulation in one scene, its rest pose and its ranges."""
+
+    def __init__(
+        self,
+        scene: Any,
+        robot: Any,
+        frictions: Mapping[str, tuple[float, float]],
+        thresholds: Thresholds,
+        deadline: float,
+    ) -> None:
+        self.scene, self.robot = scene, robot
+        self.frictions, self.thresholds, self.deadline = frictions, thresholds, deadline
+        self.joints = list(robot.active_joints)
+        bounds = np.asarray(robot.get_qlimits(), dtype=float).reshape(-1, 2)
+        self.slide = np.array([j.type == "prismatic" for j in self.joints])
+        free = ~np.isfinite(bounds).all(axis=1) | (np.ptp(bounds, axis=1) > 100 * _TURN)
+        self.rest = np.where(free, 0.0, np.clip(0.0, bounds[:, 0], bounds[:, 1]))
+        self.low = np.where(free, -0.5 * _TURN, bounds[:, 0])
+        self.high = np.where(free, 0.5 * _TURN, bounds[:, 1])
+        self.span = np.maximum(self.high - self.low, 1e-9)
+        self.top = np.zeros(len(self.joints))
+        self.exploded = False
+        self.drift = 0.0
+        self.base = np.asarray(robot.get_root_pose().p, dtype=float)
+
+    def run(self) -> DriveResult:
+        out: dict[str, JointDrive] = {}
+        timed_out = False
+        for i, joint in enumerate(self.joints):
+            if time.monotonic() > self.deadline:
+                timed_out = True
+                break
+            reached, back = self._reach(i)
+            held = self._hold(i)
+            out[joint.name] = JointDrive(reached, back, held, float(self.top[i]))
+            if self.exploded:
+                break
+        return DriveResult(out, self.drift, exploded=self.exploded, timed_out=timed_out)
+
+    def _reset(self, q: FloatArray) -> None:
+        self.robot.set_qpos(q.astype(np.float32))
+        self.robot.set_qvel(np.zeros(len(q), dtype=np.float32))
+        self.robot.set_qf(np.zeros(len(q), dtype=np.float32))
+
+    def _reach(self, index: int) -> tuple[float, float]:
+        """Drive one joint to both ends and home: share of its range seen, error at home."""
+        self._reset(self.rest)
+        for k, joint in enumerate(self.joints):
+            # acceleration drives need no tuning by mass; the others hold their rest pose
+            stiffness = _OMEGA**2
+            joint.set_friction(0.0)
+            joint.set_drive_properties(
+                stiffness, 2.0 * _OMEGA, float(np.finfo(np.float32).max), "acceleration"
+            )
+            joint.set_drive_target(float(self.rest[k]))
+            joint.set_drive_velocity_target(0.0)
+        home = float(self.rest[index])
+        seen = [home]
+        for goal in (float(self.high[index]), float(self.low[index]), home):
+            seen.append(self._ramp(index, goal))
+            if self.exploded:
+                return 0.0, 1.0
+        reached = (max(seen) - min(seen)) / self.span[index]
+        return float(min(reached, 1.0)), abs(seen[-1] - home) / float(self.span[index])
+
+    def _ramp(self, index: int, goal: float) -> float:
+        joint, start = self.joints[index], float(self.robot.get_qpos()[index])
+        steps = int(RAMP_SECONDS / STEP)
+        for k in range(steps + int(SETTLE_SECONDS / STEP)):
+            share = min((k + 1) / steps, 1.0)
+            smooth = share * share * (3.0 - 2.0 * share)
+            joint.set_drive_target(start + (goal - start) * smooth)
+            self.robot.set_qf(self.robot.compute_passive_force(True, True))
+            if not self._step():
+                break
+        return float(self.robot.get_qpos()[index])
+
+    def _hold(self, index: int) -> float:
+        """Largest drift of the joint, from its rest pose and from half-way, under gravity alone."""
+        worst = 0.0
+        for value in (self.rest[index], 0.5 * (self.low[index] + self.high[index])):
+            if self.exploded:
+                break
+            q = self.rest.copy()
+            q[index] = value
+            for joint, slides in zip(self.joints, self.slide):
+                friction, damping = self.frictions.get(joint.name, (0.0, 0.0))
+                kind = "prismatic" if slides else "revolute"
+                set_joint_friction(joint, kind, friction, damping)
+            self._reset(q)
+            for _ in range(int(self.thresholds.hold_seconds / STEP)):
+                if not self._step():
+                    break
+            moved = abs(float(self.robot.get_qpos()[index]) - float(value))
+            worst = max(worst, moved / float(self.span[index]))
+        return worst
+
+    def _step(self) -> bool:
+        """One step; False once the state is no longer sane."""
+        self.scene.step()
+        q = np.asarray(self.robot.get_qpos(), dtype=float)
+        speed = np.abs(np.asarray(self.robot.get_qvel(), dtype=float))
+        if not (np.isfinite(q).all() and np.isfinite(speed).all()):
+            self.exploded = True
+            return False
+        self.top = np.maximum(self.top, speed)
+        t = self.thresholds
+        if (speed > np.where(self.slide, t.max_slide_speed, t.max_turn_speed)).any():
+            self.exploded = True
+            return False
+        moved = np.linalg.norm(np.asarray(self.robot.get_root_pose().p, dtype=float) - self.base)
+        self.drift = max(self.drift, float(moved))
+        return True

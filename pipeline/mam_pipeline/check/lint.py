@@ -1,0 +1,284 @@
+"""Static checks of a URDF, safe on a stranger's file: nothing is expanded, nothing outside read."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from xml.parsers import expat
+
+import numpy as np
+
+from mam_pipeline.check import thresholds as limits
+from mam_pipeline.check.report import Finding
+from mam_pipeline.errors import MamSimError
+from mam_pipeline.meshio import SUFFIXES, read_file
+
+MOVING = ("revolute", "continuous", "prismatic")
+KNOWN = (*MOVING, "fixed")
+
+
+def lint(urdf: Path) -> list[Finding]:
+    """Findings about a URDF and the files it names; none of them needs a simulator."""
+    found = Linter(urdf)
+    found.run()
+    return found.findings
+
+
+class _Doctype(Exception):
+    """The document declares a type or an entity."""
+
+
+class Linter:
+    """Walks over one URDF and collects what is wrong."""
+
+    def __init__(self, urdf: Path) -> None:
+        self.urdf = urdf
+        self.folder = urdf.resolve().parent
+        self.findings: list[Finding] = []
+        self.links: dict[str, ET.Element] = {}
+        self.joints: list[ET.Element] = []
+        self.bytes = self.shapes = self.faces = 0
+        self.read: dict[Path, int] = {}
+
+    def run(self) -> None:
+        root = self._parse()
+        if root is None:
+            return
+        self._tree(root)
+        for joint in self.joints:
+            self._joint(joint)
+        moved = {self._ref(j, "child") for j in self.joints if j.get("type") in MOVING}
+        surface = False
+        for name, link in self.links.items():
+            self._inertial(name, link, name in moved)
+            surface |= self._shapes(name, link, name in moved)
+        if not surface and not any(f.code.startswith("mesh_") for f in self.findings):
+            self._say("no_surface", "robot", "no link has a visual or collision surface")
+        if not moved:
+            self._say("no_joint", "robot", "no joint is revolute, continuous or prismatic")
+
+    def _say(self, code: str, where: str, message: str, warning: bool = False) -> None:
+        self.findings.append(Finding(code, where, message, warning))
+
+    def _parse(self) -> ET.Element | None:
+        where = self.urdf.name
+        if self.urdf.stat().st_size > limits.MAX_XML_BYTES:
+            self._say("xml_unreadable", where, "the file is larger than 10 MiB")
+            return None
+        data = self.urdf.read_bytes()
+        parser = expat.ParserCreate()
+
+        def refuse(*_: object) -> None:
+            raise _Doctype
+
+        parser.StartDoctypeDeclHandler = refuse
+        parser.EntityDeclHandler = refuse
+        try:
+            parser.Parse(data, True)
+            root = ET.fromstring(data)
+        except _Doctype:
+            self._say("xml_entities", where, "a DOCTYPE or entity is declared; remove it")
+            return None
+        except (expat.ExpatError, ET.ParseError, ValueError) as error:
+            self._say("xml_unreadable", where, f"not well-formed XML: {error}")
+            return None
+        if root.tag != "robot":
+            self._say("xml_unreadable", where, f"the root element is <{root.tag}>, not <robot>")
+            return None
+        return root
+
+    def _tree(self, root: ET.Element) -> None:
+        for link in root.findall("link"):
+            name = link.get("name") or ""
+            if not name or name in self.links:
+                self._say("bad_tree", name or "link", "a link has no name, or one that is taken")
+            self.links[name] = link
+        if len(self.links) > limits.MAX_LINKS:
+            self._say("too_large", "robot", f"{len(self.links)} links")
+        self.joints = root.findall("joint")
+        parents: dict[str, str] = {}
+        names: set[str] = set()
+        for joint in self.joints:
+            name = joint.get("name") or ""
+            parent, child = self._ref(joint, "parent"), self._ref(joint, "child")
+            if not name or name in names:
+                self._say("bad_tree", name or "joint", "a joint has no name, or one that is taken")
+            names.add(name)
+            for ref in (parent, child):
+                if ref not in self.links:
+                    self._say("bad_tree", name, f"it names the link {ref!r}, which does not exist")
+            if child in parents:
+                self._say("bad_tree", name, f"link {child!r} has two parents")
+            parents[child] = parent
+        roots = [n for n in self.links if n not in parents]
+        if self.links and len(roots) != 1:
+            self._say("bad_tree", "robot", f"{len(roots)} links have no parent; one must")
+        for start in self.links:
+            seen, at = set(), start
+            while at in parents and at not in seen:
+                seen.add(at)
+                at = parents[at]
+            if at in seen:
+                self._say("bad_tree", start, "its joints form a loop")
+                break
+
+    @staticmethod
+    def _ref(joint: ET.Element, key: str) -> str:
+        found = joint.find(key)
+        return "" if found is None else found.get("link") or ""
+
+    def _joint(self, joint: ET.Element) -> None:
+        name, kind = joint.get("name") or "joint", joint.get("type") or ""
+        self._origin(joint, name)
+        if kind not in KNOWN:
+            self._say("bad_joint", name, f"type {kind!r} is not one of {', '.join(KNOWN)}")
+            return
+        if kind == "fixed":
+            return
+        axis_element = joint.find("axis")
+        if axis_element is not None:
+            axis = self._numbers(axis_element.get("xyz") or "1 0 0", 3, name)
+            if axis is not None and np.linalg.norm(axis) < 1e-3:
+                self._say("bad_joint", name, "its axis is zero (loaders silently take x)")
+        if kind != "continuous":
+            self._limit(joint, name)
+        dynamics = joint.find("dynamics")
+        if dynamics is not None:
+            for key in ("damping", "friction"):
+                value = self._numbers(dynamics.get(key) or "0", 1, name)
+                if value is not None and value[0] < 0:
+                    self._say("bad_joint", name, f"its {key} is negative")
+
+    def _limit(self, joint: ET.Element, name: str) -> None:
+        limit = joint.find("limit")
+        if limit is None:
+            self._say("bad_limits", name, "it has no <limit>")
+            return
+        values = [self._numbers(limit.get(k) or "0", 1, name) for k in ("lower", "upper")]
+        if any(v is None for v in values):
+            return
+        lower, upper = (float(v[0]) for v in values if v is not None)
+        if upper < lower:
+            self._say("bad_limits", name, f"lower {lower:.4g} is above upper {upper:.4g}")
+        elif upper - lower < 1e-6:
+            self._say("bad_limits", name, f"its range is empty ({lower:.4g} to {upper:.4g})")
+
+    def _inertial(self, name: str, link: ET.Element, moves: bool) -> None:
+        element = link.find("inertial")
+        if element is None:
+            if moves:
+                text = "no <inertial>: simulators guess a mass from collision shapes"
+                self._say("no_inertia", name, text, warning=True)
+            return
+        self._origin(element, name)
+        mass_element, tensor = element.find("mass"), element.find("inertia")
+        mass = None if mass_element is None else mass_element.get("value")
+        value = self._numbers(mass or "0", 1, name)
+        if value is None or tensor is None:
+            if tensor is None:
+                self._say("bad_inertia", name, "it has no <inertia>", warning=not moves)
+            return
+        keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        numbers = [self._numbers(tensor.get(k) or "0", 1, name) for k in keys]
+        if any(n is None for n in numbers):
+            return
+        ixx, ixy, ixz, iyy, iyz, izz = (float(n[0]) for n in numbers if n is not None)
+        eigen = np.linalg.eigvalsh([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+        why = ""
+        if value[0] <= 0:
+            why = f"its mass is {value[0]:.4g} kg"
+        elif eigen[0] <= 0:
+            why = "its inertia is not positive definite"
+        elif eigen[0] + eigen[1] < eigen[2] * (1 - 1e-3):
+            why = "its inertia breaks the triangle inequality: no body has it"
+        if why:
+            self._say("bad_inertia", name, why, warning=not moves)
+
+    def _shapes(self, name: str, link: ET.Element, moves: bool) -> bool:
+        counts = {"visual": 0, "collision": 0}
+        for kind in counts:
+            for element in link.findall(kind):
+                counts[kind] += self._shape(f"{name}, {kind}", element)
+        if moves and counts["visual"] and not counts["collision"]:
+            self._say("no_collision", name, "it moves but has no collision shape")
+        return bool(counts["visual"] or counts["collision"])
+
+    def _shape(self, where: str, element: ET.Element) -> bool:
+        self._origin(element, where)
+        self.shapes += 1
+        geometry = element.find("geometry")
+        if self.shapes > limits.MAX_SHAPES or geometry is None or not len(geometry):
+            if self.shapes == limits.MAX_SHAPES + 1:
+                self._say("too_large", where, f"more than {limits.MAX_SHAPES} shapes")
+            return False
+        shape = geometry[0]
+        wanted = {"box": [("size", 3)], "sphere": [("radius", 1)]}
+        wanted |= {"cylinder": [("radius", 1), ("length", 1)], "capsule": [("radius", 1)]}
+        for key, width in wanted.get(shape.tag, []):
+            size = self._numbers(shape.get(key) or "0", width, where)
+            if size is not None and (size <= 0).any():
+                self._say("bad_joint", where, f"its {shape.tag} has no size", warning=True)
+        if shape.tag == "mesh":
+            self._numbers(shape.get("scale") or "1 1 1", 3, where)
+            return self._mesh(where, shape.get("filename") or "")
+        return shape.tag in wanted
+
+    def _mesh(self, where: str, name: str) -> bool:
+        file = self.locate(name)
+        if file is None:
+            self._say("mesh_outside", where, f"{name!r} leads outside the folder")
+            return False
+        if not file.is_file():
+            self._say("mesh_missing", where, f"{name!r} does not exist")
+            return False
+        if file in self.read:
+            return self.read[file] > 0
+        self.read[file] = 0
+        self.bytes += file.stat().st_size
+        if self.bytes > limits.MAX_MESH_BYTES or self.faces > limits.MAX_FACES:
+            self._say("too_large", where, "its meshes are larger than a check will read")
+            return False
+        if file.suffix.lower() not in SUFFIXES:
+            self._say("mesh_unreadable", where, f"{name!r} is of an unknown format")
+            return False
+        try:
+            pieces = read_file(file).pieces
+        except MamSimError as error:
+            self._say("mesh_unreadable", where, str(error))
+            return False
+        if not all(np.isfinite(p.vertices).all() for p in pieces):
+            self._say("not_finite", where, f"{name!r} has vertices that are NaN or infinite")
+            return False
+        self.read[file] = sum(len(p.faces) for p in pieces)
+        self.faces += self.read[file]
+        return True
+
+    def locate(self, name: str) -> Path | None:
+        """The file that a mesh name means, None if it lies outside the URDF's folder."""
+        bare = name.split("://", 1)[1] if "://" in name else name
+        options = [self.folder / bare.lstrip("/") if "://" in name else self.folder / bare]
+        if name.startswith("package://"):
+            options.append(self.folder.joinpath(*Path(bare).parts[1:]))
+        inside = [p for p in (o.resolve() for o in options) if p.is_relative_to(self.folder)]
+        return next((p for p in inside if p.is_file()), inside[0] if inside else None)
+
+    def _origin(self, element: ET.Element, where: str) -> None:
+        origin = element.find("origin")
+        if origin is not None:
+            for key in ("xyz", "rpy"):
+                self._numbers(origin.get(key) or "0 0 0", 3, where)
+
+    def _numbers(self, text: str, count: int, where: str) -> np.ndarray | None:
+        try:
+            values = [float(w) for w in text.split()]
+        except ValueError:
+            self._say("bad_joint", where, f"{text!r} is not a number")
+            return None
+        if not all(math.isfinite(v) for v in values):
+            self._say("not_finite", where, f"{text!r} is not finite")
+            return None
+        if len(values) != count:
+            self._say("bad_joint", where, f"{text!r} should be {count} numbers")
+            return None
+        return np.array(values)

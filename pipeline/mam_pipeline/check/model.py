@@ -1,0 +1,119 @@
+"""A URDF as the offline sweep sees it: surfaces and convex collision pieces in one rest frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from mam_pipeline.asset.surface import hull_of
+from mam_pipeline.bench.dataset import carrier, parse_urdf, rest_frames
+from mam_pipeline.bench.urdf_mesh import read_triangles, resolve
+from mam_pipeline.types import Articulation, FloatArray
+from mam_pipeline.urdf_input import read_urdf
+
+
+@dataclass(frozen=True)
+class Hull:
+    """A convex piece at rest, root frame: `points` (n, 3), `planes` (m, 4) rows (normal, offset)
+    with normal . x + offset <= 0 inside."""
+
+    points: FloatArray
+    planes: FloatArray
+
+    def depth(self, points: FloatArray) -> FloatArray:
+        """(n,) how deep points (n, 3) lie inside; negative outside."""
+        return np.asarray(-(points @ self.planes[:, :3].T + self.planes[:, 3]).max(axis=1))
+
+
+@dataclass(frozen=True)
+class CheckModel:
+    """Surfaces, joints and collision pieces of one URDF.
+
+    Attributes:
+        articulation: links merged over fixed joints, root frame at q = 0.
+        hulls: per link of the articulation, its collision pieces as a simulator uses them.
+        friction: joint name -> (friction, damping) of the URDF's <dynamics>.
+    """
+
+    articulation: Articulation
+    hulls: tuple[tuple[Hull, ...], ...]
+    friction: dict[str, tuple[float, float]]
+
+    @staticmethod
+    def read(urdf: Path) -> CheckModel:
+        """Read a URDF that has passed the lint.
+
+        Raises:
+            InputError: no readable surface or no joint that moves one.
+        """
+        articulation = read_urdf(urdf)
+        robot = parse_urdf(urdf)
+        frames = rest_frames(robot, urdf)
+        inbound = {j.child: j for j in robot.joints}
+        index = {link.name: i for i, link in enumerate(articulation.links)}
+        hulls: list[list[Hull]] = [[] for _ in index]
+        for link in robot.links:
+            owner = _owner(link.name, inbound, index) if link.name in frames else None
+            if owner is None:
+                continue
+            for shape in link.collisions:
+                hull = _hull(shape, urdf.parent, frames[link.name])
+                if hull is not None:
+                    hulls[index[owner]].append(hull)
+        friction = {}
+        for joint in robot.joints:
+            d = joint.dynamics
+            friction[joint.name] = (
+                0.0 if d is None else float(d.friction or 0.0),
+                0.0 if d is None else float(d.damping or 0.0),
+            )
+        return CheckModel(articulation, tuple(tuple(h) for h in hulls), friction)
+
+
+def _owner(name: str, inbound: dict[str, Any], index: dict[str, int]) -> str | None:
+    """The link of the articulation that a URDF link's shapes move with."""
+    name = carrier(name, inbound)
+    while name not in index:
+        if name not in inbound:
+            return None
+        name = carrier(inbound[name].parent, inbound)
+    return name
+
+
+def _hull(shape: Any, folder: Path, frame: FloatArray) -> Hull | None:
+    """One convex hull for a collision element: what SAPIEN makes of a mesh file."""
+    geometry = shape.geometry
+    if geometry.box is not None:
+        points = trimesh.creation.box(geometry.box.size).vertices
+    elif geometry.cylinder is not None:
+        c = geometry.cylinder
+        points = trimesh.creation.cylinder(c.radius, c.length, sections=24).vertices
+    elif geometry.sphere is not None:
+        points = trimesh.creation.icosphere(2, geometry.sphere.radius).vertices
+    elif geometry.mesh is not None:
+        file = resolve(geometry.mesh.filename, folder)
+        if file is None:
+            return None
+        points = read_triangles(file)[0]
+        if geometry.mesh.scale is not None:
+            points = points * np.broadcast_to(np.asarray(geometry.mesh.scale, float), (3,))
+    else:
+        return None
+    placed = frame if shape.origin is None else frame @ np.asarray(shape.origin)
+    points = np.asarray(points) @ placed[:3, :3].T + placed[:3, 3]
+    found = hull_of(points)
+    if found is None:
+        return None
+    vertices, faces = found
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    length = np.linalg.norm(normals, axis=1)
+    keep = length > 1e-14
+    normals = normals[keep] / length[keep, None]
+    offsets = -np.einsum("ij,ij->i", normals, a[keep])
+    planes = np.unique(np.round(np.column_stack([normals, offsets]), 9), axis=0)
+    return Hull(vertices, planes)

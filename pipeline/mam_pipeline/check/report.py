@@ -1,0 +1,97 @@
+"""What a check found: clauses that hold or not, figures per joint, and reason codes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+REASONS: dict[str, str] = {
+    "xml_unreadable": "the URDF is not well-formed XML, or too large",
+    "xml_entities": "the XML declares a document type or entities, which are never expanded",
+    "bad_tree": "links and joints form no single tree",
+    "bad_joint": "a joint's type, axis or origin is unusable",
+    "bad_limits": "a joint's limits are missing, reversed, empty or not finite",
+    "bad_inertia": "a mass or inertia is zero, not finite, not positive definite or impossible",
+    "no_inertia": "a moving link has no inertial element",
+    "no_collision": "a moving link has no collision shape",
+    "no_joint": "nothing moves",
+    "no_surface": "no link has a surface",
+    "mesh_missing": "a mesh file does not exist",
+    "mesh_outside": "a mesh path leads outside the asset's folder",
+    "mesh_unreadable": "a mesh file cannot be read",
+    "too_large": "more links, shapes, faces or bytes than a check will read",
+    "not_finite": "a number is NaN or infinite",
+    "load_failed": "SAPIEN does not load it",
+    "penetration": "a part runs into another within its range",
+    "detached": "a sliding part loses contact within its range",
+    "off_axis": "a hinge line does not stay on both bodies",
+    "cavity_filled": "a collision piece fills space in which another part moves",
+    "frozen": "a joint cannot be driven to the ends of its range",
+    "drift": "the base moves",
+    "exploded": "velocities grow without bound, or the state becomes NaN",
+    "sags": "a joint does not hold its pose under gravity",
+    "no_return": "a joint does not come back to its rest pose",
+    "timeout": "the check took too long",
+}
+CLAUSES = ("lint", "loads", "base", "reach", "penetration", "contact", "stable", "hold", "return")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong; `warning` ones do not fail the check."""
+
+    code: str
+    where: str
+    message: str
+    warning: bool = False
+
+
+@dataclass(frozen=True)
+class JointReport:
+    """Figures of one joint; shares are of the diagonal (lengths) or of the range (motion).
+
+    None where a figure was not measured.
+    """
+
+    name: str
+    type: str
+    lower: float | None
+    upper: float | None
+    reached: float | None = None
+    penetration: float | None = None
+    penetration_at: float | None = None
+    gap: float | None = None
+    line_gap: float | None = None
+    filled: float | None = None
+    hold_drift: float | None = None
+    return_error: float | None = None
+    top_speed: float | None = None
+    reasons: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """The verdict; `clauses` maps each of CLAUSES to holds (True), fails or None (not tested)."""
+
+    path: str
+    passed: bool
+    clauses: Mapping[str, bool | None]
+    joints: tuple[JointReport, ...]
+    findings: tuple[Finding, ...] = ()
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    picture: str | None = None
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Reason codes of everything that failed, each once, in order of discovery."""
+        codes = [f.code for f in self.findings if not f.warning]
+        codes += [code for joint in self.joints for code in joint.reasons]
+        return tuple(dict.fromkeys(codes))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        data = asdict(self)
+        data["clauses"] = dict(self.clauses)
+        data["reasons"] = list(self.reasons)
+        return data

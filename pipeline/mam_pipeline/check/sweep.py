@@ -1,0 +1,208 @@
+"""The offline sweep: penetration, loss of contact, hinge lines and filled cavities.
+
+The engine filters contacts between a parent and its child, so a drawer inside a solid block moves
+without complaint there. Here every part is moved through its range against everything else, on
+the surfaces themselves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mam_pipeline.asset.dynamics import carried_links
+from mam_pipeline.asset.surface import weld
+from mam_pipeline.check.model import CheckModel, Hull
+from mam_pipeline.check.thresholds import THRESHOLDS, Thresholds
+from mam_pipeline.geometry.raycast import RayScene
+from mam_pipeline.geometry.sampling import sample_surface
+from mam_pipeline.geometry.sweep import Motion, SweepScene, motion_points
+from mam_pipeline.types import FloatArray, IntArray, Joint, Mesh
+
+STEPS = 10
+_RAYS = np.array([[1.0, 0.013, 0.007], [0.011, 1.0, 0.017], [0.005, 0.019, 1.0]])
+
+
+@dataclass(frozen=True)
+class JointSweep:
+    """What the sweep of one joint found; lengths as shares of the diagonal.
+
+    Attributes:
+        penetration: depth beyond rest reached by more than a few samples; at which joint value.
+        area: share of the part's area that is deeper than the sweep's own small tolerance.
+        gap: largest distance between part and rest beyond that at rest (slides); None where a
+            part is too short to keep contact by itself.
+        line_gap: distance of the hinge line from either body (hinges), None for others.
+        filled: share of the part's area inside other links' collision pieces where their mesh is
+            not solid.
+    """
+
+    penetration: float
+    penetration_at: float
+    area: float
+    gap: float | None
+    line_gap: float | None
+    filled: float
+
+
+def sweep_joint(model: CheckModel, joint: Joint, thresholds: Thresholds = THRESHOLDS) -> JointSweep:
+    """Move one part, with all that it carries, through its range; everything else rests."""
+    return _Sweep(model, joint, thresholds).run()
+
+
+class _OutsideScene(SweepScene):
+    """A sweep that follows only what is not inside the other body at rest already.
+
+    A drawer that stands in a solid block leaves it when it opens: what counts is penetration
+    beyond that of the rest pose, so samples that begin inside closed surface are let out.
+    """
+
+    def __init__(self, mesh: Mesh, part: IntArray, static: IntArray) -> None:
+        super().__init__(mesh, part, static, samples=1500, static_samples=2500)
+        self.solid = _Solid(mesh, static)
+        outside = ~self.solid.contains(self.points)
+        self.points, self.point_normals = self.points[outside], self.point_normals[outside]
+        self._keep = self._keep[outside]
+        outside = ~_Solid(mesh, part).contains(self.static_points)
+        self.static_points = self.static_points[outside]
+        self._rest_contact()
+
+
+class _Solid:
+    """Closed surface among some faces, double-sided or not."""
+
+    def __init__(self, mesh: Mesh, faces: IntArray) -> None:
+        triangles = mesh.vertices[mesh.faces[faces]]
+        vertices, once, _ = weld(triangles, 1e-5 * mesh.diagonal)
+        self.scene = RayScene(vertices, once)
+
+    def contains(self, points: FloatArray) -> NDArray[np.bool_]:
+        """(n,) whether points lie inside, by the parity of three rays' crossings."""
+        odd = np.zeros(len(points), dtype=int)
+        if len(points):
+            for direction in _RAYS:
+                counts = self.scene.count_hits(points, np.tile(direction, (len(points), 1)))
+                odd += counts % 2
+        return np.asarray(odd >= 2)
+
+
+class _Sweep:
+    """One joint's part, its surroundings, and the measures taken along the way."""
+
+    def __init__(self, model: CheckModel, joint: Joint, thresholds: Thresholds) -> None:
+        self.model, self.joint, self.thresholds = model, joint, thresholds
+        articulation = model.articulation
+        self.mesh: Mesh = articulation.mesh
+        self.carried = carried_links(articulation, joint)
+        part = [articulation.links[i].faces for i in self.carried]
+        self.part: IntArray = np.concatenate(part)
+        self.static: IntArray = np.setdiff1d(np.arange(len(self.mesh.faces)), self.part)
+        self.diagonal = self.mesh.diagonal
+        self.motion: Motion = "prismatic" if joint.type == "prismatic" else "revolute"
+        low, high = joint.lower, joint.upper
+        if not np.isfinite(high - low):
+            low, high = -np.pi, np.pi
+        self.low, self.high = low, high
+
+    def run(self) -> JointSweep:
+        if not len(self.part) or not len(self.static):
+            return JointSweep(0.0, 0.0, 0.0, None, None, 0.0)
+        scene = _OutsideScene(self.mesh, self.part, self.static)
+        depth, at, area, gap = self._penetration(scene)
+        return JointSweep(depth, at, area, gap, self._line_gap(scene), self._filled(scene))
+
+    def _sides(self) -> list[FloatArray]:
+        """Joint values to visit on either side of the rest pose, away from it."""
+        out = []
+        for end in (self.low, self.high):
+            if abs(end) > 1e-9:
+                out.append(end * np.arange(1, STEPS + 1) / STEPS)
+        return out
+
+    def _penetration(self, scene: _OutsideScene) -> tuple[float, float, float, float | None]:
+        joint, limit = self.joint, self.thresholds
+        depth, at, area, gap = 0.0, 0.0, 0.0, 0.0
+        slides = self.motion == "prismatic" and self._keeps_contact()
+        for values in self._sides():
+            result = scene.sweep(
+                self.motion, joint.axis, joint.origin, values, contact=slides
+            )
+            shares = result.depth / self.diagonal
+            bad = (result.blocked > limit.penetration_area) & (shares > limit.penetration_share)
+            k = int(np.argmax(bad)) if bad.any() else len(values) - 1
+            here = float(shares[k]) if bad.any() else 0.0
+            area = max(area, float(result.blocked.max()))
+            if here > depth:
+                depth, at = here, float(values[k])
+            if slides:
+                # a slide lies on its rails only as far as it is in: the rest gap is the measure
+                gap = max(gap, float(np.max(result.gap) - scene.rest_gap) / self.diagonal)
+        return depth, at, area, gap if slides else None
+
+    def _keeps_contact(self) -> bool:
+        """Whether the part is long enough along its slide to be guided over the whole range.
+
+        A drawer's bare front cannot be, nor can anything tell its loss of contact from its use.
+        """
+        points = self.mesh.vertices[self.mesh.faces[self.part].reshape(-1)]
+        return float(np.ptp(points @ self.joint.axis)) >= 0.5 * (self.high - self.low)
+
+    def _line_gap(self, scene: _OutsideScene) -> float | None:
+        """How far the hinge line strays from both bodies over their common extent."""
+        joint = self.joint
+        if self.motion == "prismatic":
+            return None
+        parent = self._faces_of([joint.parent])
+        if not len(parent):
+            parent = self.static
+        spans = []
+        for faces in (self.part, parent):
+            along = (self.mesh.vertices[self.mesh.faces[faces].reshape(-1)] - joint.origin) @ joint.axis
+            spans.append((float(along.min()), float(along.max())))
+        low, high = max(s[0] for s in spans), min(s[1] for s in spans)
+        if high - low < 0.02 * self.diagonal:  # a knob on a plate: the line crosses the plate
+            middle = 0.5 * (low + high)
+            low, high = middle, middle
+        line = joint.origin + np.linspace(low, high, 9)[:, None] * joint.axis
+        worst = 0.0
+        for links, faces in ((self.carried, self.part), ([joint.parent], parent)):
+            distance = RayScene(self.mesh.vertices, self.mesh.faces[faces]).distance(line)
+            for index in links:
+                for hull in self.model.hulls[index]:
+                    distance[hull.depth(line) > 0] = 0.0
+            worst = max(worst, float(np.median(distance)))
+        return worst / self.diagonal
+
+    def _faces_of(self, links: list[int]) -> IntArray:
+        return np.concatenate([self.model.articulation.links[i].faces for i in links])
+
+    def _filled(self, scene: _OutsideScene) -> float:
+        """Largest share of the part inside foreign collision pieces that its mesh does not meet."""
+        joint = self.joint
+        others = [i for i in range(len(self.model.hulls)) if i not in self.carried]
+        low = scene.low - 0.02 * self.diagonal
+        high = scene.high + 0.02 * self.diagonal
+        samples = sample_surface(self.mesh.vertices, self.mesh.faces[self.part], 600, 5).points
+        values = np.concatenate([[0.0], *self._sides()])
+        values = values[np.linspace(0, len(values) - 1, min(len(values), 7)).astype(int)]
+        moved = motion_points(self.motion, joint.axis, joint.origin, values, samples)
+        low, high = np.minimum(low, moved.min((0, 1))), np.maximum(high, moved.max((0, 1)))
+        hulls = [h for i in others for h in self.model.hulls[i] if _meet(h, low, high)]
+        if not hulls:
+            return 0.0
+        deep = self.thresholds.filled_share * self.diagonal
+        points = moved.reshape(-1, 3)
+        depth = np.max([h.depth(points) for h in hulls], axis=0)
+        suspect = np.flatnonzero(depth > deep)
+        bad = np.zeros(len(points), dtype=bool)
+        if len(suspect):
+            where = points[suspect]
+            far = scene.static_scene.distance(where) > deep
+            bad[suspect[far]] = ~scene.solid.contains(where[far])
+        return float(bad.reshape(len(values), -1).mean(axis=1).max())
+
+
+def _meet(hull: Hull, low: FloatArray, high: FloatArray) -> bool:
+    return bool((hull.points.max(0) >= low).all() and (hull.points.min(0) <= high).all())

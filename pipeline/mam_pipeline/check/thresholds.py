@@ -1,0 +1,49 @@
+"""Every threshold of `mam-sim check`, in one place (the executability clauses of the metrics)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """Lengths with the suffix `_share` are shares of the object's bounding-box diagonal.
+
+    Attributes:
+        base_drift: how far the base may move while joints are driven, metres.
+        reach_share: part of each joint's range that driving must reach, at both ends.
+        penetration_share: depth over the sweep beyond that at rest.
+        penetration_area: share of the part's area that must be that deep before it counts; a few
+            samples that graze an edge are no collision.
+        gap_share: detachment, beyond the gap at rest.
+        hold_seconds, hold_share: how long a pose must be held, and within which part of the range.
+        return_share: how near to the rest pose, as a part of the range, driving back must come.
+        max_turn_speed, max_slide_speed: anything faster is an explosion; rad/s, m/s.
+        filled_share: how deep a moving part's own surface may lie inside another link's collision
+            piece where that link's mesh is not solid.
+        filled_area: share of the moving part's area that must lie so.
+    """
+
+    base_drift: float = 1e-3
+    reach_share: float = 0.95
+    penetration_share: float = 0.005
+    penetration_area: float = 0.004
+    gap_share: float = 0.02
+    hold_seconds: float = 2.0
+    hold_share: float = 0.02
+    return_share: float = 0.02
+    max_turn_speed: float = 60.0
+    max_slide_speed: float = 20.0
+    filled_share: float = 0.01
+    filled_area: float = 0.02
+
+
+THRESHOLDS = Thresholds()
+
+MAX_XML_BYTES = 10 << 20
+MAX_MESH_BYTES = 512 << 20
+MAX_LINKS = 300
+MAX_SHAPES = 20_000
+MAX_FACES = 4_000_000
+MAX_SECONDS = 180.0
+"""Driving stops after this long and says so; a stranger's file cannot hold the checker."""
