@@ -11,8 +11,8 @@ import numpy as np
 from mam_pipeline.geometry.frames import ObjectFrame, estimate_frame
 from mam_pipeline.joints.context import part_context
 from mam_pipeline.joints.features import Hypothesis, enumerate_hypotheses, part_features
-from mam_pipeline.joints.ranker import KINDS, rank
-from mam_pipeline.types import IntArray, JointCandidate, JointSubtype, Mesh
+from mam_pipeline.joints.ranker import KINDS, rank, usual_reach
+from mam_pipeline.types import FloatArray, IntArray, JointCandidate, JointSubtype, Mesh
 
 
 def rank_hypotheses(
@@ -40,8 +40,10 @@ def rank_hypotheses(
         Candidates of every subtype, most probable first. `score` is the log probability;
         `evidence["probability"]` sums to one over all hypotheses of the part ("fixed", that is "not
         a part that moves", included), `evidence["kind_probability"]` is that of its kind (fixed,
-        slide, or revolute, which spans hinge and spin), and `evidence["open_sure"]` says how
-        clearly the opening direction was decided (0..1). Positive motion opens. Deterministic.
+        slide, or revolute, which spans hinge and spin), `evidence["open_sure"]` says how clearly
+        the opening direction was decided (0..1), and likely ones carry the usual travel from rest
+        to open and back to closed (`usual_open`, `usual_back`: radians, or shares of the part's
+        extent) and the probability of being `endless`. Positive motion opens. Deterministic.
     """
     context = part_context(
         mesh, part_faces, static_faces, frame or estimate_frame(mesh),
@@ -53,8 +55,13 @@ def rank_hypotheses(
     lines = [h for h in hypotheses if h.revolute]
     slides = [h for h in hypotheses if not h.revolute]
     p_fixed, p_slide, p_turn = (float(p) for p in ranking.kind)
-    out = [_candidate(h, float(p), p_turn) for h, p in zip(lines, ranking.line)]
-    out += [_candidate(h, float(p), p_slide) for h, p in zip(slides, ranking.slide)]
+    out = [
+        _candidate(h, float(p), p_turn, float(s), part)
+        for h, p, s in zip(lines, ranking.line, ranking.line_side)
+    ] + [
+        _candidate(h, float(p), p_slide, float(s), part)
+        for h, p, s in zip(slides, ranking.slide, ranking.slide_side)
+    ]
     out.sort(key=lambda c: -c.score)
     out = out[: max(top - 1, 1)]
     fixed = JointCandidate(
@@ -73,10 +80,15 @@ def kind_probabilities(candidates: list[JointCandidate]) -> dict[str, float]:
     return out
 
 
-def _candidate(h: Hypothesis, within: float, kind: float) -> JointCandidate:
+def _candidate(
+    h: Hypothesis, within: float, kind: float, side: float, part: FloatArray
+) -> JointCandidate:
     subtype: JointSubtype = "slide" if not h.revolute else "spin" if h.spin else "hinge"
     p = within * kind
-    return JointCandidate(
-        subtype, h.axis, h.origin, float(np.log(p + 1e-12)),
-        {"probability": p, "kind_probability": kind, "within_kind": within, "open_sure": h.sure},
-    )  # fmt: skip
+    evidence = {
+        "probability": p, "kind_probability": kind, "within_kind": within, "open_sure": h.sure,
+    }  # fmt: skip
+    reach = usual_reach(part, h) if within > 0.02 else None
+    if reach is not None:
+        evidence.update(usual_open=reach.open, usual_back=reach.back, endless=reach.endless)
+    return JointCandidate(subtype, side * h.axis, h.origin, float(np.log(p + 1e-12)), evidence)

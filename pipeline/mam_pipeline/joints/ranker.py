@@ -9,7 +9,7 @@ from __future__ import annotations
 import gzip
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from importlib import resources
 from typing import Any
@@ -81,7 +81,12 @@ def rule_kind(part: FloatArray, lines: FloatArray, slides: FloatArray) -> FloatA
 
 @dataclass(frozen=True)
 class Model:
-    """The learned boosters and their temperatures."""
+    """The learned boosters and their temperatures.
+
+    Besides the three rankings: does the positive side open (`*_side`), how far from rest to open
+    and back to closed (`*_open`, `*_back`), and does a revolute joint turn without end. Those may
+    be None when the training data held too few cases.
+    """
 
     line: Any
     slide: Any
@@ -89,6 +94,13 @@ class Model:
     line_temperature: float
     slide_temperature: float
     kind_temperature: float
+    line_side: Any
+    slide_side: Any
+    line_open: Any
+    line_back: Any
+    slide_open: Any
+    slide_back: Any
+    endless: Any
 
 
 @lru_cache(maxsize=1)
@@ -103,8 +115,13 @@ def learned() -> Model | None:
     names = (list(LINE_NAMES), list(SLIDE_NAMES), list(PART_NAMES))
     if (data["line_names"], data["slide_names"], data["part_names"]) != tuple(names):
         return None  # made for other features; the rules still hold
-    boosters = {k: lightgbm.Booster(model_str=data[k]) for k in ("line", "slide", "kind")}
-    return Model(**boosters, **{f"{k}_temperature": data[f"{k}_temperature"] for k in boosters})
+    values: dict[str, Any] = {}
+    for field in fields(Model):
+        value = data[field.name]
+        values[field.name] = (
+            lightgbm.Booster(model_str=value) if isinstance(value, str) else value
+        )
+    return Model(**values)
 
 
 @dataclass(frozen=True)
@@ -113,11 +130,14 @@ class Ranking:
 
     Attributes:
         kind: (3,) over KINDS. line: (n,) within lines. slide: (m,) within slides; each sums to 1.
+        line_side, slide_side: (n,), (m,) +1 where a hypothesis's positive side opens, else -1.
     """
 
     kind: FloatArray
     line: FloatArray
     slide: FloatArray
+    line_side: FloatArray
+    slide_side: FloatArray
 
 
 def softmax(scores: FloatArray, temperature: float = 1.0) -> FloatArray:
@@ -136,7 +156,8 @@ def rank(part: FloatArray, hypotheses: Sequence[Hypothesis], *, rules: bool = Fa
     model = None if rules else learned()
     if model is None:
         a, b = rule_line_scores(lines), rule_slide_scores(slides)
-        return Ranking(rule_kind(part, a, b), softmax(a, 0.15), softmax(b, 0.15))
+        return Ranking(rule_kind(part, a, b), softmax(a, 0.15), softmax(b, 0.15),
+                       np.ones(len(a)), np.ones(len(b)))  # fmt: skip
     a = model.line.predict(lines, num_threads=1) if len(lines) else np.zeros(0)
     b = model.slide.predict(slides, num_threads=1) if len(slides) else np.zeros(0)
     row = kind_features(part, hypotheses, a, b)
@@ -145,4 +166,41 @@ def rank(part: FloatArray, hypotheses: Sequence[Hypothesis], *, rules: bool = Fa
         softmax(raw, model.kind_temperature),
         softmax(a, model.line_temperature),
         softmax(b, model.slide_temperature),
+        _side(model.line_side, lines),
+        _side(model.slide_side, slides),
     )
+
+
+def _side(booster: Any, rows: FloatArray) -> FloatArray:
+    """+1 or -1 (n,): keep or turn the opening direction of each hypothesis."""
+    if booster is None or not len(rows):
+        return np.ones(len(rows))
+    return np.where(np.asarray(booster.predict(rows, num_threads=1)) >= 0.5, 1.0, -1.0)
+
+
+@dataclass(frozen=True)
+class Reach:
+    """How far such joints usually go, learned: radians, or shares of the extent along a slide.
+
+    Attributes:
+        open: from rest to open. back: from rest to closed (0 when rest is closed).
+        endless: probability that a revolute joint has no limits.
+    """
+
+    open: float
+    back: float
+    endless: float
+
+
+def usual_reach(part: FloatArray, hypothesis: Hypothesis) -> Reach | None:
+    """Typical travel of a joint, or None without a learned model."""
+    model = learned()
+    if model is None:
+        return None
+    row = np.concatenate([hypothesis.features, part])[None]
+    word = "line" if hypothesis.revolute else "slide"
+    boosters = (getattr(model, f"{word}_open"), getattr(model, f"{word}_back"), model.endless)
+    if boosters[0] is None or boosters[1] is None:
+        return None
+    found = [0.0 if b is None else float(b.predict(row, num_threads=1)[0]) for b in boosters]
+    return Reach(found[0], max(found[1], 0.0), found[2] if hypothesis.revolute else 0.0)

@@ -1,0 +1,239 @@
+"""Train the joint ranker on generated objects and pack its weights.
+
+    python -m mam_pipeline.joints.train_ranker --objects 600 --cache FOLDER
+
+Measures the features of `--objects` objects of the world's training split (and a tenth as many of
+its validation split, categories included that are never trained on), fits small boosted trees, sets
+the temperatures on the validation split, prints its figures and writes the packaged weights.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gzip
+import json
+import sys
+import time
+import warnings
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import lightgbm as lgb
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from mam_pipeline.joints.features import LINE_NAMES, PART_NAMES, SLIDE_NAMES
+from mam_pipeline.joints.ranker import WEIGHTS, kind_features, softmax
+from mam_pipeline.joints.training_data import Example, cached_examples
+from mam_pipeline.types import FloatArray
+
+COMMON = {"verbosity": -1, "num_threads": 1, "seed": 0, "deterministic": True,
+          "force_row_wise": True, "feature_fraction": 0.5, "bagging_fraction": 0.7,
+          "bagging_freq": 1, "min_data_in_leaf": 20, "lambda_l2": 5.0}  # fmt: skip
+RANK = {**COMMON, "objective": "lambdarank", "num_leaves": 15, "learning_rate": 0.05,
+        "lambdarank_truncation_level": 5, "label_gain": [0, 1, 3]}  # fmt: skip
+KIND = {**COMMON, "objective": "multiclass", "num_class": 3, "num_leaves": 15,
+        "learning_rate": 0.05, "feature_fraction": 0.3}  # fmt: skip
+BINARY = {**COMMON, "objective": "binary", "num_leaves": 7, "learning_rate": 0.05}
+REACH = {**COMMON, "objective": "l1", "num_leaves": 7, "learning_rate": 0.05}
+FOLDS = 5
+
+
+def rows_of(example: Example, revolute: bool) -> tuple[FloatArray, FloatArray]:
+    """Feature rows (n, d) and grades (n,) of one part's lines or slides."""
+    keep = [i for i, h in enumerate(example.hypotheses) if h.revolute == revolute]
+    width = len(LINE_NAMES) if revolute else len(SLIDE_NAMES)
+    rows = np.array([example.hypotheses[i].features for i in keep]).reshape(-1, width)
+    return rows, example.grade[keep].astype(np.float64)
+
+
+def fit_ranker(data: Sequence[Example], revolute: bool, rounds: int) -> lgb.Booster:
+    """Listwise ranker over the hypotheses of every moving part of the right kind."""
+    pairs = [rows_of(e, revolute) for e in data if e.kind == (2 if revolute else 1)]
+    pairs = [p for p in pairs if p[1].max(initial=0) > 0]
+    x = np.concatenate([p[0] for p in pairs])
+    y = np.concatenate([p[1] for p in pairs])
+    return lgb.train(RANK, lgb.Dataset(x, y, group=[len(p[1]) for p in pairs]), rounds)
+
+
+def kind_rows(
+    data: Sequence[Example], line: lgb.Booster, slide: lgb.Booster
+) -> tuple[FloatArray, FloatArray]:
+    """Rows of the kind model (n, d) and kinds (n,)."""
+    rows = []
+    for e in data:
+        a = np.asarray(line.predict(rows_of(e, True)[0], num_threads=1))
+        b = np.asarray(slide.predict(rows_of(e, False)[0], num_threads=1))
+        rows.append(kind_features(e.part, e.hypotheses, a, b))
+    return np.array(rows), np.array([e.kind for e in data])
+
+
+def fit_kind(data: Sequence[Example], rounds: int) -> lgb.Booster:
+    """Kind model on out-of-fold scores, so that it sees the rankers as they will be in use."""
+    names = sorted({e.name for e in data})
+    fold = {n: i % FOLDS for i, n in enumerate(np.random.default_rng(0).permutation(names))}
+    xs, ys = [], []
+    for k in range(FOLDS):
+        inside = [e for e in data if fold[e.name] != k]
+        left = [e for e in data if fold[e.name] == k]
+        if not left:
+            continue
+        x, y = kind_rows(left, fit_ranker(inside, True, 80), fit_ranker(inside, False, 60))
+        xs.append(x)
+        ys.append(y)
+    return lgb.train(KIND, lgb.Dataset(np.concatenate(xs), np.concatenate(ys)), rounds)
+
+
+def fit_side(data: Sequence[Example], revolute: bool, rounds: int) -> lgb.Booster | None:
+    """Is the hypothesis's positive side the opening side? On hypotheses near the truth."""
+    x, y = [], []
+    for e in data:
+        for h, opens in zip(e.hypotheses, e.opens):
+            if h.revolute == revolute and opens != 0:
+                x.append(h.features)
+                y.append(float(opens > 0))
+    if len(y) < 100 or min(np.mean(y), 1 - np.mean(y)) < 0.005:
+        return None
+    return lgb.train(BINARY, lgb.Dataset(np.array(x), np.array(y)), rounds)
+
+
+def fit_reach(
+    data: Sequence[Example], revolute: bool, column: int, rounds: int
+) -> lgb.Booster | None:
+    """Travel from rest to open (column 0) or to closed (1), on the part's right hypotheses."""
+    x, y = [], []
+    for e in data:
+        if not np.isfinite(e.reach).all():
+            continue
+        for h, grade in zip(e.hypotheses, e.grade):
+            if h.revolute == revolute and grade == 2:
+                x.append(np.concatenate([h.features, e.part]))
+                y.append(min(float(e.reach[column]), 6.0))
+    if len(y) < 100:
+        return None
+    return lgb.train(REACH, lgb.Dataset(np.array(x), np.array(y)), rounds)
+
+
+def fit_endless(data: Sequence[Example], rounds: int) -> lgb.Booster | None:
+    """Is a revolute joint endless? On the part's right lines."""
+    x, y = [], []
+    for e in data:
+        for h, grade in zip(e.hypotheses, e.grade):
+            if h.revolute and grade == 2:
+                x.append(np.concatenate([h.features, e.part]))
+                y.append(float(not np.isfinite(e.reach).all()))
+    if len(y) < 100 or not 0.0 < float(np.mean(y)) < 1.0:
+        return None
+    return lgb.train(BINARY, lgb.Dataset(np.array(x), np.array(y)), rounds)
+
+
+def temperature(cases: Iterable[tuple[FloatArray, FloatArray]]) -> float:
+    """Softmax temperature of least log loss over (scores (n,), right (n,) 0/1)."""
+    cases = list(cases)
+
+    def loss(log_t: float) -> float:
+        t = float(np.exp(log_t))
+        return -float(np.mean([np.log(softmax(s, t)[r > 0].sum() + 1e-9) for s, r in cases]))
+
+    return float(np.exp(minimize_scalar(loss, bounds=(-3.0, 3.0), method="bounded").x))
+
+
+def fit(train: Sequence[Example], check: Sequence[Example]) -> dict[str, Any]:
+    """Fit everything; `check` (validation split) sets the temperatures."""
+    line, slide = fit_ranker(train, True, 160), fit_ranker(train, False, 100)
+    kind = fit_kind(train, 160)
+    out: dict[str, Any] = {
+        "line": line.model_to_string(), "slide": slide.model_to_string(),
+        "kind": kind.model_to_string(), "line_names": list(LINE_NAMES),
+        "slide_names": list(SLIDE_NAMES), "part_names": list(PART_NAMES),
+    }  # fmt: skip
+    for name, booster, revolute in (("line", line, True), ("slide", slide, False)):
+        cases = [rows_of(e, revolute) for e in check if e.kind == (2 if revolute else 1)]
+        out[f"{name}_temperature"] = temperature(
+            (np.asarray(booster.predict(x, num_threads=1)), y) for x, y in cases if y.max() > 0
+        )
+        side = fit_side(train, revolute, 60)
+        out[f"{name}_side"] = None if side is None else side.model_to_string()
+        for column, word in enumerate(("open", "back")):
+            reach = fit_reach(train, revolute, column, 80)
+            out[f"{name}_{word}"] = None if reach is None else reach.model_to_string()
+    endless = fit_endless(train, 60)
+    out["endless"] = None if endless is None else endless.model_to_string()
+    x, y = kind_rows(check, line, slide)
+    raw = np.asarray(kind.predict(x, raw_score=True, num_threads=1))
+    out["kind_temperature"] = temperature((r, np.eye(3)[int(k)]) for r, k in zip(raw, y))
+    return out
+
+
+def report(data: Sequence[Example]) -> dict[str, float]:
+    """Figures of the packaged model on examples: shares right, given the part."""
+    from mam_pipeline.joints.ranker import rank
+
+    hit: dict[str, list[float]] = {}
+
+    def note(key: str, value: float) -> None:
+        hit.setdefault(key, []).append(float(value))
+
+    for e in data:
+        ranking = rank(e.part, e.hypotheses)
+        note("kind incl. fixed", int(np.argmax(ranking.kind)) == e.kind)
+        if e.kind == 0:
+            continue
+        note("type, given it moves", 1 + int(np.argmax(ranking.kind[1:])) == e.kind)
+        revolute = e.kind == 2
+        _, grade = rows_of(e, revolute)
+        opens = e.opens[[h.revolute == revolute for h in e.hypotheses]]
+        p = ranking.line if revolute else ranking.slide
+        word = e.subtype
+        note(f"{word} possible", grade.max(initial=0) > 0)
+        best = int(np.argmax(p))
+        note(f"{word} right", grade[best] > 0)
+        if opens[best] != 0:
+            side = (ranking.line_side if revolute else ranking.slide_side)[best]
+            note(f"{word} opening side", opens[best] * side > 0)
+    return {k: round(float(np.mean(v)), 3) for k, v in sorted(hit.items())} | {"parts": len(data)}
+
+
+def collect(split: str, count: int, cache: Path, budget: float) -> list[Example]:
+    """Examples of `count` objects of a split, within `budget` seconds of new measurements."""
+    from mam_pipeline.world.splits import iterate
+
+    out: list[Example] = []
+    spent, skipped = 0.0, 0
+    for n, (name, seed) in enumerate(iterate(split, count)):
+        known = (cache / f"{name}_{seed:06d}.pkl").is_file()
+        if not known and spent > budget:
+            skipped += 1
+            continue
+        start = time.perf_counter()
+        out += cached_examples(name, seed, cache)
+        spent += 0.0 if known else time.perf_counter() - start
+        if n % 50 == 0:
+            print(f"{split}: {n} objects, {len(out)} parts, {spent:.0f} s", file=sys.stderr)
+    if skipped:
+        print(f"{split}: {skipped} objects left out, the time was up", file=sys.stderr)
+    return out
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Command line; see the module's text."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
+    parser.add_argument("--objects", type=int, default=600)
+    parser.add_argument("--cache", type=Path, required=True)
+    parser.add_argument("--seconds", type=float, default=1e9, help="limit of new measurements")
+    parser.add_argument("--out", type=Path, default=Path(__file__).with_name(WEIGHTS))
+    args = parser.parse_args(argv)
+    warnings.filterwarnings("ignore")
+    train = collect("train", args.objects, args.cache, args.seconds)
+    check = collect("validation", max(args.objects // 8, 10), args.cache, args.seconds / 4)
+    packed = fit(train, check)
+    args.out.write_bytes(gzip.compress(json.dumps(packed).encode(), mtime=0))
+    from mam_pipeline.joints import ranker
+
+    ranker.learned.cache_clear()
+    print(json.dumps({"train": len(train), "validation": report(check)}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
