@@ -24,6 +24,7 @@ FAMILIES: tuple[str, ...] = (
     "electronics",
     "vessels",
     "controls",
+    "desk",
 )
 
 
