@@ -25,6 +25,7 @@ FAMILIES: tuple[str, ...] = (
     "vessels",
     "controls",
     "desk",
+    "boxes",
 )
 
 
