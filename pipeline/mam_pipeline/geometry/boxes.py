@@ -77,7 +77,8 @@ def _least_rectangle(points: FloatArray, normal: FloatArray) -> FloatArray:
     except (QhullError, ValueError):
         return np.stack([u, v, normal])
     edges = np.roll(ring, -1, axis=0) - ring
-    angle = np.unique(np.round(np.mod(np.arctan2(edges[:, 1], edges[:, 0]), np.pi / 2), 4))
+    angle = np.mod(np.arctan2(edges[:, 1], edges[:, 0]), np.pi / 2)
+    angle = angle[np.unique(np.round(angle, 4), return_index=True)[1]]
     along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     across = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
     a, b = ring @ along.T, ring @ across.T

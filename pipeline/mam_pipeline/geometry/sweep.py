@@ -22,6 +22,7 @@ from mam_pipeline.types import FloatArray, IntArray, Mesh
 
 Motion = Literal["revolute", "prismatic"]
 START = 0.0025  # path before which a crossing is a contact at rest, of the diagonal
+COINCIDENT = 0.0002  # closer than this, two surfaces are one, of the diagonal
 CHORD = np.deg2rad(6.0)  # longest arc replaced by its chord: 0.14 % of the radius off
 DEEP = 0.004  # depth behind a crossed surface that counts as blocked, of the diagonal
 
@@ -162,7 +163,10 @@ class SweepScene:
         inside = ((found.points > self.low - margin) & (found.points < self.high + margin)).all(1)
         points = found.points[inside]
         keep = thin_out(len(points), count, seed + 2)
-        self.static_points = points[keep]
+        chosen = points[keep]
+        # Points that lie in the part's own surface graze its edges when it slides along them.
+        apart = self.part_scene.distance(chosen) > COINCIDENT * self.diagonal
+        self.static_points = chosen[apart]
         stands_for = found.area / max(len(found.points), 1) * len(points) / max(len(keep), 1)
         self._static_weight = stands_for / self.area
 
@@ -189,6 +193,7 @@ class SweepScene:
             if abs(side) > 0.001 * self.diagonal:
                 into[row] = -np.sign(side) * normals[k]
         self._into = into
+        self._grazing = np.flatnonzero(facing & (distance < COINCIDENT * self.diagonal))
 
     @property
     def rest_distance(self) -> FloatArray:
@@ -232,6 +237,7 @@ class SweepScene:
         path = motion_points(motion, a, o, q, self.points)
         back = motion_points(motion, a, o, -q, self.static_points)
         depth = self._crossings(path, self.static_scene)
+        depth[:, self._grazing] = 0.0  # these are judged by the direction of their contact below
         if len(self._touch):
             moved = path[1:, self._touch] - path[:1, self._touch]
             pushed = np.einsum("nsk,sk->ns", moved, self._into)

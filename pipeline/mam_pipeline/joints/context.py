@@ -124,8 +124,12 @@ def _front(box: Box, exposure: FloatArray, frame: ObjectFrame, scene: SweepScene
     object_center = (0.5 * (frame.low + frame.high)) @ frame.axes
     directions = np.concatenate([box.axes, -box.axes])
     aside = directions @ (box.center - object_center) / frame.diagonal
-    down = np.maximum(-(directions @ frame.up), 0.0)
-    score = broad * (0.2 + exposure) + 1.0 * aside - 0.5 * down
+    upward = directions @ frame.up
+    # A cabinet without a top shows its drawers from above: only what is topmost faces up.
+    below = frame.high[2] - float((scene.dense.points @ frame.up).max())
+    buried = (upward > 0.7) & (below > 0.015 * frame.diagonal)
+    score = broad * (0.2 + exposure) * np.where(buried, 0.3, 1.0) + 1.0 * aside
+    score = score - 0.5 * np.maximum(-upward, 0.0)
     return np.asarray(directions[int(np.argmax(score))])
 
 
