@@ -5,6 +5,8 @@ Importing this package registers the environment; the simulator is loaded by gym
 
 from __future__ import annotations
 
+from typing import Any as _Any
+
 import gymnasium as _gym
 from gymnasium.envs.registration import WrapperSpec as _WrapperSpec
 
@@ -26,3 +28,17 @@ if "OperateJoint-v1" not in _gym.registry:
             ),
         ),
     )
+
+
+def make(asset: _Any, **kwargs: _Any) -> _gym.Env:
+    """gym.make of OperateJoint-v1 whose errors say only what the user must know.
+
+    Args:
+        asset: asset folder or folders; kwargs as in mam_envs.env.OperateJointEnv.
+    """
+    from mam_pipeline.errors import MamSimError
+
+    try:
+        return _gym.make("OperateJoint-v1", asset=asset, **kwargs)
+    except MamSimError as error:  # gymnasium appends all arguments to the message
+        raise (error.__cause__ or error) from None

@@ -17,6 +17,8 @@ import yourdfpy
 from mam_pipeline.errors import InputError
 from mam_pipeline.types import FloatArray
 
+ARM = 0.3
+"""Metres that one radian is worth to the solver."""
 MOVABLE = ("revolute", "continuous", "prismatic")
 
 
@@ -213,44 +215,66 @@ class Chain:
             posture: (n,) or (N, n) values that the null space is pulled to.
             gain: strength of that pull per iteration.
         """
+        weight = np.asarray(rotation_weight, dtype=float)
         lower, upper = self.limits[:, 0], self.limits[:, 1]
         q = np.clip(np.array(start, dtype=float), lower, upper)
-        weight = np.asarray(rotation_weight, dtype=float)
-        arm = 0.3  # metres that one radian is worth
-        eye = np.eye(6)
+        pull = np.zeros_like(q) if posture is None else np.broadcast_to(posture, q.shape)
+        position_error, rotation_error = np.full(len(q), np.inf), np.full(len(q), np.inf)
+        live = np.arange(len(q))
         for step in range(iterations + 1):
-            rotation, position, jacobian = self.forward(q)
-            dp = targets[:, :3, 3] - position
-            dr = np.einsum("nji,nj->ni", rotation, rotation_vector(targets[:, :3, :3], rotation))
+            rotation, position, jacobian = self.forward(q[live])
+            dp = targets[live, :3, 3] - position
+            turned = rotation_vector(targets[live, :3, :3], rotation)
+            dr = np.einsum("nji,nj->ni", rotation, turned)
+            position_error[live] = np.linalg.norm(dp, axis=1)
+            rotation_error[live] = np.linalg.norm(dr * (weight > 0), axis=1)
             if step == iterations:
                 break
-            turning = np.einsum("nji,njk->nik", rotation, jacobian[:, 3:])
-            j = np.concatenate([jacobian[:, :3], arm * weight[:, None] * turning], axis=1)
-            e = np.concatenate([dp, arm * weight * dr], axis=1)
-            pull = np.zeros_like(q)
-            if posture is not None and step < iterations - 10:
-                pull = gain * (posture - q)
-            free = np.ones_like(q, dtype=bool)
-            delta = pull
-            for _ in range(2):  # the second round without the joints that hit a limit
-                jf = j * free[:, None, :]
-                pf = pull * free
-                rhs = e - np.einsum("nij,nj->ni", jf, pf)
-                damping = 1e-6 + 1e-3 * np.einsum("ni,ni->n", e, e)
-                gram = jf @ jf.transpose(0, 2, 1) + damping[:, None, None] * eye
-                delta = np.einsum("nji,nj->ni", jf, np.linalg.solve(gram, rhs[..., None])[..., 0])
-                delta = delta + pf
-                over = ((q + delta > upper) & (q >= upper - 1e-6)) | (
-                    (q + delta < lower) & (q <= lower + 1e-6)
-                )
-                if not (over & free).any():
+            if step >= 8 and step % 4 == 0:  # leave what has arrived, and what stays far away
+                size = position_error[live] + ARM * (np.abs(dr * weight)).sum(axis=1)
+                on = (size > 2e-4) & ((step < 20) | (size < 0.25))
+                live, rotation, jacobian = live[on], rotation[on], jacobian[on]
+                dp, dr = dp[on], dr[on]
+                if not len(live):
                     break
-                free &= ~over
-            size = np.abs(delta).max(axis=1, keepdims=True)
-            q = np.clip(q + delta * np.minimum(1.0, 0.35 / np.maximum(size, 1e-9)), lower, upper)
-        return Solution(
-            q, np.linalg.norm(dp, axis=1), np.linalg.norm(dr * (weight > 0), axis=1)
+            settle = posture is None or step >= iterations - 10
+            towards = np.zeros((len(live), q.shape[1])) if settle else gain * (pull - q)[live]
+            delta = _step(q[live], lower, upper, rotation, jacobian, dp, dr, weight, towards)
+            q[live] = np.clip(q[live] + delta, lower, upper)
+        return Solution(q, position_error, rotation_error)
+
+
+def _step(
+    q: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    rotation: FloatArray,
+    jacobian: FloatArray,
+    dp: FloatArray,
+    dr: FloatArray,
+    weight: FloatArray,
+    pull: FloatArray,
+) -> FloatArray:
+    """One damped least-squares step (N, n), without the joints that press on their limits."""
+    turning = rotation.transpose(0, 2, 1) @ jacobian[:, 3:]
+    j = np.concatenate([jacobian[:, :3], ARM * weight[:, None] * turning], axis=1)
+    e = np.concatenate([dp, ARM * weight * dr], axis=1)
+    free = np.ones_like(q, dtype=bool)
+    damping = (1e-6 + 1e-3 * (e * e).sum(axis=1))[:, None, None] * np.eye(6)
+    delta = pull
+    for _ in range(2):
+        jf, pf = j * free[:, None, :], pull * free
+        rhs = e[..., None] - jf @ pf[..., None]
+        back = np.linalg.solve(jf @ jf.transpose(0, 2, 1) + damping, rhs)
+        delta = (jf.transpose(0, 2, 1) @ back)[..., 0] + pf
+        over = ((q + delta > upper) & (q >= upper - 1e-6)) | (
+            (q + delta < lower) & (q <= lower + 1e-6)
         )
+        if not (over & free).any():
+            break
+        free &= ~over
+    size = np.abs(delta).max(axis=1, keepdims=True)
+    return delta * np.minimum(1.0, 0.35 / np.maximum(size, 1e-9))
 
 
 def rotation_vector(target: FloatArray, current: FloatArray) -> FloatArray:

@@ -17,7 +17,7 @@ from mam_envs.reach import PlacementError, rest_is_clear
 from mam_envs.robots import ALIASES, ROBOTS, RobotSpec
 from mam_envs.scene import Layout
 from mam_envs.spec import EnvConfig, JointGoal, RandomisationConfig, TaskConfig, joint_goal
-from mam_pipeline.asset.card import Asset
+from mam_pipeline.asset.card import Asset, CardJoint
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import FloatArray
 
@@ -61,6 +61,42 @@ def arrange(
 def _arrange(key: tuple[Any, ...], task: TaskConfig, chance: RandomisationConfig) -> Layout:
     folder, _, joints, tasks, uid, scale = key
     asset, robot = Asset.load(folder), ROBOTS[uid]
+    if joints != (None,):
+        return _sized(asset, joints, tasks, robot, scale, task, chance)
+    first: PlacementError | None = None
+    for name in _likely(asset):
+        try:
+            return _sized(asset, (name,), tasks, robot, scale, task, chance)
+        except PlacementError as error:
+            first = first or error
+    assert first is not None
+    raise first
+
+
+def _likely(asset: Asset, most: int = 6) -> list[str]:
+    """Movable joints in the order in which one would try them: with a handle, sure, and wide."""
+    model = ObjectModel.load(asset)
+    model.default_joint()  # refuses an asset without movable joints
+
+    def rank(joint: CardJoint) -> tuple[bool, bool, float]:
+        kinds = {g.kind for g in asset.card.grasps if g.joint == joint.name}
+        easy = bool(kinds & {"handle", "knob"}) and joint.subtype in ("slide", "hinge")
+        return bool(kinds), easy, round(joint.confidence, 2)
+
+    movable = [j for j in asset.card.joints if j.type != "fixed"]
+    return [j.name for j in sorted(movable, key=rank, reverse=True)][:most]
+
+
+def _sized(
+    asset: Asset,
+    joints: tuple[str | None, ...],
+    tasks: tuple[str | None, ...],
+    robot: RobotSpec,
+    scale: float | str,
+    task: TaskConfig,
+    chance: RandomisationConfig,
+) -> Layout:
+    """At the asked scale; "auto" shrinks the object to a small arm's reach where it must."""
     if scale != "auto":
         return _at_scale(asset, joints, tasks, robot, float(scale), task, chance)
     try:

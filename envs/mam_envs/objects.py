@@ -136,9 +136,12 @@ class ObjectModel:
         poses = self.kinematics.link_poses({**others, joint: q})[child]
         return poses @ np.linalg.inv(rest)
 
-    def holding_force(self, joint: str, q: FloatArray, point: FloatArray) -> float:
+    def holding_force(
+        self, joint: str, q: FloatArray, point: FloatArray, width: float = 0.0
+    ) -> float:
         """Largest force (N) at `point` (3,) (asset frame, rest) that gravity and friction ask for
-        along the path `q` (N,): virtual work over the point's travel."""
+        along the path `q` (N,): virtual work over the point's travel, or over that of the fingers
+        round a knob `width` metres across."""
         moving = self.moving_links(joint)
         poses = self.kinematics.link_poses({joint: q})
         energy = np.zeros(len(q))
@@ -150,7 +153,10 @@ class ObjectModel:
             energy += float(link.inertial.mass) * self.scale**3 * GRAVITY * height
         motion = self.motion(joint, q, {})
         where = motion[:, :3, :3] @ point + motion[:, :3, 3]
-        travel = np.maximum(np.linalg.norm(np.diff(where, axis=0), axis=1), 1e-6)
+        travel = np.linalg.norm(np.diff(where, axis=0), axis=1)
+        if self.kinematics.joint(joint).type != "prismatic":
+            travel = np.maximum(travel, np.abs(np.diff(q)) * max(0.5 * width, 0.005))
+        travel = np.maximum(travel, 1e-6)
         friction = self.card_joint(joint).friction * np.abs(np.diff(q))
         return float(np.max((np.maximum(np.diff(energy), 0.0) + friction) / travel, initial=0.0))
 

@@ -120,7 +120,8 @@ def _strong_enough(
 ) -> None:
     q = goal_values(goal, 8)
     force = min(
-        model.holding_force(goal.joint, q, np.array(h.grasp.position)) for h in candidates
+        model.holding_force(goal.joint, q, np.array(h.grasp.position), h.grasp.width)
+        for h in candidates
     )
     if force > robot.force:
         raise PlacementError(
@@ -218,6 +219,9 @@ def _robustness(
     for sx, sy, turn in corners:
         shift = (sx * chance.position, sy * chance.position)
         pose = object_pose(model, rise, shift, turn * np.deg2rad(chance.yaw))
-        found = search(model, goal, robot, candidates, path.base[None], pose, q, keep=1)
+        base, seeds = path.base[None], path.approach[[-1, 0]]
+        found = search(model, goal, robot, [path.hold], base, pose, q, keep=1, seeds=seeds)
+        if not found.paths:
+            found = search(model, goal, robot, candidates, base, pose, q, keep=1)
         served += bool(found.paths)
     return served / len(corners)

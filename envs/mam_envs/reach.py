@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -20,6 +20,9 @@ WAYPOINTS = 14
 BACK_OFF = 0.10
 POSITION_TOLERANCE = 0.004
 SEED = 20240601
+SLACK = 0.004
+"""Metres that the hand's surface points may dip into the object where it takes hold."""
+LAGS = (1.0, 0.6, 0.25)
 
 
 class PlacementError(NotPhysicalError):
@@ -34,8 +37,8 @@ class Hold:
         grasp: the card's grasp it comes from.
         mode: grip (fingers close on the part) or push (closed fingers press on it).
         tool: (4, 4) asset_T_tool at the rest pose.
-        lag: share of the part's turn that the hand follows (1 = rigid; less where the fingers can
-            pivot round a bar).
+        lags: shares of the part's turn that the hand may follow (1 = rigid; less where the
+            fingers can pivot round a bar); `lag` is the one in use.
         cost: how unnatural it is, for ranking.
     """
 
@@ -44,6 +47,7 @@ class Hold:
     tool: FloatArray
     lag: float = 1.0
     cost: float = 0.0
+    lags: tuple[float, ...] = (1.0,)
 
 
 @dataclass(frozen=True)
@@ -119,6 +123,11 @@ def holds(
             out += _variants(robot, g, "grip", tilts)
         if goal.task == "close":
             out += _variants(robot, _pushing(model, goal, g), "push", tilts, extra=0.5)
+    fitting = [h for h in (_fitting(model, goal, robot, hold) for hold in out) if h is not None]
+    if out and not fitting:
+        raise PlacementError(
+            f"{name}: a {robot.uid}'s hand cannot get at {goal.joint!r} without hitting the object"
+        )
     if not out:
         wide = 100 * narrowest
         raise PlacementError(
@@ -127,7 +136,49 @@ def holds(
             if np.isfinite(narrowest)
             else f"{name}: joint {goal.joint!r} can only be pushed, and not in that direction"
         )
-    return out
+    return fitting
+
+
+def _fitting(model: ObjectModel, goal: JointGoal, robot: RobotSpec, hold: Hold) -> Hold | None:
+    """The hold with the lags at which the bare hand stays out of the object, or None."""
+    pushing = hold.mode == "push"
+    opened = robot.closed if pushing else hold_opening(robot, hold)
+    fingers, palm = robot.hand_surface(opened)
+    q = goal_values(goal, 5)
+    lags = [1.0] if goal.subtype == "slide" else list(hold.lags)
+    start = tool_path(model, goal, hold, q[:1])[0]
+    before = {goal.joint: float(q[0])}
+    for distance in (BACK_OFF, 0.5 * BACK_OFF, 0.0):
+        pose = _backed(start[None], distance)[0]
+        slack = SLACK if distance == 0.0 else 0.0
+        if pushing and distance == 0.0:
+            slack += robot.tip_ahead
+        if _touches(model, np.concatenate([fingers, palm]), pose, before, slack):
+            return None
+    moving = model.moving_links(goal.joint)
+    free = []
+    for lag in lags:
+        poses = tool_path(model, goal, replace(hold, lag=lag), q)
+        now = [{goal.joint: float(v)} for v in q]
+        if not any(
+            _touches(model, palm, pose, at, SLACK)
+            or _touches(model, fingers, pose, at, SLACK, moving)
+            for pose, at in zip(poses[1:], now[1:])
+        ):
+            free.append(lag)
+    return replace(hold, lag=free[0], lags=tuple(free)) if free else None
+
+
+def _touches(
+    model: ObjectModel,
+    points: FloatArray,
+    pose: FloatArray,
+    q: Mapping[str, float],
+    slack: float,
+    skip: tuple[str, ...] = (),
+) -> bool:
+    moved = points @ pose[:3, :3].T + pose[:3, 3]
+    return bool((model.depth(moved, q, skip) > slack).any())
 
 
 def _direction(model: ObjectModel, goal: JointGoal, point: FloatArray) -> FloatArray:
@@ -191,7 +242,8 @@ def _variants(
             tool[:3, :3] = np.stack([np.cross(y, a), y, a], axis=1)
             tool[:3, 3] = np.array(g.position) - a * ahead
             cost = 0.6 * np.deg2rad(abs(degrees)) + 0.5 * (1 - g.confidence) + extra
-            out.append(Hold(g, mode, tool, 1.0, cost))
+            pivots = mode == "push" or g.kind in ("handle", "rim", "edge")
+            out.append(Hold(g, mode, tool, 1.0, cost, LAGS if pivots else (1.0,)))
     return out
 
 
@@ -230,7 +282,6 @@ def search(
     ground: float = 0.0,
     base_costs: FloatArray | None = None,
     seeds: FloatArray | None = None,
-    lags: Sequence[float] = (1.0, 0.6, 0.25),
 ) -> Search:
     """Find arm paths for some holds and base poses.
 
@@ -244,7 +295,6 @@ def search(
         ground: height of the surface that the arm must stay above, world.
         base_costs: (B,) added to the cost of paths from each base.
         seeds: (S, n) first guesses for the grasp; a fixed family round `start` if None.
-        lags: shares of the part's turn that the hand may follow.
     """
     begin = robot.rest_arm if start is None else start
     seeds = _seeds(robot, begin) if seeds is None else seeds
@@ -269,7 +319,7 @@ def search(
         return Search((), 0, 0, b * h)
     extra = np.zeros(b) if base_costs is None else base_costs
     paths = _follow(
-        model, goal, robot, candidates, bases, world_asset, q, rows, begin, extra, lags
+        model, goal, robot, candidates, bases, world_asset, q, rows, begin, extra
     )
     good: list[ArmPath] = []
     for path in paths[:60]:
@@ -317,18 +367,14 @@ def _follow(
     rows: list[tuple[int, int, FloatArray]],
     begin: FloatArray,
     base_costs: FloatArray,
-    lags: Sequence[float],
 ) -> list[ArmPath]:
     """Carry grasp solutions along the joint's path and back to a pre-grasp; best first."""
-    if goal.subtype == "slide":
-        lags = (1.0,)
     lagged: list[tuple[int, Hold, FloatArray]] = []
     for i, j, arm in rows:
         hold = candidates[j]
-        pivots = hold.mode == "push" or hold.grasp.kind in ("handle", "rim")
-        for lag in lags if pivots else (max(lags),):
+        for lag in hold.lags:
             extra = hold.cost + 0.3 * (1 - lag)
-            lagged.append((i, Hold(hold.grasp, hold.mode, hold.tool, lag, extra), arm))
+            lagged.append((i, replace(hold, lag=lag, lags=(lag,), cost=extra), arm))
     if len(lagged) > 900:  # the cheapest are enough
         lagged = sorted(lagged, key=lambda r: r[1].cost)[:900]
     tools = np.stack([tool_path(model, goal, hold, q) for _, hold, _ in lagged])
@@ -392,7 +438,7 @@ def clear(
     before = {**others, goal.joint: float(path.q[0])}
     start = robot.rest_arm if begin is None else begin
     swing = np.linspace(start, path.approach[0], 8)[:-1]
-    slack = 0.004 if not pushing else robot.tip_ahead + 0.004
+    slack = SLACK if not pushing else robot.tip_ahead + SLACK
     for arm in (*swing, *path.approach[:-1]):
         if not _free(model, robot, arm, opened, path.base, world_asset, before, (), ground, 0.0):
             return False
@@ -405,7 +451,7 @@ def clear(
         now = {**others, goal.joint: float(path.q[k])}
         arm = path.follow[k]
         if not _free(
-            model, robot, arm, opened, path.base, world_asset, now, touching, ground, 0.004, moving
+            model, robot, arm, opened, path.base, world_asset, now, touching, ground, SLACK, moving
         ):
             return False
     return True

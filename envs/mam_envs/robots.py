@@ -140,6 +140,18 @@ class RobotSpec:
         q.update({name: max(gripper, self.model.joint(name).lower) for name in self.gripper})
         return self.model.link_poses(q)
 
+    def hand_surface(self, gripper: float) -> tuple[FloatArray, FloatArray]:
+        """Points (P, 3) on the fingers and (Q, 3) on the rest of the hand, tool frame."""
+        poses = self.link_poses(self.rest_arm[None], gripper)
+        into = np.linalg.inv(poses[self.tip][0] @ self.chain.tool)
+        fingers, palm = [np.zeros((0, 3))], [np.zeros((0, 3))]
+        for name in dict.fromkeys((*self.finger_links, *self.hand_links)):
+            if name in self.surface:
+                m = into @ poses[name][0]
+                rows = self.surface[name] @ m[:3, :3].T + m[:3, 3]
+                (fingers if name in self.finger_links else palm).append(rows)
+        return np.concatenate(fingers), np.concatenate(palm)
+
     @cached_property
     def surface(self) -> dict[str, FloatArray]:
         """(P, 3) points on each link's collision shapes, link frame; wheels and heads left out."""

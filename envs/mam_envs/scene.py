@@ -46,17 +46,19 @@ class Layout:
         """(4, 4) nominal world_T_asset."""
         return object_pose(self.model, self.placement.object_height, (0.0, 0.0), 0.0)
 
-    def view(self) -> tuple[FloatArray, float]:
-        """Middle (3,) and diagonal of what a camera should see: object, base and handle's way."""
+    def view(self) -> tuple[FloatArray, float, float]:
+        """What a camera should see: middle (3,) and diagonal of the object, its open part and the
+        upper arm; and the side (+1 or -1 along y) on which the arm is not in the way."""
         boxes = [self.model.bounds()]
         for goal in self.goals:
             boxes += [self.model.bounds({goal.joint: v}) for v in (goal.closed, goal.open)]
         pose = self.world_asset
-        corners = np.concatenate(boxes) + pose[:3, 3]
         base = self.placement.base[:3, 3]
-        points = np.concatenate([corners, base[None] + [0, 0, 0.6 * self.robot.reach]])
+        points = np.concatenate([np.concatenate(boxes) + pose[:3, 3], base[None]])
         low, high = points.min(axis=0), points.max(axis=0)
-        return 0.5 * (low + high), float(np.linalg.norm(high - low))
+        handle = pose[:3, :3] @ self.handles[0] + pose[:3, 3]
+        side = -1.0 if base[1] >= handle[1] - 0.02 else 1.0
+        return 0.5 * (low + high), float(np.linalg.norm(high - low)), side
 
     def block(self) -> FloatArray | None:
         """(2, 3) world box of the stand below the object, or None."""
@@ -108,17 +110,25 @@ def build_world(scene: ManiSkillScene, config: SceneConfig, layouts: list[Layout
     table = surface_of(config, layouts[0]) == "table"
     if table:
         build_ground(scene, altitude=-TABLE_HEIGHT, floor_width=40)
-        _box(scene, "table", (0.3, 0.0, -0.02), (2.6, 2.6, 0.04), WOOD, None)
+        _box(scene, "table", (-0.3, 0.0, -0.02), (2.4, 2.4, 0.04), WOOD, None)
     else:
         build_ground(scene, floor_width=40)
     for i, layout in enumerate(layouts):
         _stands(scene, layout, i)
         if config.wall and scene.can_render():
-            low, high = layout.model.bounds()
-            x = float(high[0] - 0.5 * (low[0] + high[0])) + 0.35
-            size = (0.05, 6.0, 3.5)
-            z = 1.0 if not table else 1.0 - TABLE_HEIGHT
-            _box(scene, f"wall_{i}", (x + 0.5, 0, z), size, WHITE, i, solid=False)
+            _walls(scene, layout, -TABLE_HEIGHT if table else 0.0, i)
+
+
+def _walls(scene: ManiSkillScene, layout: Layout, floor: float, i: int) -> None:
+    """Two walls of a room: behind the object, and on the side that the camera looks at."""
+    low, high = layout.model.bounds()
+    depth = float(0.5 * (high[0] - low[0])) + 0.9
+    _, _, side = layout.view()
+    wide = float(high[1] - low[1]) + 2.2
+    tall, middle = 4.0, floor + 2.0
+    _box(scene, f"wall_{i}", (depth, 0, middle), (0.05, 14.0, tall), WHITE, i, solid=False)
+    across = (depth - 7.0, -side * wide, middle)
+    _box(scene, f"side_wall_{i}", across, (14.0, 0.05, tall), WHITE, i, solid=False)
 
 
 def _stands(scene: ManiSkillScene, layout: Layout, i: int) -> None:
@@ -166,8 +176,9 @@ def camera(
     """ManiSkill's configuration of one camera; `noise` (3,) metres shifts its eye."""
     eye, target = np.array(spec.eye, dtype=float), np.array(spec.target, dtype=float)
     if spec.relative:
-        middle, size = layout.view()
-        eye, target = middle + 0.62 * size * eye, middle + 0.62 * size * target
+        middle, size, side = layout.view()
+        mirror = np.array([1.0, side, 1.0])
+        eye, target = middle + size * mirror * eye, middle + size * mirror * target
     if noise is not None:
         eye = eye + noise
     return CameraConfig(

@@ -87,11 +87,12 @@ class RandomisationConfig:
 
 @dataclass(frozen=True)
 class CameraSpec:
-    """A camera: where it stands and looks, in multiples of the object's diagonal round its middle
-    when `relative`, else in metres in the world. fov in degrees."""
+    """A camera: where it stands and looks. When `relative`, in multiples of the diagonal of object
+    and robot base, from their middle, y towards the side where the arm does not hide the object;
+    else in metres in the world. fov in degrees."""
 
-    eye: tuple[float, float, float] = (-1.9, -1.3, 1.2)
-    target: tuple[float, float, float] = (-0.3, 0.0, 0.0)
+    eye: tuple[float, float, float] = (-0.8, 0.85, 0.6)
+    target: tuple[float, float, float] = (-0.02, 0.0, 0.02)
     width: int = 128
     height: int = 128
     fov: float = 55.0

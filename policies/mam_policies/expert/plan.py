@@ -66,7 +66,6 @@ def plan(now: Situation, skip: Sequence[Hold] = ()) -> Plan:
             model, goal, robot, [nominal.hold], now.base[None], now.world_asset, q,
             now.others, now.arm, keep=1,
             seeds=np.stack([nominal.approach[-1], nominal.approach[0]]),
-            lags=(nominal.hold.lag,),
         )
         if found.paths:
             return time_path(robot, now, found.paths[0])
