@@ -1,0 +1,96 @@
+"""`mam-sim bench`: score the engine on ground-truth URDFs, beside the paper's numbers."""
+
+from __future__ import annotations
+
+import json as json_module
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from mam_pipeline.bench.runner import BenchConfig, Record, find_tasks, run_bench
+from mam_pipeline.bench.table import (
+    PAPER,
+    as_json,
+    by_category,
+    objects_table,
+    rows_table,
+    summarise,
+)
+from mam_pipeline.errors import ConfigError
+from mam_pipeline.stages import EngineConfig
+from mam_sim.console import Screen
+
+
+def bench(
+    dataset: Annotated[str, tyro.conf.Positional],
+    /,
+    out: Path | None = None,
+    fuse: bool = False,
+    only: tuple[str, ...] = (),
+    jobs: int = 1,
+    limit: int | None = None,
+    exec: bool = True,
+    noise: float = 0.0,
+    segmenter: str = "auto",
+    prior: str = "auto",
+    reasoner: str = "auto",
+    solver: str = "auto",
+    seed: int = 0,
+    quiet: bool = False,
+    json: bool = False,
+) -> int:
+    """Run the engine on every object of a dataset and print the table of metrics.
+
+    Args:
+        dataset: folder of URDF objects, or generated:validation, generated:test.
+        out: JSON file for everything; beside it FILE.jsonl makes the run resumable.
+        fuse: first turn each input into one watertight surface, as a generator would.
+        only: ids of objects to run.
+        jobs: processes.
+        limit: at most this many objects (generated: 50 unless told).
+        exec: also write each asset and test it in the simulator (--no-exec leaves it out).
+        noise: with --fuse, displacement of the surface as a share of the diagonal.
+        segmenter: backend that cuts primitives.
+        prior: backend that probes motion; none leaves it out.
+        reasoner: backend that finds parts.
+        solver: backend that estimates joints: embedded, init, lm, nelder-mead.
+        seed: of everything random.
+        quiet: no progress bar.
+        json: print the result as JSON instead of tables.
+    """
+    if jobs < 1:
+        raise ConfigError(f"--jobs must be at least 1, got {jobs}")
+    if limit is not None and limit < 1:
+        raise ConfigError(f"--limit must be at least 1, got {limit}")
+    engine = EngineConfig(segmenter, prior, reasoner, solver, seed)
+    config = BenchConfig(engine, fuse=fuse, noise=noise, execute=exec)
+    tasks = find_tasks(dataset, only, limit)
+    if out is not None:
+        out.parent.mkdir(parents=True, exist_ok=True)
+    log = None if out is None else out.with_suffix(".jsonl")
+    screen = Screen(quiet)
+    columns = (BarColumn(24), MofNCompleteColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, TimeElapsedColumn(), console=screen.err, disable=quiet) as bar:
+        line = bar.add_task("", total=len(tasks))
+
+        def done(record: Record, reused: bool) -> None:
+            mark = "kept" if reused else f"{record.seconds:.1f} s"
+            bar.update(line, advance=1, description=f"{record.id} {record.scores.miou:.2f} {mark}")
+
+        records = run_bench(tasks, config, log, jobs, done)
+    data = as_json(records, dataset, config)
+    if out is not None:
+        out.write_text(json_module.dumps(data, indent=1) + "\n", encoding="utf-8")
+    if json:
+        screen.json(data)
+        return 0
+    width = max(screen.out.width, 136)  # the table must not lose digits in a pipe
+    screen.out.print(objects_table(records), width=width)
+    screen.out.print(rows_table(by_category(records), "categories"), width=width)
+    total = summarise("mam-sim" + (", fused input" if fuse else ""), records)
+    screen.out.print(rows_table([total, *PAPER], f"total of {dataset}"), width=width)
+    if out is not None:
+        print(f"wrote {out}")
+    return 0
