@@ -190,6 +190,8 @@ class SweepScene:
         for row, k in enumerate(self._touch):
             local = self.points[((self.points - self.points[k]) ** 2).sum(1) < radius**2]
             side = float((local.mean(axis=0) - found[k]) @ normals[k])
+            if abs(side) <= 0.001 * self.diagonal:  # the middle of a wide face: ask the whole part
+                side = float((self.center - found[k]) @ normals[k])
             if abs(side) > 0.001 * self.diagonal:
                 into[row] = -np.sign(side) * normals[k]
         self._into = into
