@@ -26,6 +26,7 @@ FAMILIES: tuple[str, ...] = (
     "controls",
     "desk",
     "boxes",
+    "vehicles",
 )
 
 
