@@ -386,11 +386,15 @@ class Core:
                       float(upper), ajar, rest, closed, open, evidence or {})
         )  # fmt: skip
 
-    def _middle(self, link: str) -> FloatArray:
+    def bounds_of(self, link: str) -> FloatArray:
+        """(2, 3) box of what a link holds so far, asset frame."""
         i = self.index(link)
-        corners = [f(p.shape.vertices, axis=0) for p in self.pieces if p.link == i
-                   for f in (np.min, np.max)]  # fmt: skip
-        return 0.5 * (np.min(corners, axis=0) + np.max(corners, axis=0))
+        parts = [p.shape.vertices for p in self.pieces if p.link == i]
+        low = np.min([v.min(axis=0) for v in parts], axis=0)
+        return np.stack([low, np.max([v.max(axis=0) for v in parts], axis=0)])
+
+    def _middle(self, link: str) -> FloatArray:
+        return self.bounds_of(link).mean(axis=0)
 
     def grasp(
         self, link: str, kind: Any, position: ArrayLike, approach: ArrayLike, closing: ArrayLike,

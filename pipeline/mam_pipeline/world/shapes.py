@@ -85,6 +85,11 @@ def _cleaned(vertices: FloatArray, faces: IntArray, uv: FloatArray) -> Shape:
     return Shape(vertices[used], index[faces], uv[used])
 
 
+def oriented(vertices: FloatArray, faces: IntArray) -> Shape:
+    """A closed shape turned outside out, with texture coordinates drawn from above."""
+    return _cleaned(vertices, faces, vertices[:, :2].copy())
+
+
 def sweep(path: ArrayLike, section: ArrayLike, loop: bool = False) -> Shape:
     """Carry a closed cross-section (m, 2) along a path (n, 3) with parallel transport.
 
