@@ -22,7 +22,7 @@ DELTA = 0.005  # RANSAC inlier threshold delta, eq. 4
 EPSILON = 0.005  # penetration threshold epsilon_c, eq. 7
 OMEGA = 20.0  # weight of derailment against collision, eq. 6
 STEPS = 10  # |D|: half of them forward, half backward
-REACH = 0.5  # largest |d| of the trial slides, of the part's extent along the candidate
+REACH = 0.15  # largest |d| of the trial slides, metres; the same steps D for every candidate
 
 
 @dataclass(frozen=True)
@@ -167,8 +167,7 @@ def slide_axis(part: PaperPart) -> tuple[FloatArray, dict[str, float]]:
     contact = part.contact[thin_out(len(part.contact), 200)]
     costs, terms = [], []
     for axis in candidates:
-        extent = float(np.ptp(part.points @ axis))
-        d = REACH * max(extent, 0.05) * np.linspace(-1.0, 1.0, STEPS + 1)
+        d = REACH * np.linspace(-1.0, 1.0, STEPS + 1)
         d = d[np.abs(d) > 1e-9]
         moved = points[None] + d[:, None, None] * axis
         near = part.parent.distance(moved.reshape(-1, 3))

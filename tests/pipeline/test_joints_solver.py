@@ -1,0 +1,228 @@
+"""Joints of a door, a drawer and a wheel whose axes are known exactly; limits; invariance."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from mam_pipeline import backends
+from mam_pipeline.geometry.boxes import angle_between
+from mam_pipeline.geometry.sweep import SweepScene
+from mam_pipeline.joints.candidates import kind_probabilities, rank_hypotheses
+from mam_pipeline.joints.limits import embedded_limits, paper_limits
+from mam_pipeline.joints.solver import EmbeddedSolver, topological_order
+from mam_pipeline.types import (
+    Articulation,
+    FloatArray,
+    IntArray,
+    Joint,
+    JointCandidate,
+    JointSubtype,
+    KinematicTree,
+    Mesh,
+    PartNode,
+    Primitives,
+)
+
+
+def assemble(pieces: list[tuple[int, trimesh.Trimesh]]) -> tuple[Mesh, IntArray]:
+    """A mesh of (part, shape) pieces, and the part of every face."""
+    vertices, faces, owner, count = [], [], [], 0
+    for part, shape in pieces:
+        vertices.append(shape.vertices)
+        faces.append(shape.faces + count)
+        owner += [part] * len(shape.faces)
+        count += len(shape.vertices)
+    return Mesh(np.concatenate(vertices), np.concatenate(faces)), np.array(owner)
+
+
+def block(low: tuple[float, ...], high: tuple[float, ...]) -> trimesh.Trimesh:
+    return trimesh.creation.box(bounds=[low, high])
+
+
+def carcass(d: float, w: float, h: float, t: float = 0.018) -> list[tuple[int, trimesh.Trimesh]]:
+    """Five boards, open towards -X, as part 0."""
+    return [
+        (0, block((0, 0, 0), (d, t, h))), (0, block((0, w - t, 0), (d, w, h))),
+        (0, block((0, t, 0), (d, w - t, t))), (0, block((0, t, h - t), (d, w - t, h))),
+        (0, block((d - t, t, t), (d, w - t, h - t))),
+    ]  # fmt: skip
+
+
+def door_cabinet() -> tuple[Mesh, IntArray]:
+    """A door on the front, hinged at y = 0, with a bar handle at the other side."""
+    return assemble([
+        *carcass(0.4, 0.5, 0.8),
+        (1, block((-0.02, 0, 0), (-0.001, 0.5, 0.8))),
+        (1, block((-0.05, 0.45, 0.3), (-0.02, 0.465, 0.5))),
+    ])  # fmt: skip
+
+
+def drawer_cabinet() -> tuple[Mesh, IntArray]:
+    """A box drawer with front and handle that slides towards -X."""
+    g, t = 0.003, 0.012
+    low, high = 0.018 + g, 0.482 - g
+    return assemble([
+        *carcass(0.45, 0.5, 0.3),
+        (1, block((-0.02, 0, 0), (-0.001, 0.5, 0.3))),
+        (1, block((-0.001, low, 0.03), (0.4, low + t, 0.2))),
+        (1, block((-0.001, high - t, 0.03), (0.4, high, 0.2))),
+        (1, block((-0.001, low + t, 0.03), (0.4, high - t, 0.03 + t))),
+        (1, block((0.4 - t, low + t, 0.03 + t), (0.4, high - t, 0.2))),
+        (1, block((-0.05, 0.2, 0.15), (-0.02, 0.3, 0.165))),
+    ])  # fmt: skip
+
+
+def cart() -> tuple[Mesh, IntArray]:
+    """A body with a stub axle along Y and a round wheel on it."""
+    wheel = trimesh.creation.cylinder(0.1, 0.04, sections=40)
+    wheel.apply_transform(trimesh.geometry.align_vectors((0, 0, 1), (0, 1, 0)))
+    wheel.apply_translation((0.3, -0.05, 0.1))
+    return assemble([
+        (0, block((0, 0, 0.08), (0.6, 0.4, 0.3))), (0, block((0.29, -0.03, 0.09), (0.31, 0, 0.11))),
+        (1, wheel),
+    ])  # fmt: skip
+
+
+def tree(subtype: JointSubtype, **more: object) -> KinematicTree:
+    base = PartNode("base", "body", (0,), -1, "fixed")
+    return KinematicTree((base, PartNode("part", "part", (1,), 0, subtype, **more)))  # type: ignore[arg-type]
+
+
+def solve(made: tuple[Mesh, IntArray], subtype: JointSubtype, **more: object) -> Joint:
+    mesh, owner = made
+    found = EmbeddedSolver().solve(mesh, Primitives(owner), tree(subtype, **more))
+    assert isinstance(found, Articulation) and len(found.joints) == 1
+    return found.joints[0]
+
+
+def line_distance(joint: Joint, point: FloatArray) -> float:
+    v = np.asarray(point) - joint.origin
+    return float(np.linalg.norm(v - (v @ joint.axis) * joint.axis))
+
+
+def test_a_door_turns_about_the_edge_away_from_its_handle() -> None:
+    joint = solve(door_cabinet(), "hinge")
+    assert (joint.name, joint.type, joint.parent, joint.child) == ("part_joint", "revolute", 0, 1)
+    assert angle_between(joint.axis, np.array([0, 0, 1.0])) < 0.02
+    assert line_distance(joint, np.array([-0.01, 0.0, 0.4])) < 0.04
+    far = np.array([-0.01, 0.5, 0.4]) - joint.origin
+    assert np.cross(joint.axis, far)[0] < 0  # positive q opens towards -X
+    assert joint.lower == pytest.approx(0.0, abs=0.02)
+    assert np.deg2rad(60) < joint.upper < np.deg2rad(185)
+    assert joint.open == pytest.approx(joint.upper)
+
+
+def test_a_drawer_slides_out_of_its_cabinet() -> None:
+    joint = solve(drawer_cabinet(), "slide")
+    assert joint.type == "prismatic"
+    assert joint.axis == pytest.approx([-1, 0, 0], abs=0.02)
+    assert 0.15 < joint.upper < 0.45 and joint.lower == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_wheel_spins_without_end() -> None:
+    joint = solve(cart(), "spin")
+    assert joint.type == "continuous" and not np.isfinite(joint.upper)
+    assert angle_between(joint.axis, np.array([0, 1.0, 0])) < 0.02
+    assert line_distance(joint, np.array([0.3, 0, 0.1])) < 0.01
+
+
+@pytest.mark.parametrize("name", ["init", "lm", "nelder-mead"])
+@pytest.mark.parametrize("subtype", ["slide", "spin"])
+def test_the_papers_solvers_run_and_keep_evidence(name: str, subtype: JointSubtype) -> None:
+    mesh, owner = drawer_cabinet() if subtype == "slide" else cart()
+    _, solver = backends.load("solver", name)
+    joint = solver.solve(mesh, Primitives(owner), tree(subtype)).joints[0]
+    assert np.linalg.norm(joint.axis) == pytest.approx(1.0)
+    assert joint.evidence["contact"]["points"] > 0
+    if name != "init":
+        note = joint.evidence["optimisation"]
+        assert note["loss_after"] <= note["loss_before"] and len(note["curve"]) > 1
+        assert note["accepted"] or note["why"]
+
+
+def test_evidence_is_plain_json_and_the_answer_repeats() -> None:
+    one, two = solve(door_cabinet(), "hinge"), solve(door_cabinet(), "hinge")
+    text = json.dumps(dict(one.evidence), allow_nan=False)
+    assert text == json.dumps(dict(two.evidence), allow_nan=False)
+    assert {"candidates", "contact", "limits"} <= set(one.evidence)
+    assert np.array_equal(one.axis, two.axis) and one.upper == two.upper
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_joints_turn_and_scale_with_the_object(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    for made, subtype in ((door_cabinet(), "hinge"), (cart(), "spin"), (drawer_cabinet(), "slide")):
+        mesh, owner = made
+        before = solve(made, subtype)  # type: ignore[arg-type]
+        turn = np.eye(4)
+        scale = float(rng.uniform(0.1, 20))
+        turn[:3, :3] = scale * Rotation.from_euler("z", rng.uniform(0, 360), True).as_matrix()
+        turn[:3, 3] = rng.uniform(-5, 5, 3)
+        after = solve((mesh.transformed(turn), owner), subtype)  # type: ignore[arg-type]
+        axis = turn[:3, :3] @ before.axis / scale
+        assert np.degrees(angle_between(after.axis, axis)) < 2.0
+        if subtype != "slide":
+            there = turn[:3, :3] @ before.origin + turn[:3, 3]
+            assert line_distance(after, there) < 0.01 * mesh.diagonal * scale
+
+
+def test_a_persons_joint_is_obeyed() -> None:
+    wish = JointCandidate("hinge", np.array([0, 1.0, 0]), np.array([0, 0, 0.8]))
+    joint = solve(door_cabinet(), "hinge", candidates=(wish,), provenance="user", limits=(0.0, 0.5))
+    assert joint.axis == pytest.approx([0, 1, 0]) and joint.origin == pytest.approx([0, 0, 0.8])
+    assert (joint.lower, joint.upper, joint.open) == (0.0, 0.5, 0.5)
+
+
+def test_fixed_parts_stay_fixed() -> None:
+    assert solve(door_cabinet(), "fixed").type == "fixed"
+
+
+def test_order_puts_parents_first_and_refuses_loops() -> None:
+    base = PartNode("base", "body", (0,), -1, "fixed")
+    a = PartNode("a", "p", (1,), 2, "hinge")
+    b = PartNode("b", "p", (2,), 0, "hinge")
+    assert topological_order(KinematicTree((base, a, b))) == [2, 1]
+    loop = KinematicTree((base, a, PartNode("b", "p", (2,), 1, "hinge")))
+    with pytest.raises(ValueError, match="loop"):
+        topological_order(loop)
+
+
+def test_limits_stop_at_an_obstacle() -> None:
+    mesh, owner = assemble([
+        *[(0, s) for _, s in carcass(0.4, 0.5, 0.8)],
+        (1, block((-0.02, 0, 0), (-0.001, 0.5, 0.8))),
+        (0, block((-0.5, -0.3, 0), (-0.4, 0.5, 0.8))),
+    ])  # fmt: skip
+    scene = SweepScene(mesh, np.flatnonzero(owner == 1), np.flatnonzero(owner == 0))
+    axis, origin = np.array([0, 0, 1.0]), np.array([-0.001, 0, 0])
+    exact = np.arcsin(0.399 / np.hypot(0.5, 0.019)) - np.arctan2(0.019, 0.5)
+    found = embedded_limits(scene, "hinge", axis, origin)
+    assert found.upper == pytest.approx(exact, abs=np.deg2rad(3))
+    paper = paper_limits(scene, "hinge", axis, origin)
+    assert paper.upper == pytest.approx(exact, abs=np.deg2rad(5))
+
+
+def test_slides_end_where_contact_is_lost() -> None:
+    mesh, owner = assemble([
+        (0, block((0, 0, 0), (1, 0.2, 0.1))), (1, block((0, 0, 0.1005), (0.3, 0.2, 0.2))),
+    ])  # fmt: skip
+    scene = SweepScene(mesh, np.flatnonzero(owner == 1), np.flatnonzero(owner == 0))
+    found = paper_limits(scene, "slide", np.array([-1.0, 0, 0]), np.zeros(3))
+    assert found.upper == pytest.approx(0.3, abs=0.04)
+
+
+def test_hypotheses_carry_probabilities() -> None:
+    mesh, owner = door_cabinet()
+    found = rank_hypotheses(mesh, np.flatnonzero(owner == 1), np.flatnonzero(owner == 0), top=10000)
+    p = [c.evidence["probability"] for c in found]
+    assert sum(p) == pytest.approx(1.0, abs=1e-6) and p == sorted(p, reverse=True)
+    kinds = kind_probabilities(found)
+    assert sum(kinds.values()) == pytest.approx(1.0, abs=1e-6)
+    assert kinds["revolute"] == max(kinds.values())
+    few = rank_hypotheses(mesh, np.flatnonzero(owner == 1), np.flatnonzero(owner == 0), top=3)
+    assert len(few) == 3 and any(c.subtype == "fixed" for c in few)
