@@ -7,6 +7,7 @@ two coordinates across a named axis: (y, z) across x, (x, z) across y, (x, y) ac
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -319,3 +320,18 @@ def studs(b: Builder, points: Sequence[ArrayLike], axis: ArrayLike, radius: floa
     for p in points:
         with b.facing(p, axis):
             b.lathe(link, [(radius, 0), (0.8 * radius, 0.5 * radius)], "metal", "decor", collision=False)
+
+
+def settle(b: Builder) -> None:
+    """Set the finished object down: its lowest point comes to the floor, z = 0."""
+    drop = -min(float(p.shape.vertices[:, 2].min()) for p in b.pieces)
+    if drop == 0.0:
+        return
+    shift = np.eye(4)
+    shift[2, 3] = drop
+    for piece in b.pieces:
+        piece.shape = piece.shape._replace(vertices=piece.shape.vertices + (0, 0, drop))
+        piece.collision = collide.all_moved(piece.collision, shift)
+    for joint in b.joints:
+        joint.origin = joint.origin + (0, 0, drop)
+    b.grasps = [(i, replace(g, position=g.position + (0, 0, drop))) for i, g in b.grasps]

@@ -27,6 +27,7 @@ FAMILIES: tuple[str, ...] = (
     "desk",
     "boxes",
     "vehicles",
+    "tools",
 )
 
 
