@@ -1,51 +1,270 @@
-"""Convex collision pieces of links: boxes where a piece is one, hulls where it is nearly convex."""
+"""Convex collision pieces of links: boxes, cylinders and plates where a piece is one, else hulls.
+
+No piece may fill space in which another part moves: pieces are cut where the link's own surface
+leaves them empty, and what still holds a moving part's path is taken away.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+import time
 
-from mam_pipeline.asset.surface import Component, hull_of, link_components
-from mam_pipeline.geometry.boxes import aligned_box, minimal_box
-from mam_pipeline.types import Articulation, CollisionShape, FloatArray
+import numpy as np
+import open3d as o3d
+from numpy.typing import NDArray
+from scipy.cluster.hierarchy import fcluster, linkage
+
+from mam_pipeline.asset.decompose import Chunk, decompose, merge
+from mam_pipeline.asset.dynamics import carried_links
+from mam_pipeline.asset.surface import Component, Solid, hull_of, link_components, weld
+from mam_pipeline.geometry.boxes import Box, minimal_box
+from mam_pipeline.geometry.raycast import RayScene
+from mam_pipeline.geometry.sampling import sample_surface
+from mam_pipeline.types import Articulation, CollisionShape, FloatArray, IntArray, joint_motion
 
 MAX_PIECES = 32
+MAX_HULL_POINTS = 60
+"""PhysX on a GPU takes hulls of at most 64 vertices and faces."""
+SECONDS_PER_LINK = 2.5
 MIN_THICKNESS = 0.001
+TOLERANCE = 0.006
+"""How far a piece may reach beyond its surface, as a share of the diagonal."""
+MARGIN = 0.001
+"""Pieces of moving links are this much smaller, as a share of the diagonal: parts that touch at
+rest must not jam."""
+_MAX_FACES = 4000
 
 
 def collision_shapes(
     articulation: Articulation,
     max_pieces: int = MAX_PIECES,
+    seconds: float = SECONDS_PER_LINK,
     skip: frozenset[str] = frozenset(),
 ) -> dict[str, list[CollisionShape]]:
-    """Collision pieces of every link, by link name, asset frame at rest."""
+    """Collision pieces of every link, by link name, asset frame at rest.
+
+    Args:
+        articulation: in the asset frame.
+        max_pieces: the most pieces for one link.
+        seconds: budget for cutting one link.
+        skip: names of links to leave out.
+    """
+    paths = _moving_paths(articulation)
     out = {}
     for i, link in enumerate(articulation.links):
         if link.name in skip:
             continue
-        parts = link_components(articulation, i)
-        out[link.name] = [convex_shape(p) for p in parts[:max_pieces]]
+        moving = articulation.joint_of(i) is not None
+        out[link.name] = _link_shapes(articulation, i, paths[i], moving, max_pieces, seconds)
     return out
 
 
-def convex_shape(component: Component) -> CollisionShape:
-    """One convex piece around a component; sheets get a millimetre of thickness."""
-    hull = hull_of(component.vertices)
-    thin = component.extent.min() < MIN_THICKNESS or hull is None
-    if thin:
-        box = aligned_box(component.vertices, np.eye(3))
-        if hull is None:
-            box = minimal_box(component.vertices)
-        pose = np.eye(4)
-        pose[:3, :3] = box.axes.T
-        pose[:3, 3] = box.center
-        return box_shape(pose, 2 * np.maximum(box.half, MIN_THICKNESS / 2))
-    assert hull is not None
-    return CollisionShape("convex", vertices=hull[0], faces=hull[1])
+def _link_shapes(
+    articulation: Articulation,
+    index: int,
+    path: FloatArray,
+    moving: bool,
+    max_pieces: int,
+    seconds: float,
+) -> list[CollisionShape]:
+    parts = link_components(articulation, index)
+    if not parts:
+        return []
+    diagonal = articulation.mesh.diagonal
+    space = _Space(parts, TOLERANCE * diagonal, diagonal)
+    began = time.monotonic()
+    soups = _first_soups(parts, max(max_pieces // 2, 1), diagonal)
+    chunks = decompose(soups, space.empty, max_pieces, seconds - (time.monotonic() - began))
+    margin = MARGIN * diagonal if moving else 0.0
+    shapes = []
+    for chunk in merge(chunks, space.tolerance):
+        shape = _shape(chunk, margin)
+        if not _holds(shape, path, space):
+            shapes.append(shape)
+    # a link without any piece would fall through the world: better a bold hull than none
+    return shapes or [_shape(max(chunks, key=lambda c: c.volume), margin)]
 
 
-def box_shape(pose: FloatArray, size: FloatArray) -> CollisionShape:
-    """A box piece; `pose` (4, 4) asset_T_shape, right-handed; `size` (3,) full extents."""
+class _Space:
+    """Free space around one link: away from its surface and outside its closed pieces."""
+
+    def __init__(self, parts: list[Component], tolerance: float, diagonal: float) -> None:
+        self.tolerance = tolerance
+        triangles = np.concatenate([p.triangles for p in parts])
+        vertices, faces, _ = weld(triangles, 1e-5 * diagonal)
+        self.scene = RayScene(vertices, faces)
+        self.solid = Solid(parts)
+
+    def empty(self, points: FloatArray) -> NDArray[np.bool_]:
+        far = self.scene.distance(points) > self.tolerance
+        where = np.flatnonzero(far)
+        far[where[self.solid.contains(points[where])]] = False
+        return np.asarray(far)
+
+
+def _first_soups(
+    parts: list[Component], most: int, diagonal: float
+) -> list[tuple[FloatArray, IntArray]]:
+    """Components as first pieces; when there are many, the small ones in groups of neighbours."""
+    reduced = [_reduced(p) for p in parts]
+    if len(parts) <= most:
+        return reduced
+    sizes = np.array([np.linalg.norm(p.extent) for p in parts])
+    order = np.argsort(-sizes, kind="stable")
+    keep = max(2 * most // 3, 1)
+    out = [reduced[i] for i in order[:keep]]
+    small = order[keep:]
+    groups = most - keep
+    if groups < 1 or len(small) <= groups:
+        return out + [reduced[i] for i in small[: max(groups, 0)]]
+    centres = np.array([parts[i].vertices.mean(axis=0) for i in small])
+    if len(small) > 3000:
+        small, centres = small[:3000], centres[:3000]
+    labels = fcluster(linkage(centres, "complete"), groups, "maxclust")
+    for label in np.unique(labels):
+        out.append(_joined([reduced[i] for i in small[labels == label]]))
+    return out
+
+
+def _joined(soups: list[tuple[FloatArray, IntArray]]) -> tuple[FloatArray, IntArray]:
+    offsets = np.cumsum([0] + [len(v) for v, _ in soups[:-1]])
+    faces = np.concatenate([f + o for (_, f), o in zip(soups, offsets)])
+    return np.concatenate([v for v, _ in soups]), faces
+
+
+def _reduced(part: Component) -> tuple[FloatArray, IntArray]:
+    """A component's surface with at most some thousand faces (quadric decimation)."""
+    if len(part.faces) <= _MAX_FACES:
+        return part.vertices, part.faces
+    mesh = o3d.geometry.TriangleMesh(
+        o3d.utility.Vector3dVector(part.vertices), o3d.utility.Vector3iVector(part.faces)
+    )
+    small = mesh.simplify_quadric_decimation(_MAX_FACES)
+    return np.asarray(small.vertices), np.asarray(small.triangles, dtype=np.int64)
+
+
+def _shape(chunk: Chunk, margin: float) -> CollisionShape:
+    """The simplest shape that holds a chunk: box (plates too), cylinder, or hull."""
+    points = chunk.points
+    hull = hull_of(points)
+    box = minimal_box(points, 20)
+    if hull is None or box.half.min() < MIN_THICKNESS / 2:
+        return _box(box, margin)
+    if chunk.volume > 0.975 * box.volume:
+        return _box(box, margin)
+    cylinder = _cylinder(box, chunk.volume, margin)
+    if cylinder is not None:
+        return cylinder
+    vertices = _few_points(hull[0])
+    middle = (vertices.max(axis=0) + vertices.min(axis=0)) / 2
+    least = float(box.half.min())
+    if margin > 0.0:
+        vertices = middle + (vertices - middle) * (1.0 - min(margin / max(least, 1e-9), 0.1))
+    small = hull_of(vertices)
+    if small is None:
+        return _box(box, margin)
+    return CollisionShape("convex", vertices=small[0], faces=small[1])
+
+
+def _box(box: Box, margin: float) -> CollisionShape:
+    pose = np.eye(4)
+    pose[:3, :3] = box.axes.T
+    pose[:3, 3] = box.center
     if np.linalg.det(pose[:3, :3]) < 0:
-        pose = pose.copy()
         pose[:3, 2] *= -1.0
-    return CollisionShape("box", pose=pose, size=size)
+    order = _upright(pose[:3, :3])
+    pose[:3, :3] = pose[:3, :3] @ order
+    half = np.abs(order.T) @ box.half
+    half = np.maximum(half - np.minimum(margin, 0.2 * half), MIN_THICKNESS / 2)
+    return CollisionShape("box", pose=pose, size=2 * half)
+
+
+def _upright(axes: FloatArray) -> FloatArray:
+    """(3, 3) signed permutation that turns box axes (columns) as near to the identity as may be."""
+    out = np.zeros((3, 3))
+    left = [0, 1, 2]
+    for row in range(3):
+        column = max(left, key=lambda c: abs(axes[row, c]))
+        left.remove(column)
+        out[column, row] = 1.0 if axes[row, column] >= 0 else -1.0
+    if np.linalg.det(axes @ out) < 0:
+        out[:, 2] *= -1.0
+    return out
+
+
+def _cylinder(box: Box, volume: float, margin: float) -> CollisionShape | None:
+    for axis in range(3):
+        a, b = (box.half[k] for k in range(3) if k != axis)
+        radius = float(max(a, b))
+        if abs(a - b) > 0.03 * radius:
+            continue
+        ideal = np.pi * radius**2 * 2 * box.half[axis]
+        if not 0.955 < volume / ideal < 1.01:
+            continue
+        pose = np.eye(4)
+        z = box.axes[axis]
+        x = box.axes[(axis + 1) % 3]
+        pose[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
+        pose[:3, 3] = box.center
+        length = 2 * float(box.half[axis])
+        radius, length = radius - min(margin, 0.2 * radius), length - min(2 * margin, 0.4 * length)
+        size = np.array([radius, length, 0.0])
+        return CollisionShape("cylinder", pose=pose, size=size)
+    return None
+
+
+def _few_points(vertices: FloatArray) -> FloatArray:
+    """Few of a hull's vertices: the extreme ones in evenly spread directions."""
+    if len(vertices) <= MAX_HULL_POINTS // 2:
+        return vertices
+    # a hull of n vertices has 2 n - 4 triangles, and faces are limited as well
+    count = MAX_HULL_POINTS // 2
+    k = np.arange(4 * count) + 0.5
+    z, turn = 1 - 2 * k / (4 * count), np.pi * (1 + 5**0.5) * k
+    ring = np.sqrt(1 - z**2)
+    directions = np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
+    scale = np.maximum(np.ptp(vertices, axis=0), 1e-9)
+    winners = np.argmax(directions @ (vertices / scale).T, axis=1)
+    chosen, votes = np.unique(winners, return_counts=True)
+    return vertices[chosen[np.argsort(-votes, kind="stable")][:count]]
+
+
+def _moving_paths(articulation: Articulation) -> list[FloatArray]:
+    """Per link, (n, 3) points that parts moving against it pass, in that link's rest frame."""
+    mesh = articulation.mesh
+    paths: list[list[FloatArray]] = [[] for _ in articulation.links]
+    for joint in articulation.joints:
+        carried = carried_links(articulation, joint)
+        faces = np.concatenate([articulation.links[i].faces for i in carried])
+        if joint.type == "fixed" or not len(faces):
+            continue
+        points = sample_surface(mesh.vertices, mesh.faces[faces], 400).points
+        low, high = joint.lower, joint.upper
+        if not np.isfinite(high - low):
+            low, high = -np.pi, np.pi
+        for q in np.linspace(low, high, 6):
+            m = joint_motion(joint.type, joint.axis, joint.origin, float(q))
+            moved = points @ m[:3, :3].T + m[:3, 3]
+            for i in range(len(paths)):
+                if i not in carried:
+                    paths[i].append(moved)
+    return [np.concatenate(p) if p else np.zeros((0, 3)) for p in paths]
+
+
+def _holds(shape: CollisionShape, path: FloatArray, space: _Space) -> bool:
+    """Whether a piece holds a moving part's path where its link has no matter."""
+    if not len(path):
+        return False
+    local = (path - shape.pose[:3, 3]) @ shape.pose[:3, :3]
+    if shape.kind == "box":
+        inside = (np.abs(local) < shape.size / 2 - space.tolerance).all(axis=1)
+    elif shape.kind == "cylinder":
+        radial = np.linalg.norm(local[:, :2], axis=1) < shape.size[0] - space.tolerance
+        inside = radial & (np.abs(local[:, 2]) < shape.size[1] / 2 - space.tolerance)
+    else:
+        a, b, c = (shape.vertices[shape.faces[:, k]] for k in range(3))
+        normals = np.cross(b - a, c - a)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        offsets = np.einsum("ij,ij->i", normals, a)
+        inside = (path @ normals.T - offsets < -space.tolerance).all(axis=1)
+    found = path[inside]
+    return bool(len(found)) and int(space.empty(found).sum()) > 8

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import open3d as o3d
+from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
@@ -48,21 +51,29 @@ def link_components(articulation: Articulation, link: int) -> list[Component]:
     """The connected pieces of a link, largest area first."""
     faces = articulation.links[link].faces
     tolerance = 1e-5 * articulation.mesh.diagonal
-    return components(link_triangles(articulation, link), faces, tolerance)
+    corners = articulation.mesh.faces[faces]
+    return components(link_triangles(articulation, link), faces, tolerance, corners)
 
 
-def components(triangles: FloatArray, source: IntArray, tolerance: float) -> list[Component]:
+def components(
+    triangles: FloatArray, source: IntArray, tolerance: float, corners: IntArray | None = None
+) -> list[Component]:
     """Split triangles (F, 3, 3) into connected pieces.
 
     Corners nearer than about `tolerance` are one vertex; degenerate faces go; of faces with the
     same corners (double-sided soups) one stays. Faces are joined over shared edges, not over
-    single vertices, so boxes that touch at a corner stay apart.
+    single vertices; where more than two faces meet in an edge (boards that touch), those go
+    together that share the source's vertices.
+
+    Args:
+        triangles: corner positions. source: (F,) index of each face for `Component.source`.
+        tolerance: metres. corners: (F, 3) vertex indices of the source, if known.
     """
     vertices, faces, index = weld(triangles, tolerance)
     kept = np.asarray(source)[index]
     if not len(faces):
         return []
-    labels = _edge_labels(faces)
+    labels = _edge_labels(faces, None if corners is None else corners[index])
     out = []
     for label in range(labels.max() + 1):
         mine = faces[labels == label]
@@ -122,13 +133,25 @@ def _edges(faces: IntArray) -> IntArray:
     return faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
 
 
-def _edge_labels(faces: IntArray) -> IntArray:
-    """(F,) component of every face, faces being joined over shared edges."""
+def _edge_labels(faces: IntArray, corners: IntArray | None) -> IntArray:
+    """(F,) component of every face; see `components` for the rule."""
     edges = np.sort(_edges(faces), axis=1)
     owner = np.repeat(np.arange(len(faces)), 3)
-    order = np.lexsort((edges[:, 1], edges[:, 0]))
-    edges, owner = edges[order], owner[order]
-    same = (edges[1:] == edges[:-1]).all(axis=1)
+    _, edge, count = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
+    edge = edge.reshape(-1)
+    key = edge.astype(np.int64)
+    if corners is not None:
+        own = np.sort(_edges(corners), axis=1)
+        _, twin, twins = np.unique(own, axis=0, return_inverse=True, return_counts=True)
+        twin = twin.reshape(-1)
+        # crowded edges whose faces have partners by index are joined by index
+        partnered = np.zeros(len(count), dtype=bool)
+        crowded = count[edge] > 2
+        partnered[edge[crowded & (twins[twin] == 2)]] = True
+        key = np.where(partnered[edge], len(count) + twin, edge)
+    order = np.argsort(key, kind="stable")
+    key, owner = key[order], owner[order]
+    same = key[1:] == key[:-1]
     n = len(faces)
     pairs = coo_matrix((np.ones(same.sum()), (owner[:-1][same], owner[1:][same])), shape=(n, n))
     return np.asarray(connected_components(pairs, directed=False)[1], dtype=np.int64)
@@ -140,3 +163,43 @@ def _closed(faces: IntArray) -> bool:
     reverse = edges[:, 1] * (edges.max() + 1) + edges[:, 0]
     key = np.sort(key)
     return bool((key[1:] != key[:-1]).all()) and np.array_equal(key, np.sort(reverse))
+
+
+class Solid:
+    """Tells points inside matter: inside any closed component, however components overlap."""
+
+    _RAYS = np.array([[1.0, 0.013, 0.007], [0.011, 1.0, 0.017], [0.005, 0.019, 1.0]])
+
+    def __init__(self, parts: Sequence[Component]) -> None:
+        """Build from components; open ones are taken together, as boards may close a box."""
+        self.empty = not parts
+        if self.empty:
+            return
+        points = np.concatenate([p.vertices for p in parts])
+        offsets = np.cumsum([0] + [len(p.vertices) for p in parts[:-1]])
+        faces = np.concatenate([p.faces + o for p, o in zip(parts, offsets)])
+        ids = [i + 1 if p.closed else 0 for i, p in enumerate(parts)]
+        self._group = np.repeat(ids, [len(p.faces) for p in parts])
+        self._count = len(parts) + 1
+        self._middle = points.mean(axis=0)
+        self._unit = max(float(np.ptp(points, axis=0).max()), 1e-12)
+        self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+        scaled = ((points - self._middle) / self._unit).astype(np.float32)
+        self._scene.add_triangles(o3d.core.Tensor(scaled), o3d.core.Tensor(faces.astype(np.uint32)))
+
+    def contains(self, points: FloatArray) -> NDArray[np.bool_]:
+        """(n,) whether points (n, 3) lie inside: two of three rays leave it an odd time."""
+        n = len(points)
+        votes = np.zeros(n, dtype=int)
+        if self.empty or n == 0:
+            return votes > 0
+        scaled = (points - self._middle) / self._unit
+        for ray in self._RAYS:
+            rays = np.concatenate([scaled, np.broadcast_to(ray, (n, 3))], axis=1)
+            hits = self._scene.list_intersections(o3d.core.Tensor(rays.astype(np.float32)))
+            which = hits["ray_ids"].numpy().astype(np.int64)
+            group = self._group[hits["primitive_ids"].numpy().astype(np.int64)]
+            key, crossings = np.unique(which * self._count + group, return_counts=True)
+            odd = np.unique(key[crossings % 2 == 1] // self._count)
+            votes[odd] += 1
+        return votes >= 2

@@ -124,10 +124,17 @@ def _sweep(model: CheckModel, limit: Thresholds) -> list[JointReport]:
             reasons.append("off_axis")
         out.append(
             JointReport(
-                joint.name, joint.type, _finite(joint.lower), _finite(joint.upper),
-                penetration=s.penetration, penetration_at=s.penetration_at, gap=s.gap,
-                line_gap=s.line_gap, filled=s.filled, reasons=tuple(reasons),
-            )  # fmt: skip
+                joint.name,
+                joint.type,
+                _finite(joint.lower),
+                _finite(joint.upper),
+                penetration=s.penetration,
+                penetration_at=s.penetration_at,
+                gap=s.gap,
+                line_gap=s.line_gap,
+                filled=s.filled,
+                reasons=tuple(reasons),
+            )
         )
     return out
 
@@ -167,9 +174,13 @@ def _drive(
             reasons.append("no_return")
         out.append(
             replace(
-                report, reached=d.reached, return_error=d.return_error, hold_drift=d.hold_drift,
-                top_speed=d.top_speed, reasons=tuple(reasons),
-            )  # fmt: skip
+                report,
+                reached=d.reached,
+                return_error=d.return_error,
+                hold_drift=d.hold_drift,
+                top_speed=d.top_speed,
+                reasons=tuple(reasons),
+            )
         )
     return out, findings
 

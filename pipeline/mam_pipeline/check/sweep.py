@@ -10,10 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mam_pipeline.asset.dynamics import carried_links
-from mam_pipeline.asset.surface import weld
+from mam_pipeline.asset.surface import Solid, components
 from mam_pipeline.check.model import CheckModel, Hull
 from mam_pipeline.check.thresholds import THRESHOLDS, Thresholds
 from mam_pipeline.geometry.raycast import RayScene
@@ -22,7 +21,6 @@ from mam_pipeline.geometry.sweep import Motion, SweepScene, motion_points
 from mam_pipeline.types import FloatArray, IntArray, Joint, Mesh
 
 STEPS = 10
-_RAYS = np.array([[1.0, 0.013, 0.007], [0.011, 1.0, 0.017], [0.005, 0.019, 1.0]])
 
 
 @dataclass(frozen=True)
@@ -61,31 +59,13 @@ class _OutsideScene(SweepScene):
 
     def __init__(self, mesh: Mesh, part: IntArray, static: IntArray) -> None:
         super().__init__(mesh, part, static, samples=1500, static_samples=2500)
-        self.solid = _Solid(mesh, static)
+        self.solid = _solid(mesh, static)
         outside = ~self.solid.contains(self.points)
         self.points, self.point_normals = self.points[outside], self.point_normals[outside]
         self._keep = self._keep[outside]
-        outside = ~_Solid(mesh, part).contains(self.static_points)
+        outside = ~_solid(mesh, part).contains(self.static_points)
         self.static_points = self.static_points[outside]
         self._rest_contact()
-
-
-class _Solid:
-    """Closed surface among some faces, double-sided or not."""
-
-    def __init__(self, mesh: Mesh, faces: IntArray) -> None:
-        triangles = mesh.vertices[mesh.faces[faces]]
-        vertices, once, _ = weld(triangles, 1e-5 * mesh.diagonal)
-        self.scene = RayScene(vertices, once)
-
-    def contains(self, points: FloatArray) -> NDArray[np.bool_]:
-        """(n,) whether points lie inside, by the parity of three rays' crossings."""
-        odd = np.zeros(len(points), dtype=int)
-        if len(points):
-            for direction in _RAYS:
-                counts = self.scene.count_hits(points, np.tile(direction, (len(points), 1)))
-                odd += counts % 2
-        return np.asarray(odd >= 2)
 
 
 class _Sweep:
@@ -126,9 +106,7 @@ class _Sweep:
         depth, at, area, gap = 0.0, 0.0, 0.0, 0.0
         slides = self.motion == "prismatic" and self._keeps_contact()
         for values in self._sides():
-            result = scene.sweep(
-                self.motion, joint.axis, joint.origin, values, contact=slides
-            )
+            result = scene.sweep(self.motion, joint.axis, joint.origin, values, contact=slides)
             shares = result.depth / self.diagonal
             bad = (result.blocked > limit.penetration_area) & (shares > limit.penetration_share)
             k = int(np.argmax(bad)) if bad.any() else len(values) - 1
@@ -159,7 +137,9 @@ class _Sweep:
             parent = self.static
         spans = []
         for faces in (self.part, parent):
-            along = (self.mesh.vertices[self.mesh.faces[faces].reshape(-1)] - joint.origin) @ joint.axis
+            along = (
+                self.mesh.vertices[self.mesh.faces[faces].reshape(-1)] - joint.origin
+            ) @ joint.axis
             spans.append((float(along.min()), float(along.max())))
         low, high = max(s[0] for s in spans), min(s[1] for s in spans)
         if high - low < 0.02 * self.diagonal:  # a knob on a plate: the line crosses the plate
@@ -206,3 +186,8 @@ class _Sweep:
 
 def _meet(hull: Hull, low: FloatArray, high: FloatArray) -> bool:
     return bool((hull.points.max(0) >= low).all() and (hull.points.min(0) <= high).all())
+
+
+def _solid(mesh: Mesh, faces: IntArray) -> Solid:
+    corners = mesh.faces[faces]
+    return Solid(components(mesh.vertices[corners], faces, 1e-5 * mesh.diagonal, corners))
