@@ -28,6 +28,7 @@ FAMILIES: tuple[str, ...] = (
     "boxes",
     "vehicles",
     "tools",
+    "machines",
 )
 
 
