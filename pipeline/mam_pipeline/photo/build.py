@@ -249,7 +249,6 @@ def _shrink(r: tuple[float, float, float, float], by: float) -> tuple[float, flo
 
 
 def _movable(b: _Builder, cell: CellSpec) -> HintPart:
-    w, d, h = b.s.width, b.s.depth, b.s.height
     s0, t0, s1, t1 = _shrink(cell.rect, GAP / 2)
     front = f"{cell.name}_front"
     nodes = [front]

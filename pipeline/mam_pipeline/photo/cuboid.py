@@ -19,25 +19,25 @@ from mam_pipeline.photo.camera import CORNERS, EDGE_FACES, EDGES, FACES, NORMALS
 from mam_pipeline.photo.lines import EdgeMaps, Segments
 
 Array = NDArray[np.float64]
-ROWS = 72
-SAMPLES = np.linspace(0.02, 0.98, 22)
+ROWS = 60
+SAMPLES = np.linspace(0.02, 0.98, 17)
 SIGMA = np.deg2rad(2.2)
 FACE_NAMES = ("front", "right", "left", "top", "bottom")
 WEAK_MASK = 0.4  # weight of a mask that is not trusted, against 1
-COVER = 0.35  # weight of the aligned segments that a box leaves outside, with such a mask
+COVER = 0.5  # weight of the aligned segments that a box leaves outside, with such a mask
 GRID_FOCAL = (0.6, 0.8, 1.1, 1.6, 3.0)
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a box is fitted to: mask (h, w) 0..1 with its weight, segments, edge maps, focal."""
+    """What a box is fitted to: mask (h, w) 0..1 with its weight, lines, focal."""
 
     mask: Array
     mask_weight: float
-    segments: Segments
-    edges: EdgeMaps
+    segments: Segments  # of the whole picture
+    on_object: Array  # (n,) 1 for segments on the mask, else 0
+    edges: EdgeMaps  # of the segments on the mask
     focal: float | None = None  # pixels, from EXIF
-    context: Segments | None = None  # segments of the whole picture, whatever the mask
 
     @property
     def size(self) -> tuple[int, int]:
@@ -102,9 +102,11 @@ def _frames(p: Array) -> tuple[Array, Array, Array]:
     return turn, middle, half
 
 
-def project(p: Array, size: tuple[int, int]) -> tuple[Array, Array]:
+def project(
+    p: Array, size: tuple[int, int], frames: tuple[Array, Array, Array] | None = None
+) -> tuple[Array, Array]:
     """(n, 9) parameters to (n, 8, 2) pixels of the corners and (n, 8) depths."""
-    turn, middle, half = _frames(p)
+    turn, middle, half = frames or _frames(p)
     points = (CORNERS * half[:, None]) @ turn.transpose(0, 2, 1) + middle[:, None]
     z = np.maximum(points[..., 2], 0.05)
     f = np.exp(p[:, 3])[:, None, None]
@@ -113,16 +115,15 @@ def project(p: Array, size: tuple[int, int]) -> tuple[Array, Array]:
     return uv, points[..., 2]
 
 
-def visibility(p: Array) -> NDArray[np.bool_]:
+_OUTWARD = np.array([NORMALS[n] for n in FACE_NAMES])
+
+
+def visibility(p: Array, frames: tuple[Array, Array, Array] | None = None) -> NDArray[np.bool_]:
     """(n, 5) which of FACE_NAMES face the camera."""
-    turn, middle, half = _frames(p)
-    out = []
-    for name in FACE_NAMES:
-        normal = np.array(NORMALS[name])
-        n = turn @ normal
-        center = turn @ normal * (half @ np.abs(normal))[:, None] + middle
-        out.append((n * center).sum(1) < 0)
-    return np.stack(out, axis=1)
+    turn, middle, half = frames or _frames(p)
+    normal = _OUTWARD @ turn.transpose(0, 2, 1)  # (n, 5, 3) in the camera frame
+    reach = half @ np.abs(_OUTWARD).T
+    return (normal * middle[:, None]).sum(axis=2) + reach < 0
 
 
 _EDGE_PAIR = np.array(
@@ -135,20 +136,22 @@ class Objective:
 
     def __init__(self, evidence: Evidence) -> None:
         self.e = evidence
-        w, h = evidence.size
+        h = evidence.size[1]
         self.rows = (np.arange(ROWS) + 0.5) / ROWS * h
         line = evidence.mask[np.clip(self.rows.astype(int), 0, h - 1)]
         self.cumulative = np.concatenate([np.zeros((ROWS, 1)), np.cumsum(line, axis=1)], axis=1)
         self.total = float(self.cumulative[:, -1].sum())
         self.cover_weight = 0.0 if evidence.mask_weight > 0.9 else COVER
-        weight = evidence.segments.length
+        s = evidence.segments
+        weight = s.length * evidence.on_object
         self.weight = weight / max(weight.sum(), 1e-9)
-        self.context = evidence.context or evidence.segments
-        self.context_row = (
-            np.clip(self.context.middle[:, 1] / h * ROWS, 0, ROWS - 1).astype(int)
-            if len(self.context.length)
-            else np.zeros(0, int)
-        )
+        self.x_of = s.middle[:, 0]
+        self.row_of = np.clip(s.middle[:, 1] / h * ROWS, 0, ROWS - 1).astype(int)
+        self.m = (s.middle - np.array(evidence.size) / 2) / evidence.diagonal
+        self.m2 = (self.m**2).sum(axis=1)
+        d = s.direction
+        twist = self.m[:, 0] * d[:, 1] - self.m[:, 1] * d[:, 0]
+        self.cross_terms = np.stack([d[:, 1], -d[:, 0], twist])
         self.log_focal = (
             None if evidence.focal is None else float(np.log(evidence.focal / evidence.diagonal))
         )
@@ -171,9 +174,8 @@ class Objective:
         area = (i1 - i0).sum(axis=1)
         return common / np.maximum(area + self.total - common, 1.0), i0, i1
 
-    def edge_cost(self, p: Array, uv: Array) -> Array:
+    def edge_cost(self, seen: NDArray[np.bool_], uv: Array) -> Array:
         """(n,) mean clipped distance 0..1 of visible box edges to like-oriented segments."""
-        seen = visibility(p)
         pair = np.where(_EDGE_PAIR >= 0, _EDGE_PAIR, 0)
         shown = (seen[:, pair] & (_EDGE_PAIR >= 0)).any(axis=2)
         a, b = uv[:, EDGES[:, 0]], uv[:, EDGES[:, 1]]
@@ -188,36 +190,34 @@ class Objective:
 
     def alignment(self, p: Array) -> Array:
         """(n,) length-weighted share of segments that point at one of the box's directions."""
-        if len(self.e.segments.length) == 0:
-            return np.zeros(len(p))
-        return self._aligned(p, self.e.segments) @ self.weight
+        return self.aligned(p, rotation(p[:, 0], p[:, 1], p[:, 2])) @ self.weight
 
-    def coverage(self, p: Array, left: Array, right: Array) -> Array:
+    def coverage(self, aligned: Array, left: Array, right: Array) -> Array:
         """(n,) share of the picture's aligned segment length that lies inside the hull."""
-        if len(self.context.length) == 0:
-            return np.ones(len(p))
-        value = self._aligned(p, self.context) * self.context.length
-        x = self.context.middle[:, 0]
+        if not len(self.e.segments.length):
+            return np.ones(len(aligned))
+        value = aligned * self.e.segments.length
         slack = 0.01 * self.e.size[0]
-        inside = (left[:, self.context_row] - slack <= x) & (
-            right[:, self.context_row] + slack >= x
-        )
+        low, high = left[:, self.row_of] - slack, right[:, self.row_of] + slack
+        inside = (low <= self.x_of) & (high >= self.x_of)
         return (value * inside).sum(axis=1) / np.maximum(value.sum(axis=1), 1e-9)
 
-    def _aligned(self, p: Array, s: Segments) -> Array:
-        """(n, segments) 0..1 how well each segment points at the nearest box direction."""
-        turn = rotation(p[:, 0], p[:, 1], p[:, 2])
-        diagonal = self.e.diagonal
-        m = (s.middle - np.array(self.e.size) / 2) / diagonal
-        f = np.exp(p[:, 3])
-        best = np.zeros((len(p), len(m)))
-        for axis in range(3):
-            v = turn[:, :, axis]
-            to = f[:, None, None] * v[:, None, :2] - v[:, None, 2:] * m[None]
-            to /= np.linalg.norm(to, axis=2, keepdims=True) + 1e-12
-            cross = np.abs(to[..., 0] * s.direction[:, 1] - to[..., 1] * s.direction[:, 0])
-            np.maximum(best, np.exp(-((cross / SIGMA) ** 2)), out=best)
-        return best
+    def aligned(self, p: Array, turn: Array) -> Array:
+        """(n, segments) 0..1 how well each segment points at the nearest box direction.
+
+        For a direction v the vanishing point seen from the segment's middle m is f v_xy - v_z m;
+        its angle to the segment's direction d follows from products that are linear in v.
+        """
+        f = np.exp(p[:, 3])[:, None, None]
+        v = turn.transpose(0, 2, 1) * np.array([1.0, 1.0, -1.0])  # (n, axis, xyz)
+        v = v * np.concatenate([f, f, np.ones_like(f)], axis=2)  # f vx, f vy, -vz
+        n = len(p)
+        flat = v.reshape(-1, 3)
+        cross = flat @ self.cross_terms
+        square = (flat**2)[:, :2].sum(axis=1)[:, None] + 2 * (flat[:, 2:] * flat[:, :2]) @ self.m.T
+        square = square + (flat[:, 2] ** 2)[:, None] * self.m2
+        ratio = (cross * cross / np.maximum(square, 1e-12)).reshape(n, 3, -1).min(axis=1)
+        return np.exp(-ratio / SIGMA**2)
 
     def priors(self, p: Array, uv: Array, depth: Array) -> Array:
         """(n,) penalties: unusual lens, tilt or proportions; a box behind or beyond the view."""
@@ -240,31 +240,37 @@ class Objective:
         out += 0.25 * np.clip(spill - 0.06, 0, 2).mean(axis=(1, 2))
         return out + np.where(depth.min(axis=1) < 0.1, 5.0, 0.0)
 
-    def __call__(self, p: Array) -> Array:
-        """(n,) cost of (n, 9) parameters; below 0.25 is trustworthy, above 0.9 no box."""
-        uv, depth = project(p, self.e.size)
+    def terms(self, p: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """(n,) each: mask IoU, edge cost, alignment, coverage, priors."""
+        frames = _frames(p)
+        uv, depth = project(p, self.e.size, frames)
         iou, left, right = self.overlap(uv)
+        aligned = self.aligned(p, frames[0])
         return (
-            1.6 * self.e.mask_weight * (1 - iou)
-            + self.cover_weight * (1 - self.coverage(p, left, right))
-            + 0.8 * self.edge_cost(p, uv)
-            + 0.7 * (1 - self.alignment(p))
-            + self.priors(p, uv, depth)
+            iou,
+            self.edge_cost(visibility(p, frames), uv),
+            aligned @ self.weight,
+            self.coverage(aligned, left, right),
+            self.priors(p, uv, depth),
         )
+
+    def __call__(self, p: Array) -> Array:
+        """(n,) cost of (n, 9) parameters."""
+        return _total(self.terms(p), self.e.mask_weight, self.cover_weight)
 
     def report(self, params: Array) -> Cuboid:
         """The box at `params` with the cost's terms; `cost` compares across masks."""
-        p = params[None]
-        uv, _ = project(p, self.e.size)
-        overlap, left, right = self.overlap(uv)
-        iou, edge = float(overlap[0]), float(self.edge_cost(p, uv)[0])
-        cover = float(self.coverage(p, left, right)[0])
-        shift = 1.6 * (WEAK_MASK - self.e.mask_weight) * (1 - iou)
-        shift += (COVER - self.cover_weight) * (1 - cover)
-        cost = float(self(p)[0])
-        return Cuboid(
-            params, cost + shift, iou, edge, float(self.alignment(p)[0]), cover, cost, self.e.size
-        )
+        terms = self.terms(params[None])
+        iou, edge, align, cover, _ = (float(t[0]) for t in terms)
+        cost = float(_total(terms, WEAK_MASK, COVER)[0])
+        own = float(_total(terms, self.e.mask_weight, self.cover_weight)[0])
+        return Cuboid(params, cost, iou, edge, align, cover, own, self.e.size)
+
+
+def _total(terms: tuple[Array, ...], mask_weight: float, cover_weight: float) -> Array:
+    iou, edge, align, cover, prior = terms
+    out = 1.6 * mask_weight * (1 - iou) + cover_weight * (1 - cover)
+    return out + 0.8 * edge + 0.7 * (1 - align) + prior
 
 
 def pose_hypotheses(objective: Objective, keep: int = 5) -> Array:
@@ -328,16 +334,16 @@ def fit_cuboids(evidence: Evidence, seed: int = 0, keep: int = 3) -> list[Cuboid
     span = (high - low) / diagonal
     found: list[tuple[float, Array]] = []
     for pose in pose_hypotheses(objective):
-        shape = np.empty((48, 5))
-        shape[:, :2] = center + rng.normal(0, 0.12, (48, 2)) * span
-        shape[:, 2] = np.log(span[0] * rng.uniform(0.5, 1.1, 48))
-        shape[:, 3] = np.log(span[1] * rng.uniform(0.5, 1.1, 48))
-        shape[:, 4] = np.log(np.sqrt(span.prod()) * rng.uniform(0.25, 0.9, 48))
+        shape = np.empty((40, 5))
+        shape[:, :2] = center + rng.normal(0, 0.12, (40, 2)) * span
+        shape[:, 2] = np.log(span[0] * rng.uniform(0.5, 1.1, 40))
+        shape[:, 3] = np.log(span[1] * rng.uniform(0.5, 1.1, 40))
+        shape[:, 4] = np.log(np.sqrt(span.prod()) * rng.uniform(0.25, 0.9, 40))
 
         def partial(s: Array, pose: Array = pose) -> Array:
             return objective(np.hstack([np.tile(pose, (len(s), 1)), s]))
 
-        rows, values = evolve(partial, shape, 36, rng)
+        rows, values = evolve(partial, shape, 28, rng)
         found += [(v, np.hstack([pose, r])) for v, r in zip(values[:2], rows[:2])]
     found.sort(key=lambda x: x[0])
     spread = np.array([0.05, 0.05, 0.012, 0.12, 0.012, 0.012, 0.05, 0.05, 0.12])
@@ -349,12 +355,12 @@ def fit_cuboids(evidence: Evidence, seed: int = 0, keep: int = 3) -> list[Cuboid
         ):
             seeds.append(p)
     for p in seeds:
-        start = p + rng.normal(0, 1, (56, 9)) * spread
+        start = p + rng.normal(0, 1, (48, 9)) * spread
         start[0] = p
-        rows, _ = evolve(objective, start, 60, rng)
+        rows, _ = evolve(objective, start, 50, rng)
         polished = optimize.minimize(
             lambda x: float(objective(x[None])[0]), rows[0], method="Nelder-Mead",
-            options={"maxfev": 500, "initial_simplex": rows[0] + np.vstack([np.zeros(9), np.diag(spread * 0.15)])},
+            options={"maxfev": 400, "initial_simplex": rows[0] + np.vstack([np.zeros(9), np.diag(spread * 0.15)])},
         )  # fmt: skip
         out.append(objective.report(polished.x))
     return sorted(out, key=lambda c: c.own)

@@ -16,7 +16,13 @@ from mam_pipeline.photo.image import Photo, make_photo, read_photo
 from mam_pipeline.photo.options import PhotoOptions, parse_options
 from mam_pipeline.photo.reconstruct import judge
 from mam_pipeline.photo.score import (
-    FoundPanel, PhotoScore, handle_hits, match, polygon_iou, rect_quad, score_photo,
+    FoundPanel,
+    PhotoScore,
+    handle_hits,
+    match,
+    polygon_iou,
+    rect_quad,
+    score_photo,
 )  # fmt: skip
 from mam_pipeline.photo.truth import PhotoTruth, Rect
 
@@ -53,9 +59,9 @@ def score_image(
 ) -> PhotoScore:
     """Score one synthetic photo (H, W, 3)."""
     photo = make_photo(image)
-    start = time.perf_counter()
+    start = time.process_time()
     quad, shape, panels, observed, words = predict(photo, options)
-    seconds = time.perf_counter() - start
+    seconds = time.process_time() - start
     return score_photo(
         truth, quad / photo.scale, shape, panels, observed and truth.depth_visible, words, seconds
     )

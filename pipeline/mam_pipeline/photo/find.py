@@ -4,20 +4,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from mam_pipeline.photo.camera import apply_homography, quad_homography
 from mam_pipeline.photo.cuboid import WEAK_MASK, Cuboid, Evidence, fit_cuboids
 from mam_pipeline.photo.front import FrontReading, read_front
 from mam_pipeline.photo.image import Photo
-from mam_pipeline.photo.lines import Segments, edge_maps, find_segments
+from mam_pipeline.photo.lines import Segments, edge_maps, find_segments, on_mask
 from mam_pipeline.photo.mask import ObjectMask, find_masks
-from mam_pipeline.photo.measure import guess_category, quad_area, rectify, side_share
+from mam_pipeline.photo.measure import quad_area, rectify, side_share
 from mam_pipeline.photo.options import PhotoOptions
 from mam_pipeline.photo.quad import aspect_of_quad
 
 Array = NDArray[np.float64]
 NO_BOX_COST = 0.95
+WHOLE = "whole picture"
+OPEN_SHARE = 0.15
+OPEN_COST = 0.3
 SURE_COST = 0.22  # no other mask needs to be tried
 
 
@@ -64,21 +69,40 @@ def _scaled(values: tuple[float, ...], scale: float) -> tuple[float, ...]:
 def fit_photo(photo: Photo, options: PhotoOptions) -> tuple[ObjectMask, Segments, list[Cuboid]]:
     """The mask whose box explains the picture best, its segments, and boxes best first."""
     box = None if options.bbox is None else _scaled(options.bbox, photo.scale)
-    masks = find_masks(photo, options.mask, box)
-    best: tuple[ObjectMask, Segments, list[Cuboid]] | None = None
-    context = find_segments(photo.small, None)
-    for mask in masks:
-        segments = find_segments(photo.small, mask.mask)
-        maps = edge_maps(segments, photo.size)
+    lines = find_segments(photo.small)
+    fits: list[tuple[Cuboid, ObjectMask, Segments]] = []
+    for mask in find_masks(photo, options.mask, box):
+        on = on_mask(lines, mask.mask)
+        segments = Segments(lines.ends[on], lines.length[on])
         weight = 1.0 if mask.trust > 0.5 else WEAK_MASK
-        evidence = Evidence(mask.mask, weight, segments, maps, photo.focal, context)
-        cuboids = fit_cuboids(evidence, keep=2)
-        if best is None or cuboids[0].cost < best[2][0].cost:
-            best = mask, segments, cuboids
-        if cuboids[0].cost < SURE_COST:
+        maps = edge_maps(segments, photo.size)
+        evidence = Evidence(mask.mask, weight, lines, on.astype(float), maps, photo.focal)
+        fits += [(c, mask, segments) for c in fit_cuboids(evidence, keep=2)]
+        if fits[-2:][0][0].cost < SURE_COST:
             break
-    assert best is not None  # there is always one mask
-    return best
+    fits.sort(key=lambda x: x[0].cost + _whole_cost(x[1]))
+    first = fits[0]
+    for other in fits[1:]:  # part of an object fits as well as the whole: prefer the whole
+        near = other[0].cost < first[0].cost + 0.1 and other[1].method != WHOLE
+        if near and _encloses(other[0], first[0]):
+            first = other
+    rest = [c for c, _, _ in fits if c is not first[0]]
+    return first[1], first[2], [first[0], *rest]
+
+
+def _whole_cost(mask: ObjectMask) -> float:
+    """Handicap of the whole picture as a mask: any box that fills the picture fits it."""
+    if mask.method != WHOLE:
+        return 0.0
+    return 0.08 if mask.trust > 0.0 else 0.25
+
+
+def _encloses(outer: Cuboid, inner: Cuboid, factor: float = 1.5) -> bool:
+    """Whether one box's outline is over `factor` times the other's and contains 9/10 of it."""
+    a = cv2.convexHull(outer.corners.astype(np.float32))
+    b = cv2.convexHull(inner.corners.astype(np.float32))
+    big, small = cv2.contourArea(a), cv2.contourArea(b)
+    return big > factor * small and cv2.intersectConvexConvex(a, b)[0] > 0.9 * small
 
 
 def _best_front(
@@ -110,19 +134,67 @@ def _read_face(
     w, d, h = cuboid.extents
     if face != "front":
         w, d = d, w
-    quad = cuboid.quad(face)
+    quad, h, legs = _without_legs(mask, cuboid.quad(face), h)
     image = rectify(photo, quad, w / h)
-    category = guess_category(w, h, [], options.category)
     tall = 0.85 if options.height is None else options.height
-    reading = read_front(image, options.layout, category, tall / image.shape[0])
-    others = [(f, cuboid.quad(f)) for f in cuboid.visible if f != face and f != "bottom"]
+    reading = read_front(image, options.layout, options.category, tall / image.shape[0])
+    others = [(f, cuboid.quad(f)) for f in cuboid.visible if f not in (face, "bottom")]
     turn = {"front": {}, "right": {"front": "left"}, "left": {"front": "right"}}[face]
     renamed = tuple((turn.get(f, f), q) for f, q in others if face == "front" or f != "top")
+    bulge = _outside_share(mask, cuboid)
     return Found(
         mask, quad, (w, d, h), reading, cuboid.cost, side_share(cuboid, face),
-        [cuboid.quad(f) for f in cuboid.visible], renamed,
-        not_a_box=cuboid.cost > NO_BOX_COST, why=f"cost {cuboid.cost:.2f}",
+        [cuboid.quad(f) for f in cuboid.visible],
+        tuple((f, q) for f, q in renamed if _thickness(q) > 0.03 * max(photo.size)), legs,
+        not_a_box=cuboid.cost > NO_BOX_COST,
+        open_object=bulge > OPEN_SHARE and cuboid.cost > OPEN_COST,
+        why=f"{bulge:.0%} of it lies outside the box" if bulge > OPEN_SHARE
+        else f"the best box explains it badly, cost {cuboid.cost:.2f}",
     )  # fmt: skip
+
+
+def _thickness(quad: Array) -> float:
+    """Area over longest side, pixels: slivers make no texture."""
+    return quad_area(quad) / float(np.linalg.norm(np.roll(quad, -1, axis=0) - quad, axis=1).max())
+
+
+def _without_legs(mask: ObjectMask, quad: Array, height: float) -> tuple[Array, float, float]:
+    """Cut legs off a front: (quad, body height, legs over body height).
+
+    Legs are rows at the bottom of the rectified front that the mask covers by less than 60 %.
+    """
+    if mask.method == WHOLE:
+        return quad, height, 0.0
+    rows, columns = 200, 160
+    flat = cv2.warpPerspective(
+        mask.mask.astype(np.float32), quad_homography(quad, columns, rows), (columns, rows)
+    )
+    cover = flat.mean(axis=1)
+    if np.median(cover) < 0.75:
+        return quad, height, 0.0
+    solid = np.flatnonzero(cover > 0.6)
+    cut = (rows - 1 - int(solid.max())) / rows if len(solid) else 0.0
+    if not 0.04 < cut < 0.5:
+        return quad, height, 0.0
+    back = np.linalg.inv(quad_homography(quad, 1.0, 1.0))
+    low = apply_homography(back, np.array([[1.0, 1 - cut], [0.0, 1 - cut]]))
+    return np.vstack([quad[:2], low]), height * (1 - cut), cut / (1 - cut)
+
+
+def _outside_share(mask: ObjectMask, cuboid: Cuboid) -> float:
+    """Share of the mask in one compact blob outside the box: an open door or a pulled drawer."""
+    if mask.method in (WHOLE, "grabcut"):
+        return 0.0
+    h, w = mask.mask.shape
+    hull = cv2.convexHull(np.clip(cuboid.corners, -4000, 4000).astype(np.int32))
+    box = np.zeros((h, w), np.uint8)
+    cv2.fillConvexPoly(box, hull, 1)
+    rest = ((mask.mask > 0.5) & (box == 0)).astype(np.uint8)
+    n = max(5, round(0.03 * max(h, w)))
+    rest = cv2.morphologyEx(rest, cv2.MORPH_OPEN, np.ones((n, n), np.uint8))
+    count, _, stats, _ = cv2.connectedComponentsWithStats(rest)
+    largest = int(stats[1:, cv2.CC_STAT_AREA].max()) if count > 1 else 0
+    return largest / max(float((mask.mask > 0.5).sum()), 1.0)
 
 
 def _from_front(photo: Photo, mask: ObjectMask, options: PhotoOptions) -> Found:

@@ -2,45 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from mam_pipeline.photo.complete import complete, round_door, virtual_grasp
 from mam_pipeline.photo.handles import Blob, find_blobs
+from mam_pipeline.photo.layout import cells_of_layout
 from mam_pipeline.photo.options import Layout
-from mam_pipeline.photo.partition import Leaf, Partition, best_partition
-from mam_pipeline.photo.seams import Seams, find_seams
+from mam_pipeline.photo.panel import Panel
+from mam_pipeline.photo.partition import Leaf, best_partition
+from mam_pipeline.photo.seams import find_seams
 
 Array = NDArray[np.float64]
 HANDLE_THRESHOLD = 0.5
-
-
-@dataclass(frozen=True)
-class Panel:
-    """One cell of the front.
-
-    Attributes:
-        box: (x0, y0, x1, y1) front pixels.
-        kind: drawer | door | open | fixed.
-        hinge_side: left | right | top | bottom for doors, as seen from the front.
-        handles: those that belong to it, observed or inferred.
-        confidence: 0..1 that the rectangle is right; `kind_confidence` that the kind is.
-    """
-
-    box: tuple[float, float, float, float]
-    kind: str
-    hinge_side: str | None = None
-    handles: tuple[Blob, ...] = ()
-    confidence: float = 0.5
-    kind_confidence: float = 0.5
-    provenance: str = "observed"
-
-    @property
-    def movable(self) -> bool:
-        """Whether the cell opens."""
-        return self.kind in ("drawer", "door")
 
 
 @dataclass(frozen=True)
@@ -68,14 +45,58 @@ def read_front(
     """Find panels and handles on a rectified front picture (h, w, 3)."""
     seams = find_seams(image)
     blobs = find_blobs(image, seams)
+    size = (image.shape[1], image.shape[0])
+    if layout is not None:
+        given = [
+            _given_panel(kind, box, blobs, image, metres_per_pixel)
+            for kind, box in cells_of_layout(seams, blobs, layout)
+        ]
+        return FrontReading(image, tuple(complete(given, blobs, size, True)), 1.0, 1.0)
     partition = best_partition(seams, blobs)
-    panels = [
-        panel_of(leaf, blobs, image, metres_per_pixel)
-        for leaf in partition.leaves
-        if leaf.kind == "panel"
-    ]
+    leaves = [leaf for leaf in partition.leaves if leaf.kind == "panel"]
+    panels = [panel_of(leaf, blobs, image, metres_per_pixel) for leaf in leaves]
     panels.sort(key=lambda p: (round(p.box[1] / 20), p.box[0]))
-    return FrontReading(image, tuple(panels), partition.value, panels_confidence(partition, panels))
+    panels = complete(panels, blobs, size)
+    panels = _with_round_door(image, panels, category)
+    return FrontReading(image, tuple(panels), partition.value, panels_confidence(leaves, panels))
+
+
+def _given_panel(
+    kind: str,
+    box: tuple[int, int, int, int],
+    blobs: list[Blob],
+    image: NDArray[np.uint8],
+    scale: float,
+) -> Panel:
+    """A panel that the user named: only its handle and hinge are to be found."""
+    x0, y0, x1, y1 = box
+    inside = [b for b in blobs if x0 < b.center[0] < x1 and y0 < b.center[1] < y1]
+    inside = sorted((b for b in inside if b.score > HANDLE_THRESHOLD), key=lambda b: -b.score)
+    handles = _choose_handles(inside, box)
+    side = None
+    if kind == "door":
+        side = classify(box, handles, image, scale)[1] or "left"
+        if handles and side not in ("bottom", "top"):
+            side = "left" if handles[0].center[0] > (x0 + x1) / 2 else "right"
+    rect = tuple(float(v) for v in box)
+    return Panel(rect, kind, side, handles, 0.95, 1.0, "user")  # type: ignore[arg-type]
+
+
+def _with_round_door(
+    image: NDArray[np.uint8], panels: list[Panel], category: str | None
+) -> list[Panel]:
+    """Washing machines: a round door in place of what the straight lines suggested."""
+    seen = sum(b.provenance == "observed" for p in panels for b in p.handles)
+    ratio = image.shape[1] / image.shape[0]
+    plausible = seen <= 1 and len(panels) <= 5 and 0.55 < ratio < 1.25
+    if category != "washing_machine" and (category is not None or not plausible):
+        return panels
+    circle = round_door(image)
+    if circle is None:
+        return panels
+    x, y, r = circle
+    door = Panel((x - r, y - r, x + r, y + r), "door", "left", (), 0.8, 0.9)
+    return [virtual_grasp(door)]
 
 
 def panel_of(leaf: Leaf, blobs: list[Blob], image: NDArray[np.uint8], scale: float) -> Panel:
@@ -157,20 +178,12 @@ def looks_open(image: NDArray[np.uint8], box: tuple[float, float, float, float])
     return middle < 0.62 * bright and upper < 0.58 * bright
 
 
-def panels_confidence(partition: Partition, panels: list[Panel]) -> float:
-    """0..1 how far to trust the partition as a whole."""
-    if not panels:
+def panels_confidence(leaves: list[Leaf], panels: list[Panel]) -> float:
+    """0..1 how far to trust the partition as a whole: seam support, and a handle on each panel."""
+    movable = [p for p in panels if p.movable]
+    if not movable or not leaves:
         return 0.0
-    support = float(
-        np.mean([np.mean(leaf.sides) for leaf in partition.leaves if leaf.kind == "panel"])
-    )
-    handled = float(np.mean([bool(p.handles) or p.kind == "open" for p in panels]))
-    return float(np.clip(0.55 * support + 0.45 * handled - 0.01 * max(0, len(panels) - 8), 0, 1))
-
-
-def with_handle(panel: Panel, handle: Blob) -> Panel:
-    """The panel with one more handle."""
-    return replace(panel, handles=(*panel.handles, handle))
-
-
-__all__ = ["FrontReading", "Panel", "Seams", "classify", "looks_open", "read_front"]
+    support = float(np.mean([min(leaf.sides) for leaf in leaves]))
+    seen = [any(b.provenance == "observed" for b in p.handles) for p in movable]
+    shape = float(np.mean([p.kind_confidence for p in movable]))
+    return float(np.clip(0.35 * support + 0.5 * float(np.mean(seen)) + 0.15 * shape, 0, 1))

@@ -31,23 +31,28 @@ class Segments:
         return (self.ends[:, 2:] - self.ends[:, :2]) / self.length[:, None]
 
 
-def find_segments(rgb: NDArray[np.uint8], mask: Array | None, keep: int = 260) -> Segments:
-    """LSD segments that touch the dilated mask, the `keep` longest."""
+def find_segments(rgb: NDArray[np.uint8], keep: int = 240) -> Segments:
+    """The `keep` longest LSD segments of a photo."""
     grey = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
     grey = cv2.createCLAHE(1.5, (8, 8)).apply(grey)
     found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(grey)[0]
     ends = np.zeros((0, 4)) if found is None else found.reshape(-1, 4).astype(np.float64)
     length = np.hypot(ends[:, 2] - ends[:, 0], ends[:, 3] - ends[:, 1])
     good = length > 0.012 * max(rgb.shape[:2])
-    if mask is not None and good.any():
-        reach = round(0.02 * max(rgb.shape[:2]))
-        wide = ndimage.binary_dilation(mask[::2, ::2] > 0.5, iterations=max(1, reach // 2))
-        x = np.clip((ends[:, 0] + ends[:, 2]) / 4, 0, wide.shape[1] - 1).astype(int)
-        y = np.clip((ends[:, 1] + ends[:, 3]) / 4, 0, wide.shape[0] - 1).astype(int)
-        good &= wide[y, x]
     ends, length = ends[good], length[good]
     order = np.argsort(-length, kind="stable")[:keep]
     return Segments(ends[order], length[order])
+
+
+def on_mask(segments: Segments, mask: Array) -> NDArray[np.bool_]:
+    """(n,) whether a segment's middle lies on the dilated mask (h, w)."""
+    if not len(segments.length):
+        return np.zeros(0, bool)
+    reach = max(1, round(0.01 * max(mask.shape)))
+    wide = ndimage.binary_dilation(mask[::2, ::2] > 0.5, iterations=reach)
+    x = np.clip(segments.middle[:, 0] / 2, 0, wide.shape[1] - 1).astype(int)
+    y = np.clip(segments.middle[:, 1] / 2, 0, wide.shape[0] - 1).astype(int)
+    return wide[y, x]
 
 
 @dataclass(frozen=True)

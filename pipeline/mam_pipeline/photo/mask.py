@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -30,10 +30,10 @@ class ObjectMask:
 def find_masks(
     photo: Photo, user: Path | None = None, bbox: tuple[float, ...] | None = None
 ) -> list[ObjectMask]:
-    """Segment the object in one to three ways; `bbox` (small pixels) restricts all.
+    """Segment the object in one to four ways; `bbox` (small pixels) restricts all.
 
     One mask where the user or the file gives it; else plain backdrop, salient object and centred
-    GrabCut: the box fitted to each tells which is right.
+    GrabCut, the whole picture: the box fitted to each tells which is right.
     """
     window = np.ones(photo.small.shape[:2])
     if bbox is not None:
@@ -54,13 +54,18 @@ def find_masks(
     if plain is not None and (plain * window).mean() > 0.02:
         out.append(ObjectMask(plain * window, "plain backdrop", 0.9))
     if bbox is None:
-        out.append(ObjectMask(salient_mask(photo.small), "salient", 0.4))
-    out.append(ObjectMask(grabcut(photo.small, window, bbox is not None), "grabcut", 0.4))
-    return [m for i, m in enumerate(out) if all(_iou(m.mask, n.mask) < 0.93 for n in out[:i])]
-
-
-def _iou(a: Array, b: Array) -> float:
-    return float((a * b).sum() / max(np.maximum(a, b).sum(), 1.0))
+        salient = ObjectMask(salient_mask(photo.small), "salient", 0.4)
+        whole = ObjectMask(np.ones_like(window), "whole picture", 0.0)
+        if salient.mask.mean() > 0.5:  # the picture is likely cropped to its object
+            return [*out, salient, replace(whole, trust=0.3)]
+        return [
+            *out,
+            salient,
+            ObjectMask(grabcut(photo.small, window, False), "grabcut", 0.4),
+            whole,
+        ]
+    out.append(ObjectMask(grabcut(photo.small, window, True), "grabcut", 0.4))
+    return out
 
 
 def _user_mask(path: Path, size: tuple[int, int]) -> Array:
@@ -213,9 +218,9 @@ def _main_blob(mask: NDArray[np.bool_]) -> Array | None:
 
 
 def grabcut(rgb: NDArray[np.uint8], window: Array, boxed: bool) -> Array:
-    """GrabCut with a centred prior, at a third of the size; falls back to the prior itself."""
+    """GrabCut with a centred prior at a quarter of the size; falls back to the prior itself."""
     h, w = rgb.shape[:2]
-    size = (max(16, w // 3), max(16, h // 3))
+    size = (max(16, w // 4), max(16, h // 4))
     small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
     win = cv2.resize(window, size, interpolation=cv2.INTER_NEAREST) > 0
     y, x = np.mgrid[0 : size[1], 0 : size[0]]
@@ -236,7 +241,7 @@ def grabcut(rgb: NDArray[np.uint8], window: Array, boxed: bool) -> Array:
     try:
         cv2.setRNGSeed(1)
         cv2.grabCut(
-            small, state, None, np.zeros((1, 65)), np.zeros((1, 65)), 4, cv2.GC_INIT_WITH_MASK
+            small, state, None, np.zeros((1, 65)), np.zeros((1, 65)), 3, cv2.GC_INIT_WITH_MASK
         )
     except cv2.error:  # one colour only: no two models can be fitted
         return window * 1.0

@@ -16,7 +16,7 @@ from mam_pipeline.errors import HintNeeded, NotThisKind
 from mam_pipeline.photo.build import BodySpec, CellSpec, HandleSpec, build_object
 from mam_pipeline.photo.cuboid import Cuboid
 from mam_pipeline.photo.find import Found, find_object
-from mam_pipeline.photo.front import FrontReading, Panel
+from mam_pipeline.photo.front import FrontReading
 from mam_pipeline.photo.image import Photo, read_photo
 from mam_pipeline.photo.measure import (
     DEFAULTS,
@@ -30,6 +30,7 @@ from mam_pipeline.photo.measure import (
 )  # fmt: skip
 from mam_pipeline.photo.options import PhotoOptions, parse_options
 from mam_pipeline.photo.overlay import draw_front, draw_overlay
+from mam_pipeline.photo.panel import Panel
 
 Array = NDArray[np.float64]
 VERSION = "1"
