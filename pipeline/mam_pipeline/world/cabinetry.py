@@ -202,7 +202,7 @@ def door(b: Builder, m: Manner, c: Cell, side: Side, name: str = "door", rest: f
     x = low[0]
     if own_side and not m.inset and b.chance(0.3):
         x = high[0]
-    upper = m.opening
+    upper = m.opening if own_side else min(m.opening, np.pi / 2)  # else it leans over its neighbour
     if own_side and not m.inset and x == low[0] and b.chance(0.15):
         upper = np.radians(b.choice([135, 160]))
     if b.chance(0.15):

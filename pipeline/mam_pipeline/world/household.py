@@ -155,18 +155,16 @@ def toilet(b: Builder) -> None:
     keep = outline[:, 0] < pin[0]
     rim = np.where(keep[:, None], outline, np.stack([np.full(n, pin[0]), outline[:, 1]], axis=1))
     _ring(b, seat, np.minimum(rim, [back, w]), hole, h + g, h + g + t, "light")
-    b.hinge(seat, "base", (pin[0], 0, h + g + t), (0, 1, 0), 0.0, np.radians(b.choice([80, 90, 95])),
-            opens=(0, 0, 1), rest=np.radians(80) if b.chance(0.2) else 0.0, ajar=False)  # fmt: skip
-    spec = b.joints[-1]
+    b.hinge(seat, "base", (pin[0], 0, h + g + t), (0, 1, 0), 0.0, np.radians(b.choice([70, 75, 80])),
+            opens=(0, 0, 1), ajar=False)  # fmt: skip
     if b.chance(0.8):
         cover = b.link("cover", "lid")
         z = h + 2 * g + t
         with b.moved((0, 0, z)):
             b.extrude(cover, np.unique(np.round(rim, 6), axis=0)[_hull_order(rim)], 0.8 * t, "light")
         # on the seat when closed: it must be up wherever the seat is to move
-        spec.rest = 0.0
-        b.hinge(cover, "base", (pin[0], 0, z + 0.8 * t), (0, 1, 0), 0.0, np.radians(95), opens=(0, 0, 1),
-                rest=np.radians(95), ajar=False)  # fmt: skip
+        b.hinge(cover, "base", (pin[0], 0, z), (0, 1, 0), 0.0, np.radians(97), opens=(0, 0, 1),
+                rest=np.radians(97), ajar=False)  # fmt: skip
     _tank(b, d - tank_d, d, tank_w, h, tank_h)
 
 

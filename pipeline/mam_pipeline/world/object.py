@@ -187,6 +187,8 @@ def _rest_values(b: Builder, rng: np.random.Generator) -> dict[int, float]:
             low, high = spec.lower, spec.upper
             if not np.isfinite(low + high):
                 low, high = -np.pi, np.pi
+            if spec.subtype == "hinge":  # wider, and it would stand in its neighbour's way
+                high = min(high, low + 1.0)
             rest[spec.child] = float(low + part * (high - low))
     return rest
 

@@ -241,7 +241,10 @@ def window_sliding(b: Builder) -> None:
         if track == 0:
             b.handle(link, (x, y + (rail / 2 if way > 0 else each - rail / 2), base + 0.5 * (h - base)),
                      (-1, 0, 0), (0, 0, 1), 0.12, b.choice(["none", "strip", "bar"]))  # fmt: skip
-        b.slide(link, "base", (0, way, 0), 0.0, b.uniform(0.8, 0.98) * (each - rail))
+        # of three panes the outer two share a track: they stop where they would meet
+        room = each - rail * (1 if count == 2 else 2) - g
+        b.slide(link, "base", (0, way, 0), 0.0, b.uniform(0.8, 0.98) * room,
+                ajar=count == 2)  # fmt: skip
 
 
 CATEGORIES = {

@@ -121,12 +121,12 @@ def cabinet_sliding(b: Builder) -> None:
     overlap = b.uniform(0.02, 0.06)
     each = (cell.width - 2 * b.gap + overlap * (count - 1)) / count
     z0, z1 = cell.z0 + b.gap, cell.z1 - b.gap
+    kind = b.choice(["slab", "framed", "glass"])
     for k in range(count):
         track = k % 2
         x = 0.004 + track * (t + g)
         y = cell.y0 + b.gap + k * (each - overlap)
         link = b.link(f"sliding_door_{k}", "door")
-        kind = b.choice(["slab", "framed", "glass"]) if k == 0 else kind  # noqa: F821
         b.front(link, (x, y, z0), (x + t, y + each, z1), kind)
         # the handle is flat, and on the side that the neighbour never covers
         free = y + (0.08 if k < count - 1 else 0.92) * each
@@ -135,7 +135,10 @@ def cabinet_sliding(b: Builder) -> None:
         pull = "recessed" if track == 0 else "none"
         b.handle(link, (x, free, 0.5 * (z0 + z1)), (-1, 0, 0), (0, 0, 1), 0.12, pull, m.metal)
         way = 1.0 if k < count - 1 else -1.0
-        b.slide(link, "base", (0, way, 0), 0.0, (each - overlap) * b.uniform(0.8, 0.98))
+        # of three doors the outer two share a track: they stop where they would meet
+        room = each - overlap * (1 if count == 2 else 2) - b.gap
+        b.slide(link, "base", (0, way, 0), 0.0, room * b.uniform(0.8, 0.98),
+                ajar=count == 2)  # fmt: skip
     inner = c.Manner(**{**m.__dict__, "front": 2 * t + 2 * g + 0.01})
     if b.chance(0.6):
         for part in c.cut(b, inner, cell, d, "y", [1.0] * b.integer(1, 3)):
