@@ -1,0 +1,273 @@
+"""Behaviour cloning from the scripted expert: demonstrations, then a small network, in minutes.
+
+The expert acts with noise on its targets while the noise-free target is the label, so that the
+policy learns to come back to the path (as in DART). Time is an input and actions come in chunks,
+because phases of the task look alike to a memoryless policy. Demonstrations are kept one file
+each and training checkpoints every few epochs: a killed run goes on where it was, to the same end.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from mam_policies.expert import Expert, PlanningError
+from mam_policies.run import EnvChoice, MlpPolicy, RunInfo, TrainingError, describe_env, flat
+
+OnProgress = Callable[[str, float, str], None]
+
+
+@dataclass(frozen=True)
+class BcConfig:
+    """Settings of behaviour cloning.
+
+    Attributes:
+        episodes: successful demonstrations to learn from.
+        noise: standard deviation of the expert's execution noise, radians; every third episode
+            has none.
+        chunk: actions predicted at once. hidden: layer widths.
+        epochs, batch, learning_rate: of Adam with a cosine schedule.
+        hold: steps of standing still after success that are recorded too.
+    """
+
+    episodes: int = 80
+    noise: float = 0.008
+    chunk: int = 8
+    hidden: tuple[int, ...] = (256, 256)
+    epochs: int = 150
+    batch: int = 256
+    learning_rate: float = 1e-3
+    hold: int = 6
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Demonstration:
+    """One successful episode: observations (T, n) and clean actions (T, m)."""
+
+    obs: np.ndarray
+    actions: np.ndarray
+
+
+def train_bc(
+    choice: EnvChoice, config: BcConfig, out: Path, progress: OnProgress = lambda *_: None
+) -> RunInfo:
+    """Collect demonstrations and clone them into the run folder `out`.
+
+    Raises:
+        TrainingError: the expert succeeds too seldom to learn from.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    env = choice.make()
+    try:
+        sizes = describe_env(env)
+        _refuse_other(out, choice, config)
+        demos = demonstrations(env, config, out / "demos", progress)
+    finally:
+        env.close()
+    policy = MlpPolicy(
+        sizes["observation"][-1][2],
+        sizes["action_dim"],
+        sizes["arm_joints"],
+        config.chunk,
+        config.hidden,
+        choice.max_steps,
+        relative=choice.control_mode == "pd_joint_pos",
+        squash=choice.control_mode == "pd_joint_delta_pos",
+    )
+    loss = fit(policy, demos, config, out / "checkpoint", progress)
+    policy.save(out)
+    info = RunInfo(
+        "bc",
+        choice,
+        sizes["observation"],
+        sizes["action_dim"],
+        sizes["arm_joints"],
+        asdict(config),
+        {"demonstrations": len(demos), "loss": loss},
+    )
+    info.save(out)
+    return info
+
+
+def demonstrations(
+    env: Any, config: BcConfig, folder: Path, progress: OnProgress = lambda *_: None
+) -> list[Demonstration]:
+    """`config.episodes` successes of the expert; those already in `folder` are taken from there.
+
+    Episodes in which the expert had to try again are left out: they teach a second way of doing
+    the same, which a unimodal policy would average with the first.
+
+    Raises:
+        TrainingError: after 20 tries fewer than one in five is usable.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    kept: list[Demonstration] = []
+    tried, reasons = 0, []
+    while len(kept) < config.episodes:
+        file = folder / f"{tried:05d}.npz"
+        if not file.is_file():
+            noise = 0.0 if tried % 3 == 0 else config.noise
+            found = record(env, config.seed * 1_000_003 + tried, noise, config.hold)
+            _write(file, found)
+        with np.load(file) as data:
+            if data["obs"].size:
+                kept.append(Demonstration(data["obs"], data["actions"]))
+            else:
+                reasons.append(str(data["reason"]))
+        tried += 1
+        progress("demonstrations", len(kept) / config.episodes, f"{len(kept)} of {tried} tries")
+        if tried >= 20 and len(kept) < tried / 5:
+            raise TrainingError(
+                f"the expert succeeds in {len(kept)} of {tried} tries: {reasons[-1]}"
+            )
+    return kept
+
+
+def record(env: Any, seed: int, noise: float, hold: int) -> Demonstration | str:
+    """One episode of the expert; the reason where it failed or needed a second plan."""
+    obs, _ = env.reset(seed=seed)
+    expert = Expert(env, noise=noise, seed=seed)
+    try:
+        expert.reset()
+    except PlanningError as error:
+        return str(error)
+    spec, left = env.unwrapped.robot_spec, hold
+    seen, labels = [], []
+    while True:
+        action = expert.act()
+        if len(expert.plans) > 1 or (expert.phase == "done" and left == hold):
+            return expert.reason or "needed a second try"
+        clean = spec.action(expert.target, expert.gripper) if noise else action
+        if expert.mode != "pd_joint_pos":
+            clean = expert._delta(env.unwrapped.situation(), expert.target)
+        seen.append(flat(obs))
+        labels.append(clean)
+        obs, _, _, truncated, info = env.step(action)
+        if bool(np.asarray(info["success"]).reshape(-1)[0]) or left < hold:
+            left -= 1
+            if left <= 0:
+                return Demonstration(np.stack(seen), np.stack(labels))
+        if bool(np.asarray(truncated).reshape(-1)[0]):
+            return "out of time"
+
+
+def fit(
+    policy: MlpPolicy,
+    demos: list[Demonstration],
+    config: BcConfig,
+    folder: Path,
+    progress: OnProgress = lambda *_: None,
+) -> float:
+    """Adam on the smooth L1 error of the chunk; returns the last epoch's mean loss."""
+    obs, step, target = training_arrays(policy, demos)
+    _statistics(policy, obs, target)
+    normal = (target - policy.offset) / policy.scale
+    torch.manual_seed(config.seed)
+    for layer in policy.net:
+        if isinstance(layer, torch.nn.Linear):
+            layer.reset_parameters()
+    optimiser = torch.optim.Adam(policy.parameters(), lr=config.learning_rate, weight_decay=1e-6)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, config.epochs)
+    start, loss = _resume(folder, policy, optimiser, schedule)
+    for epoch in range(start, config.epochs):
+        order = torch.randperm(len(obs), generator=torch.Generator().manual_seed(epoch))
+        total = 0.0
+        for rows in order.split(config.batch):
+            error = torch.nn.functional.smooth_l1_loss(
+                policy(obs[rows], step[rows]), normal[rows], beta=0.1
+            )
+            optimiser.zero_grad()
+            error.backward()
+            optimiser.step()
+            total += float(error) * len(rows)
+        schedule.step()
+        loss = total / len(obs)
+        progress("training", (epoch + 1) / config.epochs, f"loss {loss:.4f}")
+        if (epoch + 1) % 25 == 0:
+            _checkpoint(folder, policy, optimiser, schedule, epoch + 1, loss)
+    policy.eval()
+    return loss
+
+
+def training_arrays(
+    policy: MlpPolicy, demos: list[Demonstration]
+) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Observations (N, n), steps (N,), and chunks of actions (N, chunk, m), arm relative."""
+    obs, steps, chunks = [], [], []
+    for demo in demos:
+        count = len(demo.obs)
+        ahead = np.minimum(np.arange(count)[:, None] + np.arange(policy.chunk), count - 1)
+        chunk = demo.actions[ahead].astype(np.float32)
+        if policy.relative:
+            chunk[..., : policy.arm_joints] -= demo.obs[:, None, : policy.arm_joints]
+        obs.append(demo.obs)
+        steps.append(np.arange(count))
+        chunks.append(chunk)
+    return (
+        torch.as_tensor(np.concatenate(obs), dtype=torch.float32),
+        torch.as_tensor(np.concatenate(steps)),
+        torch.as_tensor(np.concatenate(chunks), dtype=torch.float32),
+    )
+
+
+def _statistics(policy: MlpPolicy, obs: torch.Tensor, target: torch.Tensor) -> None:
+    policy.mean.copy_(obs.mean(0))
+    policy.std.copy_(obs.std(0).clamp(min=1e-3))
+    policy.offset.copy_(target.mean((0, 1)))
+    policy.scale.copy_(target.std((0, 1)).clamp(min=1e-3))
+
+
+def _write(file: Path, found: Demonstration | str) -> None:
+    temporary = file.with_suffix(".part.npz")
+    if isinstance(found, str):
+        np.savez_compressed(temporary, obs=np.zeros(0), actions=np.zeros(0), reason=found)
+    else:
+        np.savez_compressed(temporary, obs=found.obs, actions=found.actions, reason="")
+    temporary.replace(file)
+
+
+def _refuse_other(out: Path, choice: EnvChoice, config: BcConfig) -> None:
+    """A folder with another run's demonstrations is not mixed with this one's."""
+    mine = json.dumps(asdict(choice), sort_keys=True, default=str)
+    mine += f" noise {config.noise} hold {config.hold} seed {config.seed}"
+    note = out / "demos.txt"
+    if note.is_file() and note.read_text() != mine:
+        from mam_pipeline.errors import ConfigError
+
+        raise ConfigError(f"{out} holds a run with other settings; name another --out")
+    note.write_text(mine)
+
+
+def _checkpoint(folder: Path, policy, optimiser, schedule, epoch: int, loss: float) -> None:  # type: ignore[no-untyped-def]
+    folder.mkdir(parents=True, exist_ok=True)
+    state = {
+        "policy": policy.state_dict(),
+        "optimiser": optimiser.state_dict(),
+        "schedule": schedule.state_dict(),
+        "epoch": epoch,
+        "loss": loss,
+    }
+    torch.save(state, folder / "part.pt")
+    (folder / "part.pt").replace(folder / "last.pt")
+
+
+def _resume(folder: Path, policy, optimiser, schedule) -> tuple[int, float]:  # type: ignore[no-untyped-def]
+    file = folder / "last.pt"
+    if not file.is_file():
+        return 0, float("nan")
+    state = torch.load(file, weights_only=True)
+    if {k: v.shape for k, v in state["policy"].items()} != {
+        k: v.shape for k, v in policy.state_dict().items()
+    }:
+        return 0, float("nan")  # the network was changed: train it anew
+    policy.load_state_dict(state["policy"])
+    optimiser.load_state_dict(state["optimiser"])
+    schedule.load_state_dict(state["schedule"])
+    return int(state["epoch"]), float(state["loss"])

@@ -1,0 +1,228 @@
+"""Task success of a policy or of the expert, with intervals: the measure of executability."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mam_policies.expert import Expert, PlanningError
+from mam_policies.run import Actor, EnvChoice, MlpPolicy, RunInfo
+
+HELD_OUT = 50_000_017  # evaluation seeds start here; demonstrations use seeds far below
+
+
+@dataclass(frozen=True)
+class EpisodeResult:
+    """One episode: success, steps to it, greatest contact force (N), where the joint ended."""
+
+    seed: int
+    success: bool
+    steps: int
+    open_fraction: float
+    peak_force: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Success over episodes with its Wilson 95 % interval.
+
+    Attributes:
+        steps_to_success: median over successes, control steps (20 a second).
+        reasons: failure reasons and how often.
+    """
+
+    asset: str
+    joint: str
+    episodes: int
+    successes: int
+    rate: float
+    low: float
+    high: float
+    steps_to_success: float | None
+    peak_force: float
+    reasons: dict[str, int]
+    seconds: float
+    each: list[EpisodeResult] = field(default_factory=list)
+
+    def line(self) -> str:
+        """One line for people."""
+        return (
+            f"{self.successes}/{self.episodes} = {100 * self.rate:.0f} % "
+            f"[{100 * self.low:.0f}, {100 * self.high:.0f}]"
+        )
+
+
+def wilson(successes: int, count: int, z: float = 1.959964) -> tuple[float, float]:
+    """Wilson's 95 % interval of a success rate (Wilson 1927)."""
+    if count == 0:
+        return 0.0, 1.0
+    p, square = successes / count, z * z
+    centre = (p + square / (2 * count)) / (1 + square / count)
+    half = z / (1 + square / count) * np.sqrt(p * (1 - p) / count + square / (4 * count**2))
+    return max(0.0, float(centre - half)), min(1.0, float(centre + half))
+
+
+def evaluate_run(
+    run: str | Path,
+    episodes: int = 20,
+    assets: Sequence[str] = (),
+    joint: str | None = None,
+    seed: int = HELD_OUT,
+    video: Path | None = None,
+    on_episode: Callable[[int, int], None] = lambda *_: None,
+) -> Evaluation:
+    """Evaluate a run on its own asset, or on others (held-out assets), at unseen seeds.
+
+    Raises:
+        InputError: no run, no policy, no asset.
+    """
+    folder = Path(run)
+    info = RunInfo.load(folder)
+    policy = MlpPolicy.load(folder)
+    choice = info.env
+    if assets:
+        choice = replace(choice, assets=tuple(assets), joint=joint)
+    elif joint is not None:
+        choice = replace(choice, joint=joint)
+    actor = Actor(policy)
+
+    def begin(_env: Any) -> Callable[[Any], Any]:
+        actor.reset()
+        return actor.act
+
+    return evaluate(choice, begin, episodes, seed, video, on_episode)
+
+
+def evaluate_expert(
+    choice: EnvChoice,
+    episodes: int = 20,
+    seed: int = HELD_OUT,
+    on_episode: Callable[[int, int], None] = lambda *_: None,
+) -> Evaluation:
+    """The scripted expert on the same seeds, as the bar for policies."""
+
+    def begin(env: Any) -> Callable[[Any], Any]:
+        expert = Expert(env)
+        expert.reset()
+        return lambda _obs: expert.act()
+
+    return evaluate(choice, begin, episodes, seed, None, on_episode)
+
+
+def evaluate(
+    choice: EnvChoice,
+    begin: Callable[[Any], Callable[[Any], Any]],
+    episodes: int,
+    seed: int,
+    video: Path | None = None,
+    on_episode: Callable[[int, int], None] = lambda *_: None,
+) -> Evaluation:
+    """Run episodes; `begin(env)` gives the policy of one episode after its reset."""
+    started = time.perf_counter()
+    env = choice.make(**({"render_mode": "rgb_array"} if video is not None else {}))
+    frames: list[list[np.ndarray]] = []
+    try:
+        joint = env.unwrapped.layout(0).goals[0].joint
+        results = []
+        for i in range(episodes):
+            shown: list[np.ndarray] | None = [] if video is not None and i < 9 else None
+            results.append(_episode(env, begin, seed + i, shown))
+            if shown is not None:
+                frames.append(shown)
+            on_episode(i + 1, sum(r.success for r in results))
+    finally:
+        env.close()
+    if video is not None:
+        write_grid(frames, video)
+    good = [r for r in results if r.success]
+    low, high = wilson(len(good), episodes)
+    return Evaluation(
+        asset=",".join(Path(a).name for a in choice.assets),
+        joint=joint,
+        episodes=episodes,
+        successes=len(good),
+        rate=len(good) / max(episodes, 1),
+        low=low,
+        high=high,
+        steps_to_success=float(np.median([r.steps for r in good])) if good else None,
+        peak_force=float(np.median([r.peak_force for r in results])) if results else 0.0,
+        reasons=dict(Counter(r.reason for r in results if not r.success)),
+        seconds=round(time.perf_counter() - started, 1),
+        each=results,
+    )
+
+
+def _episode(
+    env: Any,
+    begin: Callable[[Any], Callable[[Any], Any]],
+    seed: int,
+    frames: list[np.ndarray] | None,
+) -> EpisodeResult:
+    obs, info = env.reset(seed=seed)
+    try:
+        policy = begin(env)
+    except PlanningError as error:
+        return EpisodeResult(seed, False, 0, 0.0, 0.0, str(error))
+    steps, force, success = 0, 0.0, False
+    while True:
+        obs, _, _, truncated, info = env.step(policy(obs))
+        steps += 1
+        force = max(force, _first(info["contact_force"]))
+        if frames is not None and steps % 2 == 0:
+            picture = np.asarray(env.render())
+            frames.append(picture.reshape(picture.shape[-3:]))
+        success = bool(_first(info["success"]))
+        if success or bool(_first(truncated)):
+            break
+    fraction = _first(info["open_fraction"])
+    return EpisodeResult(seed, success, steps, fraction, force, _why(success, info, force))
+
+
+def _why(success: bool, info: dict[str, Any], force: float) -> str:
+    if success:
+        return ""
+    progress = _first(info["progress"])
+    if force < 0.1:
+        return "never touched the part"
+    if progress < 0.05:
+        return "touched but did not move it"
+    if progress < 1.0:
+        return "moved it part of the way"
+    return "moved it without contact, or too fast at the end"
+
+
+def _first(value: Any) -> float:
+    return float(np.asarray(value).reshape(-1)[0])
+
+
+def write_grid(episodes: list[list[np.ndarray]], path: Path, fps: int = 10) -> None:
+    """Episodes side by side (three a row) as one MP4; shorter ones stay on their last frame."""
+    import imageio.v2 as imageio
+
+    shown = [e for e in episodes if e]
+    if not shown:
+        return
+    length, columns = max(map(len, shown)), min(3, len(shown))
+    blank = np.zeros_like(shown[0][0])
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with imageio.get_writer(path, fps=fps, macro_block_size=1) as writer:
+        for t in range(length):
+            tiles = [e[min(t, len(e) - 1)] for e in shown]
+            tiles += [blank] * (-len(tiles) % columns)
+            rows = [
+                np.concatenate(tiles[i : i + columns], axis=1)
+                for i in range(0, len(tiles), columns)
+            ]
+            writer.append_data(np.concatenate(rows, axis=0).astype(np.uint8))
+
+
+def plain(evaluation: Evaluation) -> dict[str, Any]:
+    """As JSON-able data."""
+    return asdict(evaluation)

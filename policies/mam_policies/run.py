@@ -1,0 +1,243 @@
+"""A run: the folder that training leaves and evaluation reads. Weights are safetensors, no code.
+
+run.json             algorithm, environment, sizes, names of the inputs, versions, results
+policy.safetensors   weights and observation statistics
+checkpoint/          what a killed run goes on from
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from safetensors.torch import load_file, save_file
+
+from mam_pipeline.errors import InputError, MamSimError
+
+ENV_ID = "mam_envs:OperateJoint-v1"
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class EnvChoice:
+    """Which environment a policy lives in; everything that gym.make needs.
+
+    Attributes:
+        assets: asset folders (one or several; several are drawn anew at every reset).
+        randomisation: overrides of mam_envs.spec.RandomisationConfig.
+    """
+
+    assets: tuple[str, ...]
+    joint: str | None = None
+    task: str | None = None
+    robot: str = "panda"
+    control_mode: str = "pd_joint_pos"
+    max_steps: int = 200
+    randomisation: Mapping[str, Any] = field(default_factory=dict)
+
+    def make(self, **more: Any) -> Any:
+        """The gym environment (one sub-scene, flat state observations unless told otherwise)."""
+        import mam_envs  # noqa: F401 - registers the environment
+
+        arguments: dict[str, Any] = {
+            "asset": list(self.assets) if len(self.assets) > 1 else self.assets[0],
+            "joint": self.joint,
+            "task": self.task,
+            "robot_uids": self.robot,
+            "control_mode": self.control_mode,
+            "randomisation": dict(self.randomisation),
+            "obs_mode": "state",
+            "max_episode_steps": self.max_steps,
+        }
+        return gym.make(ENV_ID, **{**arguments, **more})
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """run.json as data."""
+
+    algo: str
+    env: EnvChoice
+    observation: list[tuple[str, int, int, bool]]
+    action_dim: int
+    arm_joints: int
+    config: dict[str, Any] = field(default_factory=dict)
+    results: dict[str, Any] = field(default_factory=dict)
+    schema: int = SCHEMA
+
+    def save(self, folder: Path) -> None:
+        """Write run.json, all or nothing."""
+        text = json.dumps(asdict(self), indent=1, default=str)
+        temporary = folder / f"run.json.{os.getpid()}"
+        temporary.write_text(text + "\n")
+        temporary.replace(folder / "run.json")
+
+    @staticmethod
+    def load(folder: str | Path) -> RunInfo:
+        """Read a run folder.
+
+        Raises:
+            InputError: no run there, or of another schema.
+        """
+        file = Path(folder) / "run.json"
+        if not file.is_file():
+            raise InputError(f"{folder} is no run (no run.json); make one with: mam-sim train")
+        try:
+            data = json.loads(file.read_text())
+            if data.get("schema") != SCHEMA:
+                raise InputError(f"{file} has schema {data.get('schema')!r}; this is {SCHEMA}")
+            data["env"] = EnvChoice(**{**data["env"], "assets": tuple(data["env"]["assets"])})
+            data["observation"] = [tuple(row) for row in data["observation"]]
+            return RunInfo(**data)
+        except (ValueError, TypeError, KeyError) as error:
+            raise InputError(f"{file} is not a run of mam-sim: {error}") from error
+
+
+class MlpPolicy(torch.nn.Module):
+    """Observation (and time) to a chunk of actions: an MLP with the statistics inside.
+
+    The arm's part of an action is predicted as its difference to the present joint values when
+    `relative` (absolute joint targets); the gripper command as it is.
+    """
+
+    mean: torch.Tensor
+    std: torch.Tensor
+    scale: torch.Tensor
+    offset: torch.Tensor
+
+    def __init__(
+        self,
+        obs_dim: int,
+        action_dim: int,
+        arm_joints: int,
+        chunk: int = 1,
+        hidden: tuple[int, ...] = (256, 256),
+        horizon: int = 200,
+        timed: bool = True,
+        relative: bool = True,
+        squash: bool = False,
+        activation: str = "relu",
+    ) -> None:
+        super().__init__()
+        self.sizes = {
+            "obs_dim": obs_dim,
+            "action_dim": action_dim,
+            "arm_joints": arm_joints,
+            "chunk": chunk,
+            "hidden": list(hidden),
+            "horizon": horizon,
+            "timed": timed,
+            "relative": relative,
+            "squash": squash,
+            "activation": activation,
+        }
+        self.obs_dim, self.action_dim, self.arm_joints = obs_dim, action_dim, arm_joints
+        self.chunk, self.horizon, self.timed = chunk, horizon, timed
+        self.relative, self.squash = relative, squash
+        layers: list[torch.nn.Module] = []
+        width = obs_dim + int(timed)
+        kind = torch.nn.Tanh if activation == "tanh" else torch.nn.ReLU
+        for size in hidden:
+            layers += [torch.nn.Linear(width, size), kind()]
+            width = size
+        layers.append(torch.nn.Linear(width, chunk * action_dim))
+        self.net = torch.nn.Sequential(*layers)
+        self.register_buffer("mean", torch.zeros(obs_dim))
+        self.register_buffer("std", torch.ones(obs_dim))
+        self.register_buffer("scale", torch.ones(action_dim))
+        self.register_buffer("offset", torch.zeros(action_dim))
+
+    def forward(self, obs: torch.Tensor, step: torch.Tensor) -> torch.Tensor:
+        """(b, obs_dim) and (b,) step counts to normalised actions (b, chunk, action_dim)."""
+        x = ((obs - self.mean) / self.std).clamp(-10, 10)
+        if self.timed:
+            x = torch.cat([x, (step[:, None].float() / self.horizon)], dim=1)
+        return self.net(x).reshape(len(obs), self.chunk, self.action_dim)
+
+    def actions(self, obs: torch.Tensor, step: torch.Tensor) -> torch.Tensor:
+        """(b, chunk, action_dim) in the environment's units."""
+        out = self(obs, step) * self.scale + self.offset
+        if self.relative:
+            arm = obs[:, None, : self.arm_joints]
+            out = torch.cat([out[..., : self.arm_joints] + arm, out[..., self.arm_joints :]], -1)
+        return out.clamp(-1, 1) if self.squash else out
+
+    def save(self, folder: Path) -> None:
+        """Write policy.safetensors with the sizes in its header."""
+        state = {k: v.contiguous() for k, v in self.state_dict().items()}
+        save_file(state, folder / "policy.safetensors", {"sizes": json.dumps(self.sizes)})
+
+    @staticmethod
+    def load(folder: Path) -> MlpPolicy:
+        """Read what `save` wrote.
+
+        Raises:
+            InputError: missing, or not such a file.
+        """
+        from safetensors import SafetensorError, safe_open
+
+        file = folder / "policy.safetensors"
+        if not file.is_file():
+            raise InputError(f"{folder} holds no policy.safetensors; has its training ended?")
+        try:
+            with safe_open(file, "pt") as opened:
+                sizes = json.loads((opened.metadata() or {})["sizes"])
+            policy = MlpPolicy(**{**sizes, "hidden": tuple(sizes["hidden"])})
+            policy.load_state_dict(load_file(file))
+        except (SafetensorError, KeyError, TypeError, ValueError, RuntimeError) as error:
+            raise InputError(f"{file} is not a policy of mam-sim: {error}") from error
+        return policy.eval()
+
+
+class Actor:
+    """Runs an MlpPolicy step by step; chunks overlap and are averaged, recent ones weigh more."""
+
+    def __init__(self, policy: MlpPolicy, decay: float = 0.5) -> None:
+        self.policy, self.decay = policy, decay
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the episode so far."""
+        self.step = 0
+        self.pending: list[tuple[int, NDArray[np.float32]]] = []
+
+    def act(self, obs: Any) -> NDArray[np.float32]:
+        """One action for one flat observation (n,) or (1, n)."""
+        flat = torch.as_tensor(np.asarray(obs, dtype=np.float32)).reshape(1, -1)
+        with torch.no_grad():
+            chunk = self.policy.actions(flat, torch.tensor([self.step]))[0].numpy()
+        self.pending.append((self.step, chunk))
+        self.pending = [(s, c) for s, c in self.pending if self.step - s < len(c)]
+        weights = np.array([self.decay ** (self.step - s) for s, _ in self.pending])
+        rows = np.stack([c[self.step - s] for s, c in self.pending])
+        self.step += 1
+        return np.asarray(weights @ rows / weights.sum(), dtype=np.float32)
+
+
+def flat(obs: Any) -> NDArray[np.float32]:
+    """A batched flat observation as (n,) float32."""
+    return np.asarray(obs, dtype=np.float32).reshape(-1)
+
+
+def describe_env(env: Any) -> dict[str, Any]:
+    """Sizes of an environment for RunInfo: observation rows, action and arm dimensions."""
+    base = env.unwrapped
+    return {
+        "observation": base.observation_layout(),
+        "action_dim": int(np.prod(env.action_space.shape)),
+        "arm_joints": len(base.robot_spec.arm),
+    }
+
+
+class TrainingError(MamSimError):
+    """Training cannot go on: the expert fails, or nothing was learned."""
+
+    exit_code = 1
