@@ -84,12 +84,13 @@ def motion_points(
     """Positions (n, S, 3) of points (S, 3) at the joint values (n,)."""
     if motion == "prismatic":
         return points[None] + values[:, None, None] * axis
-    arm = points - origin
-    along = (arm @ axis)[:, None] * axis
-    radial = arm - along
-    across = np.cross(axis, radial)
+    x, y, z = axis
+    k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     cos, sin = np.cos(values)[:, None, None], np.sin(values)[:, None, None]
-    return np.asarray(origin + along + cos * radial + sin * across)
+    turn = cos * np.eye(3) + sin * k + (1.0 - cos) * np.outer(axis, axis)  # Rodrigues
+    out = (points - origin) @ turn.transpose(0, 2, 1)
+    out += origin
+    return np.asarray(out)
 
 
 def _substeps(motion: Motion, values: FloatArray, chord: float) -> tuple[FloatArray, IntArray]:
@@ -238,14 +239,14 @@ class SweepScene:
         q, index = _substeps(motion, wanted, self._chord)
         path = motion_points(motion, a, o, q, self.points)
         back = motion_points(motion, a, o, -q, self.static_points)
-        depth = self._crossings(path, self.static_scene)
+        depth = self._crossings(path, self.static_scene, index)
         depth[:, self._grazing] = 0.0  # these are judged by the direction of their contact below
         if len(self._touch):
-            moved = path[1:, self._touch] - path[:1, self._touch]
+            moved = path[index + 1][:, self._touch] - path[:1, self._touch]
             pushed = np.einsum("nsk,sk->ns", moved, self._into)
             depth[:, self._touch] = np.maximum(depth[:, self._touch], pushed)
-        other = self._crossings(back, self.part_scene)
-        depth, other = (np.maximum.accumulate(d, axis=0)[index] for d in (depth, other))
+        other = self._crossings(back, self.part_scene, index)
+        depth, other = (np.maximum.accumulate(d, axis=0) for d in (depth, other))
         deep = DEEP * self.diagonal
         blocked = (depth > deep).sum(axis=1) / max(len(self.points), 1)
         blocked = blocked + (other > deep).sum(axis=1) * self._static_weight
@@ -259,37 +260,44 @@ class SweepScene:
                 worst = np.maximum(worst, d.max(axis=1))
         return SweepResult(wanted, np.minimum(blocked, 1.0), worst, share, gap)
 
-    def _crossings(self, path: FloatArray, scene: RayScene) -> FloatArray:
-        """Depth (n, S) behind the surfaces crossed so far, along paths (n + 1, S, 3)."""
+    def _crossings(self, path: FloatArray, scene: RayScene, index: IntArray) -> FloatArray:
+        """Deepest crossing so far (m, S) at the asked steps `index` (m,) of paths (n + 1, S, 3)."""
         n, count = path.shape[0] - 1, path.shape[1]
-        step = np.diff(path, axis=0)
-        length = np.linalg.norm(step, axis=2)
-        begun = np.cumsum(length, axis=0) - length
-        start = START * self.diagonal
-        skip = np.clip((start - begun) / np.maximum(length, 1e-300), 0.0, 1.0)
-        origin = path[:-1] + skip[..., None] * step
-        rest = step * (1.0 - skip)[..., None]
-        active = (skip < 1.0) & (length > 1e-12 * self.diagonal) & self._reachable(path, scene)
-        hits = scene.first_hits(origin[active], rest[active])
-        t, normal = np.full((n, count), np.inf), np.zeros((n, count, 3))
-        t[active], normal[active] = hits.t, hits.normals
-        depth = np.zeros((n, count))
-        for k in range(n):
-            who = np.flatnonzero(t[k] <= 1.0)
-            if not len(who):
-                continue
-            at = origin[k, who] + t[k, who, None] * rest[k, who]
-            behind = np.abs(np.einsum("jsk,sk->js", path[k + 1 :, who] - at, normal[k, who]))
-            depth[k:, who] = np.maximum(depth[k:, who], behind)
+        step = path[1:] - path[:-1]
+        length = np.sqrt(np.einsum("nsk,nsk->ns", step, step))
+        active = self._reachable(path, scene) & (length > 1e-12 * self.diagonal)
+        depth = np.zeros((len(index), count))
+        when, who = np.nonzero(active)
+        if not len(when):
+            return depth
+        begun = (np.cumsum(length, axis=0) - length)[when, who]
+        skip = np.clip((START * self.diagonal - begun) / length[when, who], 0.0, 1.0)[:, None]
+        rest = step[when, who]
+        origin = path[when, who] + skip * rest
+        rest = rest * (1.0 - skip)
+        hits = scene.first_hits(origin, rest)
+        found = np.flatnonzero((hits.t <= 1.0) & (skip[:, 0] < 1.0))
+        if not len(found):
+            return depth
+        when, who, normal = when[found], who[found], hits.normals[found]
+        at = origin[found] + hits.t[found, None] * rest[found]
+        offset = np.einsum("hk,hk->h", at, normal)
+        for row, last in enumerate(index):
+            seen = when <= last
+            sample = who[seen]
+            behind = np.einsum("hk,hk->h", path[last + 1, sample], normal[seen]) - offset[seen]
+            np.maximum.at(depth[row], sample, np.abs(behind))
         return depth
 
     @staticmethod
     def _reachable(path: FloatArray, scene: RayScene) -> NDArray[np.bool_]:
         """Mask (n, S) of path segments that touch the scene's bounding box."""
         low, high = scene.bounds
-        a, b = path[:-1], path[1:]
-        hit = (np.minimum(a, b) <= high) & (np.maximum(a, b) >= low)
-        return np.asarray(hit.all(axis=2), dtype=np.bool_)
+        hit = np.ones((path.shape[0] - 1, path.shape[1]), dtype=np.bool_)
+        for k in range(3):
+            below, above = path[:, :, k] <= high[k], path[:, :, k] >= low[k]
+            hit &= (below[:-1] | below[1:]) & (above[:-1] | above[1:])
+        return hit
 
     def _contact_along(
         self, motion: Motion, axis: FloatArray, origin: FloatArray, values: FloatArray

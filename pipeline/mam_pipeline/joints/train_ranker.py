@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import argparse
 import gzip
+import itertools
 import json
 import sys
 import time
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -195,13 +196,21 @@ def report(data: Sequence[Example]) -> dict[str, float]:
     return {k: round(float(np.mean(v)), 3) for k, v in sorted(hit.items())} | {"parts": len(data)}
 
 
+def order(split: str, count: int) -> Iterator[tuple[str, int]]:
+    """(category, seed) of a split: one object of every category, then the next of every one."""
+    from mam_pipeline.world import CATEGORIES
+    from mam_pipeline.world.splits import split_of
+
+    seeds = range(20 + 20 * count // max(len(CATEGORIES), 1))
+    pairs = ((n, s) for s in seeds for n in CATEGORIES if split_of(n, s) == split)
+    return itertools.islice(pairs, count)
+
+
 def collect(split: str, count: int, cache: Path, budget: float) -> list[Example]:
     """Examples of `count` objects of a split, within `budget` seconds of new measurements."""
-    from mam_pipeline.world.splits import iterate
-
     out: list[Example] = []
     spent, skipped = 0.0, 0
-    for n, (name, seed) in enumerate(iterate(split, count)):
+    for n, (name, seed) in enumerate(order(split, count)):
         known = (cache / f"{name}_{seed:06d}.pkl").is_file()
         if not known and spent > budget:
             skipped += 1

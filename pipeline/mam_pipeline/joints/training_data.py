@@ -61,9 +61,9 @@ def line_error(points: FloatArray, truth: Joint, axis: FloatArray, origin: Float
 
 
 def examples(
-    truth: Articulation, name: str, category: str, seed: int, per_object: int = 4
+    truth: Articulation, name: str, category: str, seed: int, per_object: int = 3
 ) -> Iterator[Example]:
-    """Examples of one object: up to `per_object` movable parts and as many that do not move."""
+    """Examples of one object: up to `per_object` movable parts and two that do not move."""
     rng = np.random.default_rng(seed)
     mesh, label = truth.mesh, truth.face_link
     frame = estimate_frame(mesh)
@@ -85,7 +85,7 @@ def examples(
         kind = 1 if joint.type == "prismatic" else 2
         yield Example(name, category, kind, joint.subtype, part_features(context), hypotheses,
                       grade, opens, _reach(joint, context.scene.points))  # fmt: skip
-    for faces in _still_pieces(truth, rng, per_object):
+    for faces in _still_pieces(truth, rng, 2):
         static = np.setdiff1d(np.arange(len(mesh.faces)), faces, assume_unique=True)
         if not len(static):
             continue
