@@ -1,16 +1,21 @@
-"""Boxes with lids: cartons, sliding lids, suitcases, tool boxes, chests, mailboxes, chutes."""
+"""Boxes with lids: cartons, sliding lids, tool boxes, treasure chests."""
 
 from __future__ import annotations
 
 import numpy as np
-
 from mam_pipeline.world.kit import Builder
-from mam_pipeline.world.mech import part, pierced, profile, studs, tray
+from mam_pipeline.world.solids import part, profile, tray
 
 
-def _clasp(b: Builder, link: str, y: float, z: float, x: float, size: float) -> None:
+def clasp(b: Builder, link: str, y: float, z: float, x: float, size: float) -> None:
     """A fixed clasp plate on the front: it looks like a latch and does not move."""
-    b.box(link, (x - 0.2 * size, y - 0.5 * size, z), (x + 0.001, y + 0.5 * size, z + size), "metal", "decor")
+    b.box(
+        link,
+        (x - 0.2 * size, y - 0.5 * size, z),
+        (x + 0.001, y + 0.5 * size, z + size),
+        "metal",
+        "decor",
+    )
 
 
 def carton(b: Builder) -> None:
@@ -19,7 +24,16 @@ def carton(b: Builder) -> None:
     b.size(d, w, h)
     b.theme("wood")
     t, g = b.uniform(0.002, 0.006), max(b.gap, 0.0015)
-    tray(b, "base", (0, -w / 2, 0), (d, w / 2, h), t, "z", 1, b.choice(("wood", "wood", "skin", "body")))
+    tray(
+        b,
+        "base",
+        (0, -w / 2, 0),
+        (d, w / 2, h),
+        t,
+        "z",
+        1,
+        b.choice(("wood", "wood", "skin", "body")),
+    )
     paint = b.pieces[-1].material
     if b.chance(0.5):
         b.box("base", (-0.0005, -0.3 * w, 0.3 * h), (0, 0.1 * w, 0.7 * h), "light", "decor", False)
@@ -37,12 +51,30 @@ def carton(b: Builder) -> None:
                 edge = mid + s * d / 2
                 ends = sorted((edge, edge - s * depth))
                 b.panel(flap, (ends[0], -w / 2 + g, z), (ends[1], w / 2 - g, z + t), paint)
-                b.hinge(flap, "base", (edge, 0, z), (0, 1, 0), 0, b.uniform(1.9, 3.4), opens=(0, 0, 1), rest=_wiggle(b, rest))
+                b.hinge(
+                    flap,
+                    "base",
+                    (edge, 0, z),
+                    (0, 1, 0),
+                    0,
+                    b.uniform(1.9, 3.4),
+                    opens=(0, 0, 1),
+                    rest=_wiggle(b, rest),
+                )
             else:
                 edge = s * w / 2
                 ends = sorted((edge, edge - s * depth))
                 b.panel(flap, (g, ends[0], z), (d - g, ends[1], z + t), paint)
-                b.hinge(flap, "base", (mid, edge, z), (1, 0, 0), 0, b.uniform(2.3, 3.4), opens=(0, 0, 1), rest=_wiggle(b, rest))
+                b.hinge(
+                    flap,
+                    "base",
+                    (mid, edge, z),
+                    (1, 0, 0),
+                    0,
+                    b.uniform(2.3, 3.4),
+                    opens=(0, 0, 1),
+                    rest=_wiggle(b, rest),
+                )
 
 
 def _wiggle(b: Builder, rest: float) -> float:
@@ -60,95 +92,44 @@ def sliding_box(b: Builder) -> None:
         inner = part(b, "drawer", "tray")
         e = t * 0.6 + g
         tray(b, inner, (0, -w / 2 + e, e), (d, w / 2 - e, h - e), t * 0.6, "z", 1, "light")
-        b.slide(inner, "base", (-1, 0, 0), 0, b.uniform(0.5, 0.85) * d, rest=b.choice((0.0, 0.0, 0.3 * d)))
+        b.slide(
+            inner,
+            "base",
+            (-1, 0, 0),
+            0,
+            b.uniform(0.5, 0.85) * d,
+            rest=b.choice((0.0, 0.0, 0.3 * d)),
+        )
         return
     wall = h - 2.2 * t - 2 * g
     tray(b, "base", (0, -w / 2, 0), (d, w / 2, wall), 1.6 * t, "z", 1)
     top = t + 2 * g
     for s in (-1, 1):
         b.box("base", (0, s * (w / 2 - 0.7 * t), wall), (d, s * w / 2, wall + top), "body")
-        b.box("base", (0, s * (w / 2 - 1.5 * t), wall + top), (d, s * w / 2, wall + top + 0.8 * t), "body")
-    b.box("base", (d - 0.8 * t, -w / 2 + 1.5 * t, wall), (d, w / 2 - 1.5 * t, wall + top + 0.8 * t), "body")
+        b.box(
+            "base",
+            (0, s * (w / 2 - 1.5 * t), wall + top),
+            (d, s * w / 2, wall + top + 0.8 * t),
+            "body",
+        )
+    b.box(
+        "base",
+        (d - 0.8 * t, -w / 2 + 1.5 * t, wall),
+        (d, w / 2 - 1.5 * t, wall + top + 0.8 * t),
+        "body",
+    )
     lid = part(b, "lid")
     z = wall + g
     b.box(lid, (0, -w / 2 + 0.7 * t + g, z), (d - 0.8 * t - g, w / 2 - 0.7 * t - g, z + t), "front")
     if b.chance(0.6):
-        b.box(lid, (0.05 * d, -0.12 * w, z + t), (0.09 * d, 0.12 * w, z + t + 0.6 * t), "metal", "handle")
+        b.box(
+            lid,
+            (0.05 * d, -0.12 * w, z + t),
+            (0.09 * d, 0.12 * w, z + t + 0.6 * t),
+            "metal",
+            "handle",
+        )
     b.slide(lid, "base", (-1, 0, 0), 0, b.uniform(0.5, 0.9) * d, rest=b.choice((0.0, 0.0, 0.4 * d)))
-
-
-def suitcase(b: Builder) -> None:
-    """A suitcase or brief case: two shells on a hinge, a carrying handle, often wheels and a pull."""
-    brief = b.chance(0.45)
-    w = b.uniform(0.36, 0.48) if brief else b.uniform(0.4, 0.75)
-    d = b.uniform(0.28, 0.36) if brief else b.uniform(0.3, 0.5)
-    h = b.uniform(0.07, 0.13) if brief else b.uniform(0.18, 0.3)
-    b.size(w, d, h)
-    b.theme(b.choice(("dark", "paint", "plastic", "steel")))
-    if brief or b.chance(0.5):
-        _flat_case(b, w, d, h, brief)
-    else:
-        _trolley(b, w, d, h)
-
-
-def _flat_case(b: Builder, w: float, d: float, h: float, brief: bool) -> None:
-    t, g = 0.006, max(b.gap, 0.001)
-    k = b.uniform(0.4, 0.65) * h
-    tray(b, "base", (0, -w / 2, 0), (d, w / 2, k), t, "z", 1)
-    lid = part(b, "lid")
-    tray(b, lid, (0, -w / 2, k + g), (d, w / 2, h), t, "z", -1)
-    for s in (-1, 1):
-        b.cylinder(lid, (d + 0.001, s * 0.3 * w - 0.03, k + g / 2), (d + 0.001, s * 0.3 * w + 0.03, k + g / 2), 0.005, None, "metal")
-        _clasp(b, "base", s * 0.3 * w, k - 0.02, 0, 0.018)
-        _clasp(b, lid, s * 0.3 * w, k + g + 0.002, 0, 0.014)
-        for e in (0.02, d - 0.05):
-            if not brief:
-                b.box(lid, (e, s * (w / 2) - 0.001, k + 0.2 * (h - k)), (e + 0.03, s * (w / 2) + 0.001, h - 0.01), "trim", "decor", False)
-    b.hinge(lid, "base", (d + 0.001, 0, k + g / 2), (0, 1, 0), 0, b.uniform(1.5, 2.2), opens=(0, 0, 1), rest=b.choice((0.0, 0.0, 1.5)))
-    z = k - 0.03
-    for s in (-1, 1):
-        b.block("base", (-0.006, s * 0.065, z), (0.013, 0.014, 0.016), "metal")
-    if b.chance(0.7):
-        grip = part(b, "handle")
-        b.sweep(grip, [(-0.007, -0.055, z), (-0.035, -0.055, z), (-0.042, -0.045, z), (-0.042, 0.045, z), (-0.035, 0.055, z), (-0.007, 0.055, z)],
-                0.005, "dark", "handle")  # fmt: skip
-        b.hinge(grip, "base", (-0.007, 0, z), (0, 1, 0), 0, 1.2, opens=(0, 0, -1), closed=0.0)
-    else:
-        b.sweep("base", [(0, -0.06, z), (-0.035, -0.055, z), (-0.035, 0.055, z), (0, 0.06, z)], 0.006, "dark", "handle")
-
-
-def _trolley(b: Builder, w: float, d: float, h: float) -> None:
-    """Upright: height w, width d, depth h; two wheels or four, a pull-out handle, a door half."""
-    g, r = max(b.gap, 0.001), 0.025
-    z0 = 2 * r + 0.005
-    k = 0.5 * h
-    tray(b, "base", (k + g, -d / 2, z0), (h, d / 2, z0 + w), 0.005, "x", -1)
-    lid = part(b, "lid", "shell")
-    tray(b, lid, (0, -d / 2, z0), (k, d / 2, z0 + w), 0.005, "x", 1)
-    for i in range(b.integer(2, 5)):
-        y = (i - 1.5) * 0.2 * d
-        b.box(lid, (-0.003, y - 0.01, z0 + 0.1 * w), (0, y + 0.01, z0 + 0.9 * w), "trim", "decor", False)
-    b.cylinder(lid, (k + g / 2, d / 2, z0 + 0.1 * w), (k + g / 2, d / 2, z0 + 0.9 * w), 0.004, None, "dark")
-    b.hinge(lid, "base", (k + g / 2, d / 2, 0), (0, 0, 1), 0, b.uniform(1.2, 1.8), opens=(-1, 0, 0))
-    for s in (-1, 1):
-        y = s * (d / 2 - 0.04)
-        x = h - 0.03
-        b.box("base", (x - 0.012, y - 0.02, r * 1.1), (x + 0.012, y - 0.014, z0), "dark")
-        b.box("base", (x - 0.012, y + 0.014, r * 1.1), (x + 0.012, y + 0.02, z0), "dark")
-        b.cylinder("base", (x, y - 0.02, r), (x, y + 0.02, r), 0.005, None, "metal")
-        for q in (-0.017, 0.017):
-            b.cylinder("base", (x, y + q - 0.003, r), (x, y + q + 0.003, r), 0.011, None, "dark")
-        wheel = part(b, "wheel")
-        b.tube(wheel, (x, y - 0.011, r), (x, y + 0.011, r), r, 0.006, "rubber")
-        b.spin(wheel, "base", (x, y, r), (0, 1, 0))
-        b.cylinder("base", (0.75 * h - 0.02, y, 0), (0.75 * h - 0.02, y, z0), 0.012, None, "rubber")
-    pull = part(b, "handle", "pull")
-    x, top = h + 0.012, z0 + w
-    for s in (-1, 1):
-        b.tube("base", (x, s * 0.25 * d, z0 + 0.1 * w), (x, s * 0.25 * d, top - 0.01), 0.0115, 0.0085, "dark")
-        b.cylinder(pull, (x, s * 0.25 * d, z0 + 0.2 * w), (x, s * 0.25 * d, top + 0.015), 0.007, None, "metal")
-    b.box(pull, (x - 0.012, -0.28 * d, top + 0.012), (x + 0.012, 0.28 * d, top + 0.032), "dark", "handle")
-    b.slide(pull, "base", (0, 0, 1), 0, b.uniform(0.4, 0.65) * w, rest=b.choice((0.0, 0.2 * w)))
 
 
 def toolbox(b: Builder) -> None:
@@ -163,36 +144,93 @@ def toolbox(b: Builder) -> None:
     if b.chance(0.35):
         # two half lids that meet below a fixed bar handle
         for s in (-1, 1):
-            b.box("base", (d / 2 - 0.012, s * (w / 2 - t), k), (d / 2 + 0.012, s * w / 2, k + 0.08), "metal")
-        b.cylinder("base", (d / 2, -w / 2, k + 0.07), (d / 2, w / 2, k + 0.07), 0.009, None, "wood", "handle")
+            b.box(
+                "base",
+                (d / 2 - 0.012, s * (w / 2 - t), k),
+                (d / 2 + 0.012, s * w / 2, k + 0.08),
+                "metal",
+            )
+        b.cylinder(
+            "base",
+            (d / 2, -w / 2, k + 0.07),
+            (d / 2, w / 2, k + 0.07),
+            0.009,
+            None,
+            "wood",
+            "handle",
+        )
         for s, x in ((-1, 0.0), (1, d)):
             half = part(b, "lid", "half_lid")
             x0, x1 = sorted((x, d / 2 + s * g))
             b.box(half, (x0, -w / 2 + t + g, k + g), (x1, w / 2 - t - g, k + g + 0.012), paint)
-            b.hinge(half, "base", (x, 0, k + g), (0, 1, 0), 0, b.uniform(1.5, 2.6), opens=(0, 0, 1), rest=b.choice((0.0, 0.0, 1.4)))
+            b.hinge(
+                half,
+                "base",
+                (x, 0, k + g),
+                (0, 1, 0),
+                0,
+                b.uniform(1.5, 2.6),
+                opens=(0, 0, 1),
+                rest=b.choice((0.0, 0.0, 1.4)),
+            )
         return
     lid = part(b, "lid")
     sloped = b.chance(0.5)
     if sloped:
         c = 0.25 * d
-        profile(b, lid, [(0, k + g), (d, k + g), (d, k + g + 0.02), (d - c, h), (c, h), (0, k + g + 0.02)], -w / 2, w / 2, "y", paint)
+        profile(
+            b,
+            lid,
+            [(0, k + g), (d, k + g), (d, k + g + 0.02), (d - c, h), (c, h), (0, k + g + 0.02)],
+            -w / 2,
+            w / 2,
+            "y",
+            paint,
+        )
     else:
         tray(b, lid, (0, -w / 2, k + g), (d, w / 2, h), t, "z", -1, paint)
     b.cylinder(lid, (d, -0.4 * w, k + g / 2), (d, 0.4 * w, k + g / 2), 0.004, None, "metal")
     for s in (-1, 1):
-        _clasp(b, lid, s * 0.28 * w, k + g + 0.002, 0, 0.02)
-        _clasp(b, "base", s * 0.28 * w, k - 0.03, 0, 0.026)
-    b.hinge(lid, "base", (d, 0, k + g / 2), (0, 1, 0), 0, b.uniform(1.3, 1.9), opens=(0, 0, 1), rest=b.choice((0.0, 0.0, 1.0)))
+        clasp(b, lid, s * 0.28 * w, k + g + 0.002, 0, 0.02)
+        clasp(b, "base", s * 0.28 * w, k - 0.03, 0, 0.026)
+    b.hinge(
+        lid,
+        "base",
+        (d, 0, k + g / 2),
+        (0, 1, 0),
+        0,
+        b.uniform(1.3, 1.9),
+        opens=(0, 0, 1),
+        rest=b.choice((0.0, 0.0, 1.0)),
+    )
     for s in (-1, 1):
         b.block(lid, (d / 2, s * 0.2 * w, h + 0.006), (0.02, 0.02, 0.014), "metal")
     y = 0.2 * w - 0.012
     if b.chance(0.5):
         handle = part(b, "handle")
-        b.sweep(handle, [(d / 2, -y, h + 0.008), (d / 2, -y, h + 0.045), (d / 2, -y + 0.012, h + 0.055), (d / 2, y - 0.012, h + 0.055),
-                         (d / 2, y, h + 0.045), (d / 2, y, h + 0.008)], 0.005, "dark", "handle")  # fmt: skip
+        b.sweep(
+            handle,
+            [
+                (d / 2, -y, h + 0.008),
+                (d / 2, -y, h + 0.045),
+                (d / 2, -y + 0.012, h + 0.055),
+                (d / 2, y - 0.012, h + 0.055),
+                (d / 2, y, h + 0.045),
+                (d / 2, y, h + 0.008),
+            ],
+            0.005,
+            "dark",
+            "handle",
+        )
         b.hinge(handle, lid, (d / 2, 0, h + 0.008), (0, 1, 0), -1.3, 1.3, closed=0.0)
     else:
-        b.sweep(lid, [(d / 2, -y, h), (d / 2, -y, h + 0.045), (d / 2, y, h + 0.045), (d / 2, y, h)], 0.007, "dark", "handle")
+        b.sweep(
+            lid,
+            [(d / 2, -y, h), (d / 2, -y, h + 0.045), (d / 2, y, h + 0.045), (d / 2, y, h)],
+            0.007,
+            "dark",
+            "handle",
+        )
 
 
 def chest(b: Builder) -> None:
@@ -224,94 +262,65 @@ def chest(b: Builder) -> None:
     for y in np.linspace(-0.4, 0.4, b.integer(2, 3)) * w:
         b.box("base", (-0.003, y - 0.02, z0), (0, y + 0.02, k), "metal", "decor")
         if vault:
-            ring = np.stack([d / 2 + (d / 2 + 0.003) * np.cos(theta), z + (rise + 0.003) * np.sin(theta)], 1)
-            profile(b, lid, np.concatenate([ring, outer[::-1]]), y - 0.02, y + 0.02, "y", "metal", "decor")
-    _clasp(b, "base", 0, k - 0.06, 0, 0.055)
+            ring = np.stack(
+                [d / 2 + (d / 2 + 0.003) * np.cos(theta), z + (rise + 0.003) * np.sin(theta)], 1
+            )
+            profile(
+                b,
+                lid,
+                np.concatenate([ring, outer[::-1]]),
+                y - 0.02,
+                y + 0.02,
+                "y",
+                "metal",
+                "decor",
+            )
+    clasp(b, "base", 0, k - 0.06, 0, 0.055)
     b.cylinder(lid, (d, -0.35 * w, k + g / 2), (d, 0.35 * w, k + g / 2), 0.006, None, "metal")
-    b.hinge(lid, "base", (d, 0, k + g / 2), (0, 1, 0), 0, b.uniform(1.3, 1.9), opens=(0, 0, 1), rest=b.choice((0.0, 0.0, 1.2)))
+    b.hinge(
+        lid,
+        "base",
+        (d, 0, k + g / 2),
+        (0, 1, 0),
+        0,
+        b.uniform(1.3, 1.9),
+        opens=(0, 0, 1),
+        rest=b.choice((0.0, 0.0, 1.2)),
+    )
     if b.chance(0.6):
         for s in (-1, 1):
             y, zc, r = s * w / 2, 0.7 * k, min(0.05, 0.2 * d)
             b.block("base", (d / 2, y + s * 0.004, zc), (0.03, 0.01, 0.02), "metal")
             if b.chance(0.5):
                 ring_link = part(b, "handle", "ring")
-                b.torus(ring_link, (d / 2, y + s * 0.016, zc - r), (0, 1, 0), r, 0.005, "metal", "handle")
-                b.hinge(ring_link, "base", (d / 2, y + s * 0.016, zc), (1, 0, 0), 0, 1.3, opens=(0, s, 0), tip=(d / 2, y + s * 0.016, zc - 2 * r))
+                b.torus(
+                    ring_link,
+                    (d / 2, y + s * 0.016, zc - r),
+                    (0, 1, 0),
+                    r,
+                    0.005,
+                    "metal",
+                    "handle",
+                )
+                b.hinge(
+                    ring_link,
+                    "base",
+                    (d / 2, y + s * 0.016, zc),
+                    (1, 0, 0),
+                    0,
+                    1.3,
+                    opens=(0, s, 0),
+                    tip=(d / 2, y + s * 0.016, zc - 2 * r),
+                )
             else:
-                b.torus("base", (d / 2, y + s * 0.01, zc - r), (0, 1, 0), r, 0.005, "metal", "handle")
-
-
-def mailbox(b: Builder) -> None:
-    """A letter box: a front door hinged below or at the side, often a flag; or a wall box flap."""
-    w, h, d = b.uniform(0.16, 0.26), b.uniform(0.18, 0.3), b.uniform(0.3, 0.5)
-    b.theme(b.choice(("steel", "paint", "dark", "white")))
-    g, t = max(b.gap, 0.0015), 0.004
-    if b.chance(0.45):
-        h, d = b.uniform(0.3, 0.45), b.uniform(0.1, 0.18)
-        b.size(w, h, d)
-        b.shell("base", (0, -w / 2, 0), (d, w / 2, h), t, "-x", "body")
-        zs = 0.8 * h
-        pierced(b, "base", (-t, -w / 2, zs), (0, w / 2, h), [(-0.4 * w, zs + 0.3 * (h - zs), 0.4 * w, h - 0.2 * (h - zs))], "x", "front")
-        slot = part(b, "lid", "slot_flap")
-        z1 = h - 0.15 * (h - zs)
-        b.box(slot, (-t - g - 0.003, -0.42 * w, zs + 0.25 * (h - zs)), (-t - g, 0.42 * w, z1), "trim")
-        b.hinge(slot, "base", (-t - g - 0.0015, 0, z1), (0, 1, 0), 0, 1.4, opens=(-1, 0, 0))
-        door = part(b, "door")
-        b.box(door, (-t, -w / 2, 0), (0, w / 2, zs - g), "front")
-        studs(b, [(-t, 0.35 * w, 0.75 * zs)], (-1, 0, 0), 0.008, door)
-        s = b.choice((-1, 1))
-        b.hinge(door, "base", (-t, s * w / 2, 0), (0, 0, 1), 0, b.uniform(1.4, 1.9), opens=(-1, 0, 0))
-        return
-    b.size(w, h + 0.9, d)
-    z = b.choice((0.0, b.uniform(0.7, 1.1)))
-    if z:
-        b.box("base", (0.4 * d, -0.045, 0), (0.4 * d + 0.09, 0.045, z), "wood")
-        b.box("base", (0.05 * d, -0.4 * w, z - 0.02), (0.95 * d, 0.4 * w, z), "wood")
-    vault = [(-w / 2, z), (w / 2, z), (w / 2, z + h - w / 2)]
-    theta = np.linspace(0, np.pi, 11)[1:]
-    vault += [(w / 2 * np.cos(a), z + h - w / 2 + w / 2 * np.sin(a)) for a in theta]
-    c = np.array([0, z + (h - w / 2) / 2])
-    inner = (np.array(vault) - c) * (1 - 2 * t / w) + c
-    loop = np.concatenate([vault, vault[:1], inner[:1], inner[::-1]])
-    profile(b, "base", loop, 0, d, "x", "body")
-    profile(b, "base", inner, d - t, d, "x", "body")
-    door = part(b, "door")
-    profile(b, door, vault, -t - g, -g, "x", "front")
-    b.box(door, (-t - g - 0.02, -0.02, z + 0.85 * h), (-t - g, 0.02, z + 0.89 * h), "metal", "handle")
-    b.hinge(door, "base", (-g, 0, z), (0, 1, 0), 0, b.uniform(1.3, 1.6), opens=(-1, 0, 0))
-    if b.chance(0.7):
-        flag = part(b, "flag")
-        y, fz, x = w / 2 + 0.002 + g, z + 0.55 * h, 0.35 * d
-        b.cylinder("base", (x, w / 2 - 0.001, fz), (x, w / 2 + 0.002, fz), 0.012, None, "metal")
-        b.cylinder(flag, (x, y, fz), (x, y + 0.003, fz), 0.011, None, "red")
-        b.box(flag, (x, y, fz - 0.008), (x + 0.13, y + 0.003, fz + 0.008), "red", "handle")
-        b.box(flag, (x + 0.09, y, fz - 0.008), (x + 0.14, y + 0.003, fz + 0.035), "red", "handle")
-        b.hinge(flag, "base", (x, y, fz), (0, 1, 0), 0, np.pi / 2, opens=(0, 0, 1))
-
-
-def chute(b: Builder) -> None:
-    """A trash chute or drop box: a hopper door that tips out below a fixed hood."""
-    w, h, d = b.uniform(0.35, 0.55), b.uniform(0.5, 1.1), b.uniform(0.3, 0.45)
-    b.size(w, h, d)
-    b.theme(b.choice(("steel", "paint", "dark")))
-    t, g = 0.01, max(b.gap, 0.002)
-    b.shell("base", (0, -w / 2, 0), (d, w / 2, h), t, "-x", "body", "solid")
-    z0, z1 = 0.5 * h, 0.85 * h
-    y = w / 2 - b.uniform(0.03, 0.06)
-    pierced(b, "base", (-t, -w / 2, 0), (0, w / 2, h), [(-y, z0, y, z1)], "x", "body")
-    door = part(b, "door", "hopper")
-    b.box(door, (-t, -y + g, z0 + g), (0, y - g, z1 - g), "front")
-    depth = 0.5 * (z1 - z0)
-    for s in (-1, 1):
-        with b.facing((0, s * (y - g - 0.002) + 0.002, 0), (0, -1, 0), (1, 0, 0)):
-            b.extrude(door, [(0, z0 + 0.02), (depth, z1 - 0.3 * (z1 - z0)), (0, z1 - 0.3 * (z1 - z0))], 0.004, "metal")
-    b.handle(door, (-t, 0, z1 - 0.05), (-1, 0, 0), (0, 1, 0), b.uniform(0.12, 0.2), b.choice(("bar", "bow", "cup")))
-    b.hinge(door, "base", (-t / 2, 0, z0 + g), (0, 1, 0), 0, b.uniform(0.5, 0.8), opens=(-1, 0, 0))
-    if b.chance(0.5):
-        b.box("base", (-0.06, -w / 2, z1 + 0.03), (-t, w / 2, z1 + 0.04), "trim")
+                b.torus(
+                    "base", (d / 2, y + s * 0.01, zc - r), (0, 1, 0), r, 0.005, "metal", "handle"
+                )
 
 
 CATEGORIES = {
-    "carton": carton, "sliding_box": sliding_box, "suitcase": suitcase, "toolbox": toolbox,
-    "chest": chest, "mailbox": mailbox, "chute": chute,
-}  # fmt: skip
+    "carton": carton,
+    "sliding_box": sliding_box,
+    "toolbox": toolbox,
+    "chest": chest,
+}

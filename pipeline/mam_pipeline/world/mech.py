@@ -1,241 +1,28 @@
-"""Shapes and fittings of the mechanism families: pierced plates, trays, bars, dials, wheels.
+"""Fittings of the mechanism families: dials, road wheels, feet, bails, fixed studs."""
 
-Functions take the builder first and draw in its current frame. Plates and profiles are drawn in
-two coordinates across a named axis: (y, z) across x, (x, z) across y, (x, y) across z.
-"""
+# ruff: noqa: RUF005  (a point plus a tuple is a vector sum here, not a joined list)
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Literal
 
 import numpy as np
+from mam_pipeline.world.kit import Builder
+from mam_pipeline.world.solids import TAU
 from numpy.typing import ArrayLike
 
-from mam_pipeline.types import FloatArray
-from mam_pipeline.world import collide, shapes
-from mam_pipeline.world.kit import Builder
-from mam_pipeline.world.shapes import Shape
 
-Axis = Literal["x", "y", "z"]
-_ORDER: dict[str, tuple[int, int, int]] = {"x": (1, 2, 0), "y": (0, 2, 1), "z": (0, 1, 2)}
-_NORMAL: dict[str, FloatArray] = {a: np.eye(3)[_ORDER[a][2]] for a in "xyz"}
-TAU = 2 * np.pi
-
-
-def _lift(uv: FloatArray, height: float, axis: str) -> FloatArray:
-    out = np.empty((len(uv), 3))
-    i, j, k = _ORDER[axis]
-    out[:, i], out[:, j], out[:, k] = uv[:, 0], uv[:, 1], height
-    return out
-
-
-def _shape(vertices: FloatArray, faces: FloatArray) -> Shape:
-    """Outward shape with texture coordinates drawn from above and from the side."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    if np.einsum("ij,ij->", np.cross(a, b), c) < 0:
-        faces = faces[:, ::-1]
-    uv = np.c_[vertices[:, 0] + vertices[:, 1], vertices[:, 1] + vertices[:, 2]]
-    return Shape(vertices, np.ascontiguousarray(faces), uv)
-
-
-def part(b: Builder, kind: str, name: str | None = None) -> str:
-    """A new moving link named after its kind."""
-    return b.link(name or kind, kind)
-
-
-# -- shapes -------------------------------------------------------------------------------------
-def profile(
-    b: Builder, link: str, polygon: ArrayLike, low: float, high: float, axis: Axis = "z",
-    material: str = "body", role: str = "solid",
-) -> None:  # fmt: skip
-    """Prism over a polygon drawn across `axis`, from `low` to `high` along it."""
-    if axis == "z":
-        with b.moved((0, 0, low)):
-            b.extrude(link, polygon, high - low, material, role)
-    elif axis == "x":
-        with b.facing((low, 0, 0), (1, 0, 0), (0, 1, 0)):
-            b.extrude(link, polygon, high - low, material, role)
-    else:
-        with b.facing((0, high, 0), (0, -1, 0), (1, 0, 0)):
-            b.extrude(link, polygon, high - low, material, role)
-
-
-def outline(low: ArrayLike, high: ArrayLike, radius: float, n: int = 4) -> FloatArray:
-    """(m, 2) rectangle with rounded corners between two (2,) corners."""
-    lo, hi = np.asarray(low, float), np.asarray(high, float)
-    return shapes.rounded_rectangle(*(hi - lo), radius, n) + (lo + hi) / 2
-
-
-def rounded(
-    b: Builder, link: str, low: ArrayLike, high: ArrayLike, radius: float, axis: Axis = "z",
-    material: str = "body", role: str = "solid",
-) -> None:  # fmt: skip
-    """Box whose four edges along `axis` are rounded."""
-    lo, hi = np.asarray(low, float), np.asarray(high, float)
-    i, j, k = _ORDER[axis]
-    profile(b, link, outline(lo[[i, j]], hi[[i, j]], radius), lo[k], hi[k], axis, material, role)
-
-
-def plate(
-    b: Builder, link: str, us: Sequence[float], vs: Sequence[float], solid: ArrayLike, low: float,
-    high: float, axis: Axis = "z", material: str = "body", role: str = "solid",
-) -> None:  # fmt: skip
-    """One closed plate of rectangular cells, `solid` (len(us)-1, len(vs)-1) saying which exist."""
-    mask = np.asarray(solid, bool)
-    nv = mask.shape[1]
-    grid = np.array([(u, v) for u in us for v in vs], float)
-    total = len(grid)
-    i, j = np.nonzero(mask)
-    p00, p10 = i * (nv + 1) + j, (i + 1) * (nv + 1) + j
-    p01, p11 = p00 + 1, p10 + 1
-    quads = [np.stack([p00, p01, p11, p10], 1), np.stack([p00, p10, p11, p01], 1) + total]
-    pad = np.pad(mask, 1)
-    for near, far, di, dj in ((p00, p10, 1, 0), (p10, p11, 2, 1), (p11, p01, 1, 2), (p01, p00, 0, 1)):
-        wall = ~pad[i + di, j + dj]
-        near, far = near[wall], far[wall]
-        quads.append(np.stack([near, far, far + total, near + total], 1))
-    q = np.concatenate(quads)
-    faces = np.concatenate([q[:, [0, 1, 2]], q[:, [0, 2, 3]]])
-    used, inverse = np.unique(faces.reshape(-1), return_inverse=True)
-    v = np.concatenate([_lift(grid, low, axis), _lift(grid, high, axis)])[used]
-    boxes = []
-    for k in range(mask.shape[0]):
-        runs = np.flatnonzero(np.diff(np.r_[0, mask[k].astype(int), 0]))
-        for s, e in runs.reshape(-1, 2):
-            ends = _lift(np.array([(us[k], vs[s]), (us[k + 1], vs[e])]), low, axis)
-            ends[1, _ORDER[axis][2]] = high
-            boxes.append(collide.box(ends[0], ends[1]))
-    b.add(link, _shape(v, inverse.reshape(-1, 3)), boxes, material, role)
-
-
-def frame(
-    b: Builder, link: str, low: ArrayLike, high: ArrayLike, border: float, axis: Axis,
-    material: str = "body",
-) -> None:  # fmt: skip
-    """Rectangular frame of bars `border` wide; `axis` is its thickness direction."""
-    lo, hi = np.asarray(low, float), np.asarray(high, float)
-    i, j, k = _ORDER[axis]
-    us = [lo[i], lo[i] + border, hi[i] - border, hi[i]]
-    vs = [lo[j], lo[j] + border, hi[j] - border, hi[j]]
-    plate(b, link, us, vs, [[1, 1, 1], [1, 0, 1], [1, 1, 1]], lo[k], hi[k], axis, material)
-
-
-def pierced(
-    b: Builder, link: str, low: ArrayLike, high: ArrayLike, holes: Sequence[Sequence[float]],
-    axis: Axis = "z", material: str = "body",
-) -> None:  # fmt: skip
-    """Plate with rectangular holes (u0, v0, u1, v1), one closed shape."""
-    lo, hi = np.asarray(low, float), np.asarray(high, float)
-    i, j, k = _ORDER[axis]
-    h = np.asarray(holes, float).reshape(-1, 4)
-    us = np.unique(np.round([lo[i], hi[i], *h[:, 0], *h[:, 2]], 7))
-    vs = np.unique(np.round([lo[j], hi[j], *h[:, 1], *h[:, 3]], 7))
-    cu, cv = (us[1:] + us[:-1]) / 2, (vs[1:] + vs[:-1]) / 2
-    solid = np.ones((len(cu), len(cv)), bool)
-    for u0, v0, u1, v1 in h:
-        solid &= ~(((cu > u0) & (cu < u1))[:, None] & ((cv > v0) & (cv < v1))[None, :])
-    plate(b, link, us.tolist(), vs.tolist(), solid, lo[k], hi[k], axis, material)
-
-
-def bored(
-    b: Builder, link: str, low: ArrayLike, high: ArrayLike, axis: Axis, centre: ArrayLike,
-    radius: float, material: str = "body",
-) -> None:  # fmt: skip
-    """Box with one round hole right through along `axis`; `centre` (2,) in drawing coordinates."""
-    lo, hi, c = (np.asarray(a, float) for a in (low, high, centre))
-    i, j, k = _ORDER[axis]
-    near, far = lo[[i, j]] - c, hi[[i, j]] - c
-    corner = np.arctan2([near[1], near[1], far[1], far[1]], [near[0], far[0], near[0], far[0]])
-    t = np.arange(b.segments(radius, low=12)) * (TAU / b.segments(radius, low=12))
-    t = np.unique(np.round(np.concatenate([t, corner % TAU]), 9))
-    d = np.stack([np.cos(t), np.sin(t)], axis=1)
-    with np.errstate(divide="ignore"):
-        reach = np.where(d > 1e-9, far / d, np.where(d < -1e-9, near / d, np.inf)).min(axis=1)
-    outer, inner = c + d * reach[:, None], c + d * radius
-    v = np.concatenate([_lift(outer, lo[k], axis), _lift(outer, hi[k], axis),
-                        _lift(inner, hi[k], axis), _lift(inner, lo[k], axis)])  # fmt: skip
-    walls = []
-    for u0, u1, v0, v1 in (
-        (lo[i], c[0] - radius, lo[j], hi[j]), (c[0] + radius, hi[i], lo[j], hi[j]),
-        (c[0] - radius, c[0] + radius, lo[j], c[1] - radius),
-        (c[0] - radius, c[0] + radius, c[1] + radius, hi[j]),
-    ):  # fmt: skip
-        ends = _lift(np.array([(u0, v0), (u1, v1)]), lo[k], axis)
-        ends[1, k] = hi[k]
-        walls.append(collide.box(ends[0], ends[1]))
-    b.add(link, _shape(v, shapes.grid_faces(4, len(t), True, True)), walls, material)
-
-
-def tray(
-    b: Builder, link: str, low: ArrayLike, high: ArrayLike, wall: float, axis: Axis = "z",
-    opens: int = 1, material: str = "body", floor: float | None = None, taper: float = 0.0,
-) -> None:  # fmt: skip
-    """Box open on one side (`axis` with sign `opens`), one closed shape of outer and inner skin.
-
-    `taper` draws the closed side in by that much, metres.
-    """
-    lo, hi = np.asarray(low, float), np.asarray(high, float)
-    i, j, k = _ORDER[axis]
-    start, mouth = (lo[k], hi[k]) if opens > 0 else (hi[k], lo[k])
-    inner_floor = start + (wall if floor is None else floor) * np.sign(mouth - start)
-    outer = np.array([(lo[i], lo[j]), (hi[i], lo[j]), (hi[i], hi[j]), (lo[i], hi[j])])
-    inward = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)], float)
-    inner = outer + wall * inward
-    loops = [(outer + taper * inward, start), (outer, mouth), (inner, mouth),
-             (inner + taper * inward, inner_floor)]  # fmt: skip
-    v = np.concatenate([_lift(loop, h, axis) for loop, h in loops])
-    faces = [[0, 2, 1], [0, 3, 2], [12, 13, 14], [12, 14, 15]]
-    for ring in range(0, 12, 4):
-        for a in range(4):
-            c = (a + 1) % 4
-            faces += [[ring + a, ring + c, ring + 4 + c], [ring + a, ring + 4 + c, ring + 4 + a]]
-    solids = [collide.rings(np.stack([v[[0, 1, 2, 3]], np.r_[v[12:16]]]))]
-    for a in range(4):
-        c = (a + 1) % 4
-        solids.append(collide.rings(np.stack([v[[a, c, 12 + c, 12 + a]], v[[4 + a, 4 + c, 8 + c, 8 + a]]])))
-    b.add(link, _shape(v, np.array(faces)), solids, material)
-
-
-def wedge(
-    b: Builder, link: str, bottom: ArrayLike, top: ArrayLike, z0: float, z1: float,
-    material: str = "body", role: str = "solid",
-) -> None:  # fmt: skip
-    """Solid between two rectangles (x0, y0, x1, y1) at two heights: hoppers, keys, car bodies."""
-    rows = []
-    for (x0, y0, x1, y1), z in ((np.asarray(bottom, float), z0), (np.asarray(top, float), z1)):
-        rows.append([(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)])
-    piece = collide.rings(np.array(rows))
-    b.add(link, _shape(piece.vertices, piece.faces), [piece], material, role)
-
-
-def bar(
-    b: Builder, link: str, start: ArrayLike, end: ArrayLike, width: float, thick: float,
-    normal: ArrayLike = (0, 0, 1), material: str = "body", role: str = "solid",
-) -> None:  # fmt: skip
-    """Straight bar of rectangular section between two points; `thick` is measured along `normal`."""
-    p, q = np.asarray(start, float), np.asarray(end, float)
-    length = float(np.linalg.norm(q - p))
-    with b.facing(p, normal, q - p):
-        b.box(link, (0, -width / 2, -thick / 2), (length, width / 2, thick / 2), material, role)
-
-
-def arc(
-    centre: ArrayLike, radius: float, start: float, stop: float, n: int = 9, axis: Axis = "y"
-) -> FloatArray:
-    """(n, 3) points of an arc drawn across `axis`."""
-    t = np.linspace(start, stop, n)
-    uv = radius * np.stack([np.cos(t), np.sin(t)], axis=1)
-    return _lift(uv, 0.0, axis) + np.asarray(centre, float)
-
-
-# -- fittings -----------------------------------------------------------------------------------
 def dial(
-    b: Builder, link: str, foot: ArrayLike, axis: ArrayLike, radius: float, height: float,
-    style: str | None = None, material: str | None = None,
-) -> None:  # fmt: skip
-    """A knob standing on `foot` along `axis`: plain, cone, flute, pointer, dome, bar, skirt, cross."""
+    b: Builder,
+    link: str,
+    foot: ArrayLike,
+    axis: ArrayLike,
+    radius: float,
+    height: float,
+    style: str | None = None,
+    material: str | None = None,
+) -> None:
+    """A knob standing on `foot`: plain, cone, flute, pointer, dome, bar, skirt or cross."""
     kind = style or b.choice(("plain", "cone", "flute", "pointer", "dome", "bar", "skirt", "cross"))
     paint = material or b.choice(("dark", "metal", "light", "accent"))
     r, h = radius, height
@@ -247,27 +34,44 @@ def dial(
             top = [(r * np.cos(t), h * (0.4 + 0.6 * np.sin(t))) for t in (0, 0.5, 1.0, 1.3)]
             b.lathe(link, [(r, 0), *top, (0, h)], paint, "handle")
         elif kind == "skirt":
-            b.lathe(link, [(r, 0), (r, 0.25 * h), (0.65 * r, 0.3 * h), (0.6 * r, h)], paint, "handle")
+            b.lathe(
+                link, [(r, 0), (r, 0.25 * h), (0.65 * r, 0.3 * h), (0.6 * r, h)], paint, "handle"
+            )
         elif kind == "bar":
             b.lathe(link, [(r, 0), (r, 0.35 * h)], paint, "handle")
             b.box(link, (-0.95 * r, -0.2 * r, 0.35 * h), (0.95 * r, 0.2 * r, h), paint, "handle")
         elif kind == "cross":
             b.lathe(link, [(0.35 * r, 0), (0.3 * r, h)], paint, "handle")
             for a, c in ((1, 0.25), (0.25, 1)):
-                b.box(link, (-a * r, -c * r * 0.8, 0.5 * h), (a * r, c * r * 0.8, 0.9 * h), paint, "handle")
+                b.box(
+                    link,
+                    (-a * r, -c * r * 0.8, 0.5 * h),
+                    (a * r, c * r * 0.8, 0.9 * h),
+                    paint,
+                    "handle",
+                )
         else:
             b.lathe(link, [(r, 0), (r, 0.85 * h), (0.9 * r, h)], paint, "handle")
             if kind == "flute":
                 for t in np.arange(8) * TAU / 8:
                     c, s = 0.93 * r * np.cos(t), 0.93 * r * np.sin(t)
-                    b.cylinder(link, (c, s, 0), (c, s, 0.8 * h), 0.16 * r, None, paint, "handle", False)
+                    b.cylinder(
+                        link, (c, s, 0), (c, s, 0.8 * h), 0.16 * r, None, paint, "handle", False
+                    )
         if kind in ("pointer", "skirt", "cone"):
             mark = "light" if paint == "dark" else "dark"
-            b.box(link, (0.15 * r, -0.06 * r, h), (0.55 * r, 0.06 * r, 1.04 * h), mark, "decor", False)
+            b.box(
+                link, (0.15 * r, -0.06 * r, h), (0.55 * r, 0.06 * r, 1.04 * h), mark, "decor", False
+            )
 
 
 def wheel(
-    b: Builder, link: str, centre: ArrayLike, axis: ArrayLike, radius: float, width: float,
+    b: Builder,
+    link: str,
+    centre: ArrayLike,
+    axis: ArrayLike,
+    radius: float,
+    width: float,
     style: str | None = None,
 ) -> None:
     """A road wheel: disc, tyre on a rim with bolts, wire spokes or cast spokes."""
@@ -283,11 +87,27 @@ def wheel(
                 b.vessel(link, side, 0.25 * r, "rubber", bottom=False)
         b.cylinder(link, (0, 0, -w), (0, 0, w), 0.16 * r, None, "metal")
         if kind in ("disc", "tyre"):
-            b.cylinder(link, (0, 0, -0.6 * w), (0, 0, 0.6 * w), 0.73 * r, None, "metal" if kind == "tyre" else "accent")
+            b.cylinder(
+                link,
+                (0, 0, -0.6 * w),
+                (0, 0, 0.6 * w),
+                0.73 * r,
+                None,
+                "metal" if kind == "tyre" else "accent",
+            )
             if kind == "tyre":
                 for t in np.arange(5) * TAU / 5:
                     c, s = 0.42 * r * np.cos(t), 0.42 * r * np.sin(t)
-                    b.cylinder(link, (c, s, -0.7 * w), (c, s, 0.7 * w), 0.08 * r, None, "dark", "decor", False)
+                    b.cylinder(
+                        link,
+                        (c, s, -0.7 * w),
+                        (c, s, 0.7 * w),
+                        0.08 * r,
+                        None,
+                        "dark",
+                        "decor",
+                        False,
+                    )
             return
         count = b.integer(5, 8) if kind == "cast" else b.integer(9, 14)
         thick = min(0.06 * r if kind == "cast" else 0.015 * r, 0.8 * w)
@@ -297,7 +117,9 @@ def wheel(
             b.cylinder(link, 0.12 * r * d, reach * d, thick, None, "metal", sides=6)
 
 
-def feet(b: Builder, low: Sequence[float], high: Sequence[float], height: float, link: str = "base") -> None:
+def feet(
+    b: Builder, low: Sequence[float], high: Sequence[float], height: float, link: str = "base"
+) -> None:
     """Four short feet below the rectangle low..high (x, y), from z = 0 up to `height`."""
     r = 0.06 * min(high[0] - low[0], high[1] - low[1])
     for x in (low[0] + 2 * r, high[0] - 2 * r):
@@ -305,33 +127,34 @@ def feet(b: Builder, low: Sequence[float], high: Sequence[float], height: float,
             b.cylinder(link, (x, y, 0), (x, y, height), r, None, "rubber")
 
 
-def bail(b: Builder, link: str, centre: ArrayLike, radius: float, height: float, thick: float, grip: bool) -> None:
+def bail(
+    b: Builder, link: str, centre: ArrayLike, radius: float, height: float, thick: float, grip: bool
+) -> None:
     """A half-round wire handle in the y-z plane, its eyes on the y axis through `centre`."""
     t = np.linspace(0, np.pi, 13)
-    path = np.asarray(centre, float) + np.stack([0 * t, radius * np.cos(t), height * np.sin(t)], axis=1)
+    path = np.asarray(centre, float) + np.stack(
+        [0 * t, radius * np.cos(t), height * np.sin(t)], axis=1
+    )
     b.sweep(link, path, thick, "metal", "handle")
     if grip:
         c = np.asarray(centre, float) + (0, 0, height)
-        b.cylinder(link, c - (0, 0.3 * radius, 0), c + (0, 0.3 * radius, 0), 2.2 * thick, None, "wood", "handle")
+        b.cylinder(
+            link,
+            c - (0, 0.3 * radius, 0),
+            c + (0, 0.3 * radius, 0),
+            2.2 * thick,
+            None,
+            "wood",
+            "handle",
+        )
 
 
-def studs(b: Builder, points: Sequence[ArrayLike], axis: ArrayLike, radius: float, link: str = "base") -> None:
+def studs(
+    b: Builder, points: Sequence[ArrayLike], axis: ArrayLike, radius: float, link: str = "base"
+) -> None:
     """Fixed round heads that look like small knobs or buttons but belong to the body."""
     for p in points:
         with b.facing(p, axis):
-            b.lathe(link, [(radius, 0), (0.8 * radius, 0.5 * radius)], "metal", "decor", collision=False)
-
-
-def settle(b: Builder) -> None:
-    """Set the finished object down: its lowest point comes to the floor, z = 0."""
-    drop = -min(float(p.shape.vertices[:, 2].min()) for p in b.pieces)
-    if drop == 0.0:
-        return
-    shift = np.eye(4)
-    shift[2, 3] = drop
-    for piece in b.pieces:
-        piece.shape = piece.shape._replace(vertices=piece.shape.vertices + (0, 0, drop))
-        piece.collision = collide.all_moved(piece.collision, shift)
-    for joint in b.joints:
-        joint.origin = joint.origin + (0, 0, drop)
-    b.grasps = [(i, replace(g, position=g.position + (0, 0, drop))) for i, g in b.grasps]
+            b.lathe(
+                link, [(radius, 0), (0.8 * radius, 0.5 * radius)], "metal", "decor", collision=False
+            )

@@ -1,25 +1,42 @@
-"""Vessels: kettles, pots, bottles, dispensers, jars, buckets, bins, coffee grinders."""
+"""Vessels: kettles, pots, bottles, soap dispensers, jars, coffee grinders."""
 
 from __future__ import annotations
 
 import numpy as np
-
 from mam_pipeline.world.kit import Builder
-from mam_pipeline.world.mech import TAU, arc, bail, bar, dial, part, tray
+from mam_pipeline.world.mech import dial
+from mam_pipeline.world.solids import TAU, arc, bar, part, tray
 
 
-def _loop_handle(b: Builder, link: str, x: float, z0: float, z1: float, out: float, r: float) -> None:
+def _loop_handle(
+    b: Builder, link: str, x: float, z0: float, z1: float, out: float, r: float
+) -> None:
     """A D-shaped handle on the +x side between two heights."""
-    path = [(x, 0, z1), (x + 0.8 * out, 0, z1), (x + out, 0, z1 - 0.2 * (z1 - z0)), (x + out, 0, z0 + 0.3 * (z1 - z0)),
-            (x + 0.7 * out, 0, z0), (x, 0, z0)]  # fmt: skip
+    path = [
+        (x, 0, z1),
+        (x + 0.8 * out, 0, z1),
+        (x + out, 0, z1 - 0.2 * (z1 - z0)),
+        (x + out, 0, z0 + 0.3 * (z1 - z0)),
+        (x + 0.7 * out, 0, z0),
+        (x, 0, z0),
+    ]
     b.sweep(link, path, r, "dark", "handle")
 
 
-def _cover(b: Builder, link: str, radius: float, z: float, thick: float, dome: float) -> None:
+def cover(b: Builder, link: str, radius: float, z: float, thick: float, dome: float) -> None:
     """A round lid standing on height z."""
     with b.moved((0, 0, z)):
-        b.lathe(link, [(radius, 0), (radius, thick), (0.75 * radius, thick + 0.6 * dome),
-                       (0.35 * radius, thick + 0.95 * dome), (0, thick + dome)], "trim")  # fmt: skip
+        b.lathe(
+            link,
+            [
+                (radius, 0),
+                (radius, thick),
+                (0.75 * radius, thick + 0.6 * dome),
+                (0.35 * radius, thick + 0.95 * dome),
+                (0, thick + dome),
+            ],
+            "trim",
+        )
 
 
 def kettle(b: Builder) -> None:
@@ -35,13 +52,26 @@ def kettle(b: Builder) -> None:
     with b.moved((0, 0, z0)):
         b.vessel("base", [(r, 0), (r * b.uniform(1.0, 1.08), 0.35 * h), (top, h)], 0.004, "body")
     _loop_handle(b, "base", top - 0.004, z0 + 0.2 * h, z0 + 0.85 * h, 0.05, 0.008)
-    spout = [(-0.93 * r, 0, z0 + 0.55 * h), (-1.25 * r, 0, z0 + 0.75 * h), (-1.5 * r, 0, z0 + 0.92 * h)]
+    spout = [
+        (-0.93 * r, 0, z0 + 0.55 * h),
+        (-1.25 * r, 0, z0 + 0.75 * h),
+        (-1.5 * r, 0, z0 + 0.92 * h),
+    ]
     b.sweep("base", spout, 0.014, "body")
     z = z0 + h + max(b.gap, 0.0008)
     lid = part(b, "lid")
-    _cover(b, lid, top, z, 0.006, b.uniform(0.004, 0.02))
+    cover(b, lid, top, z, 0.006, b.uniform(0.004, 0.02))
     hinged = b.chance(0.6)
-    dial(b, lid, (0, 0, z + 0.004), (0, 0, 1), 0.012, 0.03, b.choice(("plain", "dome", "cone")), "dark")
+    dial(
+        b,
+        lid,
+        (0, 0, z + 0.004),
+        (0, 0, 1),
+        0.012,
+        0.03,
+        b.choice(("plain", "dome", "cone")),
+        "dark",
+    )
     if hinged:
         b.cylinder(lid, (top, -0.015, z), (top, 0.015, z), 0.004, None, "metal")
         b.hinge(lid, "base", (top, 0, z), (0, 1, 0), 0, b.uniform(1.2, 1.65), opens=(0, 0, 1))
@@ -52,8 +82,27 @@ def kettle(b: Builder) -> None:
         x = 1.05 * r + 0.012
         b.box("base", (0.7 * r, -0.012, z0), (x + 0.012, 0.012, z0 + 0.012), "dark")
         b.cylinder(switch, (x, -0.006, z0 + 0.014), (x, 0.006, z0 + 0.014), 0.003, None, "accent")
-        bar(b, switch, (x, 0, z0 + 0.014), (x + 0.022, 0, z0 + 0.024), 0.012, 0.003, (-0.4, 0, 1), "accent", "handle")
-        b.hinge(switch, "base", (x, 0, z0 + 0.014), (0, 1, 0), 0, 0.3, opens=(0, 0, -1), tip=(x + 0.02, 0, z0 + 0.024))
+        bar(
+            b,
+            switch,
+            (x, 0, z0 + 0.014),
+            (x + 0.022, 0, z0 + 0.024),
+            0.012,
+            0.003,
+            (-0.4, 0, 1),
+            "accent",
+            "handle",
+        )
+        b.hinge(
+            switch,
+            "base",
+            (x, 0, z0 + 0.014),
+            (0, 1, 0),
+            0,
+            0.3,
+            opens=(0, 0, -1),
+            tip=(x + 0.02, 0, z0 + 0.024),
+        )
 
 
 def pot(b: Builder) -> None:
@@ -66,25 +115,71 @@ def pot(b: Builder) -> None:
     z = h + max(b.gap, 0.0008)
     style = b.choice(("two", "two", "long"))
     if style == "long":
-        bar(b, "base", (-0.97 * r, 0, 0.85 * h), (-2.2 * r, 0, 0.85 * h + 0.02), 0.022, 0.012, material="dark", role="handle")
+        bar(
+            b,
+            "base",
+            (-0.97 * r, 0, 0.85 * h),
+            (-2.2 * r, 0, 0.85 * h + 0.02),
+            0.022,
+            0.012,
+            material="dark",
+            role="handle",
+        )
     else:
         for s in (-1, 1):
             if b.chance(0.5):
-                b.sweep("base", arc((0, s * 0.97 * r, 0.8 * h), 0.25 * r, 0 if s > 0 else np.pi,
-                        np.pi if s > 0 else TAU, 9, "z"), 0.006, "metal", "handle")  # fmt: skip
+                b.sweep(
+                    "base",
+                    arc(
+                        (0, s * 0.97 * r, 0.8 * h),
+                        0.25 * r,
+                        0 if s > 0 else np.pi,
+                        np.pi if s > 0 else TAU,
+                        9,
+                        "z",
+                    ),
+                    0.006,
+                    "metal",
+                    "handle",
+                )
             else:
-                b.block("base", (0, s * (r + 0.015), 0.8 * h), (0.5 * r, 0.04, 0.012), "dark", "handle")
+                b.block(
+                    "base", (0, s * (r + 0.015), 0.8 * h), (0.5 * r, 0.04, 0.012), "dark", "handle"
+                )
     lid = part(b, "lid")
-    _cover(b, lid, 1.02 * r, z, 0.004, b.uniform(0.05, 0.3) * r)
+    cover(b, lid, 1.02 * r, z, 0.004, b.uniform(0.05, 0.3) * r)
     dome = max(float(p.shape.vertices[:, 2].max()) for p in b.pieces if p.link == b.index(lid))
     if b.chance(0.7):
-        dial(b, lid, (0, 0, dome - 0.003), (0, 0, 1), 0.018, 0.035, b.choice(("plain", "dome", "cone")))
+        dial(
+            b,
+            lid,
+            (0, 0, dome - 0.003),
+            (0, 0, 1),
+            0.018,
+            0.035,
+            b.choice(("plain", "dome", "cone")),
+        )
     else:
         b.sweep(lid, arc((0, 0, dome - 0.006), 0.035, 0, np.pi, 9, "x"), 0.005, "dark", "handle")
     if b.chance(0.35):
         b.block("base", (1.05 * r + 0.006, 0, 0.95 * h), (0.02, 0.04, 0.02), "metal")
-        b.cylinder(lid, (1.05 * r + 0.006, -0.015, z + 0.002), (1.05 * r + 0.006, 0.015, z + 0.002), 0.004, None, "metal")
-        b.hinge(lid, "base", (1.05 * r + 0.006, 0, z + 0.002), (0, 1, 0), 0, b.uniform(1.2, 1.7), opens=(0, 0, 1))
+        b.cylinder(
+            lid,
+            (1.05 * r + 0.006, -0.015, z + 0.002),
+            (1.05 * r + 0.006, 0.015, z + 0.002),
+            0.004,
+            None,
+            "metal",
+        )
+        b.hinge(
+            lid,
+            "base",
+            (1.05 * r + 0.006, 0, z + 0.002),
+            (0, 1, 0),
+            0,
+            b.uniform(1.2, 1.7),
+            opens=(0, 0, 1),
+        )
     else:
         b.slide(lid, "base", (0, 0, 1), 0, b.uniform(0.5, 1.2) * r)
 
@@ -97,20 +192,55 @@ def bottle(b: Builder) -> None:
     b.theme(b.choice(("plastic", "paint", "dark")))
     shoulder = h - tall - r * b.uniform(0.4, 1.0)
     body = "glass" if b.chance(0.4) else "body"
-    b.vessel("base", [(r, 0), (r, shoulder), (0.85 * r, shoulder + 0.3 * (h - tall - shoulder)), (neck, h - tall), (neck, h)], 0.0018, body)
+    b.vessel(
+        "base",
+        [
+            (r, 0),
+            (r, shoulder),
+            (0.85 * r, shoulder + 0.3 * (h - tall - shoulder)),
+            (neck, h - tall),
+            (neck, h),
+        ],
+        0.0018,
+        body,
+    )
     if b.chance(0.6):
-        b.tube("base", (0, 0, 0.25 * shoulder), (0, 0, 0.8 * shoulder), 1.012 * r, 0.99 * r, "light", "decor", False)
+        b.tube(
+            "base",
+            (0, 0, 0.25 * shoulder),
+            (0, 0, 0.8 * shoulder),
+            1.012 * r,
+            0.99 * r,
+            "light",
+            "decor",
+            False,
+        )
     b.torus("base", (0, 0, h - 0.95 * tall), (0, 0, 1), neck, 0.0015, body, "decor", False)
     z, style = h + max(b.gap, 0.0005), b.choice(("cap", "cap", "sport", "stopper"))
     if style == "stopper":
         cork = part(b, "lid", "stopper")
-        b.cylinder(cork, (0, 0, h - min(0.5 * tall, 0.02)), (0, 0, h + 0.002), 0.9 * (neck - 0.0018), None, "wood")
+        b.cylinder(
+            cork,
+            (0, 0, h - min(0.5 * tall, 0.02)),
+            (0, 0, h + 0.002),
+            0.9 * (neck - 0.0018),
+            None,
+            "wood",
+        )
         b.cylinder(cork, (0, 0, h + 0.001), (0, 0, h + 0.014), 1.1 * neck, None, "wood", "handle")
         b.slide(cork, "base", (0, 0, 1), 0, b.uniform(0.02, 0.05))
         return
     cap = part(b, "lid", "cap")
     ch = min(0.6 * tall, 0.025)
-    b.tube(cap, (0, 0, h - 0.7 * ch), (0, 0, z), neck + 0.0045, (neck + 0.0006) * 1.05, "accent", "handle")
+    b.tube(
+        cap,
+        (0, 0, h - 0.7 * ch),
+        (0, 0, z),
+        neck + 0.0045,
+        (neck + 0.0006) * 1.05,
+        "accent",
+        "handle",
+    )
     b.cylinder(cap, (0, 0, z), (0, 0, z + 0.3 * ch), neck + 0.0045, None, "accent", "handle")
     for t in np.arange(b.choice((0, 10, 14))) * TAU / 14:
         c, s = (neck + 0.0045) * np.cos(t), (neck + 0.0045) * np.sin(t)
@@ -144,8 +274,18 @@ def dispenser(b: Builder) -> None:
     b.cylinder(head, (0, 0, z0 + travel + 0.0005), (0, 0, top), stem, None, "metal")
     b.cylinder(head, (0, 0, top), (0, 0, top + 0.012), neck * 1.1, neck, "metal", "handle")
     out = r * b.uniform(0.9, 1.6)
-    b.sweep(head, [(0, 0, top + 0.006), (-0.8 * out, 0, top + 0.008), (-out, 0, top + 0.004), (-out - 0.002, 0, top - 0.004)],
-            0.3 * neck, "metal", "handle")  # fmt: skip
+    b.sweep(
+        head,
+        [
+            (0, 0, top + 0.006),
+            (-0.8 * out, 0, top + 0.008),
+            (-out, 0, top + 0.004),
+            (-out - 0.002, 0, top - 0.004),
+        ],
+        0.3 * neck,
+        "metal",
+        "handle",
+    )
     b.slide(head, "base", (0, 0, -1), 0, travel)
 
 
@@ -154,18 +294,36 @@ def jar(b: Builder) -> None:
     r = b.uniform(0.035, 0.07)
     h = r * b.uniform(1.2, 3.2)
     b.size(2 * r, 2 * r, h)
-    b.vessel("base", [(0.95 * r, 0), (r, 0.06 * h), (r, 0.85 * h), (0.85 * r, 0.93 * h), (0.85 * r, h)], 0.003,
-             b.choice(("glass", "glass", "body", "stone")))  # fmt: skip
+    b.vessel(
+        "base",
+        [(0.95 * r, 0), (r, 0.06 * h), (r, 0.85 * h), (0.85 * r, 0.93 * h), (0.85 * r, h)],
+        0.003,
+        b.choice(("glass", "glass", "body", "stone")),
+    )
     style, g = b.choice(("screw", "lift", "clip")), max(b.gap, 0.0006)
     lid, z = part(b, "lid"), h + max(b.gap, 0.0006)
     if style == "screw":
         b.tube(lid, (0, 0, h - 0.01), (0, 0, z), 0.92 * r, 0.87 * r + g * 0.5, "metal", "handle")
-        b.cylinder(lid, (0, 0, z), (0, 0, z + 0.003), 0.92 * r, None, b.choice(("metal", "accent")), "handle")
+        b.cylinder(
+            lid,
+            (0, 0, z),
+            (0, 0, z + 0.003),
+            0.92 * r,
+            None,
+            b.choice(("metal", "accent")),
+            "handle",
+        )
         b.spin(lid, "base", (0, 0, h), (0, 0, 1))
     elif style == "lift":
-        _cover(b, lid, 0.95 * r, z, 0.005, b.uniform(0.0, 0.2) * r)
+        cover(b, lid, 0.95 * r, z, 0.005, b.uniform(0.0, 0.2) * r)
         b.cylinder(lid, (0, 0, h - 0.008), (0, 0, z), 0.72 * r, None, "trim")
-        b.sphere(lid, (0, 0, z + 0.22 * r + 0.01), 0.16 * r, b.choice(("trim", "wood", "metal")), "handle")
+        b.sphere(
+            lid,
+            (0, 0, z + 0.22 * r + 0.01),
+            0.16 * r,
+            b.choice(("trim", "wood", "metal")),
+            "handle",
+        )
         b.cylinder(lid, (0, 0, z), (0, 0, z + 0.22 * r + 0.004), 0.08 * r, None, "metal")
         b.slide(lid, "base", (0, 0, 1), 0, b.uniform(0.6, 1.4) * r)
     else:
@@ -176,101 +334,6 @@ def jar(b: Builder) -> None:
         b.block(lid, (0.93 * r, 0, z + 0.0025), (0.12 * r, 0.3 * r, 0.003), "metal")
         b.torus("base", (0, 0, 0.93 * h - 0.004), (0, 0, 1), 0.87 * r, 0.0015, "metal", "decor")
         b.hinge(lid, "base", (x, 0, z + 0.001), (0, 1, 0), 0, b.uniform(1.5, 2.0), opens=(0, 0, 1))
-
-
-def bucket(b: Builder) -> None:
-    """A bucket with a bail handle, standing up or hanging at the side."""
-    r = b.uniform(0.1, 0.16)
-    h = r * b.uniform(1.4, 2.2)
-    low = r * b.uniform(0.68, 0.9)
-    b.size(2 * r, 2 * r, 2 * h)
-    b.theme(b.choice(("steel", "plastic", "paint")))
-    b.vessel("base", [(low, 0), (r, h)], b.uniform(0.0015, 0.004), "body")
-    b.torus("base", (0, 0, h), (0, 0, 1), r, 0.004, "trim")
-    if b.chance(0.5):
-        k = 0.65
-        b.torus("base", (0, 0, k * h), (0, 0, 1), low + k * (r - low) + 0.001, 0.0025, "body", "decor", False)
-    thick = b.uniform(0.002, 0.004)
-    z, out = 0.93 * h, r + 0.014
-    for s in (-1, 1):
-        b.block("base", (0, s * (r - 0.001), z), (0.03, 0.014, 0.03), "trim")
-    handle = part(b, "handle", "bail")
-    bail(b, handle, (0, 0, z), out, b.uniform(0.95, 1.1) * out, thick, b.chance(0.6))
-    for s in (-1, 1):
-        b.cylinder(handle, (0, s * (r - 0.004), z), (0, s * (out + thick), z), 1.6 * thick, None, "metal", "handle")
-    b.hinge(handle, "base", (0, 0, z), (0, 1, 0), -1.4, 1.4, rest=b.choice((0.0, 0.0, 1.3, -1.0)), closed=0.0)
-
-
-def pedal_bin(b: Builder) -> None:
-    """A bin whose lid opens by a pedal: a hinged lid and a hinged pedal."""
-    r, h = b.uniform(0.09, 0.16), b.uniform(0.24, 0.6)
-    b.size(2.2 * r, 2 * r, h)
-    b.theme(b.choice(("steel", "white", "plastic", "dark")))
-    foot = 0.03
-    b.cylinder("base", (0, 0, 0), (0, 0, foot * 0.3), 0.98 * r, None, "dark")
-    square = b.chance(0.4)
-    g = max(b.gap, 0.001)
-    z = h + g
-    lid = part(b, "lid")
-    if square:
-        b.box("base", (-0.8 * r, -0.8 * r, foot * 0.3), (0.95 * r, 0.8 * r, foot), "dark")
-        tray(b, "base", (-r, -r, foot), (r, r, h), 0.004, "z", 1)
-        tray(b, lid, (-r, -r, z), (r, r, z + 0.03), 0.004, "z", -1, "trim")
-    else:
-        b.cylinder("base", (0.03, 0, foot * 0.3), (0.03, 0, foot), 0.8 * r, None, "dark")
-        with b.moved((0, 0, foot)):
-            b.vessel("base", [(r, 0), (r, h - foot)], 0.004, "body")
-        _cover(b, lid, r, z, 0.01, b.uniform(0.0, 0.35) * r)
-    x = r + 0.008
-    b.block("base", (r + 0.004, 0, h - 0.015), (0.018, 0.5 * r, 0.02), "dark")
-    b.cylinder(lid, (x, -0.3 * r, z), (x, 0.3 * r, z), 0.005, None, "dark")
-    b.block(lid, (r - 0.001, 0, z + 0.006), (0.022, 0.4 * r, 0.006), "trim")
-    b.hinge(lid, "base", (x, 0, z), (0, 1, 0), 0, b.uniform(1.1, 1.5), opens=(0, 0, 1))
-    pedal = part(b, "pedal")
-    px, pw = -0.7 * r if square else -0.6 * r, b.uniform(0.3, 0.5) * r
-    zp = foot * 0.68
-    if not square:
-        b.block("base", (px + 0.008, 0, zp), (0.016, pw + 0.012, foot * 0.62), "dark")
-    b.cylinder(pedal, (-0.78 * r, -pw / 2, zp), (-0.78 * r, pw / 2, zp), 0.003, None, "metal")
-    b.box(pedal, (-1.28 * r, -pw / 2, zp - 0.002), (-0.79 * r, pw / 2, zp + 0.002), "metal", "handle")
-    b.box(pedal, (-1.3 * r, -0.6 * pw, zp - 0.003), (-1.08 * r, 0.6 * pw, zp + 0.005), "rubber", "handle")
-    b.hinge(pedal, "base", (-0.78 * r, 0, zp), (0, 1, 0), 0, min(0.2, 0.015 / (0.55 * r)), opens=(0, 0, -1))
-
-
-def swing_bin(b: Builder) -> None:
-    """A bin with a flap that swings about its middle, in a hood or in a flat top."""
-    w, d, h = b.uniform(0.2, 0.34), b.uniform(0.18, 0.3), b.uniform(0.4, 0.7)
-    b.size(w, d, h)
-    b.theme(b.choice(("plastic", "white", "steel", "dark")))
-    k = 0.72 * h
-    tray(b, "base", (-d / 2, -w / 2, 0), (d / 2, w / 2, k), 0.005, "z", 1, taper=b.uniform(0, 0.03))
-    g, t = max(b.gap, 0.0015), 0.006
-    if b.chance(0.5):
-        # a gabled hood: two fixed end walls carry the axle of a flap that closes the front slope
-        for s in (-1, 1):
-            y = s * (w / 2 - 0.004)
-            with b.facing((0, y + 0.004, k), (0, -1, 0), (1, 0, 0)):
-                b.extrude("base", [(-d / 2, 0), (d / 2, 0), (d / 2, 0.1 * h), (0.0, h - k), (-d / 2, 0.1 * h)], 0.008, "trim")
-        b.box("base", (d / 2 - 0.006, -w / 2 + 0.009, k), (d / 2, w / 2 - 0.009, k + 0.1 * h), "trim")
-        b.box("base", (-d / 2, -w / 2 + 0.009, k), (-d / 2 + 0.006, w / 2 - 0.009, k + 0.1 * h), "trim")
-        bar(b, "base", (d / 2, 0, k + 0.1 * h), (0.003, 0, h - 0.002), w - 0.018, t, (h - k - 0.1 * h, 0, d / 2), "trim")
-        low, high = np.array([-d / 2, 0, k + 0.1 * h]), np.array([-0.003, 0, h - 0.002])
-        mid = 0.5 * (low + high)
-        along = (high - low) / np.linalg.norm(high - low)
-        half = 0.5 * np.linalg.norm(high - low) - g - 0.006
-        normal = np.array([-along[2], 0, along[0]])
-    else:
-        rim = b.uniform(0.02, 0.05)
-        for s in (-1, 1):
-            b.box("base", (-d / 2, s * (w / 2 - rim), k), (d / 2, s * w / 2, k + 0.02), "trim")
-            b.box("base", (s * (d / 2 - rim), -w / 2 + rim, k), (s * d / 2, w / 2 - rim, k + 0.02), "trim")
-        mid, along, normal = np.array([0, 0, k + 0.01]), np.array([1.0, 0, 0]), np.array([0, 0, 1.0])
-        half, w = d / 2 - rim - g - 0.002, w - 2 * rim + 0.018
-    flap = part(b, "lid", "flap")
-    bar(b, flap, mid - along * half, mid + along * half, w - 0.02 - 2 * g, t, normal, "accent")
-    b.cylinder(flap, mid - (0, w / 2 - 0.006, 0), mid + (0, w / 2 - 0.006, 0), 0.006, None, "accent")
-    limit = b.uniform(0.7, 1.2) if abs(normal[2]) > 0.99 else b.uniform(0.5, 0.8)
-    b.hinge(flap, "base", mid, (0, 1, 0), -limit, limit, closed=0.0)
 
 
 def coffee_grinder(b: Builder) -> None:
@@ -288,27 +351,62 @@ def coffee_grinder(b: Builder) -> None:
         for s in (-1, 1):
             b.box("base", (-w / 2, s * y, z0), (-w / 2 + t, s * (w / 2 - t), z1), "body")
         drawer = part(b, "drawer")
-        tray(b, drawer, (-w / 2 + 0.001, -y + g, z0 + g), (0.3 * w, y - g, z1 - g), 0.003, "z", 1, "inside")
+        tray(
+            b,
+            drawer,
+            (-w / 2 + 0.001, -y + g, z0 + g),
+            (0.3 * w, y - g, z1 - g),
+            0.003,
+            "z",
+            1,
+            "inside",
+        )
         b.box(drawer, (-w / 2 - 0.002, -y + g, z0 + g), (-w / 2 + 0.001, y - g, z1 - g), "trim")
-        dial(b, drawer, (-w / 2 - 0.002, 0, (z0 + z1) / 2), (-1, 0, 0), 0.007, 0.015, "dome", "metal")
+        dial(
+            b, drawer, (-w / 2 - 0.002, 0, (z0 + z1) / 2), (-1, 0, 0), 0.007, 0.015, "dome", "metal"
+        )
         b.slide(drawer, "base", (-1, 0, 0), 0, b.uniform(0.4, 0.7) * w)
     else:
         with b.moved((0, 0, 0)):
-            b.lathe("base", [(0.45 * w, 0), (0.45 * w, 0.3 * h), (0.36 * w, 0.5 * h), (0.36 * w, h)], "body")
+            b.lathe(
+                "base",
+                [(0.45 * w, 0), (0.45 * w, 0.3 * h), (0.36 * w, 0.5 * h), (0.36 * w, h)],
+                "body",
+            )
     bowl = b.uniform(0.3, 0.6) * h
     with b.moved((0, 0, top)):
-        b.lathe("base", [(0.2 * w, 0), (0.4 * w, 0.5 * bowl), (0.42 * w, 0.7 * bowl), (0.3 * w, bowl), (0.08 * w, 1.1 * bowl)], "metal")
+        b.lathe(
+            "base",
+            [
+                (0.2 * w, 0),
+                (0.4 * w, 0.5 * bowl),
+                (0.42 * w, 0.7 * bowl),
+                (0.3 * w, bowl),
+                (0.08 * w, 1.1 * bowl),
+            ],
+            "metal",
+        )
     z = top + 1.1 * bowl
     crank = part(b, "crank")
     reach = b.uniform(0.6, 1.1) * w
     b.cylinder(crank, (0, 0, z + 0.0005), (0, 0, z + 0.02), 0.06 * w, None, "metal")
-    b.sweep(crank, [(0, 0, z + 0.014), (-0.5 * reach, 0, z + 0.022), (-reach, 0, z + 0.014)], 0.003, "metal", "handle")
+    b.sweep(
+        crank,
+        [(0, 0, z + 0.014), (-0.5 * reach, 0, z + 0.022), (-reach, 0, z + 0.014)],
+        0.003,
+        "metal",
+        "handle",
+    )
     b.cylinder(crank, (-reach, 0, z + 0.012), (-reach, 0, z + 0.04), 0.004, None, "metal", "handle")
     b.sphere(crank, (-reach, 0, z + 0.045), 0.012, "wood", "handle")
     b.spin(crank, "base", (0, 0, z), (0, 0, 1))
 
 
 CATEGORIES = {
-    "kettle": kettle, "pot": pot, "bottle": bottle, "dispenser": dispenser, "jar": jar,
-    "bucket": bucket, "pedal_bin": pedal_bin, "swing_bin": swing_bin, "coffee_grinder": coffee_grinder,
-}  # fmt: skip
+    "kettle": kettle,
+    "pot": pot,
+    "bottle": bottle,
+    "dispenser": dispenser,
+    "jar": jar,
+    "coffee_grinder": coffee_grinder,
+}
