@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import open3d as o3d
@@ -139,7 +140,7 @@ def _edge_labels(faces: IntArray, corners: IntArray | None) -> IntArray:
     owner = np.repeat(np.arange(len(faces)), 3)
     _, edge, count = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
     edge = edge.reshape(-1)
-    key = edge.astype(np.int64)
+    key: IntArray = np.asarray(edge, dtype=np.int64)
     if corners is not None:
         own = np.sort(_edges(corners), axis=1)
         _, twin, twins = np.unique(own, axis=0, return_inverse=True, return_counts=True)
@@ -148,10 +149,10 @@ def _edge_labels(faces: IntArray, corners: IntArray | None) -> IntArray:
         partnered = np.zeros(len(count), dtype=bool)
         crowded = count[edge] > 2
         partnered[edge[crowded & (twins[twin] == 2)]] = True
-        key = np.where(partnered[edge], len(count) + twin, edge)
+        key = np.asarray(np.where(partnered[edge], len(count) + twin, edge), dtype=np.int64)
     order = np.argsort(key, kind="stable")
-    key, owner = key[order], owner[order]
-    same = key[1:] == key[:-1]
+    owner = owner[order]
+    same = np.diff(key[order]) == 0
     n = len(faces)
     pairs = coo_matrix((np.ones(same.sum()), (owner[:-1][same], owner[1:][same])), shape=(n, n))
     return np.asarray(connected_components(pairs, directed=False)[1], dtype=np.int64)
@@ -163,6 +164,10 @@ def _closed(faces: IntArray) -> bool:
     reverse = edges[:, 1] * (edges.max() + 1) + edges[:, 0]
     key = np.sort(key)
     return bool((key[1:] != key[:-1]).all()) and np.array_equal(key, np.sort(reverse))
+
+
+def _tensor(array: NDArray[Any]) -> Any:
+    return o3d.core.Tensor(array)  # type: ignore[call-overload]
 
 
 class Solid:
@@ -185,7 +190,7 @@ class Solid:
         self._unit = max(float(np.ptp(points, axis=0).max()), 1e-12)
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
         scaled = ((points - self._middle) / self._unit).astype(np.float32)
-        self._scene.add_triangles(o3d.core.Tensor(scaled), o3d.core.Tensor(faces.astype(np.uint32)))
+        self._scene.add_triangles(_tensor(scaled), _tensor(faces.astype(np.uint32)))
 
     def contains(self, points: FloatArray) -> NDArray[np.bool_]:
         """(n,) whether points (n, 3) lie inside: two of three rays leave it an odd time."""
@@ -196,7 +201,7 @@ class Solid:
         scaled = (points - self._middle) / self._unit
         for ray in self._RAYS:
             rays = np.concatenate([scaled, np.broadcast_to(ray, (n, 3))], axis=1)
-            hits = self._scene.list_intersections(o3d.core.Tensor(rays.astype(np.float32)))
+            hits = self._scene.list_intersections(_tensor(rays.astype(np.float32)))
             which = hits["ray_ids"].numpy().astype(np.int64)
             group = self._group[hits["primitive_ids"].numpy().astype(np.int64)]
             key, crossings = np.unique(which * self._count + group, return_counts=True)

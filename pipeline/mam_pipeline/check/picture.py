@@ -25,7 +25,8 @@ def save_worst_frame(articulation: Articulation, report: CheckReport, path: Path
         upper = worst.upper if worst.upper is not None else np.pi / 2
         lower = worst.lower if worst.lower is not None else 0.0
         end = upper if abs(upper) >= abs(lower) else lower
-        values[joint.name] = worst.penetration_at if worst.penetration else end
+        at = worst.penetration_at if worst.penetration else None
+        values[joint.name] = end if at is None else at
         for index in carried_links(articulation, joint):
             faces = articulation.links[index].faces
             colors[faces] = _FAILED if worst.reasons else _MOVED
