@@ -5,8 +5,9 @@
 from __future__ import annotations
 
 import numpy as np
+
 from mam_pipeline.world.kit import Builder
-from mam_pipeline.world.solids import TAU, arc, bar, part, rounded
+from mam_pipeline.world.solids import TAU, arc, bar, part, rounded, settle
 
 
 def _shade(b: Builder, link: str, at: np.ndarray, down: np.ndarray, r: float) -> None:
@@ -265,6 +266,7 @@ def clock(b: Builder) -> None:
             )
             b.cylinder(hand, (0, 0, 0), (0, 0, 0.0015), 0.05 * r, None, "dark", "handle")
         b.spin(hand, "base", (x, 0, z), (-1, 0, 0))
+    settle(b)
 
 
 CATEGORIES = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from mam_pipeline.world.boxes import clasp
 from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.mech import studs

@@ -7,9 +7,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.solids import TAU
-from numpy.typing import ArrayLike
 
 
 def dial(

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from mam_pipeline.world.carts import caster, caster_height
 from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.solids import TAU, bar, part, rounded

@@ -13,11 +13,12 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from mam_pipeline.types import FloatArray
 from mam_pipeline.world import collide, shapes
 from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.shapes import Shape
-from numpy.typing import ArrayLike
 
 Axis = Literal["x", "y", "z"]
 _ORDER: dict[str, tuple[int, int, int]] = {"x": (1, 2, 0), "y": (0, 2, 1), "z": (0, 1, 2)}

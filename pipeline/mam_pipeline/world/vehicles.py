@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.mech import wheel
 from mam_pipeline.world.solids import TAU, arc, bar, frame, part, profile, rounded
