@@ -44,6 +44,16 @@ class Limits:
 
 
 @dataclass(frozen=True)
+class Usual:
+    """How far such joints go: `open` and `back` (to closed) from rest, radians or shares of the
+    part's extent along a slide; `endless` is the probability of a revolute joint without limits."""
+
+    open: float
+    back: float
+    endless: float
+
+
+@dataclass(frozen=True)
 class Travel:
     """How far a part goes in one direction (all >= 0, rad or mesh unit).
 
@@ -110,6 +120,7 @@ def paper_limits(
 def embedded_limits(
     scene: SweepScene, subtype: JointSubtype, axis: FloatArray, origin: FloatArray,
     *, alone: SweepScene | None = None, given: tuple[float, float] | None = None,
+    usual: Usual | None = None,
 ) -> Limits:  # fmt: skip
     """Our rule.
 
@@ -117,6 +128,7 @@ def embedded_limits(
         scene: against everything that stands still, siblings included.
         alone: against the same without the siblings: where only a sibling is in the way (a drawer
             behind a closed door) the joint's own range counts.
+        usual: how far such joints go; without it doors go a quarter turn, drawers 0.85 extents.
         given: limits that a person or the reasoner set; they are kept as they are.
     """
     motion: Motion = "prismatic" if subtype == "slide" else "revolute"
@@ -127,9 +139,9 @@ def embedded_limits(
         if not np.isfinite(lower + upper):
             return Limits("continuous", -np.inf, np.inf, 0.0, 0.0, "given")
         return Limits(kind, lower, upper, lower + upper - far, far, "given")
-    limits = _open_way(scene, subtype, motion, axis, origin)
+    limits = _open_way(scene, subtype, motion, axis, origin, usual)
     if alone is not None and limits.type != "continuous":
-        free = _open_way(alone, subtype, motion, axis, origin)
+        free = _open_way(alone, subtype, motion, axis, origin, usual)
         if free.type != "continuous" and free.upper > 3.0 * limits.upper + 1e-9:
             note = {**free.evidence, "blocked_by_sibling_at": limits.upper}
             return Limits(free.type, free.lower, free.upper, free.closed, free.open,
@@ -138,42 +150,58 @@ def embedded_limits(
 
 
 def _open_way(
-    scene: SweepScene, subtype: JointSubtype, motion: Motion, axis: FloatArray, origin: FloatArray
-) -> Limits:
-    """Range towards the opening side, by subtype."""
-    if subtype == "spin":
-        return _spin(scene, axis, origin)
-    extent = float(np.ptp(scene.points @ unit(axis)))
-    cap = SLIDE_CAP * extent if subtype == "slide" else HINGE_CAP
+    scene: SweepScene, subtype: JointSubtype, motion: Motion, axis: FloatArray,
+    origin: FloatArray, usual: Usual | None,
+) -> Limits:  # fmt: skip
+    """Range towards the opening side, and back where rest is not the closed pose."""
+    slide = motion == "prismatic"
+    extent = float(np.ptp(scene.points @ unit(axis))) if slide else 1.0
+    cap, back = (SLIDE_CAP * extent if slide else HINGE_CAP), 0.0
+    if usual is not None:
+        cap = float(np.clip(usual.open, 0.02, 2.0 if slide else np.pi)) * extent
+        back = min(usual.back, 2.0 if slide else np.pi) * extent
+        back = back if usual.back > 0.08 else 0.0
+    if not slide and (subtype == "spin" if usual is None else usual.endless > 0.5):
+        endless = _endless(scene, axis, origin)
+        if endless is not None:
+            return endless
+        if usual is None:
+            back = cap
     out = travel(scene, motion, axis, origin, 1.15 * cap)
-    reach = min(cap, out.contact)
-    upper, rule = min(out.strict, reach), "first collision, at most the usual range"
-    if out.strict >= reach:
-        rule = "usual range" if out.contact >= cap else "contact loss"
-    if upper < 0.15 * min(out.lenient, reach):
-        upper, rule = min(out.lenient, reach), "small collisions ignored: nothing else is free"
+    upper, rule = _stop(out, cap)
     evidence = {**_evidence(out, None), "cap": cap}
-    if upper < 1e-3 * (scene.diagonal if motion == "prismatic" else 1.0):
-        upper = 0.02 * scene.diagonal if motion == "prismatic" else np.deg2rad(5.0)
+    lower = 0.0
+    if back > 0.0:
+        behind = travel(scene, motion, axis, origin, -1.15 * back)
+        lower = -_stop(behind, back)[0]
+        evidence["free_travel_back"] = behind.strict
+    if upper - lower < (1e-3 * scene.diagonal if slide else np.deg2rad(1.0)):
+        upper = 0.02 * scene.diagonal if slide else np.deg2rad(5.0)
         rule = "nothing is free; a token range"
-    kind: JointType = "prismatic" if motion == "prismatic" else "revolute"
-    return Limits(kind, 0.0, float(upper), 0.0, float(upper), rule, evidence)
+    kind: JointType = "prismatic" if slide else "revolute"
+    closed = lower if back > 0.0 and usual is not None else 0.0
+    return Limits(kind, float(lower), float(upper), float(closed), float(upper), rule, evidence)
 
 
-def _spin(scene: SweepScene, axis: FloatArray, origin: FloatArray) -> Limits:
-    """Endless if a whole turn is free, else what is free on both sides of rest."""
-    out = travel(scene, "revolute", axis, origin, np.pi)
-    back = travel(scene, "revolute", axis, origin, -np.pi)
-    evidence = _evidence(out, back)
-    if max(out.blocked[-1], back.blocked[-1]) < FULL_TURN:
-        return Limits("continuous", -np.inf, np.inf, 0.0, 0.0, "a whole turn is free", evidence)
-    lower, upper = -min(back.strict, np.pi / 2), min(out.strict, np.pi / 2)
-    if upper - lower < np.deg2rad(20.0):
-        lower, upper = -min(back.lenient, np.pi / 2), min(out.lenient, np.pi / 2)
-    if upper - lower < np.deg2rad(5.0):
-        lower, upper = 0.0, np.pi / 2
-    return Limits("revolute", lower, upper, 0.0, upper if upper >= -lower else lower,
-                  "free on both sides, at most a quarter turn each", evidence)  # fmt: skip
+def _stop(found: Travel, cap: float) -> tuple[float, str]:
+    """Where a motion ends and why."""
+    reach = min(cap, found.contact)
+    stop, rule = min(found.strict, reach), "first collision"
+    if found.strict >= reach:
+        rule = "usual range" if found.contact >= cap else "contact loss"
+    if stop < 0.15 * min(found.lenient, reach):
+        stop, rule = min(found.lenient, reach), "small collisions ignored: nothing else is free"
+    return stop, rule
+
+
+def _endless(scene: SweepScene, axis: FloatArray, origin: FloatArray) -> Limits | None:
+    """No limits, if a whole turn is free."""
+    out = travel(scene, "revolute", axis, origin, np.pi, steps=24)
+    back = travel(scene, "revolute", axis, origin, -np.pi, steps=24)
+    if max(out.blocked[-1], back.blocked[-1]) >= FULL_TURN:
+        return None
+    return Limits("continuous", -np.inf, np.inf, 0.0, 0.0, "a whole turn is free",
+                  _evidence(out, back))  # fmt: skip
 
 
 def _evidence(out: Travel, back: Travel | None) -> dict[str, Any]:

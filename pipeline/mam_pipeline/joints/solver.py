@@ -13,7 +13,7 @@ from mam_pipeline.geometry.frames import ObjectFrame, estimate_frame
 from mam_pipeline.geometry.sampling import unit
 from mam_pipeline.geometry.sweep import SweepScene
 from mam_pipeline.joints.candidates import rank_hypotheses
-from mam_pipeline.joints.limits import Limits, embedded_limits, paper_limits
+from mam_pipeline.joints.limits import Limits, Usual, embedded_limits, paper_limits
 from mam_pipeline.joints.optimise import Method, refine
 from mam_pipeline.joints.paper import initialise, paper_part
 from mam_pipeline.types import (
@@ -98,8 +98,9 @@ class EmbeddedSolver:
         if len(faces.fixed) < len(faces.static) and len(faces.fixed):
             alone = SweepScene(mesh, faces.moving, faces.fixed, static_samples=1500, seed=seed)
         limits = embedded_limits(
-            scene, subtype, best.axis, best.origin, alone=alone, given=node.limits
-        )
+            scene, subtype, best.axis, best.origin, alone=alone, given=node.limits,
+            usual=_usual(best),
+        )  # fmt: skip
         evidence = {
             "solver": "embedded",
             **_contact_evidence(scene),
@@ -268,6 +269,14 @@ def _fixed_joint(mesh: Mesh, node: PartNode, index: int, faces: PartFaces) -> Jo
         f"{node.name}_joint", "fixed", "fixed", node.parent, index, np.array([0.0, 0.0, 1.0]),
         0.5 * (used.min(axis=0) + used.max(axis=0)), 0.0, 0.0, confidence=node.confidence,
     )  # fmt: skip
+
+
+def _usual(candidate: JointCandidate) -> Usual | None:
+    """The usual travel that came with a ranked candidate."""
+    found = [candidate.evidence.get(k) for k in ("usual_open", "usual_back", "endless")]
+    if any(v is None for v in found):
+        return None
+    return Usual(*(float(v) for v in found if v is not None))
 
 
 def _contact_evidence(scene: SweepScene) -> dict[str, Any]:
