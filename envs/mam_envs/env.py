@@ -452,7 +452,7 @@ class OperateJointEnv(BaseEnv):
     def _get_obs_extra(self, info: dict) -> dict[str, Any]:
         tool = self.tool_pose()
         out: dict[str, Any] = {"tcp_pose": tool.raw_pose}
-        if self.obs_mode in ("state", "state_dict"):
+        if self.obs_mode_struct.state or self.obs_mode in ("state", "state_dict"):
             handle = self.handle_position()
             out["privileged"] = {
                 "handle_position": handle,

@@ -8,7 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from mam_envs.env import Situation
-from mam_envs.reach import ArmPath, Hold, Search, goal_values, hold_opening, holds, search, tool_path
+from mam_envs.reach import (
+    ArmPath,
+    Hold,
+    Search,
+    goal_values,
+    hold_opening,
+    holds,
+    search,
+    tool_path,
+)
 from mam_envs.robots import RobotSpec
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.types import FloatArray

@@ -1,0 +1,386 @@
+"""Demonstrations of the expert: one file per attempt, then a ManiSkill h5 and a LeRobot dataset.
+
+Every attempt is written as soon as it ends and under its own name, so a killed run loses at most
+the attempt that was running; the same command goes on from there.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import torch
+from mani_skill.utils import common
+
+import mam_envs
+from mam_envs.env import OperateJointEnv
+from mam_pipeline.asset.card import Asset
+from mam_pipeline.errors import ConfigError, InputError, NotPhysicalError
+from mam_policies.expert import Expert, PlanningError
+from mam_policies.lerobot_dataset import Names, Track, write_dataset
+
+
+@dataclass(frozen=True)
+class CollectConfig:
+    """What to collect; saved beside the result and compared when a run is resumed.
+
+    Attributes:
+        asset: folder; joint, task, robot: as in the environment.
+        episodes: how many successes are wanted.
+        seed: the first attempt's; attempt k uses seed + k.
+        noise: standard deviation of noise on the arm's targets, radians (labels stay clean).
+        video: record the cameras too (slow on a CPU).
+        keep_failures: whether failed attempts go into the data as well.
+        settle: steps recorded after success.
+        max_steps: control steps per attempt.
+        env: further keyword arguments of the environment (config, randomisation ...).
+    """
+
+    asset: str
+    episodes: int = 20
+    joint: str | None = None
+    task: str | None = None
+    robot: str = "panda"
+    seed: int = 0
+    noise: float = 0.0
+    video: bool = False
+    keep_failures: bool = False
+    settle: int = 5
+    max_steps: int = 220
+    env: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Collected:
+    """The result.
+
+    Attributes:
+        episodes: in the data; attempts: run in all; reasons: why attempts failed, with counts.
+        h5, dataset: the files. resumed: attempts that were there already.
+    """
+
+    folder: Path
+    episodes: int
+    attempts: int
+    reasons: dict[str, int]
+    h5: Path
+    dataset: Path
+    resumed: int
+
+
+Progress = Callable[[int, int, str], None]
+
+
+def collect(config: CollectConfig, out: Path, progress: Progress | None = None) -> Collected:
+    """Run the expert until enough attempts have succeeded, and write the data.
+
+    Args:
+        out: folder; attempts/ in it is the memory that a resumed run starts from.
+        progress: called with (successes, wanted, message) after every attempt.
+
+    Raises:
+        PlacementError: the arm cannot do this joint; the message says why.
+        NotPhysicalError: the expert succeeds in less than a fifth of many attempts.
+        InputError: `out` holds the data of another collection.
+    """
+    torch.set_num_threads(1)
+    if config.episodes < 1:
+        raise ConfigError(f"episodes must be at least 1, not {config.episodes}")
+    attempts = out / "attempts"
+    _claim(config, out)
+    done = _finished(attempts, config)
+    resumed = len(done)
+    said = progress or (lambda _got, _want, _text: None)
+    env: Any = None
+    try:
+        while _kept(done, config) < config.episodes:
+            k = len(done)
+            _not_hopeless(done, config)
+            if env is None:
+                env = _make(config)
+            outcome = _attempt(env, config, config.seed + k, attempts / f"{k:06d}.npz")
+            done.append(outcome)
+            text = "success" if outcome["success"] else str(outcome["reason"])
+            said(_kept(done, config), config.episodes, text)
+        names = _names(env, attempts)
+    finally:
+        if env is not None:
+            env.close()
+    said(config.episodes, config.episodes, "writing h5 and LeRobot dataset")
+    kept = [k for k, o in enumerate(done) if o["success"] or config.keep_failures]
+    kept = kept[: config.episodes]
+    h5 = _write_h5(config, out, attempts, kept, done)
+    root = write_dataset(_tracks(attempts, kept), names, config.robot, out / "lerobot")
+    reasons: dict[str, int] = {}
+    for o in done:
+        if not o["success"]:
+            reasons[str(o["reason"])] = reasons.get(str(o["reason"]), 0) + 1
+    return Collected(out, len(kept), len(done), reasons, h5, root, resumed)
+
+
+def _claim(config: CollectConfig, out: Path) -> None:
+    """Write collect.json, or check that the one there asks for the same data."""
+    file = out / "collect.json"
+    mine = json.loads(json.dumps(asdict(config)))
+    if file.is_file():
+        theirs = json.loads(file.read_text(encoding="utf-8"))
+        differ = [k for k in mine if k != "episodes" and mine[k] != theirs.get(k)]
+        if differ:
+            key = differ[0]
+            raise InputError(
+                f"{out} holds a collection with {key}={theirs.get(key)!r}, not {mine[key]!r}; "
+                "take another --out or delete it"
+            )
+    elif out.exists() and any(out.iterdir()):
+        raise InputError(f"{out} is not empty and holds no collection; take another --out")
+    (out / "attempts").mkdir(parents=True, exist_ok=True)
+    _replace(file, lambda p: p.write_text(json.dumps(mine, indent=1) + "\n", encoding="utf-8"))
+
+
+def _replace(file: Path, write: Callable[[Path], Any]) -> None:
+    """Write beside and rename: a file is whole or absent."""
+    partial = file.with_name(f".{file.stem}.partial{file.suffix}")
+    write(partial)
+    os.replace(partial, file)
+
+
+def _finished(attempts: Path, config: CollectConfig) -> list[dict[str, Any]]:
+    """Outcomes of the attempts that were finished before, in order, without gaps."""
+    out: list[dict[str, Any]] = []
+    while (attempts / f"{len(out):06d}.json").is_file():
+        file = attempts / f"{len(out):06d}.json"
+        out.append(json.loads(file.read_text(encoding="utf-8")))
+    return out
+
+
+def _kept(done: list[dict[str, Any]], config: CollectConfig) -> int:
+    return sum(bool(o["success"]) or config.keep_failures for o in done)
+
+
+def _not_hopeless(done: list[dict[str, Any]], config: CollectConfig) -> None:
+    if len(done) >= 15 and 5 * sum(bool(o["success"]) for o in done) < len(done):
+        reason = next(str(o["reason"]) for o in reversed(done) if not o["success"])
+        good = sum(bool(o["success"]) for o in done)
+        raise NotPhysicalError(
+            f"the expert succeeded in {good} of {len(done)} attempts; the last failed because: "
+            f"{reason}"
+        )
+
+
+def _make(config: CollectConfig) -> Any:
+    return mam_envs.make(
+        config.asset,
+        joint=config.joint,
+        task=config.task,
+        robot_uids=config.robot,
+        control_mode="pd_joint_pos",
+        obs_mode="rgb+state" if config.video else "state",
+        reward_mode="normalized_dense",
+        max_episode_steps=config.max_steps,
+        **config.env,
+    )
+
+
+def _attempt(env: Any, config: CollectConfig, seed: int, file: Path) -> dict[str, Any]:
+    """Run one attempt and write it (npz with the frames, then json with the outcome)."""
+    base: OperateJointEnv = env.unwrapped
+    expert = Expert(env, noise=config.noise, seed=seed)
+    obs, _ = env.reset(seed=seed)
+    goal = base.layout().goals[0]
+    outcome: dict[str, Any] = {"seed": seed, "success": False, "steps": 0, "joint": goal.joint}
+    outcome |= {"task": _words(base), "reason": ""}
+    rows: dict[str, list[Any]] = {}
+    try:
+        expert.reset()
+    except PlanningError as error:
+        outcome["reason"] = str(error)
+    else:
+        _run(env, expert, obs, rows, outcome, config.settle)
+    if rows:
+        arrays = {k: np.stack(v) for k, v in rows.items()}
+        _replace(file, lambda p: np.savez_compressed(p, **arrays))
+    text = json.dumps(outcome) + "\n"
+    _replace(file.with_suffix(".json"), lambda p: p.write_text(text, encoding="utf-8"))
+    return outcome
+
+
+def _run(
+    env: Any, expert: Expert, obs: Any, rows: dict[str, list[Any]], outcome: dict, settle: int
+) -> None:
+    base: OperateJointEnv = env.unwrapped
+    spec = base.robot_spec
+    _keep(rows, "env_states", base.get_state_dict())
+    _see(rows, base, obs)
+    success, left = False, settle
+    while True:
+        action = expert.act()
+        if expert.phase == "done" and not success:
+            break
+        clean = spec.action(expert.target, expert.gripper)
+        obs, reward, _, truncated, info = env.step(action)
+        success = success or bool(info["success"][0])
+        target = np.append(expert.target, expert.gripper)
+        for key, value in (
+            ("actions", clean),
+            ("executed", action),
+            ("targets", target.astype(np.float32)),
+            ("rewards", np.float32(reward[0])),
+            ("success", success),
+            ("phase", expert.phase),
+        ):
+            rows.setdefault(key, []).append(value)
+        _keep(rows, "env_states", base.get_state_dict())
+        _see(rows, base, obs)
+        left -= success
+        if left < 0 or bool(truncated[0]):
+            break
+    outcome |= {"success": success, "steps": len(rows.get("actions", ()))}
+    outcome |= {"plans": len(expert.plans), "open_fraction": float(info["open_fraction"][0])}
+    outcome["reason"] = "" if success else expert.reason or "out of time"
+
+
+def _see(rows: dict[str, list[Any]], base: OperateJointEnv, obs: Any) -> None:
+    """Record one observation: the flat state, and what cameras saw."""
+    state = obs["state"] if isinstance(obs, dict) else obs
+    rows.setdefault("obs/state", []).append(common.to_numpy(state)[0].astype(np.float32))
+    if isinstance(obs, dict):
+        for name, data in obs["sensor_data"].items():
+            if "rgb" in data:
+                picture = common.to_numpy(data["rgb"])[0].astype(np.uint8)
+                rows.setdefault(f"images/{name}", []).append(picture)
+
+
+def _keep(rows: dict[str, list[Any]], prefix: str, value: Any) -> None:
+    if isinstance(value, dict):
+        for k, v in value.items():
+            _keep(rows, f"{prefix}/{k}", v)
+    else:
+        rows.setdefault(prefix, []).append(common.to_numpy(value)[0])
+
+
+def _words(base: OperateJointEnv) -> str:
+    """The task in words: "open the drawer drawer_1 of nightstand"."""
+    layout = base.layout()
+    goal, asset = layout.goals[0], layout.model.asset
+    child = layout.model.card_joint(goal.joint).child
+    kind = next((p.kind for p in asset.card.parts if p.link == child), "part")
+    verb = {"turn_to": "turn"}.get(goal.task, goal.task)
+    return f"{verb} the {kind} {child} of {asset.card.name}".replace("_", " ")
+
+
+def _names(env: Any, attempts: Path) -> Names:
+    """Names of the data's vectors; remembered in names.json, so that a resumed run needs no
+    environment when all attempts are there."""
+    file = attempts / "names.json"
+    if env is None:
+        return Names(**{k: tuple(v) for k, v in json.loads(file.read_text()).items()})
+    base: OperateJointEnv = env.unwrapped
+    spec = base.robot_spec
+    joints = {j.name: j.type[0] for j in base.agent.robot.active_joints}
+
+    def unit(name: str) -> str:
+        return f"{name}.m" if joints[name] == "prismatic" else f"{name}.rad"
+
+    privileged = []
+    for name, start, stop, hidden in base.observation_layout():
+        if hidden:
+            label = name.rsplit("/", 1)[-1]
+            many = stop - start > 1
+            privileged += [f"{label}.{i}" if many else label for i in range(stop - start)]
+    names = Names(
+        state=tuple(unit(n) for n in joints),
+        action=(*(unit(n) for n in spec.arm), unit(spec.gripper[0])),
+        environment=tuple(privileged),
+    )
+    text = json.dumps({**asdict(names)})
+    _replace(file, lambda p: p.write_text(text, encoding="utf-8"))
+    return names
+
+
+def _tracks(attempts: Path, kept: list[int]) -> Iterator[tuple[Track, np.ndarray]]:
+    sizes = json.loads((attempts / "names.json").read_text())
+    state, hidden = len(sizes["state"]), len(sizes["environment"])
+    for k in kept:
+        outcome = json.loads((attempts / f"{k:06d}.json").read_text(encoding="utf-8"))
+        with np.load(attempts / f"{k:06d}.npz") as data:
+            obs, count = data["obs/state"], len(data["actions"])
+            images = {n[7:]: data[n][:count] for n in data.files if n.startswith("images/")}
+            # the flat state begins with qpos and ends with the privileged entries
+            track = Track(
+                state=obs[:count, :state],
+                action=data["targets"].astype(np.float32),
+                environment=obs[:count, obs.shape[1] - hidden :],
+                images=images,
+                success=bool(outcome["success"]),
+                task=str(outcome["task"]),
+            )
+            yield track, data["rewards"].astype(np.float32)
+
+
+def _write_h5(
+    config: CollectConfig, out: Path, attempts: Path, kept: list[int], done: list[dict[str, Any]]
+) -> Path:
+    """ManiSkill's trajectory layout: demos.h5 with traj_i groups, demos.json with the episodes."""
+    kwargs = {
+        "asset": str(Asset.load(config.asset).folder),
+        "joint": config.joint,
+        "task": config.task,
+        "robot_uids": config.robot,
+        "obs_mode": "state",
+        "control_mode": "pd_joint_pos",
+        **config.env,
+    }
+    listing: dict[str, Any] = {
+        "env_info": {
+            "env_id": mam_envs.ENV_ID,
+            "max_episode_steps": config.max_steps,
+            "env_kwargs": kwargs,
+        },
+        "source_type": "motionplanning",
+        "source_desc": "mam-sim's inverse-kinematics expert",
+        "episodes": [],
+    }
+
+    def write(path: Path) -> None:
+        with h5py.File(path, "w") as file:
+            for i, k in enumerate(kept):
+                group = file.create_group(f"traj_{i}")
+                _fill(group, attempts / f"{k:06d}.npz")
+                listing["episodes"].append(_episode(i, done[k]))
+
+    _replace(out / "demos.h5", write)
+    text = json.dumps(listing, indent=2) + "\n"
+    _replace(out / "demos.json", lambda p: p.write_text(text, encoding="utf-8"))
+    return out / "demos.h5"
+
+
+def _fill(group: h5py.Group, npz: Path) -> None:
+    with np.load(npz) as data:
+        count = len(data["actions"])
+        group["actions"] = data["executed"]
+        group["rewards"] = data["rewards"]
+        group["success"] = data["success"]
+        group["terminated"] = data["success"]
+        group["truncated"] = np.arange(count) == count - 1
+        group["obs"] = data["obs/state"]
+        for name in data.files:
+            if name.startswith("env_states/"):
+                group[name] = data[name]
+
+
+def _episode(i: int, outcome: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "episode_id": i,
+        "episode_seed": outcome["seed"],
+        "control_mode": "pd_joint_pos",
+        "elapsed_steps": outcome["steps"],
+        "reset_kwargs": {"options": {}, "seed": outcome["seed"]},
+        "success": bool(outcome["success"]),
+        "fail": not outcome["success"],
+    }

@@ -1,0 +1,148 @@
+"""Episodes as a LeRobotDataset (format v3.0) that reloads offline, in units that names say."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import warnings
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mam_pipeline.errors import InputError
+
+FPS = 20
+REPO_ID = "local/mam_sim"
+
+
+@dataclass(frozen=True)
+class Track:
+    """One episode's frames, T rows each.
+
+    Attributes:
+        state: (T, S) float32, what a real arm can measure, named by `state_names`.
+        action: (T, A) float32, absolute targets, named by `action_names`.
+        environment: (T, E) float32, privileged (simulation only), named by `environment_names`.
+        images: camera name to (T, H, W, 3) uint8.
+        success: of the whole episode. task: in words.
+    """
+
+    state: NDArray[np.float32]
+    action: NDArray[np.float32]
+    environment: NDArray[np.float32]
+    images: dict[str, NDArray[np.uint8]]
+    success: bool
+    task: str
+
+
+@dataclass(frozen=True)
+class Names:
+    """Names of the vectors' entries; units are part of a name (.rad, .m)."""
+
+    state: tuple[str, ...]
+    action: tuple[str, ...]
+    environment: tuple[str, ...]
+
+
+def offline() -> None:
+    """Keep LeRobot from asking the Hub (a missing file would become a network error)."""
+    os.environ.setdefault("HF_HUB_OFFLINE", "1")
+
+
+def features(names: Names, images: dict[str, tuple[int, int]]) -> dict[str, dict[str, Any]]:
+    """The dataset's features; `images`: camera name to (height, width), stored as video."""
+
+    def vector(labels: tuple[str, ...]) -> dict[str, Any]:
+        return {"dtype": "float32", "shape": (len(labels),), "names": list(labels)}
+
+    out = {
+        "observation.state": vector(names.state),
+        "observation.environment_state": vector(names.environment),
+        "action": vector(names.action),
+        "next.reward": {"dtype": "float32", "shape": (1,), "names": None},
+        "next.success": {"dtype": "bool", "shape": (1,), "names": None},
+        "next.done": {"dtype": "bool", "shape": (1,), "names": None},
+    }
+    for camera, (height, width) in images.items():
+        out[f"observation.images.{camera}"] = {
+            "dtype": "video",
+            "shape": (height, width, 3),
+            "names": ["height", "width", "channels"],
+        }
+    return out
+
+
+def write_dataset(
+    tracks: Iterable[tuple[Track, NDArray[np.float32]]], names: Names, robot: str, root: Path
+) -> Path:
+    """Write episodes (with their rewards (T,)) into `root`, replacing what was there.
+
+    The dataset is built beside its place and moved there when it is whole.
+
+    Raises:
+        InputError: there are no episodes.
+    """
+    offline()
+    import datasets
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+    datasets.disable_progress_bars()  # one bar per episode would drown ours
+    stream: Iterator[tuple[Track, NDArray[np.float32]]] = iter(tracks)
+    first = next(stream, None)
+    if first is None:
+        raise InputError("there are no episodes to write")
+    building = root.with_name(root.name + ".partial")
+    shutil.rmtree(building, ignore_errors=True)
+    sizes = {k: (v.shape[1], v.shape[2]) for k, v in first[0].images.items()}
+    dataset = LeRobotDataset.create(
+        repo_id=REPO_ID,
+        fps=FPS,
+        features=features(names, sizes),
+        root=building,
+        robot_type=robot,
+        use_videos=bool(sizes),
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # statistics of booleans
+        for track, rewards in (first, *stream):
+            _add(dataset, track, rewards)
+    dataset.finalize()
+    shutil.rmtree(root, ignore_errors=True)
+    building.replace(root)
+    return root
+
+
+def _add(dataset: Any, track: Track, rewards: NDArray[np.float32]) -> None:
+    last = len(track.action) - 1
+    for t in range(last + 1):
+        frame: dict[str, Any] = {
+            "observation.state": track.state[t],
+            "observation.environment_state": track.environment[t],
+            "action": track.action[t],
+            "next.reward": np.array([rewards[t]], dtype=np.float32),
+            "next.success": np.array([track.success and t == last]),
+            "next.done": np.array([t == last]),
+            "task": track.task,
+        }
+        for camera, pictures in track.images.items():
+            frame[f"observation.images.{camera}"] = pictures[t]
+        dataset.add_frame(frame)
+    dataset.save_episode()
+
+
+def load_dataset(root: Path) -> Any:
+    """Open a dataset folder offline.
+
+    Raises:
+        InputError: there is none, or it was never finished.
+    """
+    offline()
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+    if not (root / "meta" / "info.json").is_file():
+        raise InputError(f"{root} is no LeRobot dataset; make one with: mam-sim collect ASSET")
+    return LeRobotDataset(REPO_ID, root=root)
