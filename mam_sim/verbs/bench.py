@@ -86,11 +86,11 @@ def bench(
     if json:
         screen.json(data)
         return 0
-    width = max(screen.out.width, 136)  # the table must not lose digits in a pipe
-    screen.out.print(objects_table(records), width=width)
-    screen.out.print(rows_table(by_category(records), "categories"), width=width)
+    screen.out.width = max(screen.out.width, 136)  # the table must not lose digits in a pipe
+    screen.out.print(objects_table(records))
+    screen.out.print(rows_table(by_category(records), "categories"))
     total = summarise("mam-sim" + (", fused input" if fuse else ""), records)
-    screen.out.print(rows_table([total, *PAPER], f"total of {dataset}"), width=width)
+    screen.out.print(rows_table([total, *PAPER], f"total of {dataset}"))
     if out is not None:
         print(f"wrote {out}")
     return 0

@@ -71,7 +71,7 @@ class Record:
 
     Attributes:
         status: ok | nothing (the engine found nothing movable) | error.
-        bound: mIoU that a perfect grouping of the primitives would reach.
+        bound: mIoU that a perfect grouping of the primitives would reach; None without them.
         executable: all clauses of the check hold; None if not tested.
         reasons: reason codes of the check.
     """
@@ -86,7 +86,7 @@ class Record:
     stages: dict[str, float]
     faces: int
     primitives: int
-    bound: float
+    bound: float | None
     executable: bool | None = None
     reasons: tuple[str, ...] = ()
     used: dict[str, str] = field(default_factory=dict)
@@ -172,7 +172,7 @@ def run_task(task: Task, config: BenchConfig) -> Record:
         stages={} if run is None else {k: round(v, 3) for k, v in run.seconds.items()},
         faces=len(mesh.faces),
         primitives=0 if run is None else run.primitives.count,
-        bound=0.0 if run is None else grouping_bound(mesh, run.primitives.labels, truth),
+        bound=None if run is None else grouping_bound(mesh, run.primitives.labels, truth),
         executable=executable,
         reasons=reasons,
         used={} if run is None else dict(run.used),

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mam_pipeline.backends import Availability
 from mam_pipeline.errors import InputError
 from mam_pipeline.segment.components import absorb_specks, components, spread
 from mam_pipeline.segment.frame import dominant_frame
-from mam_pipeline.segment.topology import topology
+from mam_pipeline.segment.fused import cut, hierarchy
+from mam_pipeline.segment.topology import Topology, topology
 from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives
+
+DOMINANT = 0.98  # share of all area: a piece beyond it must hold more than the base
+DENSE = 1000  # faces
+EVEN = 0.004  # typical face over its piece's area: authored panels have far larger faces
+CLEAR = 0.004  # merges above this cost are left to the reasoner
+MOST = 80  # primitives from splitting
 
 
 class GeometricSegmenter:
@@ -35,8 +43,51 @@ class GeometricSegmenter:
         if not topo.kept.any() or topo.areas.sum() <= 0:
             raise InputError("the mesh has no face with an area")
         frame = dominant_frame(topo.normals, topo.areas)
-        label = absorb_specks(topo, components(topo, frame))
-        return Primitives(by_area(spread(topo, label), topo.areas), method="geometric")
+        pieces = components(topo, frame)
+        whole = absorb_specks(topo, pieces)
+        inside = _to_split(topo, whole)
+        if not inside.any():
+            return Primitives(by_area(spread(topo, whole), topo.areas), method="geometric")
+        tree = hierarchy(topo, np.flatnonzero(inside))
+        # every surface of its own keeps at least one node, so disjoint ones are never joined
+        count = max(min(1 + int((tree.costs > CLEAR).sum()), MOST), MOST // 4)
+        split, merges = cut(tree, count)
+        others = np.unique(np.where(inside, -1, whole), return_inverse=True)[1] - 1
+        label = np.where(inside, split, np.where(whole >= 0, others + 1 + split.max(), -1))
+        label, merges = _numbered(topo, label, merges, int(split.max()) + 1)
+        return Primitives(label, merges, method="geometric, split along creases")
+
+
+def _to_split(topo: Topology, label: IntArray) -> NDArray[np.bool_]:
+    """(F,) the kept faces of pieces that hold several parts in one surface.
+
+    Those are pieces that make up nearly everything, and large pieces of many small triangles of
+    like size, as generators and scanners write them.
+    """
+    kept = label >= 0
+    piece, areas = label[kept], topo.areas[kept]
+    area = np.bincount(piece, weights=areas)
+    square = np.bincount(piece, weights=areas**2)
+    faces = np.bincount(piece)
+    share = area / area.sum()
+    typical = square / np.maximum(area, 1e-30) ** 2  # typical face over the piece's area
+    remeshed = (faces >= DENSE) & (typical < EVEN) & (share >= 0.1)
+    out = np.zeros(len(label), dtype=bool)
+    out[kept] = ((share >= DOMINANT) | remeshed)[piece]
+    return out
+
+
+def _numbered(
+    topo: Topology, label: IntArray, merges: IntArray, leaves: int
+) -> tuple[IntArray, IntArray]:
+    """Fill all faces and number by area; the merge tree over the first `leaves` labels follows."""
+    full = spread(topo, label)
+    ranked = by_area(full, topo.areas)
+    total = int(ranked.max()) + 1
+    move = np.zeros(int(label.max()) + 1, dtype=np.int64)
+    move[full] = ranked
+    node = np.concatenate([move[:leaves], total + np.arange(len(merges))])
+    return ranked, node[merges] if len(merges) else merges
 
 
 def by_area(label: IntArray, areas: FloatArray) -> IntArray:

@@ -1,0 +1,222 @@
+"""Splitting one fused surface along its creases: superfaces, then a hierarchy of greedy merges.
+
+Superfaces are a graph segmentation (Felzenszwalb and Huttenlocher, IJCV 2004) of the faces under
+dihedral angles; they are merged cheapest border first. Concave creases cost more than convex ones,
+because parts meet at them; convex ones keep some weight, because flush fronts end at them.
+"""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from scipy.sparse import coo_matrix
+
+from mam_pipeline.segment.topology import Topology
+from mam_pipeline.types import FloatArray, IntArray
+
+SCALE = 5e-6  # graph segmentation: how readily faces join, times the total area
+SMALLEST = 5e-6  # of the total area: superfaces below it join a neighbour
+CONVEX = 0.15  # weight of a convex crease against a concave one
+AREA_POWER = 0.45  # how much the smaller side's area counts for a merge
+QUIET = np.radians(1.5)  # typical angle between neighbours above which the surface is noisy
+
+
+@dataclass(frozen=True)
+class Hierarchy:
+    """Leaves of a merge tree over some faces.
+
+    Attributes:
+        leaf: (F,) leaf of every face that was split, -1 for the others.
+        merges: (leaves - roots, 2) rows join two nodes into node leaves + row.
+        costs: (leaves - roots,) cost of each merge, in the order made.
+        area: (leaves + merges,) share of the total area of every node.
+    """
+
+    leaf: IntArray
+    merges: IntArray
+    costs: FloatArray
+    area: FloatArray
+
+
+def hierarchy(topo: Topology, chosen: IntArray) -> Hierarchy:
+    """Superfaces of the chosen faces and all merges of neighbours, cheapest first.
+
+    Args:
+        chosen: (n,) kept faces to split; those on different surfaces are never merged.
+    """
+    local = np.full(len(topo.faces), -1, dtype=np.int64)
+    local[chosen] = np.arange(len(chosen))
+    inside = (local[topo.manifold] >= 0).all(axis=1)
+    pairs = local[topo.manifold[inside]]
+    ends = topo.points[topo.manifold_edge[inside]]
+    length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    areas = topo.areas[chosen]
+    share = areas / max(float(areas.sum()), 1e-30)
+    normals = topo.normals[chosen]
+    centres = topo.points[topo.faces[chosen]].mean(axis=1)
+    angle, concave = _angles(normals, centres, pairs)
+    noise = _typical(angle, length)
+    if noise > QUIET:
+        normals = _steady(normals, areas, pairs, angle, noise)
+        angle, concave = _angles(normals, centres, pairs)
+    order = np.argsort(angle, kind="stable")
+    super_ = _superfaces(pairs[order], angle[order], share, SCALE, SMALLEST)
+    super_ = np.unique(super_, return_inverse=True)[1].astype(np.int64)
+    weight = length * np.where(concave, angle, CONVEX * angle)
+    merges, costs, area = _merge(super_, pairs, length, weight, share)
+    leaf = np.full(len(topo.faces), -1, dtype=np.int64)
+    leaf[chosen] = super_
+    return Hierarchy(leaf, merges, costs, area)
+
+
+def cut(tree: Hierarchy, count: int) -> tuple[IntArray, IntArray]:
+    """Undo the last merges until `count` nodes are left (or all leaves).
+
+    Returns:
+        (F,) node numbers 0 .. n - 1 (-1 where the tree has no leaf) and the (n - 1 or fewer, 2)
+        merges above them, numbered as in a SciPy linkage.
+    """
+    leaves = len(tree.area) - len(tree.merges)
+    done = int(np.clip(leaves - count, 0, len(tree.merges)))
+    node = np.arange(leaves + len(tree.merges))
+    for row in range(done):
+        node[tree.merges[row]] = leaves + row
+    for k in range(leaves + done - 1, -1, -1):  # children have lower numbers than their parent
+        node[k] = node[node[k]] if node[k] != k else k
+    alive = np.unique(node[:leaves])
+    number = np.full(leaves + len(tree.merges), -1, dtype=np.int64)
+    number[alive] = np.arange(len(alive))
+    label = np.where(tree.leaf >= 0, number[node[tree.leaf]], -1)
+    rest = []
+    for row in range(done, len(tree.merges)):
+        rest.append(number[tree.merges[row]])
+        number[leaves + row] = len(alive) + len(rest) - 1
+    return label, np.array(rest, dtype=np.int64).reshape(-1, 2)
+
+
+def _angles(normals: FloatArray, centres: FloatArray, pairs: IntArray) -> tuple[FloatArray, ...]:
+    """Unsigned angle between neighbours, rad, and whether the edge between them is concave."""
+    a, b = normals[pairs[:, 0]], normals[pairs[:, 1]]
+    angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b))
+    step = centres[pairs[:, 1]] - centres[pairs[:, 0]]
+    # both views, so that neither face's tilt decides alone
+    concave = np.einsum("ij,ij->i", a - b, step) > 0
+    return angle, concave
+
+
+def _typical(angle: FloatArray, length: FloatArray) -> float:
+    """Length-weighted median angle: near zero on clean surfaces, whose creases are few."""
+    if not len(angle):
+        return 0.0
+    order = np.argsort(angle)
+    total = np.cumsum(length[order])
+    return float(angle[order[np.searchsorted(total, 0.5 * total[-1])]])
+
+
+def _steady(
+    normals: FloatArray, areas: FloatArray, pairs: IntArray, angle: FloatArray, noise: float
+) -> FloatArray:
+    """Average normals over neighbours that differ by no more than the noise explains."""
+    n = len(normals)
+    rounds = int(np.clip(np.ceil(noise / QUIET), 2, 8))
+    for _ in range(rounds):
+        sigma = max(2.0 * noise, np.radians(6.0))
+        w = np.exp(-0.5 * (angle / sigma) ** 2)
+        rows = np.concatenate([pairs[:, 0], pairs[:, 1], np.arange(n)])
+        cols = np.concatenate([pairs[:, 1], pairs[:, 0], np.arange(n)])
+        values = np.concatenate([w, w, np.ones(n)]) * areas[cols]
+        normals = coo_matrix((values, (rows, cols)), shape=(n, n)).tocsr() @ normals
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+        a, b = normals[pairs[:, 0]], normals[pairs[:, 1]]
+        angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b))
+    return normals
+
+
+@numba.njit(cache=True)
+def _find(parent, i):  # type: ignore[no-untyped-def]
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]
+        i = parent[i]
+    return i
+
+
+@numba.njit(cache=True)
+def _superfaces(pairs, angle, share, scale, smallest):  # type: ignore[no-untyped-def]
+    """Graph segmentation over edges sorted by angle; returns the root face of every face."""
+    n = len(share)
+    parent = np.arange(n)
+    size = share.copy()
+    inner = np.zeros(n)
+    for e in range(len(pairs)):
+        a, b = _find(parent, pairs[e, 0]), _find(parent, pairs[e, 1])
+        w = angle[e]
+        if a != b and w <= min(inner[a] + scale / max(size[a], 1e-30),
+                               inner[b] + scale / max(size[b], 1e-30)):  # fmt: skip
+            parent[b] = a
+            size[a] += size[b]
+            inner[a] = w
+    for e in range(len(pairs)):
+        a, b = _find(parent, pairs[e, 0]), _find(parent, pairs[e, 1])
+        if a != b and min(size[a], size[b]) < smallest:
+            parent[b] = a
+            size[a] += size[b]
+    out = np.empty(n, dtype=np.int64)
+    for i in range(n):
+        out[i] = _find(parent, i)
+    return out
+
+
+def _merge(
+    label: IntArray, pairs: IntArray, length: FloatArray, weight: FloatArray, share: FloatArray
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Greedy merging of neighbouring regions; a border's cost is its mean angle times area."""
+    count = int(label.max()) + 1
+    border = label[pairs]
+    cross = border[:, 0] != border[:, 1]
+    low, high = border[cross].min(axis=1), border[cross].max(axis=1)
+    key, inverse = np.unique(low * count + high, return_inverse=True)
+    span = np.bincount(inverse, weights=length[cross], minlength=len(key))
+    heavy = np.bincount(inverse, weights=weight[cross], minlength=len(key))
+    near: list[dict[int, tuple[float, float]]] = [{} for _ in range(count)]
+    for k, s, h in zip(key.tolist(), span.tolist(), heavy.tolist()):
+        a, b = divmod(k, count)
+        near[a][b] = near[b][a] = (s, h)
+    area = np.bincount(label, weights=share, minlength=count).tolist()
+
+    def cost(a: int, b: int) -> float:
+        s, h = near[a][b]
+        return h / max(s, 1e-30) * min(area[a], area[b]) ** AREA_POWER
+
+    heap = [(cost(a, b), a, b) for a in range(count) for b in near[a] if a < b]
+    heapq.heapify(heap)
+    alive = [True] * count
+    merges, costs = [], []
+    while heap:
+        price, a, b = heapq.heappop(heap)
+        if not (alive[a] and alive[b]):
+            continue
+        new = len(near)
+        joined = dict(near[a])
+        for c, (s, h) in near[b].items():
+            s0, h0 = joined.get(c, (0.0, 0.0))
+            joined[c] = (s + s0, h + h0)
+        joined.pop(a, None)
+        joined.pop(b, None)
+        near.append(joined)
+        area.append(area[a] + area[b])
+        alive[a] = alive[b] = False
+        alive.append(True)
+        for c, value in joined.items():
+            near[c].pop(a, None)
+            near[c].pop(b, None)
+            near[c][new] = value
+        for c in joined:
+            heapq.heappush(heap, (cost(c, new), c, new))
+        near[a], near[b] = {}, {}
+        merges.append((a, b))
+        costs.append(price)
+    rows = np.array(merges, dtype=np.int64).reshape(-1, 2)
+    return rows, np.array(costs), np.array(area)
