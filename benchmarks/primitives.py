@@ -1,0 +1,130 @@
+"""How good primitives are, and what they cost: bound of a perfect grouping, seconds, memory.
+
+python benchmarks/primitives.py bound ../shared/bench/dev [--fuse] [--noise 0.0005] [--every 3]
+python benchmarks/primitives.py speed
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from mam_pipeline.bench.dataset import GroundTruth, list_objects, read_object
+from mam_pipeline.geometry.fuse import fuse_mesh
+from mam_pipeline.geometry.sampling import face_geometry
+from mam_pipeline.metrics import nearest_face
+from mam_pipeline.segment.fused import cut, hierarchy
+from mam_pipeline.segment.geometric import GeometricSegmenter
+from mam_pipeline.segment.topology import topology
+from mam_pipeline.types import FloatArray, IntArray, Mesh
+
+CUTS = (10, 20, 40, 80, 160, 400)
+INVISIBLE = 2e-4  # of the area: parts below it are left out of the bound
+
+
+def bound(labels: IntArray, owner: IntArray, areas: FloatArray, links: int) -> float:
+    """Mean IoU of the visible movable parts, each primitive given to its majority link."""
+    votes = np.zeros((int(labels.max()) + 1, links))
+    np.add.at(votes, (labels, owner), areas)
+    given = votes.argmax(axis=1)[labels]
+    out = []
+    for k in range(1, links):
+        if areas[owner == k].sum() > INVISIBLE * areas.sum():
+            union = areas[(given == k) | (owner == k)].sum()
+            out.append(areas[(given == k) & (owner == k)].sum() / union)
+    return float(np.mean(out)) if out else 1.0
+
+
+def measure_bound(dataset: Path, fuse: bool, noise: float, resolution: int, every: int) -> None:
+    """Print the bound per object: of the labels as delivered and, if fused, at several cuts."""
+    rows, delivered = [], []
+    for name, category, urdf in list_objects(dataset)[::every]:
+        truth = read_object(urdf, name, category)
+        mesh = fuse_mesh(truth.mesh, resolution, noise) if fuse else truth.mesh
+        owner = _owner(truth, mesh, fuse)
+        areas = face_geometry(mesh.vertices, mesh.faces)[1]
+        began = time.perf_counter()
+        got = GeometricSegmenter().segment(mesh)
+        seconds = time.perf_counter() - began
+        delivered.append(bound(got.labels, owner, areas, len(truth.links)))
+        text = f"{name:38s} F={len(mesh.faces):7d} K={got.count:4d} {seconds:6.2f} s "
+        text += f"bound {delivered[-1]:.3f}"
+        if fuse:
+            topo = topology(mesh)
+            tree = hierarchy(topo, np.flatnonzero(topo.kept))
+            row = []
+            for count in CUTS:
+                label, _ = cut(tree, count)
+                ok = label >= 0
+                row.append(bound(label[ok], owner[ok], areas[ok], len(truth.links)))
+            rows.append(row)
+            text += "  at " + " ".join(f"{c}:{v:.2f}" for c, v in zip(CUTS, row))
+        print(text, flush=True)
+    print(f"mean bound of the delivered labels: {np.mean(delivered):.3f}")
+    if rows:
+        print("mean at", dict(zip(CUTS, np.mean(rows, axis=0).round(3).tolist())))
+
+
+def measure_speed() -> None:
+    """Seconds and peak memory from 10 k to 1 M faces, for many boxes and for one bumpy sphere."""
+    for target in (10_000, 50_000, 200_000, 1_000_000):
+        for kind, mesh in (("boxes", _many_boxes(target)), ("fused", _bumpy_sphere(target))):
+            began = time.perf_counter()
+            got = GeometricSegmenter().segment(mesh)
+            seconds = time.perf_counter() - began
+            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+            print(
+                f"{kind:6s} F={len(mesh.faces):8d} K={got.count:6d} {seconds:7.2f} s "
+                f"{1e6 * seconds / len(mesh.faces):6.2f} us per face, peak {peak:.2f} GB",
+                flush=True,
+            )
+
+
+def _owner(truth: GroundTruth, mesh: Mesh, fuse: bool) -> IntArray:
+    if not fuse:
+        return truth.face_link
+    return truth.face_link[nearest_face(truth.mesh, mesh.vertices[mesh.faces].mean(axis=1))]
+
+
+def _many_boxes(faces: int) -> Mesh:
+    box = trimesh.creation.box(extents=(0.8, 0.8, 0.8)).subdivide().subdivide()
+    count = max(1, faces // len(box.faces))
+    side = int(np.ceil(count ** (1 / 3)))
+    places = np.stack(np.unravel_index(np.arange(count), (side,) * 3), axis=1)
+    vertices = (box.vertices[None] + places[:, None]).reshape(-1, 3)
+    index = box.faces[None] + len(box.vertices) * np.arange(count)[:, None, None]
+    return Mesh(vertices, index.reshape(-1, 3))
+
+
+def _bumpy_sphere(faces: int) -> Mesh:
+    n = int(np.sqrt(faces / 4))
+    ball = trimesh.creation.uv_sphere(radius=1.0, count=[n, 2 * n])
+    v = np.asarray(ball.vertices)
+    bump = 1 + 0.1 * (np.abs(np.sin(6 * v)).prod(axis=1) > 0.2)
+    return replace(Mesh(v * bump[:, None], ball.faces))
+
+
+def main() -> None:
+    """Read the arguments and measure."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=["bound", "speed"])
+    parser.add_argument("dataset", nargs="?", type=Path)
+    parser.add_argument("--fuse", action="store_true")
+    parser.add_argument("--noise", type=float, default=0.0)
+    parser.add_argument("--resolution", type=int, default=112)
+    parser.add_argument("--every", type=int, default=1)
+    a = parser.parse_args()
+    if a.what == "speed":
+        measure_speed()
+    else:
+        measure_bound(a.dataset, a.fuse, a.noise, a.resolution, a.every)
+
+
+if __name__ == "__main__":
+    main()
