@@ -11,7 +11,7 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from mam_pipeline.types import FloatArray, IntArray, joint_motion
+from mam_pipeline.types import FloatArray, IntArray, JointType, joint_motion
 from mam_pipeline.world.core import JointSpec
 from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.object import generator
@@ -94,7 +94,7 @@ class Solid:
     @cached_property
     def scene(self) -> o3d.t.geometry.RaycastingScene:
         scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-        scene.add_triangles(self.vertices.astype(np.float32), self.faces.astype(np.uint32))
+        scene.add_triangles(self.vertices.astype(np.float32), self.faces.astype(np.uint32))  # type: ignore[call-overload]
         return scene
 
     @cached_property
@@ -117,15 +117,20 @@ class Solid:
         near = np.all((points > self.box[0]) & (points < self.box[1]), axis=1)
         if not near.any():
             return 0.0
-        query = o3d.core.Tensor(points[near].astype(np.float32))
+        query = o3d.core.Tensor(points[near].astype(np.float32))  # type: ignore[call-overload]
         distance = self.scene.compute_signed_distance(query, nthreads=1, nsamples=3).numpy()
         return max(0.0, -float(distance.min()))
 
 
 def deepest(b: Builder, joint: JointSpec) -> tuple[float, float]:
-    """Worst penetration beyond the closed pose (share of the diagonal), and at which value."""
+    """Worst penetration beyond the rest pose (share of the diagonal), and at which value."""
     numbers = count()
-    solids = [Solid(next(numbers), p.link, p.shape.vertices, p.shape.faces) for p in b.pieces]
+    poses = rest_poses(b)
+    solids = []
+    for p in b.pieces:
+        pose = poses[p.link]
+        v = p.shape.vertices @ pose[:3, :3].T + pose[:3, 3]
+        solids.append(Solid(next(numbers), p.link, v, p.shape.faces))
     corners = np.concatenate([s.box for s in solids])
     diagonal = float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0)))
     moving_links = set(_below(b, joint.child))
@@ -134,11 +139,12 @@ def deepest(b: Builder, joint: JointSpec) -> tuple[float, float]:
     low, high = joint.lower, joint.upper
     if not np.isfinite(low + high):
         low, high = -np.pi, np.pi
-    kind = "prismatic" if joint.subtype == "slide" else "revolute"
+    parent = poses[joint.parent]
+    axis, origin = parent[:3, :3] @ joint.axis, parent[:3, :3] @ joint.origin + parent[:3, 3]
     rest: dict[tuple[int, int], float] = {}
     worst, at = 0.0, 0.0
-    for q in [0.0, *np.linspace(low, high, 6)]:
-        motion = joint_motion(kind, joint.axis, joint.origin, float(q))  # type: ignore[arg-type]
+    for q in [0.0, *(np.linspace(low, high, 6) - joint.rest)]:
+        motion = joint_motion(kind_of(joint), axis, origin, float(q))
         r, t = motion[:3, :3], motion[:3, 3]
         for a in moving:
             points = a.points @ r.T + t
@@ -151,6 +157,22 @@ def deepest(b: Builder, joint: JointSpec) -> tuple[float, float]:
                 if (depth - before) / diagonal > worst:
                     worst, at = (depth - before) / diagonal, float(q)
     return worst, at
+
+
+def kind_of(joint: JointSpec) -> JointType:
+    return "prismatic" if joint.subtype == "slide" else "revolute"
+
+
+def rest_poses(b: Builder) -> dict[int, FloatArray]:
+    """Motion of every link from its closed pose to the pose of the source."""
+    poses = {0: np.eye(4)}
+    left = list(b.joints)
+    while left:
+        for j in [j for j in left if j.parent in poses]:
+            move = joint_motion(kind_of(j), j.axis, j.origin, j.rest)
+            poses[j.child] = poses[j.parent] @ move
+            left.remove(j)
+    return poses
 
 
 def _below(b: Builder, link: int) -> Iterator[int]:

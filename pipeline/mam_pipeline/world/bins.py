@@ -154,7 +154,7 @@ def swing_bin(b: Builder) -> None:
         low, high = np.array([-d / 2, 0, k + 0.1 * h]), np.array([-0.003, 0, h - 0.002])
         mid = 0.5 * (low + high)
         along = (high - low) / np.linalg.norm(high - low)
-        half = 0.5 * np.linalg.norm(high - low) - g - 0.006
+        half = 0.5 * float(np.linalg.norm(high - low)) - g - 0.006
         normal = np.array([-along[2], 0, along[0]])
     else:
         rim = b.uniform(0.02, 0.05)

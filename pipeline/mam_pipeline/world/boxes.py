@@ -38,48 +38,31 @@ def carton(b: Builder) -> None:
     paint = b.pieces[-1].material
     if b.chance(0.5):
         b.box("base", (-0.0005, -0.3 * w, 0.3 * h), (0, 0.1 * w, 0.7 * h), "light", "decor", False)
-    rest = b.choice((0.0, 0.0, 1.8, 2.2))
-    pairs = b.choice((("x", "y"), ("x", "y"), ("y",), ("x",)))
-    lap = b.chance(0.6)
+    pairs = b.choice((("x", "y"), ("x", "y"), ("x", "y"), ("y",), ("x",)))
+    lap, open_ = b.chance(0.6), len(pairs) == 2 or b.chance(0.4)
     for level, side in enumerate(reversed(pairs)):
+        # flaps below others move only while those stand open: the file shows the upper pair open
+        top = level == len(pairs) - 1
+        stand = open_ and (top or b.chance(0.6))
         z = h + g + level * (t + g)
         span, across = (d, w) if side == "x" else (w, d)
         depth = min(span / 2 - g, 0.5 * across if lap else span / 2 - g)
         for s in (-1, 1):
             flap = part(b, "lid", "flap")
-            mid = d / 2
             if side == "x":
-                edge = mid + s * d / 2
-                ends = sorted((edge, edge - s * depth))
+                edge = (d / 2 + s * d / 2, 0.0, z)
+                ends = sorted((edge[0], edge[0] - s * depth))
                 b.panel(flap, (ends[0], -w / 2 + g, z), (ends[1], w / 2 - g, z + t), paint)
-                b.hinge(
-                    flap,
-                    "base",
-                    (edge, 0, z),
-                    (0, 1, 0),
-                    0,
-                    b.uniform(1.9, 3.4),
-                    opens=(0, 0, 1),
-                    rest=_wiggle(b, rest),
-                )
             else:
-                edge = s * w / 2
-                ends = sorted((edge, edge - s * depth))
+                edge = (d / 2, s * w / 2, z)
+                ends = sorted((edge[1], edge[1] - s * depth))
                 b.panel(flap, (g, ends[0], z), (d - g, ends[1], z + t), paint)
-                b.hinge(
-                    flap,
-                    "base",
-                    (mid, edge, z),
-                    (1, 0, 0),
-                    0,
-                    b.uniform(2.3, 3.4),
-                    opens=(0, 0, 1),
-                    rest=_wiggle(b, rest),
-                )
-
-
-def _wiggle(b: Builder, rest: float) -> float:
-    return rest and min(rest + b.uniform(-0.4, 0.4), 1.85)
+            upper = b.uniform(2.3, 3.4)
+            rest = b.uniform(1.75, upper) if stand else 0.0
+            axis = (0, 1, 0) if side == "x" else (1, 0, 0)
+            b.hinge(
+                flap, "base", edge, axis, 0, upper, opens=(0, 0, 1), rest=rest, ajar=len(pairs) == 1
+            )
 
 
 def sliding_box(b: Builder) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from mam_pipeline.world.boxes import clasp
 from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.mech import studs
-from mam_pipeline.world.solids import part, pierced, profile, tray
+from mam_pipeline.world.solids import part, pierced, profile, settle, tray
 
 
 def suitcase(b: Builder) -> None:
@@ -22,6 +22,7 @@ def suitcase(b: Builder) -> None:
         _flat_case(b, w, d, h, brief)
     else:
         _trolley(b, w, d, h)
+    settle(b)
 
 
 def _flat_case(b: Builder, w: float, d: float, h: float, brief: bool) -> None:

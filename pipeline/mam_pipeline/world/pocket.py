@@ -106,7 +106,7 @@ def lighter(b: Builder) -> None:
             0,
             b.uniform(1.6, 2.3),
             opens=(0, 0, 1),
-            rest=b.choice((0.0, 0.0, 1.9)),
+            rest=b.choice((0.0, 0.0, 1.55)),
         )
         y, z = -0.33 * w, k + 0.0052
         b.box("base", (-0.35 * d, y - 0.002, k), (-0.22 * d, y + 0.002, z + 0.001), "metal")

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mam_pipeline.types import FloatArray
+from mam_pipeline.types import FloatArray, IntArray
 from mam_pipeline.world import collide, shapes
 from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.shapes import Shape
@@ -33,7 +33,7 @@ def _lift(uv: FloatArray, height: float, axis: str) -> FloatArray:
     return out
 
 
-def _shape(vertices: FloatArray, faces: FloatArray) -> Shape:
+def _shape(vertices: FloatArray, faces: IntArray) -> Shape:
     """Outward shape with texture coordinates drawn from above and from the side."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     if np.einsum("ij,ij->", np.cross(a, b), c) < 0:
@@ -72,7 +72,8 @@ def profile(
 def outline(low: ArrayLike, high: ArrayLike, radius: float, n: int = 4) -> FloatArray:
     """(m, 2) rectangle with rounded corners between two (2,) corners."""
     lo, hi = np.asarray(low, float), np.asarray(high, float)
-    return shapes.rounded_rectangle(*(hi - lo), radius, n) + (lo + hi) / 2
+    width, height = float(hi[0] - lo[0]), float(hi[1] - lo[1])
+    return shapes.rounded_rectangle(width, height, radius, n) + (lo + hi) / 2
 
 
 def rounded(

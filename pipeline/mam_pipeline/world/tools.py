@@ -213,7 +213,7 @@ def peg_block(b: Builder) -> None:
                     peg,
                     (*c, h + out),
                     (*c, h + out + 0.3 * r),
-                    b.uniform(1.3, 2.2) * r,
+                    min(b.uniform(1.3, 2.2) * r, 0.46 * l / n),
                     None,
                     paint,
                     "handle",
