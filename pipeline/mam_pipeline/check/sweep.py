@@ -12,12 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mam_pipeline.asset.dynamics import carried_links
-from mam_pipeline.asset.surface import Solid, components
 from mam_pipeline.check.model import CheckModel, Hull
+from mam_pipeline.check.paths import SAMPLES, Motion, PartPaths, motion_points
 from mam_pipeline.check.thresholds import THRESHOLDS, Thresholds
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import sample_surface
-from mam_pipeline.geometry.sweep import Motion, SweepScene, motion_points
 from mam_pipeline.types import FloatArray, IntArray, Joint, Mesh
 
 STEPS = 10
@@ -50,24 +49,6 @@ def sweep_joint(model: CheckModel, joint: Joint, thresholds: Thresholds = THRESH
     return _Sweep(model, joint, thresholds).run()
 
 
-class _OutsideScene(SweepScene):
-    """A sweep that follows only what is not inside the other body at rest already.
-
-    A drawer that stands in a solid block leaves it when it opens: what counts is penetration
-    beyond that of the rest pose, so samples that begin inside closed surface are let out.
-    """
-
-    def __init__(self, mesh: Mesh, part: IntArray, static: IntArray) -> None:
-        super().__init__(mesh, part, static, samples=1500, static_samples=2500)
-        self.solid = _solid(mesh, static)
-        outside = ~self.solid.contains(self.points)
-        self.points, self.point_normals = self.points[outside], self.point_normals[outside]
-        self._keep = self._keep[outside]
-        outside = ~_solid(mesh, part).contains(self.static_points)
-        self.static_points = self.static_points[outside]
-        self._rest_contact()
-
-
 class _Sweep:
     """One joint's part, its surroundings, and the measures taken along the way."""
 
@@ -89,9 +70,9 @@ class _Sweep:
     def run(self) -> JointSweep:
         if not len(self.part) or not len(self.static):
             return JointSweep(0.0, 0.0, 0.0, None, None, 0.0)
-        scene = _OutsideScene(self.mesh, self.part, self.static)
-        depth, at, area, gap = self._penetration(scene)
-        return JointSweep(depth, at, area, gap, self._line_gap(scene), self._filled(scene))
+        paths = PartPaths(self.mesh, self.part, self.static)
+        depth, at, area, gap = self._penetration(paths)
+        return JointSweep(depth, at, area, gap, self._line_gap(), self._filled(paths))
 
     def _sides(self) -> list[FloatArray]:
         """Joint values to visit on either side of the rest pose, away from it."""
@@ -101,22 +82,25 @@ class _Sweep:
                 out.append(end * np.arange(1, STEPS + 1) / STEPS)
         return out
 
-    def _penetration(self, scene: _OutsideScene) -> tuple[float, float, float, float | None]:
+    def _penetration(self, paths: PartPaths) -> tuple[float, float, float, float | None]:
         joint, limit = self.joint, self.thresholds
         depth, at, area, gap = 0.0, 0.0, 0.0, 0.0
         slides = self.motion == "prismatic" and self._keeps_contact()
+        deep = limit.penetration_share * self.diagonal
         for values in self._sides():
-            result = scene.sweep(self.motion, joint.axis, joint.origin, values, contact=slides)
-            shares = result.depth / self.diagonal
-            bad = (result.blocked > limit.penetration_area) & (shares > limit.penetration_share)
-            k = int(np.argmax(bad)) if bad.any() else len(values) - 1
-            here = float(shares[k]) if bad.any() else 0.0
-            area = max(area, float(result.blocked.max()))
-            if here > depth:
-                depth, at = here, float(values[k])
+            part, static = paths.depths(self.motion, joint.axis, joint.origin, values)
+            blocked = (part > deep).sum(axis=1) / SAMPLES
+            blocked = blocked + (static > deep).sum(axis=1) * paths.static_weight
+            area = max(area, float(blocked.max()))
+            bad = np.flatnonzero(blocked > limit.penetration_area)
+            if len(bad):
+                k = int(bad[0])
+                worst = max(float(d[k].max(initial=0.0)) for d in (part, static)) / self.diagonal
+                if worst > depth:
+                    depth, at = worst, float(values[k])
             if slides:
-                # a slide lies on its rails only as far as it is in: the rest gap is the measure
-                gap = max(gap, float(np.max(result.gap) - scene.rest_gap) / self.diagonal)
+                gaps = paths.gaps(self.motion, joint.axis, joint.origin, values)
+                gap = max(gap, float(gaps.max() - paths.rest_gap) / self.diagonal)
         return depth, at, area, gap if slides else None
 
     def _keeps_contact(self) -> bool:
@@ -127,7 +111,7 @@ class _Sweep:
         points = self.mesh.vertices[self.mesh.faces[self.part].reshape(-1)]
         return float(np.ptp(points @ self.joint.axis)) >= 0.5 * (self.high - self.low)
 
-    def _line_gap(self, scene: _OutsideScene) -> float | None:
+    def _line_gap(self) -> float | None:
         """How far the hinge line strays from both bodies over their common extent."""
         joint = self.joint
         if self.motion == "prismatic":
@@ -158,7 +142,7 @@ class _Sweep:
     def _faces_of(self, links: list[int]) -> IntArray:
         return np.concatenate([self.model.articulation.links[i].faces for i in links])
 
-    def _filled(self, scene: _OutsideScene) -> float:
+    def _filled(self, scene: PartPaths) -> float:
         """Largest share of the part inside foreign collision pieces that its mesh does not meet."""
         joint = self.joint
         others = [i for i in range(len(self.model.hulls)) if i not in self.carried]
@@ -186,8 +170,3 @@ class _Sweep:
 
 def _meet(hull: Hull, low: FloatArray, high: FloatArray) -> bool:
     return bool((hull.points.max(0) >= low).all() and (hull.points.min(0) <= high).all())
-
-
-def _solid(mesh: Mesh, faces: IntArray) -> Solid:
-    corners = mesh.faces[faces]
-    return Solid(components(mesh.vertices[corners], faces, 1e-5 * mesh.diagonal, corners))

@@ -1,0 +1,168 @@
+"""Following surface samples along a joint's motion: what they cross, and how deep they go.
+
+Real meshes are soups of sheets, so depth is measured without inside and outside: a sample has
+penetrated once its path has crossed a triangle, by its distance behind that triangle. Only what
+goes beyond the rest pose counts, so samples that begin inside the other body are left out, and
+samples that touch it at rest may slide, but not be pressed in. The solver has a sweep of its own;
+a test should not share the code of what it tests.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mam_pipeline.asset.surface import Solid, components
+from mam_pipeline.geometry.raycast import RayScene, faces_near
+from mam_pipeline.geometry.sampling import sample_surface
+from mam_pipeline.types import FloatArray, IntArray, Mesh
+
+Motion = Literal["revolute", "prismatic"]
+SAMPLES = 1500
+STATIC_SAMPLES = 2500
+TOUCH = 0.0025
+"""Nearer than this at rest is contact, as a share of the diagonal."""
+_CHORD = np.radians(6.0)
+
+
+def motion_points(
+    motion: Motion, axis: FloatArray, origin: FloatArray, values: FloatArray, points: FloatArray
+) -> FloatArray:
+    """Positions (n, S, 3) of points (S, 3) at joint values (n,)."""
+    if motion == "prismatic":
+        return points[None] + values[:, None, None] * axis
+    arm = points - origin
+    along = (arm @ axis)[:, None] * axis
+    radial = arm - along
+    across = np.cross(axis, radial)
+    cos, sin = np.cos(values)[:, None, None], np.sin(values)[:, None, None]
+    return np.asarray(origin + along + cos * radial + sin * across)
+
+
+class PartPaths:
+    """A part, its surroundings, and samples of both that follow the part's motion."""
+
+    def __init__(self, mesh: Mesh, part: IntArray, static: IntArray) -> None:
+        """Prepare from face indices of the moving part and of everything else."""
+        v = mesh.vertices
+        self.diagonal = max(mesh.diagonal, 1e-12)
+        corners = v[mesh.faces[part].reshape(-1)]
+        self.low, self.high = corners.min(axis=0), corners.max(axis=0)
+        margin = float(np.linalg.norm(self.high - self.low)) + 0.02 * self.diagonal
+        near = faces_near(v, mesh.faces[static], self.low - margin, self.high + margin)
+        close = static[near]
+        self.part_scene = RayScene(v, mesh.faces[part])
+        self.static_scene = RayScene(v, mesh.faces[close])
+        self.solid = _solid(mesh, static)
+        found = sample_surface(v, mesh.faces[part], SAMPLES)
+        inside = self.solid.contains(found.points)
+        self.points, self.normals = found.points[~inside], found.normals[~inside]
+        self.area = max(found.area, 1e-12)
+        around = sample_surface(v, mesh.faces[close], 4 * STATIC_SAMPLES, 1)
+        nearby = (around.points > self.low - margin) & (around.points < self.high + margin)
+        spots = around.points[nearby.all(axis=1)]
+        keep = np.linspace(0, max(len(spots) - 1, 0), min(len(spots), STATIC_SAMPLES)).astype(int)
+        share = around.area * len(spots) / max(len(around.points), 1) / max(len(keep), 1)
+        spots = spots[keep]
+        self.static_points = spots[~_solid(mesh, part).contains(spots)]
+        self.static_weight = share / self.area
+        self._rest()
+
+    def _rest(self) -> None:
+        """Which samples touch at rest, and the direction that would press them in."""
+        reach = TOUCH * self.diagonal
+        closest = self.static_scene.closest(self.points)
+        self.rest_gap = float(closest.distance.min()) if len(self.points) else np.inf
+        self.touching = closest.distance < reach
+        self.static_touching = self.part_scene.distance(self.static_points) < reach
+        facing = np.abs(np.einsum("ij,ij->i", self.normals, closest.normals)) > 0.9
+        offset = self.points - closest.points
+        aside = offset - np.einsum("ij,ij->i", offset, closest.normals)[:, None] * closest.normals
+        square = np.linalg.norm(aside, axis=1) < 0.0005 * self.diagonal
+        pressed = np.flatnonzero(self.touching & facing & square)
+        into = np.zeros((len(pressed), 3))
+        radius = (0.05 * self.diagonal) ** 2
+        for row, k in enumerate(pressed):
+            local = self.points[((self.points - self.points[k]) ** 2).sum(axis=1) < radius]
+            side = float((local.mean(axis=0) - closest.points[k]) @ closest.normals[k])
+            if abs(side) > 0.001 * self.diagonal:  # the part lies on that side of the contact
+                into[row] = -np.sign(side) * closest.normals[k]
+        self.pressed, self.into = pressed, into
+
+    def depths(
+        self, motion: Motion, axis: FloatArray, origin: FloatArray, values: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Depth beyond rest of the part's samples (n, S) and of static samples (n, T), metres.
+
+        Args:
+            motion, axis, origin: the joint. values: (n,) monotone, of one sign, without 0.
+        """
+        steps, index = _substeps(motion, values)
+        path = motion_points(motion, axis, origin, steps, self.points)
+        depth = self._crossed(path, self.static_scene, self.touching)
+        if len(self.pressed):
+            pushed = np.einsum(
+                "nsk,sk->ns", path[1:, self.pressed] - path[:1, self.pressed], self.into
+            )
+            depth[:, self.pressed] = np.maximum(depth[:, self.pressed], pushed)
+        # seen from the part, the surroundings move the other way
+        back = motion_points(motion, axis, origin, -steps, self.static_points)
+        other = self._crossed(back, self.part_scene, self.static_touching)
+        depth, other = (np.maximum.accumulate(d, axis=0)[index] for d in (depth, other))
+        return depth, other
+
+    def _crossed(
+        self, path: FloatArray, scene: RayScene, touching: NDArray[np.bool_]
+    ) -> FloatArray:
+        """Depth (n, S) behind the triangles crossed so far, along paths (n + 1, S, 3)."""
+        n, count = path.shape[0] - 1, path.shape[1]
+        step = np.diff(path, axis=0)
+        length = np.linalg.norm(step, axis=2)
+        low, high = scene.bounds
+        meets = (np.minimum(path[:-1], path[1:]) <= high) & (np.maximum(path[:-1], path[1:]) >= low)
+        active = (length > 1e-12 * self.diagonal) & meets.all(axis=2) & ~touching
+        depth = np.zeros((n, count))
+        hits = scene.first_hits(path[:-1][active], step[active])
+        t, normal = np.full((n, count), np.inf), np.zeros((n, count, 3))
+        t[active], normal[active] = hits.t, hits.normals
+        for k in range(n):
+            who = np.flatnonzero(t[k] <= 1.0)
+            if len(who):
+                at = path[k, who] + t[k, who, None] * step[k, who]
+                behind = np.abs(np.einsum("jsk,sk->js", path[k + 1 :, who] - at, normal[k, who]))
+                depth[k:, who] = np.maximum(depth[k:, who], behind)
+        return depth
+
+    def gaps(
+        self, motion: Motion, axis: FloatArray, origin: FloatArray, values: FloatArray
+    ) -> FloatArray:
+        """(n,) smallest distance between the part and its surroundings at each value, metres."""
+        points, spots = self.points[::2], self.static_points[::2]
+        there = motion_points(motion, axis, origin, values, points)
+        back = motion_points(motion, axis, origin, -values, spots)
+        out = np.full(len(values), np.inf)
+        for scene, moved in ((self.static_scene, there), (self.part_scene, back)):
+            if moved.shape[1]:
+                distance = scene.distance(moved.reshape(-1, 3)).reshape(len(values), -1)
+                out = np.minimum(out, distance.min(axis=1))
+        return out
+
+
+def _substeps(motion: Motion, values: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Joint values from rest, fine enough that chords follow arcs, and where `values` are."""
+    pieces, index, before = [np.zeros(1)], [], 0.0
+    for value in values:
+        count = 1
+        if motion == "revolute":
+            count = max(1, int(np.ceil(abs(value - before) / _CHORD)))
+        pieces.append(before + (value - before) * np.arange(1, count + 1) / count)
+        index.append((index[-1] if index else -1) + count)
+        before = float(value)
+    return np.concatenate(pieces), np.array(index, dtype=np.int64)
+
+
+def _solid(mesh: Mesh, faces: IntArray) -> Solid:
+    corners = mesh.faces[faces]
+    return Solid(components(mesh.vertices[corners], faces, 1e-5 * mesh.diagonal, corners))
