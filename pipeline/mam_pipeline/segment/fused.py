@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-from scipy.sparse import coo_matrix
 
 from mam_pipeline.segment.topology import Topology
 from mam_pipeline.types import FloatArray, IntArray
@@ -21,7 +20,6 @@ SCALE = 5e-6  # graph segmentation: how readily faces join, times the total area
 SMALLEST = 5e-6  # of the total area: superfaces below it join a neighbour
 CONVEX = 0.15  # weight of a convex crease against a concave one
 AREA_POWER = 0.45  # how much the smaller side's area counts for a merge
-QUIET = np.radians(1.5)  # typical angle between neighbours above which the surface is noisy
 
 
 @dataclass(frozen=True)
@@ -53,15 +51,12 @@ def hierarchy(topo: Topology, chosen: IntArray) -> Hierarchy:
     pairs = local[topo.manifold[inside]]
     ends = topo.points[topo.manifold_edge[inside]]
     length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    # angles are taken raw: smoothing normals first, however guided, measured worse under noise
     areas = topo.areas[chosen]
     share = areas / max(float(areas.sum()), 1e-30)
     normals = topo.normals[chosen]
     centres = topo.points[topo.faces[chosen]].mean(axis=1)
     angle, concave = _angles(normals, centres, pairs)
-    noise = _typical(angle, length)
-    if noise > QUIET:
-        normals = _steady(normals, areas, pairs, angle, noise)
-        angle, concave = _angles(normals, centres, pairs)
     order = np.argsort(angle, kind="stable")
     super_ = _superfaces(pairs[order], angle[order], share, SCALE, SMALLEST)
     super_ = np.unique(super_, return_inverse=True)[1].astype(np.int64)
@@ -105,34 +100,6 @@ def _angles(normals: FloatArray, centres: FloatArray, pairs: IntArray) -> tuple[
     # both views, so that neither face's tilt decides alone
     concave = np.einsum("ij,ij->i", a - b, step) > 0
     return angle, concave
-
-
-def _typical(angle: FloatArray, length: FloatArray) -> float:
-    """Length-weighted median angle: near zero on clean surfaces, whose creases are few."""
-    if not len(angle):
-        return 0.0
-    order = np.argsort(angle)
-    total = np.cumsum(length[order])
-    return float(angle[order[np.searchsorted(total, 0.5 * total[-1])]])
-
-
-def _steady(
-    normals: FloatArray, areas: FloatArray, pairs: IntArray, angle: FloatArray, noise: float
-) -> FloatArray:
-    """Average normals over neighbours that differ by no more than the noise explains."""
-    n = len(normals)
-    rounds = int(np.clip(np.ceil(noise / QUIET), 2, 8))
-    for _ in range(rounds):
-        sigma = max(2.0 * noise, np.radians(6.0))
-        w = np.exp(-0.5 * (angle / sigma) ** 2)
-        rows = np.concatenate([pairs[:, 0], pairs[:, 1], np.arange(n)])
-        cols = np.concatenate([pairs[:, 1], pairs[:, 0], np.arange(n)])
-        values = np.concatenate([w, w, np.ones(n)]) * areas[cols]
-        normals = coo_matrix((values, (rows, cols)), shape=(n, n)).tocsr() @ normals
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-        a, b = normals[pairs[:, 0]], normals[pairs[:, 1]]
-        angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b))
-    return normals
 
 
 @numba.njit(cache=True)
