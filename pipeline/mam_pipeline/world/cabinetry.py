@@ -200,6 +200,8 @@ def door(b: Builder, m: Manner, c: Cell, side: Side, name: str = "door", rest: f
     # the pin sits at the front edge; at the carcass's own side it may sit behind the front
     own_side = c.outer[1] if side == "left" else c.outer[0]
     x = low[0]
+    if own_side and not m.inset:  # a thick front turns about a pin near the carcass
+        x = max(x, high[0] - 0.014 * b.diagonal)
     if own_side and not m.inset and b.chance(0.3):
         x = high[0]
     upper = m.opening if own_side else min(m.opening, np.pi / 2)  # else it leans over its neighbour

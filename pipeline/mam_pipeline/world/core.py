@@ -20,6 +20,8 @@ from mam_pipeline.world.materials import Paint, draw_palette
 from mam_pipeline.world.shapes import Shape
 from mam_pipeline.world.style import Style
 
+HAIR = 4e-4  # smallest clearance of sliding neighbours, share of the diagonal
+
 
 @dataclass
 class Piece:
@@ -94,9 +96,13 @@ class Core:
 
     # -- set-up ---------------------------------------------------------------------------
     def size(self, *extents: float) -> None:
-        """Tell the object's rough extents (metres): sets `diagonal` and `gap`."""
+        """Tell the object's rough extents (metres): sets `diagonal` and `gap`.
+
+        Gap 0 keeps a hair between what slides along each other (fronts still lie on the body):
+        surfaces that share a plane while they move have no defined side to be on.
+        """
         self.diagonal = float(np.linalg.norm(extents))
-        self.gap = self.style.gap * self.diagonal
+        self.gap = max(self.style.gap, HAIR) * self.diagonal
 
     def theme(self, name: str = "any") -> None:
         """Draw another palette: wood, paint, white, steel, dark, plastic or any."""

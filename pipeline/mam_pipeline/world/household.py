@@ -155,7 +155,7 @@ def toilet(b: Builder) -> None:
     keep = outline[:, 0] < pin[0]
     rim = np.where(keep[:, None], outline, np.stack([np.full(n, pin[0]), outline[:, 1]], axis=1))
     _ring(b, seat, np.minimum(rim, [back, w]), hole, h + g, h + g + t, "light")
-    b.hinge(seat, "base", (pin[0], 0, h + g + t), (0, 1, 0), 0.0, np.radians(b.choice([70, 75, 80])),
+    b.hinge(seat, "base", (pin[0], 0, h + g + 0.5 * t), (0, 1, 0), 0.0, np.radians(b.choice([70, 75, 80])),
             opens=(0, 0, 1), ajar=False)  # fmt: skip
     if b.chance(0.8):
         cover = b.link("cover", "lid")
@@ -255,7 +255,7 @@ def printer(b: Builder) -> None:
     if scan:
         lid = b.link("lid", "lid")
         b.box(lid, (0.01, -w / 2 + 0.004, h - scan), (d - 0.01, w / 2 - 0.004, h), "front")
-        b.hinge(lid, "base", (d - 0.01, 0, h), (0, 1, 0), 0.0, np.radians(b.choice([60, 75, 90])),
+        b.hinge(lid, "base", (d - 0.01, 0, h - scan), (0, 1, 0), 0.0, np.radians(b.choice([60, 75, 90])),
                 opens=(0, 0, 1))  # fmt: skip
     z = z1 + slot_h + 0.5 * (top - z1 - slot_h)
     size = min(0.35 * (top - z1 - slot_h), 0.016)

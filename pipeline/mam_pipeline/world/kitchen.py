@@ -26,6 +26,9 @@ def flap(b: Builder, m: c.Manner, cell: c.Cell, name: str = "door", glass: bool 
     """A door hinged at its lower edge, with a handle along its upper edge."""
     link = b.link(f"{name}_0", "door")
     low, high = c.front_box(b, m, cell)
+    # the pin is near the carcass; the front's foot swings down in front of it and needs room
+    pin = max(low[0], high[0] - 0.014 * b.diagonal)
+    low[2] += pin - low[0]
     w, h = high[1] - low[1], high[2] - low[2]
     b.panel(link, low, high, "front")
     if glass:
@@ -33,7 +36,7 @@ def flap(b: Builder, m: c.Manner, cell: c.Cell, name: str = "door", glass: bool 
               (low[0], high[1] - 0.12 * w, high[2] - 0.28 * h), "screen", "decor")  # fmt: skip
     b.handle(link, (low[0], 0.5 * (low[1] + high[1]), high[2] - min(0.12 * h, 0.06)), (-1, 0, 0),
              (0, 1, 0), 0.75 * w, m.handle, m.metal)  # fmt: skip
-    b.hinge(link, "base", (low[0], 0, low[2]), (0, 1, 0), 0.0, opening, opens=(-1, 0, 0))
+    b.hinge(link, "base", (pin, 0, low[2]), (0, 1, 0), 0.0, opening, opens=(-1, 0, 0))
     return link
 
 
@@ -129,7 +132,7 @@ def freezer_chest(b: Builder) -> None:
         b.box(lid, (-0.01, y0, h + g), (d, y1, h + g + thick), "front")
         b.handle(lid, (-0.01, (y0 + y1) / 2, h + g + 0.5 * thick), (-1, 0, 0), (0, 1, 0),
                  min(0.4 * (y1 - y0), 0.25), b.choice(["bar", "bow", "none", "strip"]))  # fmt: skip
-        b.hinge(lid, "base", (d, 0, h + g + (0.0 if b.chance(0.5) else thick)), (0, 1, 0), 0.0,
+        b.hinge(lid, "base", (d, 0, h + g + b.choice([0.0, min(thick, 0.014 * b.diagonal)])), (0, 1, 0), 0.0,
                 np.radians(b.choice([60, 75, 85])), opens=(0, 0, 1))  # fmt: skip
 
 
@@ -213,7 +216,7 @@ def oven(b: Builder) -> None:
     turn = b.choice([np.radians(270), np.radians(300), np.inf])
     shift = b.uniform(-0.2, 0.2) * (high[2] - low[2])
     for k in range(n):
-        y = low[1] + w * (k + 0.5) / n if b.chance(0.999) else 0
+        y = low[1] + w * (k + 0.5) / n
         b.rotary("base", (low[0], y, 0.5 * (low[2] + high[2]) + 0.3 * shift), (-1, 0, 0), size,
                  b.uniform(0.9, 1.4) * size, b.choice(["dark", "metal", "dark"]), f"knob_{k}", turn)  # fmt: skip
     if b.chance(0.7):
@@ -355,7 +358,7 @@ def coffee_machine(b: Builder) -> None:
                  turn=np.radians(300))  # fmt: skip
     lid = b.link("lid", "lid")
     b.box(lid, (d - column + g, -w / 2 + g, h - lid_t + g), (d - g, w / 2 - g, h), "front")
-    b.hinge(lid, "base", (d - g, 0, h), (0, 1, 0), 0.0, np.radians(b.choice([70, 90])), opens=(0, 0, 1))
+    b.hinge(lid, "base", (d - g, 0, h - lid_t + g), (0, 1, 0), 0.0, np.radians(b.choice([70, 90])), opens=(0, 0, 1))
     b.box("base", (0.04, -w / 2, h - lid_t), (d - column, w / 2, h), "trim")
 
 

@@ -109,7 +109,7 @@ def _porthole(b: Builder, z: float, radius: float) -> None:
     at = (-g - thick, -side * (outer - 0.25 * rim), z)
     b.handle(door, at, (-1, 0, 0), (0, 0, 1), 0.5 * radius, b.choice(["none", "recessed", "bow", "bar"]),
              "dark")  # fmt: skip
-    b.hinge(door, "base", (-g - thick, hinge_y, z), (0, 0, 1), 0.0,
+    b.hinge(door, "base", (-g - 0.3 * thick, hinge_y, z), (0, 0, 1), 0.0,
             np.radians(b.choice([90, 110, 120])), opens=(-1, 0, 0))  # fmt: skip
 
 
@@ -187,7 +187,7 @@ def dryer_drum(b: Builder) -> None:
     side = b.choice([1, -1])
     b.handle(door, (-g - thick, -side * 0.85 * half, zc), (-1, 0, 0), (0, 0, 1), 0.14,
              b.choice(["recessed", "bar", "bow", "none"]), "trim")  # fmt: skip
-    b.hinge(door, "base", (-g - thick, side * half, zc), (0, 0, 1), 0.0, np.radians(110),
+    b.hinge(door, "base", (-g - 0.4 * thick, side * half, zc), (0, 0, 1), 0.0, np.radians(110),
             opens=(-1, 0, 0), rest=np.radians(b.uniform(70, 110)), ajar=False)  # fmt: skip
 
 

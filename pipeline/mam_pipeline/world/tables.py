@@ -136,10 +136,12 @@ def dressing_table(b: Builder) -> None:
         b.block("base", (x, s * (half + g + 0.015), h + 0.4 * tall), (0.03, 0.03, 0.8 * tall), "trim")
     mirror = b.link("mirror", "panel")
     z = h + 0.5 * tall + 0.02
-    low, high = [x - 0.012, -half, z - 0.45 * tall], [x + 0.012, half, z + 0.45 * tall]
+    # it hangs on a rod between the posts, a little in front of it
+    b.rod("base", (x, -half - g, z), (x, half + g, z), 0.005, None, "metal")
+    low, high = [x - 0.03, -half, z - 0.45 * tall], [x - 0.006, half, z + 0.45 * tall]
     b.border(mirror, low, high, 0.035, "trim")
-    b.panel(mirror, (x - 0.004, -half + 0.035, low[2] + 0.035),
-            (x + 0.004, half - 0.035, high[2] - 0.035), "glass")  # fmt: skip
+    b.panel(mirror, (x - 0.022, -half + 0.035, low[2] + 0.035),
+            (x - 0.014, half - 0.035, high[2] - 0.035), "glass")  # fmt: skip
     b.hinge(mirror, "base", (x, 0, z), (0, 1, 0), np.radians(-20), np.radians(20), closed=0.0)
 
 

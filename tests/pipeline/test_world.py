@@ -1,0 +1,238 @@
+"""The procedural world: determinism, labels, truth of joints, styles, splits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mam_pipeline.errors import ConfigError
+from mam_pipeline.types import CollisionShape, FloatArray, joint_motion
+from mam_pipeline.world import CATEGORIES, Style, WorldObject, make_object, shapes
+from mam_pipeline.world.object import generator
+from mam_pipeline.world.splits import (
+    SPLITS,
+    TEST_ONLY,
+    VALIDATION_ONLY,
+    benchmark,
+    iterate,
+    split_of,
+)
+from mam_pipeline.world.style import draw_style
+
+NAMES = list(CATEGORIES)
+
+
+def _depth(points: FloatArray, piece: CollisionShape) -> FloatArray:
+    """How deep (n, 3) points lie inside a convex piece; negative outside."""
+    local = (points - piece.pose[:3, 3]) @ piece.pose[:3, :3]
+    if piece.kind == "box":
+        return (piece.size / 2 - np.abs(local)).min(axis=1)
+    if piece.kind == "sphere":
+        return piece.size[0] - np.linalg.norm(local, axis=1)
+    if piece.kind == "cylinder":
+        across = piece.size[0] - np.linalg.norm(local[:, :2], axis=1)
+        return np.minimum(across, piece.size[1] / 2 - np.abs(local[:, 2]))
+    t = piece.vertices[piece.faces]
+    normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
+    length = np.linalg.norm(normal, axis=1)
+    keep = length > 1e-14
+    normal = normal[keep] / length[keep][:, None]
+    return -(points @ normal.T - np.einsum("ij,ij->i", t[keep, 0], normal)).max(axis=1)
+
+
+def _deepest(points: FloatArray, pieces: list[CollisionShape]) -> FloatArray:
+    out = np.zeros(len(points))
+    for piece in pieces:
+        out = np.maximum(out, _depth(points, piece))
+    return out
+
+
+def _moving(made: WorldObject, child: int) -> set[int]:
+    links = {child}
+    for joint in made.articulation.joints:  # parents come first
+        if joint.parent in links:
+            links.add(joint.child)
+    return links
+
+
+def _surface(made: WorldObject, links: set[int], count: int) -> FloatArray:
+    mesh = made.articulation.mesh
+    t = mesh.vertices[mesh.faces[np.isin(made.articulation.face_link, list(links))]]
+    area = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1)
+    rng = np.random.default_rng(0)
+    face = rng.choice(len(t), count, p=area / area.sum())
+    u = rng.random((count, 2))
+    u[u.sum(axis=1) > 1] = 1 - u[u.sum(axis=1) > 1]
+    return t[face, 0] + u[:, :1] * (t[face, 1] - t[face, 0]) + u[:, 1:] * (t[face, 2] - t[face, 0])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_category_is_sound(name: str) -> None:
+    for seed in np.random.default_rng(7).integers(0, 100_000, 2):
+        made = make_object(name, int(seed), replace(draw_style(generator(name, seed)), fused=False))
+        truth = made.articulation
+        assert len(truth.joints) == len(truth.links) - 1 >= 1
+        assert (truth.face_link >= 0).all()
+        assert sum(len(link.faces) for link in truth.links) == len(truth.mesh.faces)
+        assert np.isfinite(truth.mesh.vertices).all()
+        known = {0}
+        for joint in truth.joints:
+            assert joint.parent in known, "joints come parents first"
+            known.add(joint.child)
+            assert np.linalg.norm(joint.axis) == pytest.approx(1.0)
+            assert joint.lower - 1e-9 <= 0 <= joint.upper + 1e-9, "the source's pose is allowed"
+            assert joint.lower < joint.upper
+        moved = {j.name for j in truth.joints}
+        assert all(g.joint in moved for g in truth.grasps)
+        assert set(made.collision) == {link.name for link in truth.links}
+        assert all(made.collision[link.name] for link in truth.links)
+        assert len(made.static_face_link) == len(made.static.faces)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_joint_runs_into_the_rest(name: str) -> None:
+    """Sampled surface of what moves against the exact convex pieces of what does not."""
+    made = make_object(name, 3, Style())
+    names = [link.name for link in made.articulation.links]
+    allowed = 0.005 * made.articulation.mesh.diagonal
+    for joint in made.articulation.joints:
+        moving = _moving(made, joint.child)
+        rest = [p for k, n in enumerate(names) if k not in moving for p in made.collision[n]]
+        points = _surface(made, moving, 400)
+        before = _deepest(points, rest)
+        low, high = joint.lower, joint.upper
+        if not np.isfinite(low + high):
+            low, high = 0.0, 2 * np.pi
+        for value in np.linspace(low, high, 4):
+            m = joint_motion(joint.type, joint.axis, joint.origin, value)
+            deeper = _deepest(points @ m[:3, :3].T + m[:3, 3], rest) - before
+            share = float((deeper > allowed).mean())
+            assert share < 0.01, f"{joint.name} at {value:.2f}: {deeper.max():.4f} m deep"
+
+
+@pytest.mark.parametrize("name", ["safe", "storage_mixed", "oven"])
+def test_same_seed_same_bytes(name: str) -> None:
+    first, second = make_object(name, 11), make_object(name, 11)
+    for a, b in ((first.static, second.static), (first.articulation.mesh, second.articulation.mesh)):
+        assert a.vertices.tobytes() == b.vertices.tobytes()
+        assert a.faces.tobytes() == b.faces.tobytes()
+        assert a.materials == b.materials
+    assert first.style == second.style
+    other = make_object(name, 12).articulation.mesh
+    assert other.vertices.tobytes() != first.articulation.mesh.vertices.tobytes()
+
+
+def test_file_transform_and_truth_lie_on_each_other() -> None:
+    style = Style(yaw=0.7, tilt=0.05, tilt_towards=1.0, y_up=True, unit="inch", double_sided=True,
+                  unshared=True)  # fmt: skip
+    made = make_object("chest_of_drawers", 5, style)
+    back = made.truth()
+    np.testing.assert_allclose(back.mesh.bounds, made.articulation.mesh.bounds, atol=1e-6)
+    assert len(made.static.faces) == 2 * len(made.articulation.mesh.faces)
+    assert len(made.static.vertices) == 3 * len(made.static.faces)
+    scale = np.cbrt(np.linalg.det(made.static_T_asset[:3, :3]))
+    assert scale == pytest.approx(1 / 0.0254)
+
+
+def test_front_faces_minus_x_and_drawers_open_that_way() -> None:
+    made = make_object("chest_of_drawers", 2, Style())
+    for joint in made.articulation.joints:
+        np.testing.assert_allclose(joint.axis, [-1, 0, 0], atol=1e-9)
+        assert joint.type == "prismatic" and joint.closed == 0 and joint.open == joint.upper
+
+
+def test_partly_open_source_shifts_the_limits_only() -> None:
+    shut = make_object("cabinet_two_door", 4, Style())
+    ajar = make_object("cabinet_two_door", 4, Style(ajar=1.0))
+    for a, b in zip(shut.articulation.joints, ajar.articulation.joints):
+        assert b.closed < 0 < b.open
+        assert b.upper - b.lower == pytest.approx(a.upper - a.lower)
+        np.testing.assert_allclose(b.axis, a.axis)
+    q = {j.name: j.closed for j in ajar.articulation.joints}
+    poses = ajar.articulation.link_poses(q)
+    link = ajar.articulation.face_link
+    mesh = ajar.articulation.mesh
+    for k in range(len(poses)):
+        used = np.unique(mesh.faces[link == k])
+        back = mesh.vertices[used] @ poses[k][:3, :3].T + poses[k][:3, 3]
+        np.testing.assert_allclose(back, shut.articulation.mesh.vertices[used], atol=1e-9)
+
+
+@pytest.mark.parametrize("switch", [
+    {"double_sided": True}, {"unshared": True}, {"components": "split"}, {"components": "welded"},
+    {"sheets": True}, {"open_shells": True}, {"drawer_boxes": False}, {"fasteners": True},
+    {"tessellation": "coarse"}, {"tessellation": "dense"}, {"nodes": "object"}, {"textures": True},
+])  # fmt: skip
+def test_each_switch_changes_the_file_and_keeps_the_joints(switch: dict) -> None:
+    plain = make_object("nightstand", 0, Style())
+    other = make_object("nightstand", 0, replace(Style(), **switch))
+    assert [j.name for j in plain.articulation.joints] == [j.name for j in other.articulation.joints]
+    a, b = plain.static, other.static
+    same = len(a.faces) == len(b.faces) and len(a.vertices) == len(b.vertices)
+    assert not same or a.materials != b.materials or a.group_names != b.group_names
+    assert len(other.static_face_link) == len(b.faces)
+    assert set(other.static_face_link) == set(plain.static_face_link)
+
+
+def test_gap_zero_lets_neighbours_touch() -> None:
+    for gap in (0.0, 0.005):
+        made = make_object("chest_of_drawers", 2, Style(gap=gap))
+        mesh, link = made.articulation.mesh, made.articulation.face_link
+        fronts = [mesh.vertices[np.unique(mesh.faces[link == k])] for k in (1, 2)]
+        low = sorted(fronts, key=lambda v: v[:, 2].min())
+        between = low[1][:, 2].min() - low[0][:, 2].max()
+        assert (between > 0.003) == (gap > 0)
+
+
+def test_fused_is_closed_and_labelled() -> None:
+    style = Style(fused=True, fuse_resolution=64, fuse_noise=0.001)
+    made = make_object("safe", 1, style)
+    mesh = made.static
+    edges = np.sort(np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]), 1)
+    _, count = np.unique(edges, axis=0, return_counts=True)
+    assert (count % 2 == 0).all(), "watertight"
+    assert set(made.static_face_link) == set(range(len(made.articulation.links)))
+    np.testing.assert_allclose(mesh.bounds, made.articulation.mesh.bounds, atol=0.03 * mesh.diagonal)
+
+
+def test_shapes_are_closed_and_outward() -> None:
+    square = np.array([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]])
+    cases = {
+        "box": (shapes.box((0, 0, 0), (1, 2, 3)), 6.0),
+        "prism": (shapes.extrude(square, 2.0), 6.0),
+        "cylinder": (shapes.revolve([[0, 0], [1, 0], [1, 2], [0, 2]], 256), 2 * np.pi),
+        "tube": (shapes.revolve([[1, 0], [2, 0], [2, 1], [1, 1]], 256, loop=True), 3 * np.pi),
+    }
+    for name, (shape, volume) in cases.items():
+        a, b, c = (shape.vertices[shape.faces[:, k]] for k in range(3))
+        found = float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
+        assert found == pytest.approx(volume, rel=2e-3), name
+
+
+def test_splits_do_not_meet() -> None:
+    pairs = {s: set(iterate(s, 300)) for s in SPLITS}
+    assert not pairs["train"] & pairs["test"] and not pairs["train"] & pairs["validation"]
+    assert not pairs["validation"] & pairs["test"]
+    for split, members in pairs.items():
+        assert len(members) == 300
+        assert all(split_of(*pair) == split for pair in members)
+    assert not {n for n, _ in pairs["train"]} & (TEST_ONLY | VALIDATION_ONLY)
+    assert set(CATEGORIES) >= TEST_ONLY | VALIDATION_ONLY
+    assert {n for n, _ in pairs["test"]} >= TEST_ONLY
+
+
+def test_benchmark_yields_objects_of_the_split() -> None:
+    for made in benchmark("test", 3):
+        assert split_of(made.category, made.seed) == "test"
+
+
+def test_errors_name_the_way_out() -> None:
+    with pytest.raises(ConfigError, match="no category named 'sefe'; did you mean 'safe'"):
+        make_object("sefe", 0)
+    with pytest.raises(ConfigError, match="no split named 'tset'; did you mean 'test'"):
+        next(iterate("tset"))
+
+
+def test_at_least_forty_five_categories() -> None:
+    assert len(CATEGORIES) >= 45
