@@ -4,6 +4,7 @@ One schema for both. Written by the reconstructor, read by the engine, edited by
 
     schema: 1
     up: z                                   # optional: y | z
+    photo_front: [x, y, x, y, x, y, x, y]   # optional: front corners TL, TR, BR, BL on the photo
     merge: [[1, 2, 3], [7, 8]]              # primitives that are one part
     fixed: [4]                              # primitives that must not move
     parts:
@@ -83,6 +84,7 @@ class Hints:
     merge: tuple[tuple[int, ...], ...] = ()
     fixed: tuple[int, ...] = ()
     parts: tuple[HintPart, ...] = field(default_factory=tuple)
+    photo_front: tuple[float, ...] = ()  # pixels of the upright photo; written by annotate
 
     @property
     def empty(self) -> bool:
@@ -137,6 +139,7 @@ def parse_hints(data: Any, where: str = "hints") -> Hints:
         merge=tuple(_integers(m, f"{where}: merge") for m in merge),
         fixed=_integers(top.get("fixed", ()), f"{where}: fixed"),
         parts=tuple(parts),
+        photo_front=_corners(top.get("photo_front", ()), f"{where}: photo_front"),
     )
 
 
@@ -208,6 +211,13 @@ def _vector(value: Any, where: str) -> tuple[float, float, float]:
     if len(items) != 3:
         raise ConfigError(f"{where}: expected three numbers, got {len(items)}")
     return (items[0], items[1], items[2])
+
+
+def _corners(value: Any, where: str) -> tuple[float, ...]:
+    items = tuple(_number(v, where) for v in _sequence(value, where))
+    if len(items) not in (0, 8):
+        raise ConfigError(f"{where}: expected eight numbers, got {len(items)}")
+    return items
 
 
 def _choice(value: Any, allowed: Sequence[str], where: str) -> None:

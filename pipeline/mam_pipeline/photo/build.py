@@ -158,7 +158,7 @@ def build_object(spec: BodySpec) -> tuple[Mesh, Hints]:
 def _base_part(b: _Builder) -> HintPart:
     s = b.s
     nodes = tuple(n for n in b.names if n.startswith(("carcass", "leg", "fixed")))
-    box = HintBox((0.0, 0.0, (s.legs + s.height) / 2), (s.depth, s.width, s.legs + s.height))
+    box = HintBox((0.0, 0.0, s.legs + s.height / 2), (s.depth, s.width, s.height))  # no legs
     return HintPart(
         "body", "body", nodes=nodes, box=_plain(box), joint=HintJoint("fixed"),
         provenance="observed",

@@ -199,4 +199,12 @@ def round_door(image: NDArray[np.uint8]) -> tuple[float, float, float] | None:
     x, y, r = (float(v) for v in found.reshape(-1, 3)[0])
     if abs(x / w - 0.5) > 0.12 or not 0.3 < y / h < 0.75:
         return None
+    edges = cv2.dilate(cv2.Canny(grey, 40, 110), np.ones((3, 3), np.uint8)) > 0
+    t = np.linspace(0, 2 * np.pi, 180, endpoint=False)
+    px, py = np.round(x + r * np.cos(t)).astype(int), np.round(y + r * np.sin(t)).astype(int)
+    inside = (px >= 0) & (py >= 0) & (px < w) & (py < h)
+    drawn = np.zeros(len(t), bool)
+    drawn[inside] = edges[py[inside], px[inside]]
+    if drawn.mean() < 0.7 or edges.mean() > 0.35:  # ornaments draw edges everywhere
+        return None
     return x, y, r

@@ -8,21 +8,29 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from mam_pipeline.errors import ConfigError
+from mam_pipeline.hints import HintBox, Hints
 from mam_pipeline.photo.camera import apply_homography, quad_homography
+from mam_pipeline.photo.complete import virtual_grasp
 from mam_pipeline.photo.cuboid import WEAK_MASK, Cuboid, Evidence, fit_cuboids
 from mam_pipeline.photo.front import FrontReading, read_front
+from mam_pipeline.photo.handles import Blob
 from mam_pipeline.photo.image import Photo
 from mam_pipeline.photo.lines import Segments, edge_maps, find_segments, on_mask
 from mam_pipeline.photo.mask import ObjectMask, find_masks
 from mam_pipeline.photo.measure import quad_area, rectify, side_share
 from mam_pipeline.photo.options import PhotoOptions
+from mam_pipeline.photo.panel import Panel
 from mam_pipeline.photo.quad import aspect_of_quad
 
 Array = NDArray[np.float64]
+Fit = tuple[Cuboid, ObjectMask]
 NO_BOX_COST = 0.95
 WHOLE = "whole picture"
 OPEN_SHARE = 0.15
 OPEN_COST = 0.3
+NEAR_COST = 0.3  # boxes this much worse than the best are read too
+HANDLE_GAIN = 0.05  # cost that each panel with a handle makes up for
 SURE_COST = 0.22  # no other mask needs to be tried
 
 
@@ -55,39 +63,98 @@ class Found:
 
 def find_object(photo: Photo, options: PhotoOptions) -> Found:
     """Run mask, segments, box and front; `options` in pixels of the file are scaled here."""
+    if options.hints is not None and options.hints.photo_front:
+        return found_in_hints(photo, options.hints)
     if options.front is not None:
         box = None if options.bbox is None else _scaled(options.bbox, photo.scale)
         return _from_front(photo, find_masks(photo, options.mask, box)[0], options)
-    mask, _, cuboids = fit_photo(photo, options)
-    return _best_front(photo, mask, cuboids, options)
+    return _best_object(photo, fit_photo(photo, options), options)
+
+
+def found_in_hints(photo: Photo, hints: Hints) -> Found:
+    """What a person marked on the photo: corners, panels with kinds and handles, in metres.
+
+    Raises:
+        ConfigError: the hints lack the body's box.
+    """
+    body = next((p for p in hints.parts if p.kind == "body" and p.box is not None), None)
+    if body is None or body.box is None:
+        raise ConfigError("annotated hints need a part of kind body with a box (metres)")
+    d, w, h = body.box.size
+    base = body.box.center[2] - h / 2
+    quad = np.array(hints.photo_front).reshape(4, 2) * photo.scale
+    image = rectify(photo, quad, w / h)
+    k = image.shape[0] / h
+
+    def rect(box: HintBox) -> tuple[float, float, float, float]:
+        _, y, z = box.center
+        _, sy, sz = box.size
+        s, t = w / 2 - y, base + h - z  # from the left edge, from the top
+        return (s - sy / 2) * k, (t - sz / 2) * k, (s + sy / 2) * k, (t + sz / 2) * k
+
+    panels = []
+    for part in hints.parts:
+        if part.kind not in ("drawer", "door", "open", "fixed") or part.box is None:
+            continue
+        side = part.joint.hinge_side if part.joint is not None else None
+        handles = () if part.handle is None else (Blob(rect(part.handle), 1.0, (), "user"),)
+        side = (side or "left") if part.kind == "door" else None
+        panels.append(Panel(rect(part.box), part.kind, side, handles, 1.0, 1.0, "user"))
+    mask = ObjectMask(np.ones(photo.small.shape[:2]), "user", 1.0)
+    reading = FrontReading(image, tuple(virtual_grasp(p) for p in panels), 1.0, 1.0)
+    return Found(
+        mask, quad, (w, d, h), reading, 0.0, 1.0, [quad], legs=base / h, front_given=True
+    )  # fmt: skip
 
 
 def _scaled(values: tuple[float, ...], scale: float) -> tuple[float, ...]:
     return tuple(v * scale for v in values)
 
 
-def fit_photo(photo: Photo, options: PhotoOptions) -> tuple[ObjectMask, Segments, list[Cuboid]]:
-    """The mask whose box explains the picture best, its segments, and boxes best first."""
+def fit_photo(photo: Photo, options: PhotoOptions) -> list[Fit]:
+    """Boxes fitted to every mask of the photo, best first."""
     box = None if options.bbox is None else _scaled(options.bbox, photo.scale)
     lines = find_segments(photo.small)
-    fits: list[tuple[Cuboid, ObjectMask, Segments]] = []
+    fits: list[Fit] = []
     for mask in find_masks(photo, options.mask, box):
         on = on_mask(lines, mask.mask)
         segments = Segments(lines.ends[on], lines.length[on])
         weight = 1.0 if mask.trust > 0.5 else WEAK_MASK
         maps = edge_maps(segments, photo.size)
         evidence = Evidence(mask.mask, weight, lines, on.astype(float), maps, photo.focal)
-        fits += [(c, mask, segments) for c in fit_cuboids(evidence, keep=2)]
-        if fits[-2:][0][0].cost < SURE_COST:
+        fits += [(c, mask) for c in fit_cuboids(evidence, keep=2)]
+        if min(c.cost for c, _ in fits) < SURE_COST:
             break
-    fits.sort(key=lambda x: x[0].cost + _whole_cost(x[1]))
-    first = fits[0]
-    for other in fits[1:]:  # part of an object fits as well as the whole: prefer the whole
-        near = other[0].cost < first[0].cost + 0.1 and other[1].method != WHOLE
-        if near and _encloses(other[0], first[0]):
-            first = other
-    rest = [c for c, _, _ in fits if c is not first[0]]
-    return first[1], first[2], [first[0], *rest]
+    return sorted(fits, key=lambda x: x[0].cost + _whole_cost(x[1]))
+
+
+def _best_object(photo: Photo, fits: list[Fit], options: PhotoOptions) -> Found:
+    """Of the best distinct boxes, the one whose front shows most panels with handles.
+
+    Part of an object often fits as well as the whole; the whole explains more handles.
+    """
+    limit = fits[0][0].cost + _whole_cost(fits[0][1]) + NEAR_COST
+    chosen: list[Fit] = []
+    for fit in fits:
+        near = fit[0].cost + _whole_cost(fit[1]) < limit
+        if near and all(_hull_iou(fit[0], c[0]) < 0.9 for c in chosen) and len(chosen) < 3:
+            chosen.append(fit)
+    best: tuple[float, Found] | None = None
+    for cuboid, mask in chosen:
+        found = _best_front(photo, mask, cuboid, options)
+        shown = [p for p in found.reading.movable if any(b.score > 0.6 for b in p.handles)]
+        larger = any(_encloses(cuboid, c) for c, _ in chosen) and mask.method != WHOLE
+        value = cuboid.cost + _whole_cost(mask) - HANDLE_GAIN * min(len(shown), 9) - 0.1 * larger
+        if best is None or value < best[0]:
+            best = value, found
+    assert best is not None  # the first fit is always near
+    return best[1]
+
+
+def _hull_iou(a: Cuboid, b: Cuboid) -> float:
+    p, q = (cv2.convexHull(c.corners.astype(np.float32)) for c in (a, b))
+    common = float(cv2.intersectConvexConvex(p, q)[0])
+    return common / max(cv2.contourArea(p) + cv2.contourArea(q) - common, 1.0)
 
 
 def _whole_cost(mask: ObjectMask) -> float:
@@ -105,11 +172,8 @@ def _encloses(outer: Cuboid, inner: Cuboid, factor: float = 1.5) -> bool:
     return big > factor * small and cv2.intersectConvexConvex(a, b)[0] > 0.9 * small
 
 
-def _best_front(
-    photo: Photo, mask: ObjectMask, cuboids: list[Cuboid], options: PhotoOptions
-) -> Found:
-    """Read every visible upright face of the best box and keep the one that looks like a front."""
-    cuboid = cuboids[0]
+def _best_front(photo: Photo, mask: ObjectMask, cuboid: Cuboid, options: PhotoOptions) -> Found:
+    """Read every visible upright face of a box and keep the one that looks like a front."""
     best: tuple[float, Found] | None = None
     total = sum(quad_area(cuboid.quad(f)) for f in cuboid.visible)
     for face in cuboid.visible:

@@ -88,7 +88,7 @@ def _with_round_door(
     """Washing machines: a round door in place of what the straight lines suggested."""
     seen = sum(b.provenance == "observed" for p in panels for b in p.handles)
     ratio = image.shape[1] / image.shape[0]
-    plausible = seen <= 1 and len(panels) <= 5 and 0.55 < ratio < 1.25
+    plausible = seen <= 1 and len(panels) <= 3 and 0.55 < ratio < 1.1
     if category != "washing_machine" and (category is not None or not plausible):
         return panels
     circle = round_door(image)

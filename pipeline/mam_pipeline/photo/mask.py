@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -55,15 +55,10 @@ def find_masks(
         out.append(ObjectMask(plain * window, "plain backdrop", 0.9))
     if bbox is None:
         salient = ObjectMask(salient_mask(photo.small), "salient", 0.4)
-        whole = ObjectMask(np.ones_like(window), "whole picture", 0.0)
-        if salient.mask.mean() > 0.5:  # the picture is likely cropped to its object
-            return [*out, salient, replace(whole, trust=0.3)]
-        return [
-            *out,
-            salient,
-            ObjectMask(grabcut(photo.small, window, False), "grabcut", 0.4),
-            whole,
-        ]
+        cropped = salient.mask.mean() > 0.5  # the picture is likely cropped to its object
+        whole = ObjectMask(np.ones_like(window), "whole picture", 0.3 if cropped else 0.0)
+        centred = ObjectMask(grabcut(photo.small, window, False), "grabcut", 0.4)
+        return [*out, salient, whole, centred] if cropped else [*out, salient, centred, whole]
     out.append(ObjectMask(grabcut(photo.small, window, True), "grabcut", 0.4))
     return out
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mam_pipeline.errors import ConfigError
+from mam_pipeline.hints import Hints, load_hints
 
 CATEGORY_NAMES = (
     "nightstand", "drawer_unit", "cabinet", "sideboard", "wardrobe",
@@ -30,6 +31,7 @@ class PhotoOptions:
         front: (4, 2) corners of the front face TL, TR, BR, BL, pixels of the upright file.
         layout: rows from the top; each row a tuple of (kind, count) from the left.
         height, width, depth: metres of the whole object; any one fixes the scale.
+        hints: an annotated hints file (with `photo_front`): nothing is searched for then.
     """
 
     bbox: tuple[float, float, float, float] | None = None
@@ -41,6 +43,7 @@ class PhotoOptions:
     depth: float | None = None
     category: str | None = None
     accept_low_confidence: bool = False
+    hints: Hints | None = None
 
 
 def parse_options(options: Mapping[str, Any]) -> PhotoOptions:
@@ -95,6 +98,8 @@ def _parse(key: str, value: Any) -> Any:
         return name
     if key == "accept_low_confidence":
         return bool(value)
+    if key == "hints":
+        return value if isinstance(value, Hints) else load_hints(value)
     length = _numbers(key, value, 1)[0]
     if not 0.02 <= length <= 20:
         raise ConfigError(f"{key} must be metres between 0.02 and 20, got {value!r}")

@@ -86,6 +86,8 @@ def reconstruct_photo(
     _stop_if_unsure(found, judged, options, name, pictures)
     sizes, category = sizes_of(found, options)
     mesh, hints = build_object(body_of(photo, found, sizes))
+    corners = tuple(float(v) for v in (found.quad / photo.scale).round(2).reshape(-1))
+    hints = replace(hints, photo_front=corners)
     assumed = tuple(
         n for n, source in (("depth", sizes.depth_from), ("scale", sizes.scale_from))
         if source == "assumed"
@@ -118,6 +120,8 @@ def _panel_row(p: Panel, reading: FrontReading) -> dict[str, Any]:
 def sizes_of(found: Found, options: PhotoOptions) -> tuple[Sizes, str]:
     """Metric sizes and the category whose usual size fills what is unknown."""
     w, d, h = found.shape
+    if options.hints is not None and options.hints.photo_front:
+        return Sizes(w, d, h, "user", "user"), options.category or "cabinet"
     kinds = [p.kind for p in found.reading.panels]
     category = guess_category(w, h * (1 + found.legs), kinds, options.category)
     return settle_sizes((w, d, h), found.side_share, category, options, found.legs), category
@@ -170,7 +174,9 @@ def judge(found: Found, options: PhotoOptions) -> Judgement:
     """Turn costs and supports into words; limits calibrated on the synthetic benchmark."""
     words = {
         "cuboid": "high" if found.front_given else _word(-found.cost, -0.30, -0.62),
-        "panels": "high" if options.layout else _word(found.reading.confidence, 0.8, 0.5),
+        "panels": "high"
+        if options.layout or options.hints
+        else _word(found.reading.confidence, 0.8, 0.5),
         "handles": _handle_word(found.reading),
         "scale": "high" if options.height or options.width or options.depth else "low",
     }
