@@ -64,7 +64,6 @@ def _photo(asset: Asset) -> str:
 
 def _stage_pictures(asset: Asset) -> str:
     from mam_pipeline.render import render_mesh
-
     from mam_pipeline.stage_files import PRIMITIVES, load_geometry
 
     figures = []

@@ -79,7 +79,7 @@ def train_bc(
         config.hidden,
         choice.max_steps,
         relative=choice.control_mode == "pd_joint_pos",
-        squash=choice.control_mode == "pd_joint_delta_pos",
+        squash="none" if choice.control_mode == "pd_joint_pos" else "clip",
     )
     loss = fit(policy, demos, config, out / "checkpoint", progress)
     policy.save(out)

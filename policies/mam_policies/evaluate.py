@@ -212,7 +212,8 @@ def write_grid(episodes: list[list[np.ndarray]], path: Path, fps: int = 10) -> N
     length, columns = max(map(len, shown)), min(3, len(shown))
     blank = np.zeros_like(shown[0][0])
     path.parent.mkdir(parents=True, exist_ok=True)
-    with imageio.get_writer(path, fps=fps, macro_block_size=1) as writer:
+    writer: Any = imageio.get_writer(path, fps=fps, macro_block_size=1)
+    with writer:
         for t in range(length):
             tiles = [e[min(t, len(e) - 1)] for e in shown]
             tiles += [blank] * (-len(tiles) % columns)

@@ -105,7 +105,8 @@ class MlpPolicy(torch.nn.Module):
     """Observation (and time) to a chunk of actions: an MLP with the statistics inside.
 
     The arm's part of an action is predicted as its difference to the present joint values when
-    `relative` (absolute joint targets); the gripper command as it is.
+    `relative` (absolute joint targets); the gripper command as it is. `squash` says how actions
+    are kept in -1..1: none, clip or tanh.
     """
 
     mean: torch.Tensor
@@ -123,7 +124,7 @@ class MlpPolicy(torch.nn.Module):
         horizon: int = 200,
         timed: bool = True,
         relative: bool = True,
-        squash: bool = False,
+        squash: str = "none",
         activation: str = "relu",
     ) -> None:
         super().__init__()
@@ -168,7 +169,9 @@ class MlpPolicy(torch.nn.Module):
         if self.relative:
             arm = obs[:, None, : self.arm_joints]
             out = torch.cat([out[..., : self.arm_joints] + arm, out[..., self.arm_joints :]], -1)
-        return out.clamp(-1, 1) if self.squash else out
+        if self.squash == "tanh":
+            return torch.tanh(out)
+        return out.clamp(-1, 1) if self.squash == "clip" else out
 
     def save(self, folder: Path) -> None:
         """Write policy.safetensors with the sizes in its header."""

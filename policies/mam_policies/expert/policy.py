@@ -13,6 +13,7 @@ from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import FloatArray
 from mam_policies.expert.plan import Plan, PlanningError, plan
 
+MODES = ("pd_joint_pos", "pd_joint_delta_pos", "pd_joint_target_delta_pos")
 RETREAT_STEPS = 14
 SLIP = 0.3
 """Share of the whole way that the joint may lag behind the hand before it counts as slipped."""
@@ -66,10 +67,9 @@ class Expert:
         if self.env.num_envs != 1:
             raise ConfigError("the expert drives one environment; use num_envs=1")
         self.mode = self.env.control_mode
-        if self.mode not in ("pd_joint_pos", "pd_joint_delta_pos"):
+        if self.mode not in MODES:
             raise ConfigError(
-                f"the expert needs control_mode pd_joint_pos or pd_joint_delta_pos, "
-                f"not {self.mode!r}"
+                f"the expert needs control_mode {' or '.join(MODES)}, not {self.mode!r}"
             )
         self.noise, self.attempts = noise, attempts
         self.rng = np.random.default_rng(seed)
@@ -182,7 +182,10 @@ class Expert:
     def _delta(self, now: Situation, target: FloatArray) -> FloatArray:
         """The same as a normalised change of joint values."""
         robot = now.robot
-        action = robot.action((target - now.arm) / robot.delta, self.gripper)
+        begin = now.arm
+        if self.mode == "pd_joint_target_delta_pos":  # changes add up on the last target
+            begin = self.env.agent.controller.controllers["arm"]._target_qpos[0].cpu().numpy()
+        action = robot.action((target - begin) / robot.delta, self.gripper)
         if robot.gripper_range is None:  # the gripper, too, is commanded by its change
             grip_now = float(self.env.agent.robot.get_qpos()[0, -1])
             action[len(target)] = (self.gripper - grip_now) / 0.2
@@ -212,7 +215,7 @@ def run_episode(
         action = expert.act()
         if expert.phase == "done" and not success:
             break
-        obs, reward, terminated, truncated, info = env.step(action)
+        obs, reward, _terminated, truncated, info = env.step(action)
         steps += 1
         if record:
             for key, value in zip(
