@@ -13,7 +13,7 @@ from mam_pipeline.types import FloatArray
 
 @dataclass(frozen=True)
 class Box:
-    """An oriented box: `center` (3,), `axes` (3, 3) unit rows, right-handed, `half` (3,) extents."""
+    """An oriented box: `center` (3,), `axes` (3, 3) unit rows, `half` (3,) half extents."""
 
     center: FloatArray
     axes: FloatArray
@@ -88,7 +88,7 @@ def _least_rectangle(points: FloatArray, normal: FloatArray) -> FloatArray:
 
 
 def principal_axes(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Principal directions of points (n, 3): (3, 3) unit rows, largest variance first; variances."""
+    """Principal directions (3, 3) of points (n, 3), largest variance first; the variances."""
     if len(points) < 2:
         return np.eye(3), np.zeros(3)
     values, vectors = np.linalg.eigh(np.cov(points.T))

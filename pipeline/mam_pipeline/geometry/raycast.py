@@ -7,6 +7,7 @@ built; all methods take and return the caller's frame and unit.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import open3d as o3d
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from mam_pipeline.types import FloatArray, IntArray
 
+_tensor: Any = o3d.core.Tensor  # its stubs know no NumPy
 _THREADS = 1  # runs are parallel over processes; one thread each is the fastest in total
 
 
@@ -55,8 +57,8 @@ class RayScene:
         self._scene = o3d.t.geometry.RaycastingScene()
         if not self.empty:
             self._scene.add_triangles(
-                o3d.core.Tensor(((points - self._center) / self._unit).astype(np.float32)),
-                o3d.core.Tensor(inverse.reshape(-1, 3).astype(np.uint32)),
+                _tensor(((points - self._center) / self._unit).astype(np.float32)),
+                _tensor(inverse.reshape(-1, 3).astype(np.uint32)),
             )
 
     def first_hits(self, origins: FloatArray, directions: FloatArray) -> Hits:
@@ -68,7 +70,7 @@ class RayScene:
         rays = np.empty((n, 6), dtype=np.float32)
         rays[:, :3] = (origins - self._center) / self._unit
         rays[:, 3:] = directions / self._unit
-        answer = self._scene.cast_rays(o3d.core.Tensor(rays), nthreads=_THREADS)
+        answer = self._scene.cast_rays(_tensor(rays), nthreads=_THREADS)
         faces = answer["primitive_ids"].numpy().astype(np.int64)
         t = answer["t_hit"].numpy().astype(np.float64)
         faces[~np.isfinite(t)] = -1
@@ -82,7 +84,7 @@ class RayScene:
         rays = np.empty((n, 6), dtype=np.float32)
         rays[:, :3] = (origins - self._center) / self._unit
         rays[:, 3:] = directions / self._unit
-        count = self._scene.count_intersections(o3d.core.Tensor(rays), nthreads=_THREADS)
+        count = self._scene.count_intersections(_tensor(rays), nthreads=_THREADS)
         return count.numpy().astype(np.int64)
 
     def distance(self, points: FloatArray) -> FloatArray:
@@ -90,7 +92,7 @@ class RayScene:
         if self.empty or len(points) == 0:
             return np.full(len(points), np.inf)
         query = ((points - self._center) / self._unit).astype(np.float32)
-        found = self._scene.compute_distance(o3d.core.Tensor(query), nthreads=_THREADS)
+        found = self._scene.compute_distance(_tensor(query), nthreads=_THREADS)
         return found.numpy().astype(np.float64) * self._unit
 
     def signed_distance(self, points: FloatArray) -> FloatArray:
@@ -98,9 +100,7 @@ class RayScene:
         if self.empty or len(points) == 0:
             return np.full(len(points), np.inf)
         query = ((points - self._center) / self._unit).astype(np.float32)
-        found = self._scene.compute_signed_distance(
-            o3d.core.Tensor(query), nthreads=_THREADS, nsamples=3
-        )
+        found = self._scene.compute_signed_distance(_tensor(query), nthreads=_THREADS, nsamples=3)
         return found.numpy().astype(np.float64) * self._unit
 
     def closest(self, points: FloatArray) -> Closest:
@@ -110,7 +110,7 @@ class RayScene:
             zero = np.zeros((n, 3))
             return Closest(zero, zero, np.full(n, np.inf), np.full(n, -1, dtype=np.int64))
         query = ((points - self._center) / self._unit).astype(np.float32)
-        answer = self._scene.compute_closest_points(o3d.core.Tensor(query), nthreads=_THREADS)
+        answer = self._scene.compute_closest_points(_tensor(query), nthreads=_THREADS)
         found = answer["points"].numpy().astype(np.float64)
         distance = np.linalg.norm(found - query, axis=1) * self._unit
         return Closest(

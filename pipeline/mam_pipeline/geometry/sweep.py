@@ -100,7 +100,8 @@ def _substeps(motion: Motion, values: FloatArray, chord: float) -> tuple[FloatAr
         (m + 1,) values starting with 0, and the (n,) index of every asked value among steps 1..m.
     """
     start = np.concatenate([[0.0], values])
-    pieces, index = [np.zeros(1)], []
+    pieces = [np.zeros(1)]
+    index: list[int] = []
     for a, b in itertools.pairwise(start):
         count = max(1, int(np.ceil(abs(b - a) / chord))) if motion == "revolute" else 1
         pieces.append(a + (b - a) * np.arange(1, count + 1) / count)
@@ -254,7 +255,7 @@ class SweepScene:
         share, gap = np.full(n, np.nan), np.full(n, np.nan)
         if contact:
             share, gap = self._contact_along(motion, a, o, wanted)
-        worst = np.zeros(n)
+        worst: FloatArray = np.zeros(n)
         for d in (depth, other):
             if d.shape[1]:
                 worst = np.maximum(worst, d.max(axis=1))
@@ -262,7 +263,7 @@ class SweepScene:
 
     def _crossings(self, path: FloatArray, scene: RayScene, index: IntArray) -> FloatArray:
         """Deepest crossing so far (m, S) at the asked steps `index` (m,) of paths (n + 1, S, 3)."""
-        n, count = path.shape[0] - 1, path.shape[1]
+        count = path.shape[1]
         step = path[1:] - path[:-1]
         length = np.sqrt(np.einsum("nsk,nsk->ns", step, step))
         active = self._reachable(path, scene) & (length > 1e-12 * self.diagonal)
@@ -324,7 +325,7 @@ class SweepScene:
         """
         a, o = unit(axis), np.asarray(origin, dtype=np.float64)
         along = (self.points - o) @ a
-        spots = np.linspace(*np.quantile(along, [0.03, 0.97]), 9)
+        spots = np.linspace(float(np.quantile(along, 0.03)), float(np.quantile(along, 0.97)), 9)
         line = o + spots[:, None] * a
         to_static = self.static_scene.distance(line)
         return float(self.part_scene.distance(line).mean()), float(to_static.mean())

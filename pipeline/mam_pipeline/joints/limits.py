@@ -76,7 +76,7 @@ def travel(
     steps: int = 36,
 ) -> Travel:  # fmt: skip
     """Sweep from rest to `end` (signed) and say where it stops."""
-    values = np.linspace(0.0, end, steps + 1)[1:]
+    values: FloatArray = np.linspace(0.0, end, steps + 1)[1:].astype(np.float64)
     slide = motion == "prismatic"
     found = scene.sweep(motion, axis, origin, values, contact=slide)
     step = abs(end) / steps

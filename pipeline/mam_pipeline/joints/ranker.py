@@ -52,6 +52,29 @@ def rule_slide_scores(slides: FloatArray) -> FloatArray:
     )  # fmt: skip
 
 
+_LEAST = ("free_30", "free_60", "free_90", "line_part", "line_static", "other_gap", "spin_match",
+          "contact_mean", "contact_centred", "free_0", "free_2", "free_4", "contact_normal",
+          "leaves_object")  # fmt: skip
+_MOST = ("other_30", "other_90", "handle_far", "along_share", "contact_near", "contact_span",
+         "other_0", "other_2", "free_exposure", "free_front", "handle_along")  # fmt: skip
+
+
+def model_rows(part: FloatArray, rows: FloatArray, names: Sequence[str]) -> FloatArray:
+    """Rows (n, d') the rankers see: own features, those against the part's best, and the part.
+
+    A line is not good by itself but better than the others of its part: what is least or most
+    among all hypotheses is subtracted.
+    """
+    if not len(rows):
+        return np.zeros((0, rows.shape[1] + len(part)))
+    columns = [rows]
+    for chosen, best in ((_LEAST, np.min), (_MOST, np.max)):
+        index = [i for i, n in enumerate(names) if n in chosen]
+        columns.append(rows[:, index] - best(rows[:, index], axis=0))
+    columns.append(np.broadcast_to(part, (len(rows), len(part))))
+    return np.concatenate(columns, axis=1)
+
+
 def kind_features(part: FloatArray, hypotheses: Sequence[Hypothesis], lines: FloatArray,
                   slides: FloatArray) -> FloatArray:  # fmt: skip
     """One row: the part, then the two best lines and slides by their scores (n,)."""
@@ -158,8 +181,10 @@ def rank(part: FloatArray, hypotheses: Sequence[Hypothesis], *, rules: bool = Fa
         a, b = rule_line_scores(lines), rule_slide_scores(slides)
         return Ranking(rule_kind(part, a, b), softmax(a, 0.15), softmax(b, 0.15),
                        np.ones(len(a)), np.ones(len(b)))  # fmt: skip
-    a = model.line.predict(lines, num_threads=1) if len(lines) else np.zeros(0)
-    b = model.slide.predict(slides, num_threads=1) if len(slides) else np.zeros(0)
+    line_rows = model_rows(part, lines, LINE_NAMES)
+    slide_rows = model_rows(part, slides, SLIDE_NAMES)
+    a = model.line.predict(line_rows, num_threads=1) if len(lines) else np.zeros(0)
+    b = model.slide.predict(slide_rows, num_threads=1) if len(slides) else np.zeros(0)
     row = kind_features(part, hypotheses, a, b)
     raw = np.asarray(model.kind.predict(row[None], raw_score=True, num_threads=1))[0]
     return Ranking(

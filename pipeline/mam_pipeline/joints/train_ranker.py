@@ -25,7 +25,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from mam_pipeline.joints.features import LINE_NAMES, PART_NAMES, SLIDE_NAMES
-from mam_pipeline.joints.ranker import WEIGHTS, kind_features, softmax
+from mam_pipeline.joints.ranker import WEIGHTS, kind_features, model_rows, softmax
 from mam_pipeline.joints.training_data import Example, cached_examples
 from mam_pipeline.types import FloatArray
 
@@ -42,11 +42,11 @@ FOLDS = 5
 
 
 def rows_of(example: Example, revolute: bool) -> tuple[FloatArray, FloatArray]:
-    """Feature rows (n, d) and grades (n,) of one part's lines or slides."""
+    """Model rows (n, d) and grades (n,) of one part's lines or slides."""
     keep = [i for i, h in enumerate(example.hypotheses) if h.revolute == revolute]
-    width = len(LINE_NAMES) if revolute else len(SLIDE_NAMES)
-    rows = np.array([example.hypotheses[i].features for i in keep]).reshape(-1, width)
-    return rows, example.grade[keep].astype(np.float64)
+    names = LINE_NAMES if revolute else SLIDE_NAMES
+    rows = np.array([example.hypotheses[i].features for i in keep]).reshape(-1, len(names))
+    return model_rows(example.part, rows, names), example.grade[keep].astype(np.float64)
 
 
 def fit_ranker(data: Sequence[Example], revolute: bool, rounds: int) -> lgb.Booster:

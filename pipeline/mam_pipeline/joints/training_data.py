@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -63,7 +63,7 @@ def line_error(points: FloatArray, truth: Joint, axis: FloatArray, origin: Float
 def examples(
     truth: Articulation, name: str, category: str, seed: int, per_object: int = 3
 ) -> Iterator[Example]:
-    """Examples of one object: up to `per_object` movable parts and two that do not move."""
+    """Examples of one object: up to `per_object` movable parts and one that does not."""
     rng = np.random.default_rng(seed)
     mesh, label = truth.mesh, truth.face_link
     frame = estimate_frame(mesh)
@@ -85,7 +85,7 @@ def examples(
         kind = 1 if joint.type == "prismatic" else 2
         yield Example(name, category, kind, joint.subtype, part_features(context), hypotheses,
                       grade, opens, _reach(joint, context.scene.points))  # fmt: skip
-    for faces in _still_pieces(truth, rng, 2):
+    for faces in _still_pieces(truth, rng, 1):
         static = np.setdiff1d(np.arange(len(mesh.faces)), faces, assume_unique=True)
         if not len(static):
             continue
@@ -170,13 +170,19 @@ def _still_pieces(truth: Articulation, rng: np.random.Generator, count: int) -> 
 
 
 def cached_examples(name: str, seed: int, cache: Path) -> list[Example]:
-    """Examples of one generated object, kept in a cache folder."""
+    """Examples of one generated object, kept in a cache folder.
+
+    Fused styles are replaced by the same object unfused: fusing costs seconds per object, and the
+    hypotheses come from the same boxes and contacts.
+    """
     from mam_pipeline.world import make_object
 
     file = cache / f"{name}_{seed:06d}.pkl"
     if file.is_file():
         return list(pickle.loads(file.read_bytes()))
     made = make_object(name, seed)
+    if made.style.fused:
+        made = make_object(name, seed, replace(made.style, fused=False))
     found = list(examples(made.truth(), made.name, name, seed))
     cache.mkdir(parents=True, exist_ok=True)
     file.write_bytes(pickle.dumps(found))
