@@ -90,9 +90,13 @@ def phone(b: Builder) -> None:
     b.size(w, l, 2 * t)
     b.theme(b.choice(("dark", "plastic", "steel", "white")))
     gap = max(b.gap, 0.0008)
-    rounded(b, "base", (0, -w / 2, 0), (l, w / 2, t), r)
     rows, columns = 4, 3
     flip = b.chance(0.55)
+    # a flip phone's deck ends before the barrels, which turn in free air between two lugs
+    rounded(b, "base", (0, -w / 2, 0), (l - 0.9 * t if flip else l, w / 2, t), r)
+    for side in (-1, 1) if flip else ():
+        y0, y1 = sorted((side * 0.3 * w, side * (0.5 * w - 0.3 * r)))
+        b.box("base", (l - 2.5 * t, y0, 0.2 * t), (l - 0.2 * t, y1, 0.95 * t), "body")
     reach = 0.62 * l if flip else 0.42 * l
     dx, dy = (reach - 0.08 * l) / rows, 0.84 * w / columns
     for i in range(rows):
@@ -241,7 +245,7 @@ def camera(b: Builder) -> None:
     b.size(w, h, 2 * d)
     b.theme(b.choice(("dark", "dark", "steel", "plastic")))
     b.box("base", (0, -w / 2, 0), (d, w / 2, h), "body")
-    b.box("base", (-0.12 * d, -w / 2, 0.15 * h), (0, -0.28 * w, 0.9 * h), "rubber")
+    b.box("base", (-0.12 * d, -w / 2, 0.15 * h), (0, -0.44 * w, 0.9 * h), "rubber")
     if b.chance(0.6):
         b.box("base", (-0.1 * d, -0.17 * w, h), (0.8 * d, 0.17 * w, 1.22 * h), "trim")
         b.box("base", (0.8 * d, -0.1 * w, 1.03 * h), (0.95 * d, 0.1 * w, 1.18 * h), "dark")
@@ -252,8 +256,8 @@ def camera(b: Builder) -> None:
     length = b.uniform(0.3, 1.2) * d
     # a fixed mount carries the barrel; the focus ring turns round it
     b.cylinder("base", (0, y, z), (-0.15 * length, y, z), 1.08 * r, None, "metal")
-    b.tube("base", (-0.15 * length, y, z), (-length, y, z), 0.85 * r, 0.7 * r, "dark")
-    b.disc("base", (-0.15 * length, y, z), (-1, 0, 0), 0.69 * r, 0.6 * length, "glass")
+    b.tube("base", (-0.15 * length, y, z), (-length, y, z), 0.82 * r, 0.68 * r, "dark")
+    b.disc("base", (-0.15 * length, y, z), (-1, 0, 0), 0.66 * r, 0.6 * length, "glass")
     ring = part(b, "dial", "lens_ring")
     b.tube(ring, (-0.2 * length, y, z), (-0.92 * length, y, z), r, 0.88 * r, "rubber", "handle")
     for t in np.arange(12) * np.pi / 6:
@@ -357,7 +361,7 @@ def _usb_stick(b: Builder, style: str, w: float, l: float, t: float, plug: float
             b.box(cap, (x0, s * (w / 2 - wall), 0), (x1, s * w / 2, t), "front")
         b.box(cap, (x0, -w / 2 + wall, 0), (x1, w / 2 - wall, side), "front")
         b.box(cap, (x0, -w / 2 + wall, t - side), (x1, w / 2 - wall, t), "front")
-        b.slide(cap, "base", (1, 0, 0), 0, plug + 0.006)
+        b.slide(cap, "base", (1, 0, 0), 0, plug)
     else:
         cover = part(b, "lid", "cover")
         e, g = 0.0008, 0.0004

@@ -54,7 +54,7 @@ def pen(b: Builder) -> None:
                 "base",
                 (0, 0, -1),
                 0,
-                b.uniform(0.35, 0.45) * l,
+                b.uniform(0.26, 0.31) * l,
                 rest=b.choice((0.0, 0.0, 0.1 * l)),
             )
             settle(b)
@@ -92,7 +92,6 @@ def lighter(b: Builder) -> None:
     if b.chance(0.5):
         k = 0.62 * h
         rounded(b, "base", (-d / 2, -w / 2, 0), (d / 2, w / 2, k), 0.002)
-        b.box("base", (-0.35 * d, -0.25 * w, k), (0.35 * d, 0.12 * w, k + 0.2 * h), "metal")
         lid = part(b, "lid")
         tray(b, lid, (-d / 2, -w / 2, k + g), (d / 2, w / 2, h), 0.0006, "z", -1)
         b.cylinder(
@@ -108,9 +107,11 @@ def lighter(b: Builder) -> None:
             opens=(0, 0, 1),
             rest=b.choice((0.0, 0.0, 1.55)),
         )
-        y, z = -0.33 * w, k + 0.0052
-        b.box("base", (-0.35 * d, y - 0.002, k), (-0.22 * d, y + 0.002, z + 0.001), "metal")
-        b.box("base", (0.22 * d, y - 0.002, k), (0.35 * d, y + 0.002, z + 0.001), "metal")
+        # inside the circle that the lid's far wall describes
+        y, z = 0.5 * w + 0.005 - float(np.sqrt((w - 0.0015) ** 2 - 0.01**2)), k + 0.0052
+        b.box("base", (-0.35 * d, y + 0.0052, k), (0.35 * d, 0.3 * w, k + 0.2 * h), "metal")
+        b.box("base", (-0.35 * d, y - 0.002, k), (-0.22 * d, y + 0.002, z + 0.003), "metal")
+        b.box("base", (0.22 * d, y - 0.002, k), (0.35 * d, y + 0.002, z + 0.003), "metal")
     else:
         k = 0.78 * h
         rounded(
@@ -121,11 +122,11 @@ def lighter(b: Builder) -> None:
             0.45 * d,
             material=b.choice(("body", "glass")),
         )
-        b.box("base", (-0.42 * d, 0.0, k), (0.42 * d, 0.42 * w, k + 0.16 * h), "metal")
+        b.box("base", (-0.42 * d, 0.005 - 0.12 * w, k), (0.42 * d, 0.42 * w, k + 0.16 * h), "metal")
         y, z = -0.12 * w, k + wheel_r + 0.0015
         for s in (-1, 1):
             ends = sorted((s * 0.26 * d, s * 0.38 * d))
-            b.box("base", (ends[0], y - 0.003, k), (ends[1], 0.01 * w, z + 0.001), "metal")
+            b.box("base", (ends[0], y - 0.003, k), (ends[1], 0.01 * w, z + 0.003), "metal")
         tab = part(b, "button", "tab")
         b.box(
             tab,

@@ -77,7 +77,7 @@ def kettle(b: Builder) -> None:
         b.cylinder(lid, (top, -0.015, z), (top, 0.015, z), 0.004, None, "metal")
         b.hinge(lid, "base", (top, 0, z), (0, 1, 0), 0, b.uniform(1.2, 1.65), opens=(0, 0, 1))
     else:
-        b.slide(lid, "base", (0, 0, 1), 0, b.uniform(0.06, 0.15))
+        b.slide(lid, "base", (0, 0, 1), 0, b.uniform(0.11, 0.18))
     if z0 and b.chance(0.8):
         switch = part(b, "switch")
         x = 1.05 * r + 0.012
@@ -182,7 +182,7 @@ def pot(b: Builder) -> None:
             opens=(0, 0, 1),
         )
     else:
-        b.slide(lid, "base", (0, 0, 1), 0, b.uniform(0.5, 1.2) * r)
+        b.slide(lid, "base", (0, 0, 1), 0, b.uniform(0.8, 1.2) * r + 0.08)
 
 
 def bottle(b: Builder) -> None:
@@ -229,7 +229,7 @@ def bottle(b: Builder) -> None:
             "wood",
         )
         b.cylinder(cork, (0, 0, h + 0.001), (0, 0, h + 0.014), 1.1 * neck, None, "wood", "handle")
-        b.slide(cork, "base", (0, 0, 1), 0, b.uniform(0.02, 0.05))
+        b.slide(cork, "base", (0, 0, 1), 0, min(0.5 * tall, 0.02))
         return
     cap = part(b, "lid", "cap")
     ch = min(0.6 * tall, 0.025)
@@ -251,7 +251,7 @@ def bottle(b: Builder) -> None:
     if b.chance(0.75):
         b.spin(cap, "base", (0, 0, h), (0, 0, 1))
     else:
-        b.slide(cap, "base", (0, 0, 1), 0, b.uniform(1.2, 3) * ch)
+        b.slide(cap, "base", (0, 0, 1), 0, 0.7 * ch)
 
 
 def dispenser(b: Builder) -> None:
@@ -304,7 +304,15 @@ def jar(b: Builder) -> None:
     style, g = b.choice(("screw", "lift", "clip")), max(b.gap, 0.0006)
     lid, z = part(b, "lid"), h + max(b.gap, 0.0006)
     if style == "screw":
-        b.tube(lid, (0, 0, h - 0.01), (0, 0, z), 0.92 * r, 0.87 * r + g * 0.5, "metal", "handle")
+        b.tube(
+            lid,
+            (0, 0, h - min(0.01, 0.055 * h)),
+            (0, 0, z),
+            0.96 * r,
+            0.9 * r + g * 0.5,
+            "metal",
+            "handle",
+        )
         b.cylinder(
             lid,
             (0, 0, z),
@@ -326,7 +334,7 @@ def jar(b: Builder) -> None:
             "handle",
         )
         b.cylinder(lid, (0, 0, z), (0, 0, z + 0.22 * r + 0.004), 0.08 * r, None, "metal")
-        b.slide(lid, "base", (0, 0, 1), 0, b.uniform(0.6, 1.4) * r)
+        b.slide(lid, "base", (0, 0, 1), 0, b.uniform(1.0, 1.3) * (0.8 * r + 0.05))
     else:
         with b.moved((0, 0, z)):
             b.lathe(lid, [(0.9 * r, 0), (0.9 * r, 0.006), (0.7 * r, 0.012), (0, 0.014)], "glass")
