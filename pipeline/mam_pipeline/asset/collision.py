@@ -71,9 +71,9 @@ def _link_shapes(
         return []
     diagonal = articulation.mesh.diagonal
     space = _Space(parts, TOLERANCE * diagonal, diagonal)
-    began = time.monotonic()
+    began = time.process_time()
     soups = _first_soups(parts, max(max_pieces // 2, 1), diagonal)
-    chunks = decompose(soups, space.empty, max_pieces, seconds - (time.monotonic() - began))
+    chunks = decompose(soups, space.empty, max_pieces, seconds - (time.process_time() - began))
     margin = MARGIN * diagonal if moving else 0.0
     shapes = []
     for chunk in merge(chunks, space.tolerance):

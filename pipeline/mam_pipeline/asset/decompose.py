@@ -77,10 +77,10 @@ def decompose(
         empty: tells which of (n, 3) points lie in free space: neither near nor inside the
             surface.
         max_pieces: the most pieces to return.
-        seconds: wall-clock budget.
+        seconds: budget of processor time, so that a busy machine makes the same pieces.
         seed: of the volume samples.
     """
-    deadline = time.monotonic() + seconds
+    deadline = time.process_time() + seconds
     rng = np.random.default_rng(seed)
     counter = itertools.count()
     heap: list[_Entry] = []
@@ -95,7 +95,7 @@ def decompose(
 
     for vertices, faces in soups:
         push(vertices, faces)
-    while heap and len(heap) + len(done) < max_pieces and time.monotonic() < deadline:
+    while heap and len(heap) + len(done) < max_pieces and time.process_time() < deadline:
         worst = heapq.heappop(heap).chunk
         halves = _best_cut(worst)
         if halves is None:

@@ -86,9 +86,11 @@ class PartPaths:
         radius = (0.05 * self.diagonal) ** 2
         for row, k in enumerate(pressed):
             local = self.points[((self.points - self.points[k]) ** 2).sum(axis=1) < radius]
-            side = float((local.mean(axis=0) - closest.points[k]) @ closest.normals[k])
-            if abs(side) > 0.001 * self.diagonal:  # the part lies on that side of the contact
-                into[row] = -np.sign(side) * closest.normals[k]
+            sides = (local - closest.points[k]) @ closest.normals[k]
+            clear = sides[np.abs(sides) > 0.001 * self.diagonal]
+            share = float((clear > 0).mean()) if len(clear) else 0.5
+            if abs(share - 0.5) > 0.35:  # the part lies on one side of the contact
+                into[row] = -np.sign(share - 0.5) * closest.normals[k]
         self.pressed, self.into = pressed, into
 
     def depths(
@@ -110,8 +112,20 @@ class PartPaths:
         # seen from the part, the surroundings move the other way
         back = motion_points(motion, axis, origin, -steps, self.static_points)
         other = self._crossed(back, self.part_scene, self.static_touching)
-        depth, other = (np.maximum.accumulate(d, axis=0)[index] for d in (depth, other))
-        return depth, other
+        depth = self._confirmed(depth, path, self.static_scene)[index]
+        return depth, self._confirmed(other, back, self.part_scene)[index]
+
+    def _confirmed(self, depth: FloatArray, path: FloatArray, scene: RayScene) -> FloatArray:
+        """Depth (n, S) cut down to the distance from any surface of the other body.
+
+        A sample in a plane that both bodies share may cross an edge there and is still at the
+        surface: what has truly gone in gets away from the surface, at one value at least.
+        """
+        far = np.flatnonzero((depth > 1e-3 * self.diagonal).any(axis=0))
+        if len(far):
+            distance = scene.distance(path[1:, far].reshape(-1, 3)).reshape(len(depth), -1)
+            depth[:, far] = np.minimum(depth[:, far], distance)
+        return np.asarray(np.maximum.accumulate(depth, axis=0))
 
     def _crossed(
         self, path: FloatArray, scene: RayScene, touching: NDArray[np.bool_]

@@ -20,6 +20,7 @@ from mam_pipeline.geometry.sampling import sample_surface
 from mam_pipeline.types import FloatArray, IntArray, Joint, Mesh
 
 STEPS = 10
+FEWEST = 5
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,9 @@ class _Sweep:
             blocked = (part > deep).sum(axis=1) / SAMPLES
             blocked = blocked + (static > deep).sum(axis=1) * paths.static_weight
             area = max(area, float(blocked.max()))
-            bad = np.flatnonzero(blocked > limit.penetration_area)
+            # a few samples that graze an edge are within the error of sampling
+            seen = np.maximum((part > deep).sum(axis=1), (static > deep).sum(axis=1)) >= FEWEST
+            bad = np.flatnonzero((blocked > limit.penetration_area) & seen)
             if len(bad):
                 k = int(bad[0])
                 worst = max(float(d[k].max(initial=0.0)) for d in (part, static)) / self.diagonal
@@ -136,7 +139,8 @@ class _Sweep:
             for index in links:
                 for hull in self.model.hulls[index]:
                     distance[hull.depth(line) > 0] = 0.0
-            worst = max(worst, float(np.median(distance)))
+            # mounts may sit at the ends alone: a fifth of the line must lie on each body
+            worst = max(worst, float(np.quantile(distance, 0.2)))
         return worst / self.diagonal
 
     def _faces_of(self, links: list[int]) -> IntArray:
