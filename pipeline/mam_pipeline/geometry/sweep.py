@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -255,7 +255,7 @@ class SweepScene:
         share, gap = np.full(n, np.nan), np.full(n, np.nan)
         if contact:
             share, gap = self._contact_along(motion, a, o, wanted)
-        worst: FloatArray = np.zeros(n)
+        worst: Any = np.zeros(n)
         for d in (depth, other):
             if d.shape[1]:
                 worst = np.maximum(worst, d.max(axis=1))
