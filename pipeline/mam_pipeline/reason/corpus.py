@@ -19,6 +19,9 @@ from mam_pipeline.reason.graph import Graph, build_graph
 from mam_pipeline.segment.geometric import GeometricSegmenter
 from mam_pipeline.types import Articulation, FloatArray, IntArray, Mesh, Primitives
 from mam_pipeline.world import make_object
+from mam_pipeline.world.kit import Builder
+from mam_pipeline.world.object import finish, generator
+from mam_pipeline.world.style import draw_style
 
 SUBTYPE_OF = {"hinge": 0, "spin": 1, "slide": 2}
 
@@ -141,3 +144,24 @@ def _shrunk(item: Any) -> Any:
         elif isinstance(value, np.ndarray) and value.dtype == np.int64:
             small[field.name] = value.astype(np.int32)
     return replace(item, **small)
+
+
+def abstract_kinds() -> dict[str, Any]:
+    """Builders of the abstract training objects, by name."""
+    from mam_pipeline.reason import curriculum, curriculum_cases
+
+    return {
+        "abstract_mechanism": curriculum.mechanism, "abstract_vehicle": curriculum.vehicle,
+        "abstract_case": curriculum_cases.case, "abstract_console": curriculum_cases.console,
+        "abstract_doorway": curriculum_cases.doorway, "abstract_lidded": curriculum_cases.lidded,
+    }  # fmt: skip
+
+
+def abstract_example(kind: str, seed: int, fused: float = 0.0) -> Example:
+    """One abstract object (`reason.curriculum`); `fused` is the share of fused meshes."""
+    style = draw_style(generator(kind, seed, stream=1), fused)
+    b = Builder(generator(kind, seed), style)
+    abstract_kinds()[kind](b)
+    truth = finish(b, kind, seed).truth()
+    primitives = GeometricSegmenter().segment(truth.mesh)
+    return make_example(f"{kind}_{seed:06d}", kind, truth, primitives)

@@ -14,6 +14,7 @@ from mam_pipeline.reason.features import pair_features, primitive_features
 from mam_pipeline.reason.graph import Graph, build_graph
 from mam_pipeline.reason.group_features import group_features, with_rivals
 from mam_pipeline.reason.groups import Masks, enumerate_groups
+from mam_pipeline.reason.joint_view import with_joints
 from mam_pipeline.reason.scores import Scores, load_scores
 from mam_pipeline.reason.select import select_groups
 from mam_pipeline.reason.tree import Choice, build_tree
@@ -39,7 +40,7 @@ class EmbeddedReasoner:
         probed = probed if isinstance(probed, Probe) else None
         graph = build_graph(mesh, primitives, seed, probed)
         masks, choice = decide(graph, prior, self.scores)
-        return build_tree(graph, masks, choice)
+        return with_joints(build_tree(graph, masks, choice), mesh, primitives, seed)
 
 
 def decide(graph: Graph, prior: KinematicPrior | None, scores: Scores) -> tuple[Masks, Choice]:
@@ -52,8 +53,7 @@ def decide(graph: Graph, prior: KinematicPrior | None, scores: Scores) -> tuple[
         empty = np.zeros((0, graph.count), dtype=bool)
         return empty, Choice((), np.zeros(0), np.zeros((0, 3)), np.zeros(0), 0.0)
     groups = group_features(graph, masks, same, move, prior)
-    groups = with_rivals(groups, masks, scores.value(groups))
-    value = scores.revise(groups)
+    value = scores.revise(with_rivals(groups, masks, scores.value(groups)))
     chosen = select_groups(masks, value, scores.threshold)
     return masks, Choice(
         tuple(chosen), value, scores.subtype(groups), scores.confidence(value), float(value.max())

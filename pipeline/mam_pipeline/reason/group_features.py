@@ -64,11 +64,15 @@ def _boxes(graph: Graph, masks: Masks) -> tuple[FloatArray, FloatArray, FloatArr
             axes[c], size[c] = graph.axes[k], graph.size[k]
             revolve[c], spin[c] = graph.revolve[k], graph.spin_axis[k]
             continue
-        points = graph.probe.points[graph.probe.members(mask)]
-        corners = np.concatenate([points, graph.low[mask], graph.high[mask]])
+        rows = graph.probe.members(mask)
+        points = graph.probe.points[rows[:: max(1, len(rows) // 300)]]
         lead = int(np.argmax(np.where(mask, graph.area, 0)))
-        tilted = np.abs(graph.axes[lead]).max(axis=1).min() < 0.99
-        axes[c], size[c] = tight_box(points if tilted else corners)
+        if np.abs(graph.axes[lead]).max(axis=1).min() < 0.99:
+            axes[c], size[c] = tight_box(points)
+        else:  # square to the object, as its largest member is
+            extent = graph.high[mask].max(axis=0) - graph.low[mask].min(axis=0)
+            order = np.argsort(-extent, kind="stable")
+            axes[c], size[c] = np.eye(3)[order], np.maximum(extent[order], 1e-6)
         revolve[c], spin[c] = roundness(points, axes[c], size[c])
     return axes, size, revolve, spin
 
@@ -222,11 +226,12 @@ def _freedom(
         w = w / w.sum()
         length = size[c, 0]
         free, near = w @ (clear > length), w @ (clear < NEAR)
-        travel = np.quantile(np.minimum(clear, length), 0.05, axis=0) / max(length, 1e-6)
+        rank = len(clear) // 20  # the 5 % that meet something first
+        travel = np.partition(np.minimum(clear, length), rank, axis=0)[rank] / max(length, 1e-6)
         taken: list[int] = []
         for name, axis in zip(("thin", "mid", "long"), (2, 1, 0)):
-            rank = np.argsort(-np.abs(axes[c, axis]))
-            k = next(int(r) for r in rank if int(r) not in taken)
+            along = np.argsort(-np.abs(axes[c, axis]))
+            k = next(int(r) for r in along if int(r) not in taken)
             taken.append(k)
             for what, value in (("free", free), ("near", near)):
                 pair = np.sort(value[[2 * k, 2 * k + 1]])

@@ -11,8 +11,8 @@ from mam_pipeline.reason.graph import Graph
 from mam_pipeline.types import FloatArray, IntArray
 
 Masks = NDArray[np.bool_]
-LIMIT = 500  # candidates that are looked at closely
-SMALL = 11  # up to this many primitives every connected group is tried
+LIMIT = 150  # candidates that are looked at closely
+SMALL = 8  # up to this many primitives every connected group is tried
 
 
 def enumerate_groups(graph: Graph, same: FloatArray, move: FloatArray) -> Masks:

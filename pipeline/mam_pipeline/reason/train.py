@@ -24,7 +24,14 @@ import lightgbm
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from mam_pipeline.reason.corpus import Example, load_example, save_example, world_example
+from mam_pipeline.reason.corpus import (
+    Example,
+    abstract_example,
+    abstract_kinds,
+    load_example,
+    save_example,
+    world_example,
+)
 from mam_pipeline.reason.features import Table, pair_features, primitive_features
 from mam_pipeline.reason.group_features import group_features, with_rivals
 from mam_pipeline.reason.groups import Masks, enumerate_groups
@@ -33,10 +40,10 @@ from mam_pipeline.reason.select import select_groups
 from mam_pipeline.types import FloatArray
 from mam_pipeline.world.splits import iterate
 
-FOLDS = 3
-KEEP = 120  # candidates of one object that train the group models
+FOLDS = 2
+KEEP = 60  # candidates of one object that train the group models
 COMMON: dict[str, Any] = {
-    "learning_rate": 0.06, "num_leaves": 31, "min_data_in_leaf": 40, "feature_fraction": 0.5,
+    "learning_rate": 0.08, "num_leaves": 31, "min_data_in_leaf": 40, "feature_fraction": 0.5,
     "bagging_fraction": 0.7, "bagging_freq": 1, "lambda_l2": 5.0, "verbose": -1, "num_threads": 1,
     "seed": 7, "deterministic": True, "force_row_wise": True, "max_bin": 127,
 }  # fmt: skip
@@ -85,20 +92,31 @@ def fold_of(name: str) -> int:
     return zlib.crc32(name.encode()) % FOLDS
 
 
-def gather(split: str, count: int, cache: Path) -> list[Path]:
-    """Make (or find in the cache) the first `count` examples of a split; failures are skipped."""
-    out = []
-    started = time.time()
-    for category, seed in iterate(split, count):
-        path = cache / f"{category}_{seed:06d}.ex"
+def jobs(split: str, world: int, abstract: int) -> list[tuple[str, int]]:
+    """(kind, seed) of a split's objects: the world's categories, and the abstract kinds."""
+    out = list(iterate(split, world)) if world else []
+    kinds = list(abstract_kinds())
+    first = 0 if split == "train" else 1_000_000
+    # mechanisms vary most: every other abstract object is one
+    order = [k for other in kinds[1:] for k in (kinds[0], other)]
+    out += [(order[n % len(order)], first + n) for n in range(abstract)]
+    return out
+
+
+def gather(pairs: list[tuple[str, int]], cache: Path) -> list[Path]:
+    """Make the examples, or find them in the cache; an object that fails is skipped."""
+    out, started = [], time.time()
+    for kind, seed in pairs:
+        path = cache / f"{kind}_{seed:06d}.ex"
         if not path.exists():
             try:
-                save_example(world_example(category, seed), path)
+                example = abstract_example if kind.startswith("abstract") else world_example
+                save_example(example(kind, seed), path)
             except Exception as error:  # one bad object must not end an hour of work
                 print(f"skipped {path.stem}: {error!r}", file=sys.stderr)
                 continue
         out.append(path)
-    print(f"{split}: {len(out)} examples, {time.time() - started:.0f} s", file=sys.stderr)
+    print(f"{len(out)} examples, {time.time() - started:.0f} s", file=sys.stderr)
     return out
 
 
@@ -111,7 +129,8 @@ def fit_bonds(paths: list[Path]) -> tuple[dict[str, list[lightgbm.Booster]], dic
         moving = (example.subtype[link] >= 0).astype(float)
         pair_label = (link[graph.pairs[:, 0]] == link[graph.pairs[:, 1]]).astype(float)
         trust = purity[graph.pairs].min(axis=1)
-        for prior in (example.prior(), None):
+        priors = (example.prior(), None) if fold_of(example.name + "?") == 0 else (example.prior(),)
+        for prior in priors:
             unary = primitive_features(graph, prior)
             pairs = pair_features(graph, unary, prior)
             n, e = max(graph.count, 1), max(len(graph.pairs), 1)
@@ -120,11 +139,11 @@ def fit_bonds(paths: list[Path]) -> tuple[dict[str, list[lightgbm.Booster]], dic
                 same.add(pairs, pair_label, trust * np.sqrt(60 / e), fold_of(example.name))
     folds: dict[str, list[lightgbm.Booster]] = {"same": [], "move": []}
     for k in range(FOLDS):
-        folds["same"].append(same.fit(250, k, objective="binary"))
-        folds["move"].append(move.fit(250, k, objective="binary"))
+        folds["same"].append(same.fit(150, k, objective="binary"))
+        folds["move"].append(move.fit(150, k, objective="binary"))
     final = {
-        "same": same.fit(250, objective="binary"),
-        "move": move.fit(250, objective="binary"),
+        "same": same.fit(150, objective="binary"),
+        "move": move.fit(150, objective="binary"),
     }
     return folds, final
 
@@ -175,7 +194,7 @@ def fit_groups(looks: list[Look]) -> tuple[dict[str, Any], list[np.ndarray]]:
             weight = target[good] * np.sqrt(10 / len(good))
             kind.add(_rows(item.features, good), label, weight, item.fold)
     loss = {"objective": "cross_entropy"}
-    first = [value.fit(300, k, **loss) for k in range(FOLDS)]
+    first = [value.fit(200, k, **loss) for k in range(FOLDS)]
     revise = Rows.empty()
     widened = []
     for item in looks:
@@ -186,14 +205,14 @@ def fit_groups(looks: list[Look]) -> tuple[dict[str, Any], list[np.ndarray]]:
         keep = _sample(target, rng)
         weight = np.full(len(keep), np.sqrt(KEEP / max(len(keep), 1)))
         revise.add(_rows(wide, keep), target[keep], weight, item.fold)
-    second = [revise.fit(250, k, **loss) for k in range(FOLDS)]
+    second = [revise.fit(150, k, **loss) for k in range(FOLDS)]
     revised = [
         second[item.fold].predict(wide.values, num_threads=1) for item, wide in zip(looks, widened)
     ]
     final = {
-        "value": value.fit(300, **loss),
-        "revise": revise.fit(250, **loss),
-        "subtype": kind.fit(150, objective="multiclass", num_class=3),
+        "value": value.fit(200, **loss),
+        "revise": revise.fit(150, **loss),
+        "subtype": kind.fit(80, objective="multiclass", num_class=3),
     }
     return final, revised
 
@@ -262,20 +281,24 @@ def save(models: dict[str, Any], settings: dict[str, Any], out: Path) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Make the corpus, train, choose the threshold on validation, write the weights."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--count", type=int, default=2500, help="training objects")
-    parser.add_argument("--validation", type=int, default=300)
+    parser.add_argument("--count", type=int, default=1500, help="objects of the world")
+    parser.add_argument("--abstract", type=int, default=2500, help="abstract objects")
+    parser.add_argument("--validation", type=int, default=150, help="of either sort")
     parser.add_argument("--cache", type=Path, required=True, help="folder for examples")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "weights")
     options = parser.parse_args(arguments)
-    train = gather("train", options.count, options.cache)
-    validation = gather("validation", options.validation, options.cache)
+    train = gather(jobs("train", options.count, options.abstract), options.cache)
+    held_out = jobs("validation", min(options.validation, options.count), options.validation)
+    validation = gather(held_out, options.cache)
     folds, models = fit_bonds(train)
+    print("pair and primitive models are trained", file=sys.stderr, flush=True)
     looks = []
     for n, path in enumerate(train):
         example = load_example(path)
         k = fold_of(example.name)
         for with_prior in (True, False) if n % 3 == 0 else (True,):
             looks.append(look(example, folds["same"][k], folds["move"][k], with_prior))
+    print(f"{len(looks)} looks", file=sys.stderr, flush=True)
     final, _ = fit_groups(looks)
     models |= final
     scores = LearnedScores(models, {"threshold": 0.5, "calibration": [(0, 0), (1, 1)]})

@@ -1,0 +1,79 @@
+"""What the joint hypotheses say of the chosen parts: their types are settled with both views.
+
+The reasoner judges a part's type by its shape and place, the joint ranker by how it could move;
+each knows what the other cannot see. The ranked hypotheses stay with the part, so the solver
+need not make them again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mam_pipeline.geometry.frames import estimate_frame
+from mam_pipeline.joints.candidates import kind_probabilities, rank_hypotheses
+from mam_pipeline.types import JointSubtype, KinematicTree, Mesh, PartNode, Primitives
+
+MOTION_WEIGHT = 0.5  # exponent of the ranker's odds against the reasoner's own
+
+
+def with_joints(
+    tree: KinematicTree, mesh: Mesh, primitives: Primitives, seed: int = 0
+) -> KinematicTree:
+    """Return the tree with joint candidates on every part, and types that both views support."""
+    if len(tree.nodes) < 2:
+        return tree
+    frame = estimate_frame(mesh)
+    owner = np.zeros(primitives.count, dtype=np.int64)
+    for index, node in enumerate(tree.nodes):
+        owner[list(node.primitives)] = index
+    face_node = owner[primitives.labels]
+    nodes = [tree.nodes[0]]
+    for index, node in enumerate(tree.nodes[1:], start=1):
+        moving = np.isin(face_node, _carried(tree, index))
+        candidates = rank_hypotheses(
+            mesh,
+            np.flatnonzero(moving),
+            np.flatnonzero(~moving),
+            frame=frame,
+            parent_faces=np.flatnonzero(face_node == node.parent),
+            seed=seed,
+        )
+        odds = kind_probabilities(candidates)
+        nodes.append(_settled(node, odds, tuple(candidates)))
+    return KinematicTree(tuple(nodes))
+
+
+def _carried(tree: KinematicTree, index: int) -> list[int]:
+    """The node and all that hangs on it."""
+    out = [index]
+    for k in out:
+        out += [i for i, n in enumerate(tree.nodes) if n.parent == k]
+    return out
+
+
+def _settled(node: PartNode, odds: dict[str, float], candidates: tuple) -> PartNode:
+    """The node with its type decided by both views, and with its candidates."""
+    own: dict[str, float] = node.evidence["subtype"]
+    slide = own["slide"] * max(odds.get("slide", 0.0), 0.02) ** MOTION_WEIGHT
+    turn_odds = odds.get("revolute", odds.get("hinge", 0.0) + odds.get("spin", 0.0))
+    turn = (own["hinge"] + own["spin"]) * max(turn_odds, 0.02) ** MOTION_WEIGHT
+    share = slide / max(slide + turn, 1e-9)
+    rotary: JointSubtype = "spin" if own["spin"] > own["hinge"] else "hinge"
+    subtype: JointSubtype = "slide" if share > 0.5 else rotary
+    sure = max(share, 1 - share)
+    before = max(own.values())
+    runner = node.runner_up
+    if " instead (" in runner:
+        other = rotary if subtype == "slide" else "slide"
+        runner = f"{other} instead ({1 - sure:.2f})"
+    evidence = dict(node.evidence) | {"motion_view": {k: round(v, 3) for k, v in odds.items()}}
+    return replace(
+        node,
+        subtype=subtype,
+        confidence=float(np.clip(node.confidence / max(before, 1e-6) * sure, 0.0, 1.0)),
+        runner_up=runner,
+        candidates=candidates,
+        evidence=evidence,
+    )
