@@ -20,8 +20,10 @@ WAYPOINTS = 14
 BACK_OFF = 0.10
 POSITION_TOLERANCE = 0.004
 SEED = 20240601
-SLACK = 0.004
+SLACK = 0.003
 """Metres that the hand's surface points may dip into the object where it takes hold."""
+SHALLOW = 0.008
+"""Least depth (m) of a recessed pull or rim that fingers hold on to."""
 LAGS = (1.0, 0.6, 0.25)
 
 
@@ -112,21 +114,29 @@ def holds(
             f"{name}: joint {goal.joint!r} offers nothing to hold or push; name a handle in hints"
         )
     out: list[Hold] = []
-    narrowest = np.inf
+    narrowest, shallow = np.inf, 0
     for g in grasps:
         if g.kind == "push":
             if _pushes(model, goal, g):
                 out += _variants(robot, g, "push", tilts)
             continue
         narrowest = min(narrowest, g.width)
-        if g.width <= robot.max_width - 0.004:
-            out += _variants(robot, g, "grip", tilts)
+        # fingers need something to close on: the deeper, the wider the thing is
+        flat = g.kind == "rim" and g.depth < min(SHALLOW, 0.5 * g.width)
+        shallow += flat
+        if g.width <= robot.max_width - 0.004 and not flat:
+            steep = (75, 90) if g.kind == "rim" else ()
+            out += _variants(robot, g, "grip", (*tilts, *steep))
         if goal.task == "close":
             out += _variants(robot, _pushing(model, goal, g), "push", tilts, extra=0.5)
     fitting = [h for h in (_fitting(model, goal, robot, hold) for hold in out) if h is not None]
     if out and not fitting:
         raise PlacementError(
             f"{name}: a {robot.uid}'s hand cannot get at {goal.joint!r} without hitting the object"
+        )
+    if not out and shallow:
+        raise PlacementError(
+            f"{name}: the pull of {goal.joint!r} is too shallow for a {robot.uid}'s fingers"
         )
     if not out:
         wide = 100 * narrowest

@@ -158,7 +158,7 @@ class RobotSpec:
         out: dict[str, FloatArray] = {}
         for link in self.model.robot.links:
             rows = [
-                _surface(c, self.path.parent)
+                _surface(c, self.path.parent, 160 if link.name in self.finger_links else 48)
                 for c in link.collisions
                 if not any(w in link.name for w in ("wheel", "head", "caster", "bellows"))
             ]
@@ -168,7 +168,7 @@ class RobotSpec:
         return out
 
 
-def _surface(collision: yourdfpy.Collision, folder: Path, count: int = 48) -> FloatArray:
+def _surface(collision: yourdfpy.Collision, folder: Path, count: int) -> FloatArray:
     """Points on one collision shape in its link's frame: hull corners and even samples."""
     g = collision.geometry
     if g.mesh is not None:
@@ -188,7 +188,7 @@ def _surface(collision: yourdfpy.Collision, folder: Path, count: int = 48) -> Fl
     else:
         return np.zeros((0, 3))
     hull = mesh.convex_hull
-    samples, _ = trimesh.sample.sample_surface_even(hull, count, seed=0)
+    samples, _ = trimesh.sample.sample_surface(hull, count, seed=0)
     points = np.concatenate([samples, hull.vertices[:: max(1, len(hull.vertices) // count)]])
     origin = np.eye(4) if collision.origin is None else np.asarray(collision.origin)
     return points @ origin[:3, :3].T + origin[:3, 3]
