@@ -223,7 +223,7 @@ def wheelbarrow(b: Builder) -> None:
         b.sweep(
             "base",
             [
-                (-0.08 if not twin else 0.1, s * (half + 0.03), r),
+                (-0.08, s * (half + 0.03), r),
                 (0.12, y, z - 0.02),
                 (l + 0.1, y, z - 0.01),
                 (l + 0.55, s * 0.28 * w, z + 0.2),
@@ -253,13 +253,13 @@ def wheelbarrow(b: Builder) -> None:
             "metal",
         )
     style = b.choice(("disc", "tyre", "spoke"))
-    x = -0.08 if not twin else 0.1
+    x = -0.08
     for s in (-1, 1) if twin else (0,):
-        y = s * (half + 0.08)
+        y = s * (half + 0.13)
         roll = part(b, "wheel")
         wheel(b, roll, (x, y, r), (0, 1, 0), r, 0.07, style)
         b.spin(roll, "base", (x, y, r), (0, 1, 0))
-    reach = half + (0.1 if twin else 0.03)
+    reach = half + (0.15 if twin else 0.03)
     b.cylinder("base", (x, -reach, r), (x, reach, r), 0.012, None, "metal")
 
 

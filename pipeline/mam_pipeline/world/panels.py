@@ -15,12 +15,14 @@ def _rocker(b: Builder, y: float, z: float, w: float, h: float, t: float) -> Non
     g = 0.0006
     tilt = 0.12
     rise = np.tan(tilt) * (h / 2 - g)
+    # the corners swing on a circle: they must pass the edges of the cut-out
+    half = float(np.sqrt((h / 2 - g) ** 2 - max(rise + 0.2 * t + 0.001, 0.7 * t) ** 2))
     poly = [
-        (0.9 * t, -h / 2 + g),
-        (0.9 * t, h / 2 - g),
-        (-rise - 0.0006, h / 2 - g),
+        (0.9 * t, -half),
+        (0.9 * t, half),
+        (-rise - 0.0006, half),
         (-0.0008, 0),
-        (-0.0006, -h / 2 + g),
+        (-0.0006, -half),
     ]
     with b.facing((0, y + w / 2 - g, z), (0, -1, 0), (1, 0, 0)):
         b.extrude(key, poly, w - 2 * g, "light", "handle")
