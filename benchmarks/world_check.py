@@ -43,12 +43,24 @@ def main() -> None:
             passed += report.passed
             if not report.passed:
                 reasons.update(report.reasons)
-                bad.append((seed, [f"{f.code} {f.where}" for f in report.findings if not f.warning][:2]
-                            + [f"{j.name} {r} at {j.penetration_at} {j.penetration} gap {j.gap}"
-                               for j in report.joints for r in j.reasons][:2]))  # fmt: skip
+                bad.append(
+                    (
+                        seed,
+                        [f"{f.code} {f.where}" for f in report.findings if not f.warning][:2]
+                        + [
+                            f"{j.name} {r} at {j.penetration_at} {j.penetration} gap {j.gap}"
+                            for j in report.joints
+                            for r in j.reasons
+                        ][:2],
+                    )
+                )
         spent = time.process_time() - began
-        print(f"{name:<24} {args.seeds - len(bad)}/{args.seeds}  build {1e3 * built / args.seeds:.0f} ms"
-              f"  all {spent / args.seeds:.1f} s", *bad[:3], flush=True)  # fmt: skip
+        print(
+            f"{name:<24} {args.seeds - len(bad)}/{args.seeds}  build {1e3 * built / args.seeds:.0f} ms"
+            f"  all {spent / args.seeds:.1f} s",
+            *bad[:3],
+            flush=True,
+        )
     print(f"{passed} of {total} pass; reasons: {dict(reasons)}")
 
 

@@ -40,10 +40,12 @@ def render_mesh(
     eye_direction = _eye(azimuth, elevation)
     origin, rays = _rays((low + high) / 2, eye_direction, far, fov, width, height)
     scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(np.ascontiguousarray(mesh.vertices, dtype=np.float32),
-                        np.ascontiguousarray(mesh.faces, dtype=np.uint32))  # fmt: skip
+    scene.add_triangles(
+        o3d.core.Tensor(mesh.vertices.astype(np.float32)),
+        o3d.core.Tensor(mesh.faces.astype(np.uint32)),
+    )
     bundle = np.concatenate([np.broadcast_to(origin, rays.shape), rays], axis=1).astype(np.float32)
-    answer = scene.cast_rays(bundle)
+    answer = scene.cast_rays(o3d.core.Tensor(bundle))
     hit = np.isfinite(answer["t_hit"].numpy())
     face = answer["primitive_ids"].numpy()[hit].astype(np.int64)
     normal = answer["primitive_normals"].numpy()[hit].astype(np.float64)
@@ -102,7 +104,9 @@ def _rays(
     """Pinhole camera: its position (3,) and unit rays (H * W, 3), row by row from the top."""
     forward = -eye
     right = np.cross(forward, [0, 0, 1.0])
-    right = right / np.linalg.norm(right) if np.linalg.norm(right) > 1e-6 else np.array([0, -1.0, 0])
+    right = (
+        right / np.linalg.norm(right) if np.linalg.norm(right) > 1e-6 else np.array([0, -1.0, 0])
+    )
     up = np.cross(right, forward)
     half = np.tan(fov / 2) / min(width, height)
     x = (2 * np.arange(width) + 1 - width) * half

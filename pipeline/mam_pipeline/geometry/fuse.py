@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import open3d as o3d
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage, sparse
 from skimage import measure
 
@@ -66,15 +66,15 @@ def nearest_faces(mesh: Mesh, target: Mesh | ArrayLike) -> IntArray:
         points = target.vertices[target.faces].mean(axis=1)
     else:
         points = np.asarray(target, dtype=np.float64)
-    answer = _scene(mesh).compute_closest_points(points.astype(np.float32))
+    answer = _scene(mesh).compute_closest_points(o3d.core.Tensor(points.astype(np.float32)))
     return answer["primitive_ids"].numpy().astype(np.int64)
 
 
 def _scene(mesh: Mesh) -> o3d.t.geometry.RaycastingScene:
     scene = o3d.t.geometry.RaycastingScene(nthreads=1)
     scene.add_triangles(
-        np.ascontiguousarray(mesh.vertices, dtype=np.float32),
-        np.ascontiguousarray(mesh.faces, dtype=np.uint32),
+        o3d.core.Tensor(mesh.vertices.astype(np.float32)),
+        o3d.core.Tensor(mesh.faces.astype(np.uint32)),
     )
     return scene
 
@@ -93,7 +93,9 @@ def _solid_field(
     points = (origin + index * pitch).astype(np.float32)
     scene = _scene(mesh)
     chunks = np.array_split(points, max(1, len(points) // 400_000))
-    distance[near] = np.concatenate([scene.compute_distance(c).numpy() for c in chunks])
+    distance[near] = np.concatenate(
+        [scene.compute_distance(o3d.core.Tensor(c)).numpy() for c in chunks]
+    )
     # reach in from the border through wide openings only, then follow the surface closely
     region, _ = ndimage.label(distance > SEAL * pitch)
     sealed_outside = region == region[0, 0, 0]
@@ -145,7 +147,9 @@ def _noisy(vertices: FloatArray, faces: IntArray, sigma: float, seed: int) -> Fl
     """Vertices displaced along their normals by noise smoothed over two rings."""
     n = len(vertices)
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    link = sparse.coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n)).tocsr()
+    link = sparse.coo_matrix(
+        (np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n)
+    ).tocsr()
     degree = np.maximum(np.asarray(link.sum(axis=1)).reshape(-1), 1)
     height = np.random.default_rng(seed).standard_normal(n)
     for _ in range(2):
@@ -159,7 +163,7 @@ def _noisy(vertices: FloatArray, faces: IntArray, sigma: float, seed: int) -> Fl
     return vertices + normal * (height / max(float(height.std()), 1e-12) * sigma)[:, None]
 
 
-def _face_colors(mesh: Mesh) -> IntArray:
+def _face_colors(mesh: Mesh) -> NDArray[np.uint8]:
     """(F, 4) uint8 colour of every face: its vertices' colours or its material's mean colour."""
     if mesh.colors is not None:
         return mesh.colors[mesh.faces].mean(axis=1).astype(np.uint8)
@@ -168,7 +172,7 @@ def _face_colors(mesh: Mesh) -> IntArray:
     return table[mesh.face_material]
 
 
-def _mean_color(material: Material) -> FloatArray:
+def _mean_color(material: Material) -> NDArray[np.uint8]:
     color = np.asarray(material.base_color, dtype=float)
     if material.image is not None:
         from io import BytesIO

@@ -73,7 +73,9 @@ def draw_manner(b: Builder, inset: bool | None = None) -> Manner:
                                "ring"]  # fmt: skip
     handle = b.choice(kinds, [0.08, 0.26, 0.16, 0.2, 0.02, 0.08, 0.02, 0.1, 0.08])
     same = b.chance(0.7) and handle not in ("ring", "strip")
-    drawer = handle if same else b.choice(kinds, [0.08, 0.22, 0.15, 0.2, 0.1, 0.08, 0.1, 0.04, 0.03])
+    drawer = (
+        handle if same else b.choice(kinds, [0.08, 0.22, 0.15, 0.2, 0.1, 0.08, 0.1, 0.04, 0.03])
+    )
     door_front = b.choice(["slab", "framed", "moulded", "double", "glass", "louvre"],
                           [0.42, 0.2, 0.14, 0.08, 0.1, 0.06])  # fmt: skip
     return Manner(
@@ -182,6 +184,18 @@ def door(b: Builder, m: Manner, c: Cell, side: Side, name: str = "door", rest: f
     """A hinged door over a cell; `side` carries the hinge; returns its link."""
     link = b.link(f"{name}_0", "door")
     low, high = front_box(b, m, c)
+    own_side = c.outer[1] if side == "left" else c.outer[0]
+    # the pin sits at the front edge; at the carcass's own side it may sit behind the front,
+    # and that of a thick front is near the carcass
+    x = low[0]
+    if own_side and not m.inset:
+        x = high[0] if b.chance(0.3) else max(x, high[0] - 0.014 * b.diagonal)
+    # a pin behind the front sends the free edge outwards first: it needs room there
+    room = (x - low[0]) ** 2 / (2 * (high[1] - low[1]))
+    if side == "left":
+        low[1] += room
+    else:
+        high[1] -= room
     b.front(link, low, high, front or m.door_front)
     hinge_y = high[1] if side == "left" else low[1]
     free_y = low[1] if side == "left" else high[1]
@@ -197,13 +211,6 @@ def door(b: Builder, m: Manner, c: Cell, side: Side, name: str = "door", rest: f
     if kind == "cup":
         kind = "knob"
     b.handle(link, where, (-1, 0, 0), (0, 0, 1), length, kind, m.metal)
-    # the pin sits at the front edge; at the carcass's own side it may sit behind the front
-    own_side = c.outer[1] if side == "left" else c.outer[0]
-    x = low[0]
-    if own_side and not m.inset:  # a thick front turns about a pin near the carcass
-        x = max(x, high[0] - 0.014 * b.diagonal)
-    if own_side and not m.inset and b.chance(0.3):
-        x = high[0]
     upper = m.opening if own_side else min(m.opening, np.pi / 2)  # else it leans over its neighbour
     if own_side and not m.inset and x == low[0] and b.chance(0.15):
         upper = np.radians(b.choice([135, 160]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,7 +50,7 @@ def solid(profile: ArrayLike) -> list[CollisionShape]:
     """Pieces of a solid of revolution about local z; profile (n, 2) of (radius, z)."""
     p = _fewer(np.asarray(profile, dtype=float), 8)
     out = []
-    for (r0, z0), (r1, z1) in zip(p[:-1], p[1:]):
+    for (r0, z0), (r1, z1) in pairwise(p):
         if abs(z1 - z0) < 1e-9:
             continue
         if abs(r0 - r1) < 1e-9:
@@ -69,7 +70,7 @@ def shell(profile: ArrayLike, wall: float, bottom: bool) -> list[CollisionShape]
     # the polygon's edges lie inside the circle: its corners go out half-way, its insides in
     reach = 1.0 / np.cos(np.pi / WEDGES)
     out = []
-    for (r0, z0), (r1, z1) in zip(p[:-1], p[1:]):
+    for (r0, z0), (r1, z1) in pairwise(p):
         if abs(z1 - z0) < 1e-9:
             continue
         for k in range(WEDGES):

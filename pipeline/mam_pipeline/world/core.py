@@ -240,7 +240,8 @@ class Core:
         Ends that are not on the axis are capped.
         """
         p = np.asarray(profile, dtype=float)
-        full = [[0, p[0, 1]]] * (p[0, 0] > 0) + p.tolist() + [[0, p[-1, 1]]] * (p[-1, 0] > 0)
+        ends = [[[0.0, p[k, 1]]] if p[k, 0] > 0 else [] for k in (0, -1)]
+        full = [*ends[0], *p.tolist(), *ends[1]]
         n = sides or self.segments(float(p[:, 0].max()))
         solids = collide.solid(p) if collision else []
         return self.add(link, shapes.revolve(full, n), solids, material, role)

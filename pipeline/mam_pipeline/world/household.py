@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from mam_pipeline.world import cabinetry as c
@@ -15,8 +17,17 @@ def safe(b: Builder) -> None:
     w, d, h = b.uniform(0.28, 0.6), b.uniform(0.25, 0.55), b.uniform(0.25, 0.9)
     b.size(w, d, h)
     front = b.uniform(0.03, 0.05)
-    m = c.Manner(b.uniform(0.025, 0.045), front, b.chance(0.6), "none", "none", 0.12, "slab", "slab",
-                 float(np.radians(b.choice([90, 110]))))  # fmt: skip
+    m = c.Manner(
+        b.uniform(0.025, 0.045),
+        front,
+        b.chance(0.6),
+        "none",
+        "none",
+        0.12,
+        "slab",
+        "slab",
+        float(np.radians(b.choice([90, 110]))),
+    )
     low = b.choice([0.0, 0.02])
     if low:
         b.feet("base", (0, -w / 2), (d, w / 2), low, "round", "dark")
@@ -26,8 +37,18 @@ def safe(b: Builder) -> None:
     s = 1.0 if side == "left" else -1.0  # towards the hinge
     x, z = m.face, 0.5 * (low + h)
     unit = 0.5 * min(w, h)
-    kinds = b.choice([("dial", "lever"), ("wheel", "dial"), ("pad", "lever"), ("dial", "handle"), ("pad", "knob")])
-    for kind, (y, dz) in zip(kinds, ((-0.1 * s, 0.12 if h > w else 0.0), (0.35 * s, -0.25 if h > w else 0))):
+    kinds = b.choice(
+        [
+            ("dial", "lever"),
+            ("wheel", "dial"),
+            ("pad", "lever"),
+            ("dial", "handle"),
+            ("pad", "knob"),
+        ]
+    )
+    for kind, (y, dz) in zip(
+        kinds, ((-0.1 * s, 0.12 if h > w else 0.0), (0.35 * s, -0.25 if h > w else 0))
+    ):
         at = (x, y * w * 0.8, z + dz * h)
         if kind == "dial":
             b.rotary(door, at, (-1, 0, 0), 0.17 * unit, 0.03, "metal", "dial", np.inf)
@@ -53,8 +74,15 @@ def _spokes(b: Builder, door: str, at: tuple[float, float, float], radius: float
         b.cylinder(wheel, (0, 0, g), (0, 0, 0.05), 0.2 * radius, None, "metal")
         for k in range(n):
             u = np.array([np.cos(2 * np.pi * k / n), np.sin(2 * np.pi * k / n), 0])
-            b.rod(wheel, 0.1 * radius * u + [0, 0, 0.04], radius * u + [0, 0, 0.04], 0.08 * radius, None,
-                  "metal", "handle")  # fmt: skip
+            b.rod(
+                wheel,
+                0.1 * radius * u + [0, 0, 0.04],
+                radius * u + [0, 0, 0.04],
+                0.08 * radius,
+                None,
+                "metal",
+                "handle",
+            )
             b.sphere(wheel, radius * u + [0, 0, 0.04], 0.13 * radius, "dark", "handle")
         if b.chance(0.4):
             b.torus(wheel, (0, 0, 0.04), (0, 0, 1), 0.85 * radius, 0.07 * radius, "metal", "handle")
@@ -62,7 +90,9 @@ def _spokes(b: Builder, door: str, at: tuple[float, float, float], radius: float
         b.grasp(wheel, "rim", (0.85 * radius, 0, 0.04), (0, 0, -1), (1, 0, 0), 0.16 * radius)
 
 
-def _lever(b: Builder, door: str, at: tuple[float, float, float], way: float, length: float) -> None:
+def _lever(
+    b: Builder, door: str, at: tuple[float, float, float], way: float, length: float
+) -> None:
     """A lever pointing sideways that turns down."""
     lever, g = b.link("lever", "handle"), max(0.2 * b.gap, 0.0005)
     x, y, z = at
@@ -70,7 +100,9 @@ def _lever(b: Builder, door: str, at: tuple[float, float, float], way: float, le
     b.rod(lever, (x - g, y, z), (x - 0.04, y, z), 1.6 * r, None, "metal", "handle")
     b.rod(lever, (x - 0.035, y, z), (x - 0.035, y + way * length, z), r, None, "metal", "handle")
     b.grasp(lever, "handle", (x - 0.035, y + 0.7 * way * length, z), (1, 0, 0), (0, 0, 1), 2 * r)
-    b.hinge(lever, door, (x, y, z), (1, 0, 0), 0.0, np.radians(b.choice([45, 90])), opens=(0, 0, -1))
+    b.hinge(
+        lever, door, (x, y, z), (1, 0, 0), 0.0, np.radians(b.choice([45, 90])), opens=(0, 0, -1)
+    )
 
 
 def _pad(b: Builder, door: str, at: tuple[float, float, float], size: float) -> None:
@@ -80,8 +112,17 @@ def _pad(b: Builder, door: str, at: tuple[float, float, float], size: float) -> 
     b.block(door, (x - 0.003, y, z), (0.006, size, 1.25 * size), "dark", "decor")
     for i in range(rows):
         for j in range(3):
-            b.button(door, (x - 0.006, y + (j - 1) * 0.28 * size, z + (i - (rows - 1) / 2) * 0.28 * size),
-                     (-1, 0, 0), 0.2 * size, 0.18 * size, 0.0015, "light", "key", bezel=False)  # fmt: skip
+            b.button(
+                door,
+                (x - 0.006, y + (j - 1) * 0.28 * size, z + (i - (rows - 1) / 2) * 0.28 * size),
+                (-1, 0, 0),
+                0.2 * size,
+                0.18 * size,
+                0.0015,
+                "light",
+                "key",
+                bezel=False,
+            )
 
 
 def box_with_lid(b: Builder) -> None:
@@ -92,7 +133,13 @@ def box_with_lid(b: Builder) -> None:
     b.shell("base", (0, -w / 2, 0), (d, w / 2, h), t, "+z")
     if b.chance(0.3):
         for z in (0.15 * h, 0.85 * h):
-            b.box("base", (-0.004, -w / 2 + t, z - 0.02 * h), (0, w / 2 - t, z + 0.02 * h), "metal", "decor")
+            b.box(
+                "base",
+                (-0.004, -w / 2 + t, z - 0.02 * h),
+                (0, w / 2 - t, z + 0.02 * h),
+                "metal",
+                "decor",
+            )
     lid = b.link("lid", "lid")
     kind = b.choice(["flat", "deep", "arched", "overhang"])
     z = h + g
@@ -143,7 +190,7 @@ def toilet(b: Builder) -> None:
     hole = np.stack([middle - 0.03 + 0.33 * length * np.cos(a), 0.3 * w * np.sin(a)], axis=1)
     tall = h - 0.04
     levels = [(0.45, 0.0), (0.42, 0.3), (0.6, 0.55), (0.95, 0.85), (1.0, 1.0)]
-    for (s0, z0), (s1, z1) in zip(levels[:-1], levels[1:]):
+    for (s0, z0), (s1, z1) in pairwise(levels):
         _loft(b, "base", outline, s0, s1, z0 * tall, z1 * tall, (middle + 0.06, 0.0))
     b.box("base", (middle, -0.3 * w, 0), (d - 0.03, 0.3 * w, 0.85 * tall))
     b.box("base", (front - 0.05, -0.45 * w, 0.85 * tall), (d, 0.45 * w, h))
@@ -155,13 +202,23 @@ def toilet(b: Builder) -> None:
     keep = outline[:, 0] < pin[0]
     rim = np.where(keep[:, None], outline, np.stack([np.full(n, pin[0]), outline[:, 1]], axis=1))
     _ring(b, seat, np.minimum(rim, [back, w]), hole, h + g, h + g + t, "light")
-    b.hinge(seat, "base", (pin[0], 0, h + g + 0.5 * t), (0, 1, 0), 0.0, np.radians(b.choice([70, 75, 80])),
-            opens=(0, 0, 1), ajar=False)  # fmt: skip
+    b.hinge(
+        seat,
+        "base",
+        (pin[0], 0, h + g + 0.5 * t),
+        (0, 1, 0),
+        0.0,
+        np.radians(b.choice([70, 75, 80])),
+        opens=(0, 0, 1),
+        ajar=False,
+    )
     if b.chance(0.8):
         cover = b.link("cover", "lid")
         z = h + 2 * g + t
         with b.moved((0, 0, z)):
-            b.extrude(cover, np.unique(np.round(rim, 6), axis=0)[_hull_order(rim)], 0.8 * t, "light")
+            b.extrude(
+                cover, np.unique(np.round(rim, 6), axis=0)[_hull_order(rim)], 0.8 * t, "light"
+            )
         # on the seat when closed: it must be up wherever the seat is to move
         b.hinge(cover, "base", (pin[0], 0, z), (0, 1, 0), 0.0, np.radians(97), opens=(0, 0, 1),
                 rest=np.radians(97), ajar=False)  # fmt: skip
@@ -194,7 +251,9 @@ def _ring(b: Builder, link: str, outer: np.ndarray, inner: np.ndarray, z0: float
     from mam_pipeline.world import collide
 
     n = len(outer)
-    loops = [np.c_[p, np.full(n, z)] for p, z in ((outer, z0), (outer, z1), (inner, z1), (inner, z0))]
+    loops = [
+        np.c_[p, np.full(n, z)] for p, z in ((outer, z0), (outer, z1), (inner, z1), (inner, z0))
+    ]
     vertices = np.concatenate(loops)
     faces = shapes.grid_faces(4, n, True, True)
     step = max(1, n // 12)
@@ -219,15 +278,30 @@ def _tank(b: Builder, x0: float, x1: float, width: float, z: float, tall: float)
         lever = b.link("lever", "lever")
         g = max(b.gap * 0.2, 0.0005)
         b.rod(lever, (x0 - g, y, at), (x0 - 0.02, y, at), 0.012, None, "metal")
-        b.box(lever, (x0 - 0.026, y - 0.08, at - 0.007), (x0 - 0.016, y, at + 0.007), "metal", "handle")
+        b.box(
+            lever,
+            (x0 - 0.026, y - 0.08, at - 0.007),
+            (x0 - 0.016, y, at + 0.007),
+            "metal",
+            "handle",
+        )
         b.hinge(lever, "base", (x0, y, at), (1, 0, 0), 0.0, np.radians(30), opens=(0, 0, -1))
         b.grasp(lever, "push", (x0 - 0.02, y - 0.07, at + 0.007), (0, 0, -1), (1, 0, 0), 0.0)
         return
     count = 1 if kind == "button" else 2
     for k in range(count):
         y = 0.0 if count == 1 else (k - 0.5) * 0.035
-        b.button("base", (middle, y, top), (0, 0, 1), 0.05 if count == 1 else 0.03,
-                 0.05 if count == 1 else 0.03, 0.004, "metal", "flush", "round" if count == 1 else "square")  # fmt: skip
+        b.button(
+            "base",
+            (middle, y, top),
+            (0, 0, 1),
+            0.05 if count == 1 else 0.03,
+            0.05 if count == 1 else 0.03,
+            0.004,
+            "metal",
+            "flush",
+            "round" if count == 1 else "square",
+        )
 
 
 def printer(b: Builder) -> None:
@@ -241,28 +315,56 @@ def printer(b: Builder) -> None:
     b.shell("base", (0, -w / 2, 0), (d, w / 2, z1), t, "-x", role="solid")
     b.box("base", (0.45 * d, -w / 2, z1), (d, w / 2, z1 + slot_h))
     for s in (-1, 1):
-        b.box("base", (0, min(s * w / 2, s * 0.42 * w), z1), (0.45 * d, max(s * w / 2, s * 0.42 * w), z1 + slot_h))
+        b.box(
+            "base",
+            (0, min(s * w / 2, s * 0.42 * w), z1),
+            (0.45 * d, max(s * w / 2, s * 0.42 * w), z1 + slot_h),
+        )
     scan = 0.09 * h if b.chance(0.8) else 0.0
     top = h - scan - g
     b.box("base", (0, -w / 2, z1 + slot_h), (d, w / 2, top))
     tray = b.link("paper_tray", "drawer")
     y1 = w / 2 - t - max(g, 0.001)
     b.panel(tray, (-0.01, -y1, t + max(g, 0.001)), (0.006, y1, z1 - t - max(g, 0.001)), "front")
-    b.drawer_box(tray, (0.006, -y1 + 0.003, t + max(g, 0.001)), (0.88 * d, y1 - 0.003, z1 - t - 0.01), 0.004)
-    b.handle(tray, (-0.01, 0, 0.5 * z1), (-1, 0, 0), (0, 1, 0), 0.12, b.choice(["recessed", "cup", "none"]))
+    b.drawer_box(
+        tray, (0.006, -y1 + 0.003, t + max(g, 0.001)), (0.88 * d, y1 - 0.003, z1 - t - 0.01), 0.004
+    )
+    b.handle(
+        tray,
+        (-0.01, 0, 0.5 * z1),
+        (-1, 0, 0),
+        (0, 1, 0),
+        0.12,
+        b.choice(["recessed", "cup", "none"]),
+    )
     b.slide(tray, "base", (-1, 0, 0), 0.0, b.uniform(0.5, 0.75) * d)
     b.box("base", (0.02, -0.4 * w, z1), (0.44 * d, 0.4 * w, z1 + 0.004), "light", "content")
     if scan:
         lid = b.link("lid", "lid")
         b.box(lid, (0.01, -w / 2 + 0.004, h - scan), (d - 0.01, w / 2 - 0.004, h), "front")
-        b.hinge(lid, "base", (d - 0.01, 0, h - scan), (0, 1, 0), 0.0, np.radians(b.choice([60, 75, 90])),
-                opens=(0, 0, 1))  # fmt: skip
+        b.hinge(
+            lid,
+            "base",
+            (d - 0.01, 0, h - scan),
+            (0, 1, 0),
+            0.0,
+            np.radians(b.choice([60, 75, 90])),
+            opens=(0, 0, 1),
+        )
     z = z1 + slot_h + 0.5 * (top - z1 - slot_h)
     size = min(0.35 * (top - z1 - slot_h), 0.016)
     b.block("base", (-0.001, 0, z), (0.002, 0.12, 1.6 * size), "screen", "decor")
     for k in range(b.integer(1, 6)):
-        b.button("base", (0, -0.1 - 0.026 * k if k < 3 else 0.1 + 0.026 * (k - 3), z), (-1, 0, 0), size, size,
-                 0.002, b.choice(["light", "accent", "green"]), shape=b.choice(["round", "square"]))  # fmt: skip
+        b.button(
+            "base",
+            (0, -0.1 - 0.026 * k if k < 3 else 0.1 + 0.026 * (k - 3), z),
+            (-1, 0, 0),
+            size,
+            size,
+            0.002,
+            b.choice(["light", "accent", "green"]),
+            shape=b.choice(["round", "square"]),
+        )
 
 
 CATEGORIES = {

@@ -5,6 +5,7 @@ Fronts and drawers are stated as boxes that face -X; open a frame (`b.at`, `b.mo
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -144,11 +145,12 @@ class Builder(Core):
         if kind in ("moulded", "double"):
             self.panel(link, low, high, material)
             cuts = [0.0, 1.0] if kind == "moulded" else [0.0, self.uniform(0.4, 0.65), 1.0]
-            for a, b in zip(cuts[:-1], cuts[1:]):
+            for a, b in pairwise(cuts):
                 self._moulding(link, low, high, a, b, rail, "trim")
             return
         self.border(link, low, high, rail, material)
-        inner_low, inner_high = low + [0, rail, rail], high - [0, rail, rail]
+        edge = np.array([0, rail, rail])
+        inner_low, inner_high = low + edge, high - edge
         if kind == "louvre":
             count = int(np.clip((h - 2 * rail) / 0.035, 3, 16))
             pitch = (h - 2 * rail) / count
@@ -208,8 +210,13 @@ class Builder(Core):
             self.lathe(link, profile, material)
             mark = self.integer(0, 2)
             if mark == 0:
-                self.block(link, (0.5 * taper * radius, 0, depth), 
-                           (0.7 * radius, 0.12 * radius, 0.1 * depth), "light", "decor")  # fmt: skip
+                self.block(
+                    link,
+                    (0.5 * taper * radius, 0, depth),
+                    (0.7 * radius, 0.12 * radius, 0.1 * depth),
+                    "light",
+                    "decor",
+                )
             elif mark == 1:
                 self.block(link, (0, 0, 1.2 * depth), (1.7 * taper * radius, 0.35 * radius,
                            0.5 * depth), material)  # fmt: skip
@@ -273,8 +280,13 @@ class Builder(Core):
             self.cylinder(link, (0, 0, -w), (0, 0, w), 0.18 * radius, None, hub, collision=False)
             for k in range(spokes):
                 with self.moved((0, 0, 0), (0, 0, 1), 2 * np.pi * k / spokes):
-                    self.block(link, (0.58 * tyre, 0, 0), (0.86 * tyre, 0.12 * radius, 0.6 * w), hub,
-                               collision=False)  # fmt: skip
+                    self.block(
+                        link,
+                        (0.58 * tyre, 0, 0),
+                        (0.86 * tyre, 0.12 * radius, 0.6 * w),
+                        hub,
+                        collision=False,
+                    )
 
     def feet(
         self, link: str, low: ArrayLike, high: ArrayLike, height: float, kind: str = "square",

@@ -1,4 +1,4 @@
-"""Kitchen appliances: fridges, freezers, dishwashers, ovens, microwaves, toasters, coffee machines."""
+"""Kitchen appliances: cooling, washing up, cooking, toast and coffee."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ def flap(b: Builder, m: c.Manner, cell: c.Cell, name: str = "door", glass: bool 
     # the pin is near the carcass; the front's foot swings down in front of it and needs room
     pin = max(low[0], high[0] - 0.014 * b.diagonal)
     low[2] += pin - low[0]
+    high[2] -= (pin - low[0]) ** 2 / (2 * (high[2] - low[2]))
     w, h = high[1] - low[1], high[2] - low[2]
     b.panel(link, low, high, "front")
     if glass:
@@ -63,8 +64,8 @@ def fridge(b: Builder) -> None:
             y, z = 0.5 * (box[0][1] + box[1][1]), 0.6 * h
             b.block("door_0_1", (-m.front - 0.003, y, z), (0.006, 0.18, 0.28), "dark", "decor")
     elif kind == "french":
-        share = [b.uniform(0.35, 0.6), 1.0]
-        below, above = c.cut(b, m, cell, d, "z", share)
+        lower = [b.uniform(0.35, 0.6), 1.0]
+        below, above = c.cut(b, m, cell, d, "z", lower)
         for part in c.cut(b, m, below, d, "z", [1.0] * b.integer(1, 2)):
             c.drawer(b, m, part, d)
         c.pair(b, m, above, high_handle=0.4)
@@ -132,8 +133,15 @@ def freezer_chest(b: Builder) -> None:
         b.box(lid, (-0.01, y0, h + g), (d, y1, h + g + thick), "front")
         b.handle(lid, (-0.01, (y0 + y1) / 2, h + g + 0.5 * thick), (-1, 0, 0), (0, 1, 0),
                  min(0.4 * (y1 - y0), 0.25), b.choice(["bar", "bow", "none", "strip"]))  # fmt: skip
-        b.hinge(lid, "base", (d, 0, h + g + b.choice([0.0, min(thick, 0.014 * b.diagonal)])), (0, 1, 0), 0.0,
-                np.radians(b.choice([60, 75, 85])), opens=(0, 0, 1))  # fmt: skip
+        b.hinge(
+            lid,
+            "base",
+            (d, 0, h + g + b.choice([0.0, min(thick, 0.014 * b.diagonal)])),
+            (0, 1, 0),
+            0.0,
+            np.radians(b.choice([60, 75, 85])),
+            opens=(0, 0, 1),
+        )
 
 
 def dishwasher(b: Builder) -> None:
@@ -217,8 +225,16 @@ def oven(b: Builder) -> None:
     shift = b.uniform(-0.2, 0.2) * (high[2] - low[2])
     for k in range(n):
         y = low[1] + w * (k + 0.5) / n
-        b.rotary("base", (low[0], y, 0.5 * (low[2] + high[2]) + 0.3 * shift), (-1, 0, 0), size,
-                 b.uniform(0.9, 1.4) * size, b.choice(["dark", "metal", "dark"]), f"knob_{k}", turn)  # fmt: skip
+        b.rotary(
+            "base",
+            (low[0], y, 0.5 * (low[2] + high[2]) + 0.3 * shift),
+            (-1, 0, 0),
+            size,
+            b.uniform(0.9, 1.4) * size,
+            b.choice(["dark", "metal", "dark"]),
+            f"knob_{k}",
+            turn,
+        )
     if b.chance(0.7):
         hob(b, w, d, h)
 
@@ -251,13 +267,22 @@ def microwave(b: Builder) -> None:
     m.handle = b.choice(["bar", "bow", "strip", "none"])
     cell = c.carcass(b, m, w, d, 0.012, h)
     b.feet("base", (0, -w / 2), (d, w / 2), 0.012, "round", "dark", inset=0.02)
-    panel, rest = c.cut(b, m, cell, d, "y", [b.uniform(0.22, 0.34), 1.0])  # the panel is on the right
+    panel, rest = c.cut(
+        b, m, cell, d, "y", [b.uniform(0.22, 0.34), 1.0]
+    )  # the panel is on the right
     door = c.door(b, m, rest, "left", front="slab")
     low, high = c.front_box(b, m, rest)
     b.box(door, (low[0] - 0.002, low[1] + 0.16 * w, low[2] + 0.15 * h),
           (low[0], high[1] - 0.08 * w, high[2] - 0.15 * h), "screen", "decor")  # fmt: skip
-    b.disc("base", (0.5 * d, (rest.y0 + rest.y1) / 2, rest.z0), (0, 0, 1), 0.35 * min(d, rest.width),
-           0.008, "glass", "content")  # fmt: skip
+    b.disc(
+        "base",
+        (0.5 * d, (rest.y0 + rest.y1) / 2, rest.z0),
+        (0, 0, 1),
+        0.35 * min(d, rest.width),
+        0.008,
+        "glass",
+        "content",
+    )
     low, high = c.front_box(b, m, panel)
     b.panel("base", low, high, b.choice(["front", "dark"]))
     y, pw = 0.5 * (low[1] + high[1]), high[1] - low[1]
@@ -265,16 +290,33 @@ def microwave(b: Builder) -> None:
             "decor")  # fmt: skip
     if b.chance(0.4):
         for k in range(2):
-            b.rotary("base", (low[0], y, low[2] + (0.25 + 0.3 * k) * h), (-1, 0, 0),
-                     min(0.11 * h, 0.3 * pw), 0.02, "metal", f"knob_{k}", np.radians(300))  # fmt: skip
+            b.rotary(
+                "base",
+                (low[0], y, low[2] + (0.25 + 0.3 * k) * h),
+                (-1, 0, 0),
+                min(0.11 * h, 0.3 * pw),
+                0.02,
+                "metal",
+                f"knob_{k}",
+                np.radians(300),
+            )
         return
     columns, lines = b.integer(2, 3), b.integer(2, 5)
     for i in range(lines):
         for j in range(columns):
             at = (low[0], low[1] + pw * (0.12 + 0.76 * (j + 0.5) / columns),
                   low[2] + h * (0.06 + 0.6 * (i + 0.5) / lines))  # fmt: skip
-            b.button("base", at, (-1, 0, 0), 0.6 * 0.76 * pw / columns, 0.5 * 0.6 * h / lines, 0.002,
-                     b.choice(["light", "light", "accent"]), "button", bezel=False)  # fmt: skip
+            b.button(
+                "base",
+                at,
+                (-1, 0, 0),
+                0.6 * 0.76 * pw / columns,
+                0.5 * 0.6 * h / lines,
+                0.002,
+                b.choice(["light", "light", "accent"]),
+                "button",
+                bezel=False,
+            )
 
 
 def toaster(b: Builder) -> None:
@@ -289,7 +331,11 @@ def toaster(b: Builder) -> None:
     b.box("base", (0, -w / 2, foot + tray_h), (t, w / 2, h))
     b.box("base", (d - t, -w / 2, foot), (d, w / 2, h))
     for s in (-1, 1):
-        b.box("base", (t, min(s * w / 2, s * (w / 2 - t)), foot), (d - t, max(s * w / 2, s * (w / 2 - t)), h))
+        b.box(
+            "base",
+            (t, min(s * w / 2, s * (w / 2 - t)), foot),
+            (d - t, max(s * w / 2, s * (w / 2 - t)), h),
+        )
         b.box("base", (0, min(s * w / 2, s * (w / 2 - t)), foot),
               (t, max(s * w / 2, s * (w / 2 - t)), foot + tray_h))  # fmt: skip
     b.box("base", (t, -w / 2 + t, foot + tray_h + 0.002), (d - t, w / 2 - t, foot + tray_h + 0.006),
@@ -313,17 +359,34 @@ def toaster(b: Builder) -> None:
         b.grasp(lever, "push", (-0.014, y, z + 0.007), (0, 0, -1), (0, 1, 0), 0.0)
     if b.chance(0.7):
         side = b.choice([-1, 1]) * 0.28 * w
-        b.rotary("base", (0, side if levers == 1 else 0.0, 0.3 * h), (-1, 0, 0), 0.011, 0.012, "dark",
-                 turn=np.radians(270))  # fmt: skip
+        b.rotary(
+            "base",
+            (0, side if levers == 1 else 0.0, 0.3 * h),
+            (-1, 0, 0),
+            0.011,
+            0.012,
+            "dark",
+            turn=np.radians(270),
+        )
     if b.chance(0.4):
         for k in range(b.integer(1, 3)):
             b.button("base", (0, -0.3 * w, 0.36 * h + 0.025 * k), (-1, 0, 0), 0.014, 0.01, 0.002)
     if b.chance(0.4):
         tray = b.link("crumb_tray", "drawer")
         g = max(b.gap, 0.001)
-        b.box(tray, (-0.004, -w / 2 + t + g, foot + g), (0.0, w / 2 - t - g, foot + tray_h - g), "trim")
-        b.box(tray, (0.0, -w / 2 + t + g, foot + g), (0.9 * d, w / 2 - t - g, foot + g + 0.003), "metal",
-              "drawer_box")  # fmt: skip
+        b.box(
+            tray,
+            (-0.004, -w / 2 + t + g, foot + g),
+            (0.0, w / 2 - t - g, foot + tray_h - g),
+            "trim",
+        )
+        b.box(
+            tray,
+            (0.0, -w / 2 + t + g, foot + g),
+            (0.9 * d, w / 2 - t - g, foot + g + 0.003),
+            "metal",
+            "drawer_box",
+        )
         b.slide(tray, "base", (-1, 0, 0), 0.0, 0.6 * d)
 
 
@@ -340,25 +403,51 @@ def coffee_machine(b: Builder) -> None:
     b.shell("base", (0, -w / 2, 0), (d, w / 2, foot), t, "-x,+z", role="solid")
     g = max(b.gap, 0.001)
     tray = b.link("drip_tray", "drawer")
-    b.shell(tray, (0, -w / 2 + t + g, t + g), (d - column, w / 2 - t - g, foot - 0.006), 0.006, "+z",
-            "dark", "solid")  # fmt: skip
+    b.shell(
+        tray,
+        (0, -w / 2 + t + g, t + g),
+        (d - column, w / 2 - t - g, foot - 0.006),
+        0.006,
+        "+z",
+        "dark",
+        "solid",
+    )
     for k in range(5):
         y = (k - 2) * 0.15 * w
-        b.block(tray, (0.5 * (d - column), y, foot - 0.004), (d - column, 0.01, 0.004), "metal", "decor")
+        b.block(
+            tray, (0.5 * (d - column), y, foot - 0.004), (d - column, 0.01, 0.004), "metal", "decor"
+        )
     b.slide(tray, "base", (-1, 0, 0), 0.0, b.uniform(0.5, 0.8) * (d - column))
     b.rod("base", (0.16 * d + 0.03, 0, h - head - 0.03), (0.16 * d + 0.03, 0, h - head), 0.02, None,
           "metal")  # fmt: skip
     face = (0.04, 0.0, h - 0.5 * head)
     for k in range(b.integer(1, 4)):
-        b.button("base", (face[0], (k - 1.5) * 0.17 * w, face[2]), (-1, 0, 0), 0.09 * w, 0.09 * w, 0.002,
-                 "light", "button", b.choice(["round", "square"]))  # fmt: skip
+        b.button(
+            "base",
+            (face[0], (k - 1.5) * 0.17 * w, face[2]),
+            (-1, 0, 0),
+            0.09 * w,
+            0.09 * w,
+            0.002,
+            "light",
+            "button",
+            b.choice(["round", "square"]),
+        )
     if b.chance(0.6):
         s = b.choice([-1, 1])
         b.rotary("base", (d - 0.5 * column, s * w / 2, 0.7 * h), (0, s, 0), 0.022, 0.03, "dark",
                  turn=np.radians(300))  # fmt: skip
     lid = b.link("lid", "lid")
     b.box(lid, (d - column + g, -w / 2 + g, h - lid_t + g), (d - g, w / 2 - g, h), "front")
-    b.hinge(lid, "base", (d - g, 0, h - lid_t + g), (0, 1, 0), 0.0, np.radians(b.choice([70, 90])), opens=(0, 0, 1))
+    b.hinge(
+        lid,
+        "base",
+        (d - g, 0, h - lid_t + g),
+        (0, 1, 0),
+        0.0,
+        np.radians(b.choice([70, 90])),
+        opens=(0, 0, 1),
+    )
     b.box("base", (0.04, -w / 2, h - lid_t), (d - column, w / 2, h), "trim")
 
 

@@ -12,15 +12,27 @@ def _controls(b: Builder, x: float, width: float, low: float, high: float) -> No
     """A strip of controls facing -X: a programme knob, buttons, a display, a detergent drawer."""
     z, tall = 0.5 * (low + high), high - low
     if b.chance(0.85):
-        b.rotary("base", (x, b.uniform(-0.1, 0.1) * width, z), (-1, 0, 0), 0.3 * tall, 0.025,
-                 b.choice(["metal", "dark", "light"]), turn=b.choice([np.inf, np.radians(330)]))  # fmt: skip
+        b.rotary(
+            "base",
+            (x, b.uniform(-0.1, 0.1) * width, z),
+            (-1, 0, 0),
+            0.3 * tall,
+            0.025,
+            b.choice(["metal", "dark", "light"]),
+            turn=b.choice([np.inf, np.radians(330)]),
+        )
     for k in range(b.integer(0, 5)):
         y = -0.18 * width - k * 0.055 * width
         b.button("base", (x, y, z), (-1, 0, 0), 0.03 * width, 0.25 * tall, 0.003,
                  shape=b.choice(["round", "square"]))  # fmt: skip
     if b.chance(0.5):
-        b.block("base", (x - 0.001, -0.28 * width, z + 0.32 * tall), (0.002, 0.2 * width, 0.2 * tall),
-                "screen", "decor")  # fmt: skip
+        b.block(
+            "base",
+            (x - 0.001, -0.28 * width, z + 0.32 * tall),
+            (0.002, 0.2 * width, 0.2 * tall),
+            "screen",
+            "decor",
+        )
 
 
 def _plate_with_hole(b: Builder, x: float, t: float, width: float, low: float, high: float,
@@ -30,7 +42,7 @@ def _plate_with_hole(b: Builder, x: float, t: float, width: float, low: float, h
     angle = 2 * np.pi * np.arange(n) / n
     ring = np.stack([radius * np.cos(angle), z + radius * np.sin(angle)], axis=1)
     out = []
-    for (cy, cz), a in zip(ring, angle):
+    for a in angle:
         d = np.array([np.cos(a), np.sin(a)])
         reach = [(0.5 * width) / abs(d[0]) if abs(d[0]) > 1e-9 else np.inf,
                  (high - z) / d[1] if d[1] > 1e-9 else np.inf,
@@ -64,7 +76,9 @@ def washer_front(b: Builder) -> None:
     # the drum behind the hole
     with b.facing((t, 0, zc), (1, 0, 0), (0, 0, 1)):
         length = 0.7 * d
-        b.vessel("base", [[radius + 0.02, 0], [radius + 0.02, length]], 0.006, "metal", bottom=False)
+        b.vessel(
+            "base", [[radius + 0.02, 0], [radius + 0.02, length]], 0.006, "metal", bottom=False
+        )
         b.disc("base", (0, 0, length), (0, 0, 1), radius + 0.02, 0.006, "metal")
     _front_strip(b, w, h, strip, t, d)
     _porthole(b, zc, radius)
@@ -101,14 +115,28 @@ def _porthole(b: Builder, z: float, radius: float) -> None:
     with b.facing((-g, 0, z), (-1, 0, 0), (0, 0, 1)):
         inner = radius - 0.5 * rim
         b.tube(door, (0, 0, 0), (0, 0, thick), outer, inner, b.choice(["metal", "front", "dark"]))
-        b.lathe(door, [[inner, 0.2 * thick], [inner, 0.5 * thick], [0.6 * inner, 0.75 * thick]], "glass")
+        b.lathe(
+            door, [[inner, 0.2 * thick], [inner, 0.5 * thick], [0.6 * inner, 0.75 * thick]], "glass"
+        )
     side = b.choice([1, -1])
     hinge_y = side * (outer + 0.004)
     if b.chance(0.8):
-        b.block(door, (-g - 0.5 * thick, side * (outer - 0.005), z), (thick, 0.022, 0.5 * radius), "metal")
+        b.block(
+            door,
+            (-g - 0.5 * thick, side * (outer - 0.005), z),
+            (thick, 0.022, 0.5 * radius),
+            "metal",
+        )
     at = (-g - thick, -side * (outer - 0.25 * rim), z)
-    b.handle(door, at, (-1, 0, 0), (0, 0, 1), 0.5 * radius, b.choice(["none", "recessed", "bow", "bar"]),
-             "dark")  # fmt: skip
+    b.handle(
+        door,
+        at,
+        (-1, 0, 0),
+        (0, 0, 1),
+        0.5 * radius,
+        b.choice(["none", "recessed", "bow", "bar"]),
+        "dark",
+    )
     b.hinge(door, "base", (-g - 0.3 * thick, hinge_y, z), (0, 0, 1), 0.0,
             np.radians(b.choice([90, 110, 120])), opens=(-1, 0, 0))  # fmt: skip
 
@@ -156,7 +184,9 @@ def washer_top(b: Builder) -> None:
         b.rotary("base", (middle[0], y, middle[1]), normal, 0.3 * tall, 0.022, "dark", f"knob_{k}",
                  b.choice([np.inf, np.radians(320)]))  # fmt: skip
     for k in range(b.integer(0, 3)):
-        b.button("base", (middle[0], 0.34 * w + 0.04 * w * k, middle[1]), normal, 0.016, 0.012, 0.002)
+        b.button(
+            "base", (middle[0], 0.34 * w + 0.04 * w * k, middle[1]), normal, 0.016, 0.012, 0.002
+        )
 
 
 def dryer_drum(b: Builder) -> None:

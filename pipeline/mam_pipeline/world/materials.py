@@ -52,7 +52,9 @@ def draw_palette(rng: np.random.Generator, theme: str = "any") -> dict[str, Pain
     near = Paint(hsv(h, s * (0.6 + 0.6 * u()), v * (0.75 + 0.4 * u())), body.pattern,
                  body.metallic, body.roughness)  # fmt: skip
     far = Paint(hsv(h + 0.3 + 0.4 * u(), 0.2 + 0.6 * u(), 0.25 + 0.7 * u()))
-    front = [body, near, far, Paint(hsv(0.1, 0.05, 0.93))][int(rng.choice(4, p=[0.45, 0.3, 0.15, 0.1]))]
+    front = [body, near, far, Paint(hsv(0.1, 0.05, 0.93))][
+        int(rng.choice(4, p=[0.45, 0.3, 0.15, 0.1]))
+    ]
     grey = 0.25 + 0.6 * u()
     return {
         "body": body,

@@ -38,7 +38,9 @@ def lever(b: Builder, door: str, y: float, z: float, x0: float, x1: float, inwar
         else:
             b.rod(link, (out, y - inward * r, z), (out, tip, z), r, None, "metal", "handle")
         if s < 0:
-            b.grasp(link, "handle", (out, y + 0.6 * inward * length, z), (1, 0, 0), (0, 0, 1), 2 * r)
+            b.grasp(
+                link, "handle", (out, y + 0.6 * inward * length, z), (1, 0, 0), (0, 0, 1), 2 * r
+            )
     b.hinge(link, door, (x0, y, z), (1, 0, 0), 0.0, np.radians(b.choice([40, 45, 60])),
             opens=(0, 0, -1))  # fmt: skip
 
@@ -49,7 +51,14 @@ def _round_knob(b: Builder, door: str, y: float, z: float, x0: float) -> None:
     link = b.link("knob", "knob")
     with b.facing((x0 - 0.005 - max(0.2 * b.gap, 0.0005), y, z), (-1, 0, 0)):
         s = b.uniform(0.85, 1.15)
-        profile = [[0.012, 0], [0.01, 0.02], [0.024, 0.032], [0.028, 0.045], [0.022, 0.058], [0.008, 0.062]]
+        profile = [
+            [0.012, 0],
+            [0.01, 0.02],
+            [0.024, 0.032],
+            [0.028, 0.045],
+            [0.022, 0.058],
+            [0.008, 0.062],
+        ]
         b.lathe(link, s * np.array(profile), "metal", "handle")
         b.spin(link, door, (0, 0, 0), (0, 0, 1), np.radians(-90), np.radians(90))
         b.grasp(link, "knob", (0, 0, 0.045 * s), (0, 0, -1), (0, 1, 0), 0.056 * s)
@@ -95,7 +104,9 @@ def _room_door(b: Builder, fitting: str) -> None:
     else:
         base = 0.005
     if b.chance(0.3):
-        b.box("base", (0.06, -w / 2 - rail, h + rail), (depth, w / 2 + rail, h + rail + 0.25), "light")
+        b.box(
+            "base", (0.06, -w / 2 - rail, h + rail), (depth, w / 2 + rail, h + rail + 0.25), "light"
+        )
     side = b.choice([1, -1])
     _leaf(b, -w / 2 + g, w / 2 - g, base, h - g, 0.0, side, fitting)
 
@@ -145,11 +156,20 @@ def _sash(b: Builder, link: str, low: list[float], high: list[float], rail: floa
     """A glazed frame facing -X, with glazing bars or not."""
     b.border(link, low, high, rail, "front")
     x = 0.5 * (low[0] + high[0])
-    b.panel(link, (x - 0.004, low[1] + rail, low[2] + rail), (x + 0.004, high[1] - rail, high[2] - rail),
-            "glass")  # fmt: skip
+    b.panel(
+        link,
+        (x - 0.004, low[1] + rail, low[2] + rail),
+        (x + 0.004, high[1] - rail, high[2] - rail),
+        "glass",
+    )
     if b.style.tessellation != "coarse" and high[2] - low[2] > 0.5:
         y = 0.5 * (low[1] + high[1])
-        b.box(link, (low[0] + 0.002, y - 0.01, low[2] + rail), (x - 0.004, y + 0.01, high[2] - rail), "front")
+        b.box(
+            link,
+            (low[0] + 0.002, y - 0.01, low[2] + rail),
+            (x - 0.004, y + 0.01, high[2] - rail),
+            "front",
+        )
 
 
 def window_sash(b: Builder) -> None:
@@ -197,8 +217,15 @@ def window_casement(b: Builder) -> None:
         if awning:
             b.handle(wing, (0, 0.5 * (y0 + y1), low[2] + rail / 2), (-1, 0, 0), (0, 1, 0), 0.12,
                      b.choice(["bar", "bow", "none"]))  # fmt: skip
-            b.hinge(wing, "base", (0, 0, high[2]), (0, 1, 0), 0.0, np.radians(b.choice([30, 45, 60])),
-                    opens=(-1, 0, 0))  # fmt: skip
+            b.hinge(
+                wing,
+                "base",
+                (0, 0, high[2]),
+                (0, 1, 0),
+                0.0,
+                np.radians(b.choice([30, 45, 60])),
+                opens=(-1, 0, 0),
+            )
             continue
         y = (y0 if side > 0 else y1) + side * rail / 2
         if b.chance(0.6):
@@ -239,8 +266,14 @@ def window_sliding(b: Builder) -> None:
             continue
         way = 1 if k < count - 1 else -1
         if track == 0:
-            b.handle(link, (x, y + (rail / 2 if way > 0 else each - rail / 2), base + 0.5 * (h - base)),
-                     (-1, 0, 0), (0, 0, 1), 0.12, b.choice(["none", "strip", "bar"]))  # fmt: skip
+            b.handle(
+                link,
+                (x, y + (rail / 2 if way > 0 else each - rail / 2), base + 0.5 * (h - base)),
+                (-1, 0, 0),
+                (0, 0, 1),
+                0.12,
+                b.choice(["none", "strip", "bar"]),
+            )
         # of three panes the outer two share a track: they stop where they would meet
         room = each - rail * (1 if count == 2 else 2) - g
         b.slide(link, "base", (0, way, 0), 0.0, b.uniform(0.8, 0.98) * room,

@@ -204,9 +204,9 @@ def triangulate(polygon: FloatArray) -> IntArray:
 
 def _is_ear(a: FloatArray, b: FloatArray, c: FloatArray, others: FloatArray) -> bool:
     def side(p: FloatArray, q: FloatArray, r: FloatArray) -> NDArray[np.float64]:
-        return (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1]) - (
-            q[..., 1] - p[..., 1]
-        ) * (r[..., 0] - p[..., 0])
+        return (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1]) - (q[..., 1] - p[..., 1]) * (
+            r[..., 0] - p[..., 0]
+        )
 
     if side(a, b, c) <= 1e-14:
         return False

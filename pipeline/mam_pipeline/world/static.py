@@ -178,8 +178,16 @@ def _with_fasteners(soup: Soup, rng: np.random.Generator) -> Soup:
             if u < v:  # the quad's other corner, across the diagonal
                 point = a + v * (c - b) + u * (b - a)
             frame = shapes.frame(point, normal, b - a)
-            screw = shapes.revolve([[0, 0], [radius, 0], [radius, 0.4 * radius],
-                                    [0.5 * radius, 0.6 * radius], [0, 0.6 * radius]], 6)  # fmt: skip
+            screw = shapes.revolve(
+                [
+                    [0, 0],
+                    [radius, 0],
+                    [radius, 0.4 * radius],
+                    [0.5 * radius, 0.6 * radius],
+                    [0, 0.6 * radius],
+                ],
+                6,
+            )
             parts.append(screw.vertices @ frame[:3, :3].T + frame[:3, 3])
             faces_.append(screw.faces + total)
             pieces.append(np.full(len(screw.faces), soup.face_piece[face]))
@@ -214,8 +222,11 @@ def _split_flat(soup: Soup) -> Soup:
     normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     # caps and box sides have axis-aligned normals in their piece; walls of rounds stay together
-    key = np.where(np.abs(normal).max(axis=1) > 0.999,
-                   3 * np.argmax(np.abs(normal), axis=1) + np.sign(normal.sum(axis=1)), 99)  # fmt: skip
+    key = np.where(
+        np.abs(normal).max(axis=1) > 0.999,
+        3 * np.argmax(np.abs(normal), axis=1) + np.sign(normal.sum(axis=1)),
+        99,
+    )
     corner = np.stack([soup.faces.reshape(-1), np.repeat(key, 3).astype(np.int64)], axis=1)
     unique, inverse = np.unique(corner, axis=0, return_inverse=True)
     return replace(soup, vertices=soup.vertices[unique[:, 0]], uv=soup.uv[unique[:, 0]],
@@ -229,6 +240,8 @@ def _welded(soup: Soup) -> Soup:
     key = np.c_[np.round(soup.vertices * 1e7).astype(np.int64), link]
     _, first, inverse = np.unique(key, axis=0, return_index=True, return_inverse=True)
     faces = inverse.reshape(-1)[soup.faces]
-    flat = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 0] == faces[:, 2])
+    flat = (
+        (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 0] == faces[:, 2])
+    )
     return replace(soup, vertices=soup.vertices[first], uv=soup.uv[first], faces=faces[~flat],
                    face_piece=soup.face_piece[~flat])  # fmt: skip

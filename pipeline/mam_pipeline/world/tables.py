@@ -83,7 +83,9 @@ def desk(b: Builder) -> None:
         ends = [right + p / 2, left - p / 2]
     else:
         t, y = m.board, -np.sign(middles[0]) * (w / 2 - 0.01)
-        b.panel("base", (0.02, min(y, y - np.sign(y) * t), 0), (depth, max(y, y - np.sign(y) * t), h))
+        b.panel(
+            "base", (0.02, min(y, y - np.sign(y) * t), 0), (depth, max(y, y - np.sign(y) * t), h)
+        )
         ends = [y - np.sign(y) * t, middles[0] - np.sign(middles[0]) * p / 2]
     y0, y1 = min(ends), max(ends)
     if b.chance(0.6) and y1 - y0 > 0.35:
@@ -133,7 +135,9 @@ def dressing_table(b: Builder) -> None:
     tall, half, x = b.uniform(0.5, 0.75), b.uniform(0.22, 0.32), d - 0.06
     g = max(b.gap, 0.002)
     for s in (-1, 1):
-        b.block("base", (x, s * (half + g + 0.015), h + 0.4 * tall), (0.03, 0.03, 0.8 * tall), "trim")
+        b.block(
+            "base", (x, s * (half + g + 0.015), h + 0.4 * tall), (0.03, 0.03, 0.8 * tall), "trim"
+        )
     mirror = b.link("mirror", "panel")
     z = h + 0.5 * tall + 0.02
     # it hangs on a rod between the posts, a little in front of it
