@@ -1,0 +1,243 @@
+"""Export of an asset folder to USD with physics schemas (usd-core, an optional dependency)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mam_pipeline.asset.card import Asset
+from mam_pipeline.bench.dataset import parse_urdf, rest_frames
+from mam_pipeline.bench.urdf_mesh import read_triangles
+from mam_pipeline.errors import BackendError
+from mam_pipeline.formats.gltf import read_gltf
+from mam_pipeline.formats.soup import join
+from mam_pipeline.types import FloatArray, Material
+
+
+def export_usd(asset: Asset, path: str | Path | None = None) -> Path:
+    """Write object.usda (and textures in `usd/`); returns its path.
+
+    Metres, Z up, one rigid body per link with mass properties, convex collision pieces, and
+    revolute or prismatic joints with limits, damping and friction attributes; the base is fixed to
+    the world and is the articulation root.
+
+    Raises:
+        BackendError: usd-core is not installed.
+    """
+    try:
+        from pxr import Usd  # noqa: F401
+    except ImportError as error:
+        raise BackendError("USD export needs usd-core: pip install 'mam-sim[usd]'") from error
+    target = Path(path) if path is not None else asset.folder / "object.usda"
+    target.parent.mkdir(parents=True, exist_ok=True)
+    _Exporter(asset, target).write()
+    return target
+
+
+class _Exporter:
+    """One stage under construction."""
+
+    def __init__(self, asset: Asset, target: Path) -> None:
+        from pxr import Usd, UsdGeom, UsdPhysics
+
+        self.asset, self.target = asset, target
+        self.robot = parse_urdf(asset.urdf_path)
+        self.frames = rest_frames(self.robot, asset.urdf_path)
+        self.cards = {j.name: j for j in asset.card.joints}
+        target.unlink(missing_ok=True)
+        self.stage = Usd.Stage.CreateNew(str(target))
+        UsdGeom.SetStageUpAxis(self.stage, UsdGeom.Tokens.z)
+        UsdGeom.SetStageMetersPerUnit(self.stage, 1.0)
+        UsdPhysics.SetStageKilogramsPerUnit(self.stage, 1.0)
+        self.root = UsdGeom.Xform.Define(self.stage, "/object")
+        self.stage.SetDefaultPrim(self.root.GetPrim())
+
+    def write(self) -> None:
+        from pxr import UsdPhysics
+
+        moved = {j.child for j in self.robot.joints}
+        for link in self.robot.links:
+            self._link(link)
+        for link in self.robot.links:
+            if link.name not in moved:
+                fixed = UsdPhysics.FixedJoint.Define(self.stage, "/object/joints/world")
+                fixed.CreateBody1Rel().SetTargets([f"/object/{link.name}"])
+                UsdPhysics.ArticulationRootAPI.Apply(self.root.GetPrim())
+        for joint in self.robot.joints:
+            self._joint(joint)
+        self.stage.GetRootLayer().Save()
+
+    def _link(self, link: Any) -> None:
+        from pxr import Gf, UsdGeom, UsdPhysics
+
+        prim = UsdGeom.Xform.Define(self.stage, f"/object/{link.name}")
+        _place(prim, self.frames[link.name])
+        UsdPhysics.RigidBodyAPI.Apply(prim.GetPrim())
+        if link.inertial is not None and link.inertial.mass:
+            api = UsdPhysics.MassAPI.Apply(prim.GetPrim())
+            origin = np.eye(4) if link.inertial.origin is None else link.inertial.origin
+            turned = origin[:3, :3] @ link.inertial.inertia @ origin[:3, :3].T
+            values, vectors = np.linalg.eigh(turned)
+            if np.linalg.det(vectors) < 0:
+                vectors[:, 0] *= -1.0
+            api.CreateMassAttr(float(link.inertial.mass))
+            api.CreateCenterOfMassAttr(Gf.Vec3f(*map(float, origin[:3, 3])))
+            api.CreateDiagonalInertiaAttr(Gf.Vec3f(*map(float, values)))
+            api.CreatePrincipalAxesAttr(_quaternion(vectors))
+        for i, shape in enumerate(link.visuals):
+            file = self.asset.urdf_path.parent / shape.geometry.mesh.filename
+            self._visual(f"/object/{link.name}/visual_{i}", file)
+        for i, shape in enumerate(link.collisions):
+            self._collision(f"/object/{link.name}/collision_{i}", shape)
+
+    def _visual(self, path: str, file: Path) -> None:
+        from pxr import Sdf, UsdGeom, UsdShade
+
+        content = read_gltf(file)
+        mesh = join(content.pieces, content.materials)
+        assert mesh.face_material is not None
+        for k in np.unique(mesh.face_material):
+            part = mesh.submesh(mesh.face_material == k)
+            prim = UsdGeom.Mesh.Define(self.stage, f"{path}_{k}")
+            _fill(prim, part.vertices, part.faces)
+            if part.uv is not None:
+                st = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(
+                    "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex
+                )
+                # glTF counts v downwards, USD upwards
+                st.Set([(float(u), 1.0 - float(v)) for u, v in part.uv])
+            UsdShade.MaterialBindingAPI.Apply(prim.GetPrim()).Bind(
+                self._material(f"{path}_{k}_material", mesh.materials[k], f"{file.stem}_{k}")
+            )
+
+    def _material(self, path: str, material: Material, name: str) -> Any:
+        from pxr import Gf, Sdf, UsdShade
+
+        made = UsdShade.Material.Define(self.stage, path)
+        shader = UsdShade.Shader.Define(self.stage, f"{path}/surface")
+        shader.CreateIdAttr("UsdPreviewSurface")
+        color = shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
+        color.Set(Gf.Vec3f(*material.base_color[:3]))
+        shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(material.roughness)
+        shader.CreateInput("metallic", Sdf.ValueTypeNames.Float).Set(material.metallic)
+        if material.image is not None:
+            folder = self.target.parent / "usd"
+            folder.mkdir(exist_ok=True)
+            picture = f"{name}.{'jpg' if material.image_format == 'jpeg' else 'png'}"
+            (folder / picture).write_bytes(material.image)
+            reader = UsdShade.Shader.Define(self.stage, f"{path}/st")
+            reader.CreateIdAttr("UsdPrimvarReader_float2")
+            reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
+            image = UsdShade.Shader.Define(self.stage, f"{path}/image")
+            image.CreateIdAttr("UsdUVTexture")
+            image.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(f"./usd/{picture}")
+            st = reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
+            image.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(st)
+            color.ConnectToSource(image.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))
+        output = shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
+        made.CreateSurfaceOutput().ConnectToSource(output)
+        return made
+
+    def _collision(self, path: str, shape: Any) -> None:
+        from pxr import UsdGeom, UsdPhysics
+
+        g = shape.geometry
+        origin = np.eye(4) if shape.origin is None else np.asarray(shape.origin)
+        if g.box is not None:
+            prim: Any = UsdGeom.Cube.Define(self.stage, path)
+            prim.CreateSizeAttr(1.0)
+            _place(prim, origin, np.asarray(g.box.size, dtype=float))
+        elif g.cylinder is not None:
+            prim = UsdGeom.Cylinder.Define(self.stage, path)
+            prim.CreateRadiusAttr(float(g.cylinder.radius))
+            prim.CreateHeightAttr(float(g.cylinder.length))
+            prim.CreateAxisAttr("Z")
+            _place(prim, origin)
+        elif g.sphere is not None:
+            prim = UsdGeom.Sphere.Define(self.stage, path)
+            prim.CreateRadiusAttr(float(g.sphere.radius))
+            _place(prim, origin)
+        else:
+            prim = UsdGeom.Mesh.Define(self.stage, path)
+            vertices, faces = read_triangles(self.asset.urdf_path.parent / g.mesh.filename)
+            _fill(prim, vertices, faces)
+            _place(prim, origin)
+            api = UsdPhysics.MeshCollisionAPI.Apply(prim.GetPrim())
+            api.CreateApproximationAttr("convexHull")
+        UsdPhysics.CollisionAPI.Apply(prim.GetPrim())
+        prim.CreatePurposeAttr("guide")  # drawn only on demand
+
+    def _joint(self, joint: Any) -> None:
+        from pxr import Gf, Sdf, UsdPhysics
+
+        path = f"/object/joints/{joint.name}"
+        kinds = {"prismatic": UsdPhysics.PrismaticJoint, "fixed": UsdPhysics.FixedJoint}
+        made = kinds.get(joint.type, UsdPhysics.RevoluteJoint).Define(self.stage, path)
+        made.CreateBody0Rel().SetTargets([f"/object/{joint.parent}"])
+        made.CreateBody1Rel().SetTargets([f"/object/{joint.child}"])
+        made.CreateCollisionEnabledAttr(False)
+        origin = np.eye(4) if joint.origin is None else np.asarray(joint.origin)
+        # the joint frame's x is the axis, in both bodies
+        turn = (
+            np.eye(3) if joint.type == "fixed" else _frame_of(np.asarray(joint.axis, dtype=float))
+        )
+        made.CreateLocalPos0Attr(Gf.Vec3f(*map(float, origin[:3, 3])))
+        made.CreateLocalRot0Attr(_quaternion(origin[:3, :3] @ turn))
+        made.CreateLocalPos1Attr(Gf.Vec3f(0.0, 0.0, 0.0))
+        made.CreateLocalRot1Attr(_quaternion(turn))
+        if joint.type == "fixed":
+            return
+        made.CreateAxisAttr("X")
+        slides = joint.type == "prismatic"
+        unit = 1.0 if slides else 180.0 / np.pi  # USD counts revolute limits in degrees
+        if joint.type != "continuous" and joint.limit is not None:
+            made.CreateLowerLimitAttr(float(joint.limit.lower) * unit)
+            made.CreateUpperLimitAttr(float(joint.limit.upper) * unit)
+        card = self.cards.get(joint.name)
+        if card is not None:
+            drive = UsdPhysics.DriveAPI.Apply(made.GetPrim(), "linear" if slides else "angular")
+            drive.CreateStiffnessAttr(0.0)
+            drive.CreateDampingAttr(float(card.damping) / unit)
+            friction = made.GetPrim().CreateAttribute(
+                "mam:coulombFriction", Sdf.ValueTypeNames.Float
+            )
+            friction.Set(float(card.friction))
+
+
+def _place(prim: Any, matrix: FloatArray, scale: FloatArray | None = None) -> None:
+    from pxr import Gf, UsdGeom
+
+    api = UsdGeom.Xformable(prim)
+    api.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*map(float, matrix[:3, 3])))
+    x, y, z, w = Rotation.from_matrix(matrix[:3, :3]).as_quat()
+    api.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(
+        Gf.Quatd(float(w), Gf.Vec3d(float(x), float(y), float(z)))
+    )
+    if scale is not None:
+        api.AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*map(float, scale)))
+
+
+def _fill(prim: Any, vertices: FloatArray, faces: Any) -> None:
+    prim.CreatePointsAttr([tuple(map(float, v)) for v in vertices])
+    prim.CreateFaceVertexCountsAttr([3] * len(faces))
+    prim.CreateFaceVertexIndicesAttr([int(i) for i in np.asarray(faces).reshape(-1)])
+    prim.CreateSubdivisionSchemeAttr("none")
+    prim.CreateDoubleSidedAttr(True)
+
+
+def _quaternion(turn: FloatArray) -> Any:
+    from pxr import Gf
+
+    x, y, z, w = Rotation.from_matrix(turn).as_quat()
+    return Gf.Quatf(float(w), float(x), float(y), float(z))
+
+
+def _frame_of(axis: FloatArray) -> FloatArray:
+    """(3, 3) right-handed frame whose x is the axis."""
+    x = axis / np.linalg.norm(axis)
+    y = np.cross(x, np.eye(3)[int(np.argmin(np.abs(x)))])
+    y /= np.linalg.norm(y)
+    return np.stack([x, y, np.cross(x, y)], axis=1)

@@ -1,0 +1,144 @@
+"""MJCF and USD are the same object as the URDF: poses, masses, and the same fall and friction."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from mam_pipeline.asset.card import Asset
+from mam_pipeline.asset.mjcf import export_mjcf
+from mam_pipeline.asset.usd import export_usd
+from mam_pipeline.asset.writer import write_asset
+from mam_pipeline.types import Articulation, Joint, Link, Mesh
+
+VALUES = {"hinge": 0.7, "slide": 0.11, "spin": 2.0}
+
+
+def chain() -> Articulation:
+    """A base, a lid on a tilted hinge, a slide on the base, and a knob on the lid."""
+    solids = [
+        trimesh.creation.box(bounds=[[0, -0.3, 0], [0.5, 0.3, 0.4]]),
+        trimesh.creation.box(bounds=[[0, -0.3, 0.41], [0.5, 0.3, 0.43]]),
+        trimesh.creation.box(bounds=[[-0.03, -0.2, 0.1], [-0.01, 0.2, 0.3]]),
+        trimesh.creation.cylinder(0.02, sections=24, segment=[[0.1, 0, 0.431], [0.1, 0, 0.461]]),
+    ]  # fmt: skip
+    whole = trimesh.util.concatenate(solids)
+    label = np.repeat(np.arange(4), [len(s.faces) for s in solids])
+    names = ("base", "lid", "tray", "knob")
+    links = tuple(Link(n, n, np.flatnonzero(label == i)) for i, n in enumerate(names))
+    tilted = np.array([0.1, 1.0, 0.05]) / np.linalg.norm([0.1, 1.0, 0.05])
+    hinge_at, knob_at = np.array([0.5, 0, 0.42]), np.array([0.1, 0, 0.44])
+    x, z, inf = np.array([1.0, 0, 0]), np.array([0, 0, 1.0]), np.inf
+    joints = (
+        Joint("hinge", "revolute", "hinge", 0, 1, tilted, hinge_at, -0.1, 1.4, 0, 1.4),
+        Joint("slide", "prismatic", "slide", 0, 2, -x, np.zeros(3), 0, 0.3, 0, 0.3),
+        Joint("spin", "continuous", "spin", 1, 3, z, knob_at, -inf, inf),
+    )
+    return Articulation(Mesh(whole.vertices, whole.faces), links, joints)
+
+
+@pytest.fixture(scope="module")
+def asset(tmp_path_factory: pytest.TempPathFactory) -> Asset:
+    return write_asset(chain(), tmp_path_factory.mktemp("export") / "a", name="a")
+
+
+def expected() -> dict[str, np.ndarray]:
+    """World pose of every link frame at VALUES."""
+    truth = chain()
+    poses = truth.link_poses(VALUES)
+    out = {}
+    for i, link in enumerate(truth.links):
+        joint = truth.joint_of(i)
+        frame = np.eye(4)
+        frame[:3, 3] = 0.0 if joint is None else joint.origin
+        out[link.name] = poses[i] @ frame
+    return out
+
+
+def test_mjcf_has_the_same_poses_and_masses(asset: Asset) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_path(str(export_mjcf(asset)))
+    data = mujoco.MjData(model)
+    for name, value in VALUES.items():
+        data.joint(name).qpos[0] = value
+    mujoco.mj_kinematics(model, data)
+    for name, pose in expected().items():
+        np.testing.assert_allclose(data.body(name).xpos, pose[:3, 3], atol=1e-6)
+        np.testing.assert_allclose(data.body(name).xmat.reshape(3, 3), pose[:3, :3], atol=1e-6)
+    for part in asset.card.parts:
+        assert model.body(part.link).mass[0] == pytest.approx(part.mass, rel=1e-6)
+    assert model.joint("slide").range.tolist() == [0.0, 0.3]
+
+
+def test_usd_has_the_same_poses_and_masses(asset: Asset) -> None:
+    usd = pytest.importorskip("pxr.Usd")
+    from pxr import Gf, UsdGeom, UsdPhysics
+
+    stage = usd.Stage.Open(str(export_usd(asset)))
+    assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0
+    cache = UsdGeom.XformCache()
+    found: dict[str, np.ndarray] = {"base": np.eye(4)}
+
+    def local(joint: UsdPhysics.Joint, side: str) -> np.ndarray:
+        get = joint.GetPrim().GetAttribute
+        turn = Gf.Rotation(Gf.Quatd(get(f"physics:localRot{side}").Get()))
+        matrix = Gf.Matrix4d(turn, Gf.Vec3d(get(f"physics:localPos{side}").Get()))
+        return np.array(matrix).T
+
+    for name in ("hinge", "slide", "spin"):
+        joint = UsdPhysics.Joint(stage.GetPrimAtPath(f"/object/joints/{name}"))
+        parent, child = (r.GetTargets()[0].name for r in (joint.GetBody0Rel(), joint.GetBody1Rel()))
+        motion = np.eye(4)
+        value = VALUES[name]
+        if name == "slide":
+            motion[0, 3] = value
+        else:
+            c, s = np.cos(value), np.sin(value)
+            motion[1:3, 1:3] = [[c, -s], [s, c]]
+        found[child] = found[parent] @ local(joint, "0") @ motion @ np.linalg.inv(local(joint, "1"))
+    for name, pose in expected().items():
+        np.testing.assert_allclose(found[name], pose, atol=1e-6)
+        prim = stage.GetPrimAtPath(f"/object/{name}")
+        mass = UsdPhysics.MassAPI(prim).GetMassAttr().Get()
+        part = next(p for p in asset.card.parts if p.link == name)
+        assert mass == pytest.approx(part.mass, rel=1e-6)
+        rest = np.array(cache.GetLocalToWorldTransform(prim)).T
+        joint_origin = next((j.origin for j in asset.card.joints if j.child == name), [0, 0, 0])
+        np.testing.assert_allclose(rest[:3, 3], joint_origin, atol=1e-9)
+
+
+def test_a_lid_behaves_alike_in_sapien_and_mujoco(asset: Asset) -> None:
+    """Held by its friction in both; falls in both, alike, once friction is taken away."""
+    mujoco = pytest.importorskip("mujoco")
+    from mam_pipeline.asset.dynamics import set_joint_friction
+    from mam_pipeline.check.simulate import load_physics, physics_scene
+
+    card = next(j for j in asset.card.joints if j.name == "hinge")
+    ends: dict[str, list[float]] = {"sapien": [], "mujoco": []}
+    for friction in (card.friction, 0.0):
+        scene = physics_scene(1 / 500)
+        robot = load_physics(scene, asset.urdf_path)
+        for joint in robot.active_joints:
+            own = next(j for j in asset.card.joints if j.name == joint.name)
+            hold = friction if joint.name == "hinge" else own.friction
+            set_joint_friction(joint, own.type, hold, own.damping)
+        names = [j.name for j in robot.active_joints]
+        robot.set_qpos(
+            np.array([VALUES["hinge"] if n == "hinge" else 0.0 for n in names], np.float32)
+        )
+        for _ in range(200):
+            scene.step()
+        ends["sapien"].append(float(robot.get_qpos()[names.index("hinge")]))
+
+        model = mujoco.MjModel.from_xml_path(str(export_mjcf(asset)))
+        model.dof_frictionloss[model.joint("hinge").dofadr[0]] = friction
+        data = mujoco.MjData(model)
+        data.joint("hinge").qpos[0] = VALUES["hinge"]
+        for _ in range(200):
+            mujoco.mj_step(model, data)
+        ends["mujoco"].append(float(data.joint("hinge").qpos[0]))
+    for held, fallen in ends.values():
+        assert held == pytest.approx(VALUES["hinge"], abs=0.02)
+        assert fallen < 0.6
+    assert ends["sapien"][1] == pytest.approx(ends["mujoco"][1], abs=0.05)
