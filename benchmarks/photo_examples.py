@@ -12,8 +12,9 @@ import cv2
 import numpy as np
 
 from mam_pipeline.photo.furniture import WOODS, Cell, Style
+from mam_pipeline.photo.piece import build_piece
 from mam_pipeline.photo.raycast import Light, Scene, Surface, render
-from mam_pipeline.photo.synthetic import build_piece, frame_camera
+from mam_pipeline.photo.synthetic import frame_camera
 
 OAK = Surface("wood", WOODS[1][0], WOODS[1][1], grain=1, scale=0.8, offset=(3, 1, 2), gloss=0.04)
 SAGE = Surface("plain", (0.30, 0.38, 0.31), gloss=0.05)
@@ -68,7 +69,8 @@ def main() -> None:
     ]  # fmt: skip
     jobs = {
         "nightstand": picture(
-            "nightstand", (0.45, 0.40, 0.55), stack, Style(gap=0.004, handle="bar", handle_size=0.14),
+            "nightstand", (0.45, 0.40, 0.55), stack,
+            Style(gap=0.004, handle="bar", handle_size=0.14),
             OAK, (28, 16), False,
         ),
         "cabinet": picture(

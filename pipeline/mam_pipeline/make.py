@@ -188,7 +188,10 @@ def _read_photo(source: Path, config: MakeConfig, stages: Path) -> Source:
     from PIL import Image
 
     name, reconstructor = backends.load("reconstructor", config.reconstructor)
-    made = reconstructor.reconstruct(source, dict(config.photo))
+    options = dict(config.photo)
+    if config.hints is not None and load_hints(config.hints).photo_front:
+        options["hints"] = config.hints  # marked by hand on the photo: build exactly that
+    made = reconstructor.reconstruct(source, options)
     folder = stages / "0_photo"
     folder.mkdir(exist_ok=True)
     save_hints(made.hints, folder / "hints.yaml")

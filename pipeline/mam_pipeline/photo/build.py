@@ -211,13 +211,13 @@ def _frame(b: _Builder) -> None:
         if c.kind != "open":
             continue
         s0, t0, s1, t1 = c.rect
-        for low, high in (
-            ((s0, t0 - t), (s1, t0)), ((s0, t1), (s1, t1 + t)),
-            ((s0 - t, t0), (s0, t1)), ((s1, t0), (s1 + t, t1)),
+        for a, e, f, g in (
+            (s0, t0 - t, s1, t0), (s0, t1, s1, t1 + t),
+            (s0 - t, t0, s0, t1), (s1, t0, s1 + t, t1),
         ):  # fmt: skip
-            if low[0] < BOARD or low[1] < BOARD or high[0] > w - BOARD or high[1] > h - BOARD:
+            if a < BOARD or e < BOARD or f > w - BOARD or g > h - BOARD:
                 continue
-            lo, hi = b.at(BOARD + GAP, *low), b.at(d - 0.008, *high)
+            lo, hi = b.at(BOARD + GAP, a, e), b.at(d - 0.008, f, g)
             b.box(f"carcass_shelf_{number}", lo, hi, inside=True)
             number += 1
 

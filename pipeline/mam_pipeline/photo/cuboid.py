@@ -358,9 +358,12 @@ def fit_cuboids(evidence: Evidence, seed: int = 0, keep: int = 3) -> list[Cuboid
         start = p + rng.normal(0, 1, (48, 9)) * spread
         start[0] = p
         rows, _ = evolve(objective, start, 50, rng)
+        simplex = rows[0] + np.vstack([np.zeros(9), np.diag(spread * 0.15)])
         polished = optimize.minimize(
-            lambda x: float(objective(x[None])[0]), rows[0], method="Nelder-Mead",
-            options={"maxfev": 400, "initial_simplex": rows[0] + np.vstack([np.zeros(9), np.diag(spread * 0.15)])},
-        )  # fmt: skip
+            lambda x: float(objective(x[None])[0]),
+            rows[0],
+            method="Nelder-Mead",
+            options={"maxfev": 400, "initial_simplex": simplex},
+        )
         out.append(objective.report(polished.x))
     return sorted(out, key=lambda c: c.own)

@@ -93,7 +93,7 @@ def yolo_items(folder: Path) -> Iterator[tuple[Path, list[tuple[str, Array]]]]:
     Raises:
         InputError: no labelled photo, or a line that is not five numbers.
     """
-    names = YOLO_CLASSES
+    names: tuple[str, ...] = YOLO_CLASSES
     listing = folder / "classes.txt"
     if listing.is_file():
         names = tuple(listing.read_text(encoding="utf-8").split("\n"))

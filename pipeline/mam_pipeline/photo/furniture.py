@@ -80,7 +80,9 @@ def random_style(rng: np.random.Generator, category: str) -> Style:
         gap=float(rng.uniform(0.0025, 0.005)),
         inset=bool(rng.random() < 0.5),
         panel=str(rng.choice(["slab", "shaker", "raised", "ornament"], p=[0.45, 0.28, 0.17, 0.1])),
-        handle=str(rng.choice(["knob", "bar", "cup", "ring", "none"], p=[0.38, 0.38, 0.1, 0.1, 0.04])),
+        handle=str(
+            rng.choice(["knob", "bar", "cup", "ring", "none"], p=[0.38, 0.38, 0.1, 0.1, 0.04])
+        ),
         overhang=float(rng.choice([0.0, rng.uniform(0.005, 0.03)])),
         legs=float(rng.uniform(0.06, 0.22)) if pick < 0.35 else 0.0,
         plinth=float(rng.uniform(0.04, 0.1)) if 0.35 <= pick < 0.6 else 0.0,

@@ -74,9 +74,9 @@ def find_blobs(
     for level in LEVELS:
         if level < 2.0 * noise:
             continue
-        binary = (clear > level).astype(np.uint8)
-        binary = cv2.morphologyEx(binary, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-        binary = cv2.morphologyEx(binary, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+        raw = (clear > level).astype(np.uint8)
+        closed = cv2.morphologyEx(raw, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+        binary = cv2.morphologyEx(closed, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
         count, labels, stats, _ = cv2.connectedComponentsWithStats(binary, connectivity=8)
         for k in range(1, count):
             x, y, bw, bh, area = stats[k]
@@ -158,7 +158,6 @@ def features(
 def _ends(contrast: Array, box: tuple[int, int, int, int]) -> tuple[float, float]:
     """Contrast just beyond the two ends of the long side: a seam goes on, a handle stops."""
     x0, y0, x1, y1 = box
-    h, w = contrast.shape
     reach = max(4, round(0.25 * max(x1 - x0, y1 - y0)))
     if x1 - x0 >= y1 - y0:
         a, b = (

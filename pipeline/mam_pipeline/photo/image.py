@@ -1,4 +1,4 @@
-"""Reading a photo: any common file becomes upright 8-bit RGB, with alpha and focal length if known."""
+"""Reading a photo: any common file becomes upright 8-bit RGB, with alpha and focal length."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MAX_PIXELS = 120_000_000
 KEEP_SIDE = 2400  # textures are cut from a picture of at most this side
 WORK_SIDE = 800  # geometry is found at this size
 MIN_SIDE = 48
-STANDARD_ASPECTS = (3 / 2, 4 / 3, 16 / 9, 1.0)
+STANDARD_ASPECTS = (3 / 2, 4 / 3, 16 / 9)
 
 
 @dataclass(frozen=True)
@@ -90,16 +90,17 @@ def make_photo(
     focal35: float | None = None,
     file_side: int | None = None,
 ) -> Photo:
-    """Build a Photo from upright RGB pixels (H, W, 3) uint8; `file_side` is the file's long side."""
+    """Build a Photo from upright RGB (H, W, 3) uint8; `file_side` is the file's long side."""
     side = max(rgb.shape[:2])
     if side > KEEP_SIDE:
         rgb = _resize(rgb, KEEP_SIDE / side)
     small = _resize(rgb, WORK_SIDE / max(rgb.shape[:2]))
     h, w = small.shape[:2]
     if alpha is not None:
-        alpha = cv2.resize(alpha, (w, h), interpolation=cv2.INTER_AREA)
+        alpha = np.asarray(cv2.resize(alpha, (w, h), interpolation=cv2.INTER_AREA), np.float64)
     focal = None
-    if focal35 and any(abs(max(w, h) / min(w, h) - a) < 0.02 for a in STANDARD_ASPECTS[:3]):
+    aspect = max(w, h) / min(w, h)
+    if focal35 and any(abs(aspect - a) < 0.02 for a in STANDARD_ASPECTS):
         focal = focal35 / 43.27 * float(np.hypot(w, h))
     return Photo(rgb, small, max(w, h) / (file_side or side), alpha, focal)
 

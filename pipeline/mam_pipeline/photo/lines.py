@@ -36,7 +36,9 @@ def find_segments(rgb: NDArray[np.uint8], keep: int = 240) -> Segments:
     grey = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
     grey = cv2.createCLAHE(1.5, (8, 8)).apply(grey)
     found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(grey)[0]
-    ends = np.zeros((0, 4)) if found is None else found.reshape(-1, 4).astype(np.float64)
+    ends: Array = np.zeros((0, 4))
+    if found is not None:
+        ends = found.reshape(-1, 4).astype(np.float64)
     length = np.hypot(ends[:, 2] - ends[:, 0], ends[:, 3] - ends[:, 1])
     good = length > 0.012 * max(rgb.shape[:2])
     ends, length = ends[good], length[good]
@@ -62,7 +64,7 @@ class EdgeMaps:
     maps: NDArray[np.float32]
     scale: float
 
-    def look_up(self, points: Array, angle: Array) -> tuple[Array, Array]:
+    def look_up(self, points: Array, angle: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Distance 0..1 at (..., 2) pixels for line angle (...), and which are in the picture."""
         _, h, w = self.maps.shape
         x = np.floor(points[..., 0] * self.scale).astype(np.int64)

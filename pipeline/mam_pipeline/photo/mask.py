@@ -16,6 +16,7 @@ from mam_pipeline.errors import ConfigError
 from mam_pipeline.photo.image import Photo
 
 Array = NDArray[np.float64]
+NO_RECT = (0, 0, 1, 1)  # unused when GrabCut starts from a mask
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,6 @@ def plain_backdrop(rgb: NDArray[np.uint8]) -> Array | None:
     if fitted is None:
         return None
     difference, border = fitted
-    h, w = difference.shape[:2]
     chroma = np.linalg.norm(difference[..., 1:], axis=2)
     total = np.linalg.norm(difference, axis=2)
     gx = np.abs(cv2.Sobel(lab, cv2.CV_64F, 1, 0)).max(axis=2) / 4
@@ -176,8 +176,8 @@ def salient_mask(rgb: NDArray[np.uint8], side: int = 220) -> Array:
     state[salience < 0.35 * level] = cv2.GC_BGD
     try:
         cv2.setRNGSeed(1)
-        models = np.zeros((1, 65)), np.zeros((1, 65))
-        cv2.grabCut(small, state, None, *models, 3, cv2.GC_INIT_WITH_MASK)
+        back, fore = np.zeros((1, 65)), np.zeros((1, 65))
+        cv2.grabCut(small, state, NO_RECT, back, fore, 3, cv2.GC_INIT_WITH_MASK)
         blob = _main_blob((state == cv2.GC_FGD) | (state == cv2.GC_PR_FGD))
     except cv2.error:
         blob = None
@@ -236,7 +236,7 @@ def grabcut(rgb: NDArray[np.uint8], window: Array, boxed: bool) -> Array:
     try:
         cv2.setRNGSeed(1)
         cv2.grabCut(
-            small, state, None, np.zeros((1, 65)), np.zeros((1, 65)), 3, cv2.GC_INIT_WITH_MASK
+            small, state, NO_RECT, np.zeros((1, 65)), np.zeros((1, 65)), 3, cv2.GC_INIT_WITH_MASK
         )
     except cv2.error:  # one colour only: no two models can be fitted
         return window * 1.0

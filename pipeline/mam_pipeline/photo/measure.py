@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -45,7 +46,7 @@ def rectify(photo: Photo, quad: Array, ratio: float, side: int = FRONT_SIDE) -> 
     size = (max(40, round(w)), max(40, round(h)))
     matrix = quad_homography(quad * k, *size)
     shrink = k * _longest(quad) / long
-    source = photo.rgb
+    source: Any = photo.rgb
     if shrink > 1.6:  # avoid aliasing of fine patterns
         source = cv2.GaussianBlur(source, (0, 0), 0.35 * shrink)
     return cv2.warpPerspective(

@@ -38,7 +38,7 @@ def draw_overlay(
     reading: FrontReading | None,
     title: str = "",
 ) -> NDArray[np.uint8]:
-    """The photo with the box (red), drawers (green), doors (blue), open cells, handles (magenta)."""
+    """The photo with box (red), drawers (green), doors (blue), open cells, handles (magenta)."""
     image = photo.small.copy()
     for face in faces:
         _lines(image, face, BOX, 2)

@@ -71,9 +71,9 @@ class _Regions:
         """Leaf value and kind (1 panel, 0 frame) for all (i0, i1, j0, j1)."""
         k = self.weights
         xs, ys = self.xs.astype(float), self.ys.astype(float)
-        expected = np.zeros((len(xs), len(xs), len(ys), len(ys)))  # summed handle probability
-        none = np.ones_like(expected)
-        single = np.zeros_like(expected)
+        expected: Array = np.zeros((len(xs), len(xs), len(ys), len(ys)))  # handles
+        none: Array = np.ones_like(expected)
+        single: Array = np.zeros_like(expected)
         for b in (b for b in blobs if b.score > 0.15):
             x, y = b.center
             inside_x = (xs[:, None] < x) & (xs[None, :] > x)
@@ -113,7 +113,7 @@ class _Regions:
 
     def _pairs(self, blobs: list[Blob], xs: Array, ys: Array) -> Array:
         """Probability that a region holds exactly a mirror-symmetric pair of like handles."""
-        out = np.zeros((len(xs), len(xs), len(ys), len(ys)))
+        out: Array = np.zeros((len(xs), len(xs), len(ys), len(ys)))
         strong = [b for b in blobs if b.score > 0.35][:24]
         for a in range(len(strong)):
             for b in range(a + 1, len(strong)):
@@ -138,13 +138,11 @@ def _cut_value(support: Array, share: Array, k: Weights) -> Array:
     return k.gain * share * (support - k.needed) / (1 - k.needed) - k.cut
 
 
-def best_partition(seams: Seams, blobs: list[Blob], weights: Weights | None = None) -> Partition:
-    """The guillotine partition of highest value."""
-    k = weights or Weights()
-    r = _Regions(seams, blobs, k)
+def _best_cuts(r: _Regions, k: Weights) -> tuple[Array, NDArray[np.int16]]:
+    """Value of every region, and its best cut: 0 none, +i at column i, -j at row j."""
     nx, ny = len(r.xs), len(r.ys)
     value = r.leaf.copy()
-    choice = np.zeros(value.shape, np.int16)  # 0 leaf, +i cut at column i, -j cut at row j
+    choice = np.zeros(value.shape, np.int16)
     for dx in range(1, nx):
         for dy in range(1, ny):
             if dx == 1 and dy == 1:
@@ -170,8 +168,16 @@ def best_partition(seams: Seams, blobs: list[Blob], weights: Weights | None = No
                 best, pick = np.where(better, v, best), np.where(better, -j, pick)
             value[i0, i1, j0, j1] = best
             choice[i0, i1, j0, j1] = pick
+    return value, choice
+
+
+def best_partition(seams: Seams, blobs: list[Blob], weights: Weights | None = None) -> Partition:
+    """The guillotine partition of highest value."""
+    k = weights or Weights()
+    r = _Regions(seams, blobs, k)
+    value, choice = _best_cuts(r, k)
     leaves: list[Leaf] = []
-    stack = [(0, nx - 1, 0, ny - 1)]
+    stack = [(0, len(r.xs) - 1, 0, len(r.ys) - 1)]
     while stack:
         i0, i1, j0, j1 = stack.pop()
         c = int(choice[i0, i1, j0, j1])

@@ -1,4 +1,4 @@
-"""The true proportions of a rectangle from its picture (Zhang and He, whiteboard scanning, 2003)."""
+"""True proportions of a rectangle from its picture (Zhang and He, whiteboard scanning, 2003)."""
 
 from __future__ import annotations
 

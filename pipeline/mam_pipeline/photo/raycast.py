@@ -8,10 +8,11 @@ light with occlusion: enough realism to have shadows in gaps, gloss and grain.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import cv2
 import numpy as np
-import open3d as o3d
+import open3d as o3d  # its stubs know few overloads
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -178,9 +179,7 @@ def render(
     vertices = np.concatenate(scene.vertices)
     faces = np.concatenate(scene.faces)
     owner = np.concatenate(scene.surface_of)
-    tracer.add_triangles(
-        o3d.core.Tensor(vertices.astype(np.float32)), o3d.core.Tensor(faces.astype(np.uint32))
-    )
+    tracer.add_triangles(_tensor(vertices.astype(np.float32)), _tensor(faces.astype(np.uint32)))
     h, w = camera.height * supersample, camera.width * supersample
     out = np.tile(np.asarray(background), (h * w, 1))
     rows = max(1, 400_000 // w)
@@ -199,7 +198,7 @@ def render(
 def _shade(scene, tracer, owner, camera, light, pixel, out, rng) -> Array:  # type: ignore[no-untyped-def]
     origin, direction = camera.rays(pixel)
     hit = tracer.cast_rays(
-        o3d.core.Tensor(np.hstack([np.tile(origin, (len(pixel), 1)), direction]).astype(np.float32))
+        _tensor(np.hstack([np.tile(origin, (len(pixel), 1)), direction]).astype(np.float32))
     )
     t = hit["t_hit"].numpy().astype(np.float64)
     seen = np.isfinite(t)
@@ -235,6 +234,11 @@ def _shade(scene, tracer, owner, camera, light, pixel, out, rng) -> Array:  # ty
     return out
 
 
+def _tensor(array: Any) -> Any:
+    make: Any = o3d.core.Tensor
+    return make(array)
+
+
 def _sphere(rng: np.random.Generator, n: int) -> Array:
     v = rng.standard_normal((n, 3))
     return v / (np.linalg.norm(v, axis=1)[:, None] + 1e-9)
@@ -242,9 +246,9 @@ def _sphere(rng: np.random.Generator, n: int) -> Array:
 
 def _distance(tracer, start: Array, direction: Array) -> Array:  # type: ignore[no-untyped-def]
     rays = np.hstack([start, direction]).astype(np.float32)
-    return tracer.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy().astype(np.float64)
+    return tracer.cast_rays(_tensor(rays))["t_hit"].numpy().astype(np.float64)
 
 
 def _blocked(tracer, start: Array, direction: Array, reach: float) -> NDArray[np.bool_]:  # type: ignore[no-untyped-def]
-    rays = o3d.core.Tensor(np.hstack([start, direction]).astype(np.float32))
+    rays = _tensor(np.hstack([start, direction]).astype(np.float32))
     return tracer.test_occlusions(rays, tfar=reach).numpy()

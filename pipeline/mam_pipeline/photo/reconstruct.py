@@ -161,8 +161,8 @@ def body_of(photo: Photo, found: Found, sizes: Sizes) -> BodySpec:
     for face, twin in (("left", "right"), ("right", "left")):
         if face not in have and twin in have:  # the hidden side is assumed to mirror the seen one
             data = dict(textures)[twin]
-            image = cv2.imdecode(np.frombuffer(data, np.uint8), 1)[:, ::-1]
-            textures.append((face, cv2.imencode(".jpg", image)[1].tobytes()))
+            image = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), 1))
+            textures.append((face, jpeg(np.ascontiguousarray(image[:, ::-1, ::-1]))))
     color = np.median(reading.image.reshape(-1, 3), axis=0) / 255.0
     return BodySpec(
         sizes.width, sizes.depth, sizes.height, tuple(cells), found.legs * sizes.height,

@@ -1,0 +1,120 @@
+"""The annotation server and its page, the page in a real headless Chromium where there is one."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import threading
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from mam_pipeline.errors import ConfigError
+from mam_pipeline.hints import load_hints
+from mam_pipeline.photo.annotate import Annotation, make_server, spec_of_state
+
+ROOT = Path(__file__).resolve().parents[2]
+CHROMIUM = next(
+    (p for n in ("chromium", "chromium-browser", "google-chrome") if (p := shutil.which(n))), None
+)
+STATE = {
+    "front": [[100, 100], [300, 110], [290, 400], [105, 390]],
+    "panels": [
+        {"kind": "drawer", "hinge": "left", "rect": [0.05, 0.05, 0.95, 0.4],
+         "handles": [[0.4, 0.2, 0.6, 0.23]]},
+        {"kind": "door", "hinge": "right", "rect": [0.05, 0.45, 0.95, 0.95], "handles": []},
+    ],
+    "width": 0.6, "height": 0.8, "depth": 0.4, "legs": 0.1,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def annotation(tmp_path_factory: pytest.TempPathFactory) -> Annotation:
+    out = tmp_path_factory.mktemp("annotate") / "hints.yaml"
+    return Annotation(ROOT / "examples" / "nightstand.jpg", out)
+
+
+@pytest.fixture(scope="module")
+def address(annotation: Annotation) -> Iterator[str]:
+    server = make_server(annotation)
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_address[1]}"
+    server.shutdown()
+    server.server_close()
+
+
+def post(url: str, body: object, **headers: str) -> tuple[int, dict]:
+    request = urllib.request.Request(url, json.dumps(body).encode(), headers)
+    try:
+        with urllib.request.urlopen(request, timeout=60) as answer:
+            return answer.status, json.loads(answer.read())
+    except urllib.error.HTTPError as error:
+        text = error.read()
+        return error.code, json.loads(text) if text.startswith(b"{") else {"error": text.decode()}
+
+
+def test_saving_writes_hints_that_load(annotation: Annotation, address: str) -> None:
+    code, answer = post(f"{address}/save", STATE)
+    assert code == 200 and "--hints" in answer["next"]
+    hints = load_hints(annotation.out)
+    assert hints.photo_front == (100, 100, 300, 110, 290, 400, 105, 390)
+    body, drawer, door = hints.parts
+    assert body.box is not None and body.box.size == (0.4, 0.6, 0.8)
+    assert body.box.center[2] == pytest.approx(0.1 + 0.4)
+    assert drawer.kind == "drawer" and drawer.provenance == "user" and drawer.handle is not None
+    assert door.joint is not None and door.joint.hinge_side == "right"
+
+
+def test_bad_states_are_explained(address: str) -> None:
+    for change, word in (
+        ({"width": 90}, "width"), ({"front": [[0, 0]] * 4}, "front"),
+        ({"panels": [{"kind": "lid", "rect": [0, 0, 1, 1], "handles": []}]}, "lid"),
+        ({"panels": [{"kind": "door", "rect": [1, 0, 0, 1], "handles": []}]}, "no area"),
+        ({"panels": [{}]}, "incomplete"),
+    ):  # fmt: skip
+        code, answer = post(f"{address}/save", {**STATE, **change})
+        assert code == 400 and word in answer["error"]
+    with pytest.raises(ConfigError, match="incomplete"):
+        spec_of_state({})
+
+
+def test_strangers_are_turned_away(address: str) -> None:
+    assert post(f"{address}/save", STATE, Host="evil.example")[0] == 403
+    assert post(f"{address}/save", STATE, Origin="http://evil.example")[0] == 403
+    assert post(f"{address}/nothing", STATE)[0] == 404
+
+
+def test_the_page_needs_nothing_from_elsewhere(address: str) -> None:
+    with urllib.request.urlopen(f"{address}/", timeout=10) as answer:
+        page = answer.read().decode()
+    assert "http://" not in page and "https://" not in page and "<canvas" in page
+    with urllib.request.urlopen(f"{address}/photo.jpg", timeout=10) as answer:
+        assert answer.read(2) == b"\xff\xd8"
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
+def test_the_page_drags_labels_and_saves_in_a_browser(
+    annotation: Annotation, address: str, tmp_path: Path
+) -> None:
+    before = annotation.state()
+    saved = annotation.saved
+    done = subprocess.run(
+        [
+            str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run",
+            "--disable-dev-shm-usage", f"--user-data-dir={tmp_path}", "--timeout=90000",
+            "--virtual-time-budget=60000", "--dump-dom", f"{address}/?selftest",
+        ],
+        capture_output=True, text=True, timeout=180, check=False,
+    )  # fmt: skip
+    assert "<title>self-test passed</title>" in done.stdout, done.stdout[-600:] + done.stderr[-600:]
+    assert annotation.saved == saved + 1
+    hints = load_hints(annotation.out)
+    assert hints.photo_front[0] == pytest.approx(before["front"][0][0] + 6, abs=3.0)
+    assert hints.photo_front[1] == pytest.approx(before["front"][0][1] + 4, abs=3.0)
+    door = next(p for p in hints.parts if p.kind == "door")
+    assert door.joint is not None and door.joint.hinge_side == "right" and door.handle is not None
