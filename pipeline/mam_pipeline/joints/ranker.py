@@ -224,8 +224,9 @@ def usual_reach(part: FloatArray, hypothesis: Hypothesis) -> Reach | None:
         return None
     row = np.concatenate([hypothesis.features, part])[None]
     word = "line" if hypothesis.revolute else "slide"
-    boosters = (getattr(model, f"{word}_open"), getattr(model, f"{word}_back"), model.endless)
+    endless = model.endless if hypothesis.revolute else None
+    boosters = (getattr(model, f"{word}_open"), getattr(model, f"{word}_back"), endless)
     if boosters[0] is None or boosters[1] is None:
         return None
     found = [0.0 if b is None else float(b.predict(row, num_threads=1)[0]) for b in boosters]
-    return Reach(found[0], max(found[1], 0.0), found[2] if hypothesis.revolute else 0.0)
+    return Reach(found[0], max(found[1], 0.0), found[2])
