@@ -1,27 +1,281 @@
-"""What a fused surface cannot show: the holes left where its parts were cut apart."""
+"""What a fused surface cannot show: the insides behind parts that were cut out of it.
+
+A generated or scanned mesh is one closed skin. Cutting a drawer front or a door out of it leaves
+two open holes. Here the part gets a back, a drawer a box of its own, and the body a compartment
+behind the opening. All of it is assumed, is made only where the source was cut, and is recorded.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
+import trimesh
+from shapely.geometry import Polygon
 
-from mam_pipeline.types import Articulation, IntArray
+from mam_pipeline.asset.handles import opening_direction
+from mam_pipeline.asset.surface import weld
+from mam_pipeline.geometry.raycast import RayScene
+from mam_pipeline.types import Articulation, FloatArray, IntArray, Joint, Material, Mesh
+
+PANEL = 0.018
+"""Thickness of fronts and doors that are not thicker already, metres."""
+WALL = 0.010
+"""Thickness of a drawer box's boards, metres."""
+PLAY = 0.004
+"""Room between a drawer box and its compartment, metres."""
+_LEAST_AREA = 0.004
 
 
-def cut_edges(articulation: Articulation) -> IntArray:
-    """(n, 2) vertex pairs of edges shared by faces of different links: where a mesh was cut."""
-    mesh = articulation.mesh
-    labels = articulation.face_link
-    edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    owner = np.repeat(labels, 3)
-    order = np.lexsort((edges[:, 1], edges[:, 0]))
-    edges, owner = edges[order], owner[order]
-    same = (edges[1:] == edges[:-1]).all(axis=1) & (owner[1:] != owner[:-1])
-    return edges[1:][same]
+@dataclass(frozen=True)
+class _Added:
+    """New faces of one link: (V, 3) vertices and (F, 3) faces."""
+
+    link: int
+    vertices: FloatArray
+    faces: IntArray
 
 
 def add_interiors(articulation: Articulation) -> tuple[Articulation, list[str]]:
-    """Return the articulation and notes on what was added; nothing where nothing was cut."""
-    cut = cut_edges(articulation)
-    if not len(cut):
-        return articulation, []
-    return articulation, [f"parts were cut from one surface along {len(cut)} edges; holes are open"]
+    """Close the holes of parts cut from one skin; drawers get boxes, the body compartments.
+
+    Returns:
+        The articulation with more faces at the end of its mesh, and notes for the card. Both are
+        as they were where nothing was cut.
+    """
+    loops = _cut_loops(articulation)
+    added: list[_Added] = []
+    notes: list[str] = []
+    for joint in articulation.joints:
+        mine = [loop for child, loop in loops if child == joint.child]
+        if not mine or joint.type == "fixed":
+            continue
+        more, said = _inside_of(articulation, joint, max(mine, key=len))
+        added += more
+        notes += [said] if said else []
+    return (_extended(articulation, added), notes) if added else (articulation, [])
+
+
+def _inside_of(
+    articulation: Articulation, joint: Joint, loop: FloatArray
+) -> tuple[list[_Added], str]:
+    """The back of one part and the compartment behind it; `loop` (n, 3) is its rim."""
+    name = articulation.links[joint.child].name
+    outward = opening_direction(articulation, joint)
+    if not outward.any():
+        outward = np.asarray(joint.axis) * np.sign(
+            (loop.mean(axis=0) - _middle(articulation)) @ joint.axis or 1.0
+        )
+    flat = _Flat(loop, outward)
+    polygon = flat.polygon
+    if polygon is None:
+        return [], ""
+    diagonal = articulation.mesh.diagonal
+    room = _room(articulation, joint, flat)
+    panel = min(PANEL, 0.02 * diagonal, 0.3 * room)
+    play = min(PLAY, 0.004 * diagonal)
+    small = polygon.area < _LEAST_AREA * diagonal**2 or joint.subtype == "spin"
+    inner = polygon.buffer(-play, join_style="mitre")
+    if small or inner.is_empty or inner.geom_type != "Polygon":
+        part = flat.cap(polygon, 0.0)
+        body = flat.cap(polygon, 0.0)
+        said = f"{name}: the cut was closed with flat caps (assumed)"
+        return [_Added(joint.child, *part), _Added(joint.parent, *body)], said
+    travel = joint.upper - joint.lower if joint.type == "prismatic" else 0.0
+    depth = 0.85 * room
+    out = [_Added(joint.child, *flat.skirt(polygon, inner, panel))]
+    if joint.type == "prismatic" and abs(joint.axis @ outward) > 0.9 and abs(outward[2]) < 0.5:
+        depth = min(0.9 * room, max(1.25 * travel, 0.5 * room))
+        box = flat.drawer(inner, panel, depth - 2 * play, min(WALL, 0.2 * panel + 0.004))
+        out.append(_Added(joint.child, *box))
+        said = f"{name}: a drawer box of {depth:.2f} m and a compartment for it (assumed)"
+    else:
+        said = f"{name}: a back, and a compartment of {depth:.2f} m behind it (assumed)"
+    out.append(_Added(joint.parent, *flat.compartment(polygon, depth)))
+    return out, said
+
+
+class _Flat:
+    """A rim seen along the opening direction: 2-D polygon, and solids raised behind it.
+
+    Depth counts inwards, against `outward`; the rim's mean plane is depth 0.
+    """
+
+    def __init__(self, loop: FloatArray, outward: FloatArray) -> None:
+        up = np.array([0.0, 0.0, 1.0]) if abs(outward[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+        v = up - (up @ outward) * outward
+        self.v = v / np.linalg.norm(v)
+        self.u = np.cross(self.v, outward)
+        self.outward = outward
+        self.origin = loop.mean(axis=0)
+        plane = np.stack([(loop - self.origin) @ self.u, (loop - self.origin) @ self.v], axis=1)
+        polygon = Polygon(plane)
+        if not polygon.is_valid:
+            polygon = polygon.buffer(0)
+        if polygon.geom_type == "MultiPolygon":
+            polygon = max(polygon.geoms, key=lambda g: g.area)
+        good = polygon.geom_type == "Polygon" and polygon.area > 1e-8
+        self.polygon = Polygon(polygon.exterior).simplify(1e-4) if good else None
+
+    def lift(self, plane: FloatArray, depth: FloatArray | float) -> FloatArray:
+        """(n, 3) points of the asset frame from (n, 2) plane coordinates at a depth."""
+        inwards = np.broadcast_to(np.asarray(depth, dtype=float), len(plane))
+        flat = plane[:, :1] * self.u + plane[:, 1:2] * self.v
+        return np.asarray(self.origin + flat - inwards[:, None] * self.outward)
+
+    def cap(self, polygon: Polygon, depth: float) -> tuple[FloatArray, IntArray]:
+        """The polygon as triangles at a depth."""
+        plane, faces = trimesh.creation.triangulate_polygon(polygon, engine="earcut")
+        return self.lift(np.asarray(plane), depth), np.asarray(faces, dtype=np.int64)
+
+    def skirt(self, outer: Polygon, inner: Polygon, depth: float) -> tuple[FloatArray, IntArray]:
+        """From the rim inwards a little smaller, closed at the back."""
+        ring = trimesh.creation.triangulate_polygon(
+            Polygon(outer.exterior, [inner.exterior.coords]), engine="earcut"
+        )
+        rim = (self.lift(np.asarray(ring[0]), 0.0), np.asarray(ring[1], dtype=np.int64))
+        return _join([rim, self._wall(inner, 0.0, depth), self.cap(inner, depth)])
+
+    def compartment(self, polygon: Polygon, depth: float) -> tuple[FloatArray, IntArray]:
+        """A pocket of the polygon's outline, open in front."""
+        return _join([self._wall(polygon, 0.0, depth), self.cap(polygon, depth)])
+
+    def drawer(
+        self, polygon: Polygon, front: float, back: float, wall: float
+    ) -> tuple[FloatArray, IntArray]:
+        """Bottom, sides and back boards within the polygon's box; open at the top."""
+        low_u, low_v, high_u, high_v = polygon.bounds
+        high_v = low_v + 0.7 * (high_v - low_v)
+        boards = [
+            (low_u, high_u, low_v, low_v + wall, front, back),
+            (low_u, low_u + wall, low_v + wall, high_v, front, back),
+            (high_u - wall, high_u, low_v + wall, high_v, front, back),
+            (low_u + wall, high_u - wall, low_v + wall, high_v, back - wall, back),
+        ]
+        made = []
+        for a, b, c, d, near, far in boards:
+            box = trimesh.creation.box(bounds=[[a, c, near], [b, d, far]])
+            points = np.asarray(box.vertices)
+            made.append((self.lift(points[:, :2], points[:, 2]), np.asarray(box.faces, np.int64)))
+        return _join(made)
+
+    def _wall(self, polygon: Polygon, near: float, far: float) -> tuple[FloatArray, IntArray]:
+        ring = np.asarray(polygon.exterior.coords)[:-1]
+        n = len(ring)
+        vertices = np.concatenate([self.lift(ring, near), self.lift(ring, far)])
+        a, b = np.arange(n), (np.arange(n) + 1) % n
+        faces = np.concatenate([np.stack([a, b, b + n], 1), np.stack([a, b + n, a + n], 1)])
+        return vertices, faces.astype(np.int64)
+
+
+def _room(articulation: Articulation, joint: Joint, flat: _Flat) -> float:
+    """Distance from the rim to the body's far side, inwards, metres."""
+    mesh = articulation.mesh
+    faces = articulation.links[joint.parent].faces
+    polygon = flat.polygon
+    if not len(faces) or polygon is None:
+        return PANEL
+    scene = RayScene(mesh.vertices, mesh.faces[faces])
+    low_u, low_v, high_u, high_v = polygon.bounds
+    grid = np.stack(np.meshgrid(np.linspace(0.2, 0.8, 4), np.linspace(0.2, 0.8, 4)), -1)
+    plane = grid.reshape(-1, 2) * [high_u - low_u, high_v - low_v] + [low_u, low_v]
+    start = flat.lift(plane, 0.002 * mesh.diagonal)
+    hits = scene.first_hits(start, np.tile(-flat.outward, (len(start), 1)))
+    reached = hits.t[np.isfinite(hits.t)]
+    return float(np.quantile(reached, 0.2)) if len(reached) else PANEL
+
+
+def _cut_loops(articulation: Articulation) -> list[tuple[int, FloatArray]]:
+    """(child link, (n, 3) closed rim) of every cut between a link and its parent."""
+    mesh = articulation.mesh
+    triangles = mesh.vertices[mesh.faces]
+    vertices, faces, index = weld(triangles, 1e-6 * mesh.diagonal)
+    labels = articulation.face_link[index]
+    edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    owner = np.repeat(labels, 3)
+    ordered = np.sort(edges, axis=1)
+    _, key, count = np.unique(ordered, axis=0, return_inverse=True, return_counts=True)
+    key = key.reshape(-1)
+    order = np.argsort(key, kind="stable")
+    pair = order[:-1][(np.diff(key[order]) == 0) & (count[key[order]][:-1] == 2)]
+    follows = np.empty(len(order), dtype=np.int64)
+    follows[order[:-1]] = order[1:]
+    other = follows[pair]
+    out: list[tuple[int, FloatArray]] = []
+    for joint in articulation.joints:
+        first = (owner[pair] == joint.child) & (owner[other] == joint.parent)
+        second = (owner[other] == joint.child) & (owner[pair] == joint.parent)
+        mine = edges[np.concatenate([pair[first], other[second]])]
+        out += [(joint.child, vertices[ring]) for ring in _rings(mine)]
+    return out
+
+
+def _rings(edges: IntArray) -> list[IntArray]:
+    """Closed rings of directed edges (n, 2), longest first; open chains are dropped."""
+    after: dict[int, list[int]] = {}
+    for a, b in edges.tolist():
+        after.setdefault(a, []).append(b)
+    rings = []
+    while after:
+        start = next(iter(after))
+        ring, at = [start], after[start].pop()
+        if not after[start]:
+            del after[start]
+        while at != start and at in after:
+            ring.append(at)
+            step = after[at].pop()
+            if not after[at]:
+                del after[at]
+            at = step
+        if at == start and len(ring) >= 3:
+            rings.append(np.array(ring, dtype=np.int64))
+    return sorted(rings, key=len, reverse=True)
+
+
+def _extended(articulation: Articulation, added: list[_Added]) -> Articulation:
+    """The articulation with new faces at the end of its mesh, in a plain material of their own."""
+    mesh = articulation.mesh
+    assert mesh.face_material is not None and mesh.face_group is not None
+    vertices, faces = [mesh.vertices], [mesh.faces]
+    count, links = len(mesh.vertices), list(articulation.links)
+    next_face = len(mesh.faces)
+    for piece in added:
+        vertices.append(piece.vertices)
+        faces.append(piece.faces + count)
+        count += len(piece.vertices)
+        new = np.arange(next_face, next_face + len(piece.faces))
+        next_face += len(piece.faces)
+        link = links[piece.link]
+        links[piece.link] = replace(link, faces=np.concatenate([link.faces, new]))
+    extra_faces, extra_points = next_face - len(mesh.faces), count - len(mesh.vertices)
+    material = Material("interior", (0.72, 0.66, 0.58, 1.0))
+    colors = uv = None
+    if mesh.colors is not None:
+        plain = np.array([184, 168, 148, 255], np.uint8)
+        colors = np.concatenate([mesh.colors, np.tile(plain, (extra_points, 1))])
+    if mesh.uv is not None:
+        uv = np.concatenate([mesh.uv, np.zeros((extra_points, 2), np.float32)])
+    group = np.full(extra_faces, len(mesh.group_names))
+    extended = Mesh(
+        vertices=np.concatenate(vertices),
+        faces=np.concatenate(faces),
+        materials=(*mesh.materials, material),
+        face_material=np.concatenate(
+            [mesh.face_material, np.full(extra_faces, len(mesh.materials))]
+        ),
+        uv=uv,
+        colors=colors,
+        face_group=np.concatenate([mesh.face_group, group]),
+        group_names=(*mesh.group_names, "interior"),
+    )
+    return replace(articulation, mesh=extended, links=tuple(links))
+
+
+def _join(soups: list[tuple[FloatArray, IntArray]]) -> tuple[FloatArray, IntArray]:
+    offsets = np.cumsum([0] + [len(v) for v, _ in soups[:-1]])
+    faces = np.concatenate([f + o for (_, f), o in zip(soups, offsets)])
+    return np.concatenate([v for v, _ in soups]), faces
+
+
+def _middle(articulation: Articulation) -> FloatArray:
+    return np.asarray(articulation.mesh.bounds.mean(axis=0))

@@ -70,7 +70,7 @@ class _Exporter:
 
     def _body(self, parent: ET.Element, name: str, joint: Any) -> None:
         origin = np.eye(4) if joint is None or joint.origin is None else joint.origin
-        body = ET.SubElement(parent, "body", name=name, **_pose(origin))
+        body = ET.SubElement(parent, "body", {"name": name, **_pose(origin)})
         if joint is not None and joint.type != "fixed":
             self._joint(body, joint)
         link = self.links[name]

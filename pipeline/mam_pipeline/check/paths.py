@@ -166,7 +166,9 @@ class PartPaths:
 
 def _substeps(motion: Motion, values: FloatArray) -> tuple[FloatArray, IntArray]:
     """Joint values from rest, fine enough that chords follow arcs, and where `values` are."""
-    pieces, index, before = [np.zeros(1)], [], 0.0
+    pieces: list[FloatArray] = [np.zeros(1)]
+    index: list[int] = []
+    before = 0.0
     for value in values:
         count = 1
         if motion == "revolute":

@@ -1,0 +1,73 @@
+"""Parts cut from one skin get backs, drawers boxes, bodies compartments; others stay untouched."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from mam_pipeline.asset.interiors import add_interiors
+from mam_pipeline.asset.writer import write_asset
+from mam_pipeline.check import check_asset
+from mam_pipeline.types import Articulation, Joint, Link, Mesh
+
+
+def fused(kind: str) -> Articulation:
+    """A closed block of 0.5 x 0.6 x 0.7 m whose front's middle square is the moving part."""
+    block = trimesh.creation.box(bounds=[[0, -0.3, 0], [0.5, 0.3, 0.7]])
+    for _ in range(5):
+        block = block.subdivide()
+    middle = block.triangles_center
+    front = (
+        (middle[:, 0] < 1e-6) & (np.abs(middle[:, 1]) < 0.2) & (np.abs(middle[:, 2] - 0.35) < 0.2)
+    )
+    links = (
+        Link("body", "body", np.flatnonzero(~front)),
+        Link("part", kind, np.flatnonzero(front)),
+    )
+    edge = float(np.abs(block.vertices[block.faces[front]][..., 1]).max())
+    if kind == "drawer":
+        joint = Joint("j", "prismatic", "slide", 0, 1, np.array([-1.0, 0, 0]),
+                      np.array([0, 0, 0.35]), 0, 0.25, 0, 0.25)  # fmt: skip
+    else:
+        joint = Joint("j", "revolute", "hinge", 0, 1, np.array([0, 0, 1.0]),
+                      np.array([0, -edge, 0.35]), 0, 1.5, 0, 1.5)  # fmt: skip
+    return Articulation(Mesh(block.vertices, block.faces), links, (joint,))
+
+
+@pytest.mark.parametrize("kind", ["drawer", "door"])
+def test_a_cut_part_gets_an_inside_and_runs_free(tmp_path: Path, kind: str) -> None:
+    source = fused(kind)
+    made, notes = add_interiors(source)
+    assert len(notes) == 1 and "assumed" in notes[0]
+    count = len(source.mesh.faces)
+    np.testing.assert_array_equal(made.mesh.faces[:count], source.mesh.faces)
+    part = made.mesh.submesh(made.links[1].faces)
+    depth = part.bounds[1, 0]
+    assert depth > 0.2 if kind == "drawer" else 0.005 < depth < 0.03
+    body = made.mesh.submesh(made.links[0].faces)
+    assert trimesh.Trimesh(body.vertices, body.faces).area > source.mesh.diagonal**2
+    asset = write_asset(source, tmp_path / "a", name="a", interiors=True)
+    assert asset.card.notes == notes
+    report = check_asset(asset.folder)
+    assert report.passed, report.joints
+
+
+def test_without_the_flag_nothing_is_added(tmp_path: Path) -> None:
+    asset = write_asset(fused("drawer"), tmp_path / "a", name="a", interiors=False)
+    assert asset.card.notes == []
+
+
+def test_parts_that_are_bodies_of_their_own_stay_as_they_are() -> None:
+    one = trimesh.creation.box(bounds=[[0, 0, 0], [1, 1, 1]])
+    two = trimesh.creation.box(bounds=[[-0.1, 0, 0], [0, 1, 1]])  # touches, but was never cut
+    whole = trimesh.util.concatenate([one, two])
+    links = (Link("a", "body", np.arange(12)), Link("b", "door", np.arange(12, 24)))
+    joint = Joint(
+        "j", "prismatic", "slide", 0, 1, np.array([-1.0, 0, 0]), np.zeros(3), 0, 0.2, 0, 0.2
+    )
+    source = Articulation(Mesh(whole.vertices, whole.faces), links, (joint,))
+    made, notes = add_interiors(source)
+    assert made is source and notes == []
