@@ -20,7 +20,7 @@ from mam_pipeline.types import FloatArray, JointSubtype, JointType
 STRICT = 0.0045  # deepest crossing allowed, of the diagonal (the check fails at 0.005)
 LENIENT = 0.05  # share of the part's area that may be blocked when the strict rule leaves nothing
 HINGE_CAP = np.pi / 2
-SLIDE_CAP = 0.85  # of the part's extent along the slide: drawers keep some of their rails
+SLIDE_CAP = 0.8  # of the part's extent along the slide: drawers keep some of their rails
 FULL_TURN = 0.01  # blocked share over a whole turn below which a spin is endless
 
 
@@ -128,7 +128,8 @@ def embedded_limits(
         scene: against everything that stands still, siblings included.
         alone: against the same without the siblings: where only a sibling is in the way (a drawer
             behind a closed door) the joint's own range counts.
-        usual: how far such joints go; without it doors go a quarter turn, drawers 0.85 extents.
+        usual: how far such joints go; without it, and for plain doors and drawers, a quarter turn
+            and 0.8 extents.
         given: limits that a person or the reasoner set; they are kept as they are.
     """
     motion: Motion = "prismatic" if subtype == "slide" else "revolute"
@@ -158,9 +159,11 @@ def _open_way(
     extent = float(np.ptp(scene.points @ unit(axis))) if slide else 1.0
     cap, back = (SLIDE_CAP * extent if slide else HINGE_CAP), 0.0
     if usual is not None:
-        cap = float(np.clip(usual.open, 0.02, 2.0 if slide else np.pi)) * extent
-        back = min(usual.back, 2.0 if slide else np.pi) * extent
-        back = back if usual.back > 0.08 else 0.0
+        plain = (0.4, 1.1) if slide else (1.2, 2.2)  # what drawers and doors do: keep to the rule
+        if not plain[0] < usual.open < plain[1]:
+            cap = float(np.clip(usual.open, 0.02, 2.0 if slide else np.pi)) * extent
+        if usual.back > (0.15 if slide else 0.3):  # rest is not the closed pose
+            back = min(usual.back, 2.0 if slide else np.pi) * extent
     if not slide and (subtype == "spin" if usual is None else usual.endless > 0.5):
         endless = _endless(scene, axis, origin)
         if endless is not None:
