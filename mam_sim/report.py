@@ -54,11 +54,11 @@ def _head(asset: Asset) -> str:
 
 def _photo(asset: Asset) -> str:
     folder = asset.folder / "stages" / "0_photo"
-    shown = [(p.stem, p.read_bytes()) for p in sorted(folder.glob("*.png"))]
+    shown = [*folder.glob("a_photo.jpg"), *folder.glob("overlay.png"), *folder.glob("front.png")]
     if not shown:
         return ""
     opened = _png(_views(asset, 1.0, views=((-35.0, 20.0),))[0])
-    figures = "".join(_figure(_data(b), name) for name, b in shown)
+    figures = "".join(_figure(_data(p.read_bytes()), p.stem.removeprefix("a_")) for p in shown)
     return f"<h2>Photo and twin</h2><div class=row>{figures}{_figure(opened, 'opened')}</div>"
 
 
@@ -225,8 +225,9 @@ def _png(picture: Picture) -> str:
     return _data(buffer.getvalue())
 
 
-def _data(png: bytes) -> str:
-    return "data:image/png;base64," + base64.b64encode(png).decode()
+def _data(picture: bytes) -> str:
+    kind = "png" if picture[:4] == b"\x89PNG" else "jpeg"
+    return f"data:image/{kind};base64," + base64.b64encode(picture).decode()
 
 
 def _figure(source: str, label: str) -> str:
