@@ -70,7 +70,7 @@ def _link_shapes(
     if not parts:
         return []
     diagonal = articulation.mesh.diagonal
-    space = _Space(parts, TOLERANCE * diagonal, diagonal)
+    space = _Space(parts, TOLERANCE * diagonal, diagonal, path)
     began = time.process_time()
     soups = _first_soups(parts, max(max_pieces // 2, 1), diagonal)
     chunks = decompose(soups, space.empty, max_pieces, seconds - (time.process_time() - began))
@@ -87,12 +87,20 @@ def _link_shapes(
 class _Space:
     """Free space around one link: away from its surface and outside its closed pieces."""
 
-    def __init__(self, parts: list[Component], tolerance: float, diagonal: float) -> None:
+    def __init__(
+        self, parts: list[Component], tolerance: float, diagonal: float, path: FloatArray
+    ) -> None:
         self.tolerance = tolerance
         triangles = np.concatenate([p.triangles for p in parts])
         vertices, faces, _ = weld(triangles, 1e-5 * diagonal)
         self.scene = RayScene(vertices, faces)
         self.solid = Solid(parts)
+        if (
+            len(path)
+            and int(self.solid.contains(path[self.scene.distance(path) > tolerance]).sum()) > 8
+        ):
+            # something moves in there, so the open pieces are a skin and no solid
+            self.solid = Solid([p for p in parts if p.closed])
 
     def empty(self, points: FloatArray) -> NDArray[np.bool_]:
         far = self.scene.distance(points) > self.tolerance

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from mam_pipeline.asset.dynamics import carried_links
+from mam_pipeline.asset.surface import hull_of
 from mam_pipeline.check.model import CheckModel, Hull
 from mam_pipeline.check.paths import SAMPLES, Motion, PartPaths, motion_points
 from mam_pipeline.check.thresholds import THRESHOLDS, Thresholds
 from mam_pipeline.geometry.raycast import RayScene
-from mam_pipeline.geometry.sampling import sample_surface
+from mam_pipeline.geometry.sampling import sample_surface, unit
 from mam_pipeline.types import FloatArray, IntArray, Joint, Mesh
 
 STEPS = 10
@@ -119,6 +120,8 @@ class _Sweep:
         joint = self.joint
         if self.motion == "prismatic":
             return None
+        if self.joint.type == "continuous":
+            return self._hub_gap()
         parent = self._faces_of([joint.parent])
         if not len(parent):
             parent = self.static
@@ -142,6 +145,24 @@ class _Sweep:
             # mounts may sit at the ends alone: a fifth of the line must lie on each body
             worst = max(worst, float(np.quantile(distance, 0.2)))
         return worst / self.diagonal
+
+    def _hub_gap(self) -> float:
+        """How far the axis of a part that turns round and round misses the part's own hull.
+
+        A drum or a wheel is hollow where its axis runs, so its surface says nothing.
+        """
+        corners = self.mesh.vertices[np.unique(self.mesh.faces[self.part])]
+        spots = self.joint.origin + (
+            (corners.mean(axis=0) - self.joint.origin) @ self.joint.axis
+        ) * (self.joint.axis)
+        hull = hull_of(corners)
+        if hull is None:
+            return 0.0
+        vertices, faces = hull
+        a, b, c = (vertices[faces[:, k]] for k in range(3))
+        normals = unit(np.cross(b - a, c - a))
+        outside = float((np.einsum("ij,ij->i", normals, spots - a)).max())
+        return max(outside, 0.0) / self.diagonal
 
     def _faces_of(self, links: list[int]) -> IntArray:
         return np.concatenate([self.model.articulation.links[i].faces for i in links])

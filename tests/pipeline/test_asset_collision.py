@@ -1,0 +1,91 @@
+"""Collision pieces cover the surface, keep cavities free, and are simple where parts are simple."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from mam_pipeline.asset.collision import MAX_HULL_POINTS, collision_shapes
+from mam_pipeline.geometry.sampling import sample_surface
+from mam_pipeline.types import Articulation, CollisionShape, Link, Mesh
+
+
+def single(solid: trimesh.Trimesh) -> Articulation:
+    mesh = Mesh(solid.vertices, solid.faces)
+    return Articulation(mesh, (Link("a", "body", np.arange(len(solid.faces))),), ())
+
+
+def as_mesh(shape: CollisionShape) -> trimesh.Trimesh:
+    if shape.kind == "box":
+        return trimesh.creation.box(shape.size, transform=shape.pose)
+    if shape.kind == "cylinder":
+        return trimesh.creation.cylinder(shape.size[0], shape.size[1], 48, transform=shape.pose)
+    return trimesh.Trimesh(shape.vertices, shape.faces)
+
+
+def open_box(wall: float = 0.02) -> trimesh.Trimesh:
+    outer = trimesh.creation.box(bounds=[[0, 0, 0], [0.6, 0.4, 0.5]])
+    inner = trimesh.creation.box(bounds=[[wall, wall, wall], [0.6 - wall, 0.4 - wall, 0.6]])
+    return trimesh.boolean.difference([outer, inner], engine="manifold")
+
+
+def test_a_turned_box_is_one_box() -> None:
+    turn = trimesh.transformations.rotation_matrix(0.5, [1, 2, 3])
+    (shape,) = collision_shapes(single(trimesh.creation.box([0.2, 0.3, 0.5], transform=turn)))["a"]
+    assert shape.kind == "box"
+    assert np.sort(shape.size) == pytest.approx([0.2, 0.3, 0.5], abs=1e-6)
+    assert np.linalg.det(shape.pose[:3, :3]) == pytest.approx(1.0)
+
+
+def test_a_cylinder_is_a_cylinder_and_a_ball_a_small_hull() -> None:
+    (shape,) = collision_shapes(single(trimesh.creation.cylinder(0.1, 0.4, 48)))["a"]
+    assert shape.kind == "cylinder"
+    assert shape.size[:2] == pytest.approx([0.1, 0.4], rel=0.02)
+    (shape,) = collision_shapes(single(trimesh.creation.icosphere(4, 0.1)))["a"]
+    assert shape.kind == "convex" and len(shape.vertices) <= MAX_HULL_POINTS
+    assert len(shape.faces) <= 64
+
+
+def test_a_sheet_gets_a_thickness() -> None:
+    sheet = trimesh.Trimesh(
+        [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]], process=False
+    )
+    (shape,) = collision_shapes(single(sheet))["a"]
+    assert shape.kind == "box" and shape.size.min() >= 0.001
+
+
+def test_an_open_box_keeps_its_cavity() -> None:
+    solid = open_box()
+    shapes = collision_shapes(single(solid))["a"]
+    assert 5 <= len(shapes) <= 8
+    volume = sum(as_mesh(s).volume for s in shapes)
+    assert volume == pytest.approx(solid.volume, rel=0.15)
+    inside = np.random.default_rng(0).uniform([0.03, 0.03, 0.03], [0.57, 0.37, 0.5], (500, 3))
+    for shape in shapes:
+        assert not as_mesh(shape).contains(inside).any()
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4])
+def test_pieces_cover_the_surface(turn: float) -> None:
+    solid = trimesh.util.concatenate([open_box(), trimesh.creation.torus(0.15, 0.03, 24, 12)])
+    solid.apply_transform(trimesh.transformations.rotation_matrix(turn, [0, 0, 1]))
+    articulation = single(solid)
+    pieces = collision_shapes(articulation)["a"]
+    assert len(pieces) <= 32
+    points = sample_surface(articulation.mesh.vertices, articulation.mesh.faces, 2000).points
+    distance = np.full(len(points), np.inf)
+    for shape in pieces:
+        body = as_mesh(shape)
+        near = np.abs(trimesh.proximity.closest_point(body, points)[1])
+        near[body.contains(points)] = 0.0
+        distance = np.minimum(distance, near)
+    assert (distance < 0.01 * articulation.mesh.diagonal).mean() >= 0.98
+
+
+def test_the_same_input_gives_the_same_pieces() -> None:
+    one, two = (collision_shapes(single(open_box()))["a"] for _ in range(2))
+    assert len(one) == len(two)
+    for a, b in zip(one, two):
+        np.testing.assert_array_equal(a.pose, b.pose)
+        np.testing.assert_array_equal(a.vertices, b.vertices)
