@@ -13,11 +13,13 @@ from gymnasium.envs.registration import WrapperSpec as _WrapperSpec
 ENV_ID = "mam_envs:OperateJoint-v1"
 MAX_EPISODE_STEPS = 200
 
+VECTOR_ID = "mam_envs:OperateJointVec-v1"
+"""For gym.make_vec, which refuses ids with extra wrappers such as ManiSkill's batched time limit."""
+
 if "OperateJoint-v1" not in _gym.registry:
     _gym.register(
         "OperateJoint-v1",
         entry_point="mam_envs.env:OperateJointEnv",
-        vector_entry_point="mam_envs.env:make_vector",
         max_episode_steps=MAX_EPISODE_STEPS,
         disable_env_checker=True,
         additional_wrappers=(
@@ -27,6 +29,11 @@ if "OperateJoint-v1" not in _gym.registry:
                 kwargs={"max_episode_steps": MAX_EPISODE_STEPS},
             ),
         ),
+    )
+    _gym.register(
+        "OperateJointVec-v1",
+        vector_entry_point="mam_envs.env:make_vector",
+        max_episode_steps=MAX_EPISODE_STEPS,
     )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import sapien
 import torch
+from gymnasium.utils import seeding
 from mani_skill.envs.sapien_env import BaseEnv
 from mani_skill.utils import common
 from mani_skill.utils.geometry.rotation_conversions import matrix_to_quaternion
@@ -99,6 +100,7 @@ class OperateJointEnv(BaseEnv):
         reward: Mapping[str, Any] | None = None,
         world: Mapping[str, Any] | None = None,
         judge: Mapping[str, Any] | None = None,
+        exact: bool = True,
         num_envs: int = 1,
         reconfiguration_freq: int | None = None,
         obs_mode: str | None = None,
@@ -119,6 +121,9 @@ class OperateJointEnv(BaseEnv):
                 to its reach.
             config: EnvConfig, mapping or YAML file; randomisation, reward, world (scene) and
                 judge (task) override single settings of it.
+            exact: a reset with a seed rebuilds the scene (0.2 s and more, CPU only), so that the
+                same seed gives the same trajectory bit for bit; PhysX remembers contacts of the
+                episode before otherwise. Resets without a seed never rebuild.
             render_backend: auto | none | cpu | gpu ...; auto renders only what is asked for.
 
         Raises:
@@ -139,6 +144,7 @@ class OperateJointEnv(BaseEnv):
         if len({len(item.goals) for item in self.layouts}) > 1:
             raise ConfigError("all assets need the same number of joints in a sequence")
         self._chosen = [0] * num_envs
+        self._exact = exact
         if reconfiguration_freq is None:
             reconfiguration_freq = 1 if num_envs == 1 and len(self.layouts) > 1 else 0
         vulkan.prepare()
@@ -272,6 +278,17 @@ class OperateJointEnv(BaseEnv):
         self._probe = ContactProbe(self, hand, self.targets, parts)
 
     # -- episodes --------------------------------------------------------------------------
+    def reset(self, seed: Any = None, options: dict | None = None) -> Any:
+        """ManiSkill's reset; see `exact` in the constructor for seeds."""
+        chosen = dict(options or {})
+        if seed is not None:  # gymnasium's own generator; ManiSkill draws from batched ones
+            first = int(np.ravel(seed)[0])
+            self._np_random, self._np_random_seed = seeding.np_random(first)
+        rebuild = self._exact and seed is not None and self.num_envs == 1
+        if rebuild and self.scene is not None and "reset_to_env_states" not in chosen:
+            chosen.setdefault("reconfigure", not self.gpu_sim_enabled)
+        return super().reset(seed=seed, options=chosen)
+
     def _initialize_episode(self, env_idx: torch.Tensor, options: dict) -> None:
         spec = self.robot_spec
         names = [j.name for j in self.agent.robot.active_joints]
@@ -521,11 +538,12 @@ def _pose(matrix: np.ndarray, device: torch.device) -> Pose:
     return Pose.create_from_pq(m[:, :3, 3], matrix_to_quaternion(m[:, :3, :3]))
 
 
-def make_vector(**kwargs: Any) -> ManiSkillVectorEnv:
+def make_vector(max_episode_steps: int | None = None, **kwargs: Any) -> ManiSkillVectorEnv:
     """Vector entry point for gym.make_vec: sub-scenes of one simulation."""
     import gymnasium as gym
 
-    return ManiSkillVectorEnv(gym.make(ENV_ID, **kwargs))
+    limit = MAX_STEPS if max_episode_steps is None else max_episode_steps
+    return ManiSkillVectorEnv(gym.make(ENV_ID, max_episode_steps=limit, **kwargs))
 
 
 # ManiSkill's own tools (replay, recording) look environments up here

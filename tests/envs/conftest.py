@@ -1,100 +1,11 @@
-"""Two small asset folders of boxes whose joints are known exactly: a drawer and a door."""
+"""Session fixtures: a drawer and a door made of boxes."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
-
-from mam_pipeline.asset.card import AssetCard, CardGrasp, CardJoint, CardPart
-
-WALL = 0.015
-Box = tuple[tuple[float, float, float], tuple[float, float, float]]  # centre, size
-
-
-def _link(name: str, boxes: list[Box], at: np.ndarray, mass: float) -> str:
-    rows = []
-    for k, (centre, size) in enumerate(boxes):
-        xyz = " ".join(f"{c - o:.6f}" for c, o in zip(centre, at))
-        shape = f'<origin xyz="{xyz}"/><geometry><box size="{size[0]} {size[1]} {size[2]}"/>'
-        rows.append(f'<visual name="v{k}">{shape}</geometry></visual>')
-        rows.append(f"<collision>{shape}</geometry></collision>")
-    middle = np.mean([b[0] for b in boxes], axis=0) - at
-    inertia = 'ixx="0.02" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"'
-    rows.append(
-        f'<inertial><origin xyz="{middle[0]} {middle[1]} {middle[2]}"/>'
-        f'<mass value="{mass}"/><inertia {inertia}/></inertial>'
-    )
-    return f'<link name="{name}">{"".join(rows)}</link>'
-
-
-def _carcass(d: float, w: float, h: float) -> list[Box]:
-    t = WALL
-    return [
-        ((d / 2 - t / 2, 0, h / 2), (t, w, h)),
-        ((0, w / 2 - t / 2, h / 2), (d, t, h)),
-        ((0, -w / 2 + t / 2, h / 2), (d, t, h)),
-        ((0, 0, t / 2), (d, w - 2 * t, t)),
-        ((0, 0, h - t / 2), (d, w - 2 * t, t)),
-    ]
-
-
-def write_asset(folder: Path, kind: str) -> Path:
-    """Write a "drawer" or "door" asset: carcass 0.36 x 0.36 x 0.4 m, bar handle in front."""
-    d, w, h, t = 0.36, 0.36, 0.4, WALL
-    front = -d / 2
-    folder.mkdir(parents=True)
-    if kind == "drawer":
-        gap = 0.006
-        inner = w - 2 * t - 2 * gap
-        z0, z1 = t + gap, h - t - gap
-        boxes: list[Box] = [
-            ((front + t / 2, 0, (z0 + z1) / 2), (t, inner, z1 - z0)),
-            ((0, 0, z0 + t / 2), (d - 0.06, inner, t)),
-            ((front - 0.04, 0, 0.2), (0.012, 0.14, 0.012)),
-            ((front - 0.02, 0.06, 0.2), (0.04, 0.012, 0.012)),
-            ((front - 0.02, -0.06, 0.2), (0.04, 0.012, 0.012)),
-        ]
-        axis, origin, kind_, sub, upper = (-1, 0, 0), (0, 0, 0.2), "prismatic", "slide", 0.25
-        grasp = CardGrasp(
-            "joint_1", "part_1", "handle", [front - 0.04, 0, 0.2], [1, 0, 0], [0, 0, 1], 0.012
-        )
-    else:
-        boxes = [
-            ((front - t / 2 - 0.002, 0, h / 2), (t, w, h)),
-            ((front - 0.055, -0.13, 0.2), (0.012, 0.012, 0.14)),
-            ((front - 0.035, -0.13, 0.26), (0.04, 0.012, 0.012)),
-            ((front - 0.035, -0.13, 0.14), (0.04, 0.012, 0.012)),
-        ]
-        # hinge on the left side seen from the front (+y); positive q swings the door towards -x
-        axis, origin = (0, 0, -1), (front - 0.002, w / 2, 0.2)
-        kind_, sub, upper = "revolute", "hinge", np.pi / 2
-        grasp = CardGrasp(
-            "joint_1", "part_1", "handle", [front - 0.055, -0.13, 0.2], [1, 0, 0], [0, 1, 0], 0.012
-        )
-    at = np.array(origin, dtype=float)
-    urdf = (
-        f'<robot name="{kind}">{_link("base", _carcass(d, w, h), np.zeros(3), 5.0)}'
-        f"{_link('part_1', boxes, at, 1.0)}"
-        f'<joint name="joint_1" type="{kind_}"><origin xyz="{at[0]} {at[1]} {at[2]}"/>'
-        f'<axis xyz="{axis[0]} {axis[1]} {axis[2]}"/><parent link="base"/><child link="part_1"/>'
-        f'<limit lower="0" upper="{upper}" effort="50" velocity="2"/></joint></robot>'
-    )
-    (folder / "object.urdf").write_text(urdf, encoding="utf-8")
-    joint = CardJoint(
-        "joint_1", kind_, sub, "base", "part_1", list(axis), list(origin), 0.0, float(upper),
-        0.0, float(upper), damping=0.5, friction=0.1,
-    )
-    card = AssetCard(
-        name=f"box_{kind}",
-        parts=[CardPart("base", "body", "body", mass=5.0), CardPart("part_1", kind, kind, mass=1.0)],
-        joints=[joint],
-        grasps=[grasp],
-        bounds=[[-0.25, -0.18, 0.0], [0.18, 0.18, 0.4]],
-    )
-    card.save(folder)
-    return folder
+from tests.envs.box_assets import write_asset
 
 
 @pytest.fixture(scope="session")

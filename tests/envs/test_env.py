@@ -1,0 +1,182 @@
+"""OperateJoint-v1: resets, idle steps, success by contact only, seeding, gymnasium's rules."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch
+from gymnasium.utils.env_checker import check_env
+
+import mam_envs
+from mam_envs import vulkan
+from mam_envs.reach import PlacementError
+from mam_pipeline.errors import BackendError, ConfigError, InputError
+
+
+@pytest.fixture(scope="module")
+def env(drawer: Path) -> Iterator[Any]:
+    made = gym.make(mam_envs.ENV_ID, asset=drawer, control_mode="pd_joint_pos", reward_mode="dense")
+    yield made
+    made.close()
+
+
+def hold(env: Any) -> np.ndarray:
+    """The action that keeps the arm where it is."""
+    base = env.unwrapped
+    return base.robot_spec.action(base.situation().arm, base.robot_spec.opened)
+
+
+def test_reset_is_sane_and_idle_steps_move_nothing(env: Any) -> None:
+    for seed in range(3):
+        _, info = env.reset(seed=seed)
+        base = env.unwrapped
+        assert not bool(info["success"][0]) and float(info["open_fraction"][0]) == 0.0
+        assert float(base.agent.robot.get_qvel().abs().max()) == 0.0
+        action = hold(env)
+        for _ in range(20):
+            _, _, _, _, info = env.step(action)
+        assert abs(float(info["open_fraction"][0])) < 0.01
+        assert float(info["contact_force"][0]) == 0.0
+
+
+def test_the_state_vector_is_described(env: Any) -> None:
+    obs, info = env.reset(seed=0)
+    layout = env.unwrapped.observation_layout()
+    assert layout[-1][2] == obs.shape[1]
+    start, stop = next(r[1:3] for r in layout if r[0].endswith("handle_position"))
+    want = env.unwrapped.handle_position()[0]
+    torch.testing.assert_close(obs[0, start:stop], want)
+    hidden = [r[3] for r in layout]
+    assert hidden == sorted(hidden)  # privileged entries come last
+
+
+def test_what_opens_by_itself_is_no_success(env: Any) -> None:
+    env.reset(seed=0)
+    base = env.unwrapped
+    action = hold(env)
+    q = base.object.get_qpos()
+    for value in np.linspace(0.02, 0.24, 12):
+        base.object.set_qpos(torch.full_like(q, float(value)))
+        base.object.set_qvel(torch.zeros_like(q))
+        _, reward, _, _, info = env.step(action)
+    assert float(info["progress"][0]) > 1.0
+    assert not bool(info["by_contact"][0]) and not bool(info["success"][0])
+    assert float(info["reward/untouched_motion"][0]) < 0
+
+
+def test_reward_is_the_sum_of_its_named_terms(env: Any) -> None:
+    env.reset(seed=0)
+    env.action_space.seed(0)
+    for _ in range(5):
+        _, reward, _, _, info = env.step(env.action_space.sample())
+        terms = sum(v for k, v in info.items() if k.startswith("reward/"))
+        torch.testing.assert_close(reward, terms)
+
+
+def test_same_seed_same_trajectory(env: Any) -> None:
+    def roll() -> list[torch.Tensor]:
+        obs, _ = env.reset(seed=7)
+        env.action_space.seed(7)
+        return [obs, *(env.step(env.action_space.sample())[0] for _ in range(30))]
+
+    first, second = roll(), roll()
+    for a, b in zip(first, second):
+        assert torch.equal(a, b)
+    other, _ = env.reset(seed=8)
+    assert not torch.equal(first[0], other)
+
+
+def test_randomised_dynamics_reach_the_simulator(drawer: Path) -> None:
+    made = mam_envs.make(
+        drawer, randomisation={"mass": [2.0, 2.0], "friction": [3.0, 3.0], "start": [0.1, 0.3]}
+    )
+    made.reset(seed=0)
+    base = made.unwrapped
+    part = base._objects[0].links_map["part_1"]._objs[0]
+    assert part.mass == pytest.approx(2.0)
+    assert base._objects[0].active_joints[0]._objs[0].force_limit == pytest.approx(0.3)
+    assert 0.1 <= float(base.open_fraction()[0]) <= 0.3
+    made.close()
+
+
+def test_gymnasium_and_sb3_accept_it(drawer: Path) -> None:
+    from mani_skill.utils.wrappers.gymnasium import CPUGymWrapper
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
+
+    made = CPUGymWrapper(mam_envs.make(drawer, control_mode="pd_joint_delta_pos"))
+    made.unwrapped.spec = None  # ManiSkill's wrappers cannot be rebuilt from a spec
+    check_env(made, skip_render_check=True)
+    vector = VecMonitor(DummyVecEnv([lambda: made]), info_keywords=("success",))
+    vector.reset()
+    for _ in range(3):
+        obs, reward, _, _ = vector.step(np.stack([vector.action_space.sample()]))
+    assert obs.dtype == np.float32 and np.isfinite(reward).all()
+    vector.close()
+
+
+def test_make_vec_and_time_limit(drawer: Path) -> None:
+    vector = gym.make_vec(mam_envs.VECTOR_ID, num_envs=1, asset=drawer, max_episode_steps=3)
+    vector.reset(seed=0)
+    for _ in range(3):
+        _, _, _, truncated, _ = vector.step(np.zeros(vector.action_space.shape, np.float32))
+    assert bool(np.asarray(truncated).all())
+    vector.close()
+
+
+def test_episodes_are_recorded(drawer: Path, tmp_path: Path) -> None:
+    import h5py
+    from mani_skill.utils.wrappers.record import RecordEpisode
+
+    made = RecordEpisode(
+        mam_envs.make(drawer, control_mode="pd_joint_delta_pos"),
+        str(tmp_path), save_video=False, source_type="test", source_desc="test",
+    )  # fmt: skip
+    made.reset(seed=0)
+    for _ in range(4):
+        made.step(made.action_space.sample())
+    made.close()
+    file = next(tmp_path.glob("*.h5"))
+    with h5py.File(file) as data:
+        assert data["traj_0/actions"].shape[0] == 4
+
+
+def test_several_assets_take_turns(drawer: Path, door: Path) -> None:
+    made = mam_envs.make([drawer, door])
+    seen = set()
+    for seed in range(6):
+        made.reset(seed=seed)
+        seen.add(made.unwrapped.layout().model.asset.card.name)
+    assert seen == {"box_drawer", "box_door"}
+    made.close()
+
+
+def test_errors_say_what_to_do(drawer: Path, tmp_path: Path, monkeypatch: Any) -> None:
+    with pytest.raises(InputError, match=r"no asset\.json"):
+        mam_envs.make(tmp_path)
+    with pytest.raises(ConfigError, match="did you mean 'joint_1'"):
+        mam_envs.make(drawer, joint="joint_9")
+    with pytest.raises(PlacementError, match="reach|stand"):
+        mam_envs.make(drawer, scale=5.0)
+    monkeypatch.setattr(vulkan, "vulkan_ok", lambda: False)
+    with pytest.raises(BackendError, match="no Vulkan device was found"):
+        mam_envs.make(drawer, obs_mode="rgb")
+
+
+@pytest.mark.display
+@pytest.mark.skipif(not vulkan.vulkan_ok(), reason="no Vulkan device to render with")
+def test_cameras_see_the_scene(drawer: Path) -> None:
+    made = mam_envs.make(
+        drawer, obs_mode="rgb+depth+segmentation",
+        world={"cameras": {"front": {"width": 64, "height": 48}}, "wall": False},
+    )  # fmt: skip
+    obs, _ = made.reset(seed=0)
+    data = obs["sensor_data"]["front"]
+    assert data["rgb"].shape == (1, 48, 64, 3) and float(data["rgb"].float().std()) > 5
+    assert len(torch.unique(data["segmentation"])) > 3
+    assert "privileged" not in obs["extra"]
+    made.close()

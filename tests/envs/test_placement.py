@@ -1,0 +1,107 @@
+"""Goals, holds and places: what is asked of a joint, and refusals that say why."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mam_envs.objects import ObjectModel
+from mam_envs.placement import object_pose, place
+from mam_envs.reach import PlacementError, holds, tool_path
+from mam_envs.robots import robot_spec
+from mam_envs.spec import EnvConfig, RandomisationConfig, TaskConfig, joint_goal
+from mam_pipeline.asset.card import Asset
+from mam_pipeline.errors import ConfigError, NotPhysicalError
+
+
+def model_of(folder: Path, scale: float = 1.0) -> ObjectModel:
+    return ObjectModel.load(Asset.load(folder), scale)
+
+
+def edited(folder: Path, to: Path, **grasp: object) -> Path:
+    shutil.copytree(folder, to)
+    card = json.loads((to / "asset.json").read_text())
+    card["grasps"][0].update(grasp)
+    (to / "asset.json").write_text(json.dumps(card))
+    return to
+
+
+def test_goals_follow_the_task(drawer: Path) -> None:
+    model = model_of(drawer)
+    opening = joint_goal(model, None, None, TaskConfig())
+    assert (opening.task, opening.q_start) == ("open", 0.0)
+    assert opening.q_goal == pytest.approx(0.75 * 0.25)
+    closing = joint_goal(model, "joint_1", "close", TaskConfig())
+    assert closing.q_start == pytest.approx(0.15) and closing.q_goal == pytest.approx(0.015)
+    turning = joint_goal(model, "joint_1", "turn_to", TaskConfig(value=0.1))
+    assert turning.q_goal == pytest.approx(0.1) and turning.tolerance > 0
+
+
+def test_goals_scale_with_the_object(drawer: Path) -> None:
+    small = joint_goal(model_of(drawer, 0.5), None, "open", TaskConfig())
+    assert small.q_goal == pytest.approx(0.5 * 0.75 * 0.25)
+
+
+def test_unknown_names_are_errors(drawer: Path) -> None:
+    with pytest.raises(ConfigError, match="no joint named 'joint_2'; did you mean 'joint_1'"):
+        joint_goal(model_of(drawer), "joint_2", None, TaskConfig())
+    with pytest.raises(ConfigError, match="no task named 'opem'; did you mean 'open'"):
+        joint_goal(model_of(drawer), None, "opem", TaskConfig())
+    with pytest.raises(ConfigError, match="'fractoin'; did you mean 'fraction'"):
+        EnvConfig.make({"task": {"fractoin": 0.5}})
+
+
+def test_the_tool_stays_on_the_handle(door: Path) -> None:
+    model = model_of(door)
+    goal = joint_goal(model, None, "open", TaskConfig())
+    hold = holds(model, goal, robot_spec("panda"))[0]
+    q = np.linspace(0, 1.2, 5)
+    path = tool_path(model, goal, hold, q)
+    in_part = np.linalg.inv(model.kinematics.link_poses({"joint_1": q})["part_1"]) @ path
+    for pose in in_part:
+        np.testing.assert_allclose(pose, in_part[0], atol=1e-9)
+
+
+def test_a_place_serves_displaced_objects(drawer: Path) -> None:
+    model = model_of(drawer)
+    goal = joint_goal(model, None, "open", TaskConfig())
+    found = place(model, (goal,), robot_spec("panda"), RandomisationConfig())
+    assert found.robust >= 0.75
+    np.testing.assert_allclose(found.base[2, :3], [0, 0, 1])
+    chain = robot_spec("panda").chain
+    rotation, position, _ = chain.forward(found.path.follow)
+    world = position @ found.base[:3, :3].T + found.base[:3, 3]
+    wanted = object_pose(model, found.object_height, (0, 0), 0) @ tool_path(
+        model, goal, found.path.hold, found.path.q
+    )
+    np.testing.assert_allclose(world, wanted[:, :3, 3], atol=0.008)
+    assert (found.path.follow >= chain.limits[:, 0]).all()
+
+
+def test_refusals_name_the_reason(drawer: Path, tmp_path: Path) -> None:
+    robot = robot_spec("panda")
+
+    def refuse(folder: Path) -> None:
+        model = model_of(folder)
+        goal = joint_goal(model, None, "open", TaskConfig())
+        place(model, (goal,), robot, RandomisationConfig())
+
+    with pytest.raises(PlacementError, match=r"20\.0 cm wide; panda opens to 7\.8 cm"):
+        refuse(edited(drawer, tmp_path / "wide", width=0.2))
+    with pytest.raises(PlacementError, match="out of reach|nowhere to stand"):
+        refuse(edited(drawer, tmp_path / "high", position=[-0.2, 0, 4.0]))
+    heavy = edited(drawer, tmp_path / "heavy")
+    card = json.loads((heavy / "asset.json").read_text())
+    card["joints"][0]["friction"] = 500.0
+    (heavy / "asset.json").write_text(json.dumps(card))
+    with pytest.raises(PlacementError, match="too heavy: it needs 500 N"):
+        refuse(heavy)
+    card["grasps"] = []
+    (heavy / "asset.json").write_text(json.dumps(card))
+    with pytest.raises(PlacementError, match="offers nothing to hold"):
+        refuse(heavy)
+    assert issubclass(PlacementError, NotPhysicalError)

@@ -1,0 +1,20 @@
+"""Session fixtures: a drawer and a door made of boxes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from tests.envs.box_assets import write_asset
+
+
+@pytest.fixture(scope="session")
+def drawer(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Asset folder of a drawer that slides 0.25 m towards -x."""
+    return write_asset(tmp_path_factory.mktemp("assets") / "drawer", "drawer")
+
+
+@pytest.fixture(scope="session")
+def door(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Asset folder of a door that swings 90 degrees about a vertical hinge."""
+    return write_asset(tmp_path_factory.mktemp("assets") / "door", "door")

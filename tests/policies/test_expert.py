@@ -1,0 +1,70 @@
+"""The expert opens box assets, watches the joint, and says why it fails."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mam_envs
+from mam_pipeline.errors import ConfigError
+from mam_policies.expert import Expert, run_episode
+
+
+@pytest.mark.parametrize("kind", ["drawer", "door"])
+def test_it_opens_by_contact(kind: str, request: pytest.FixtureRequest) -> None:
+    env = mam_envs.make(request.getfixturevalue(kind), control_mode="pd_joint_pos")
+    expert = Expert(env)
+    episodes = [run_episode(env, expert, seed=s) for s in (1, 2, 3)]
+    assert sum(e.success for e in episodes) >= 2
+    best = next(e for e in episodes if e.success)
+    assert best.reason == "" and best.open_fraction >= 0.74
+    env.close()
+
+
+def test_it_closes_and_takes_delta_actions(drawer: Path) -> None:
+    env = mam_envs.make(drawer, task="close", control_mode="pd_joint_delta_pos")
+    episode = run_episode(env, Expert(env), seed=0, record=True)
+    assert episode.success and episode.open_fraction < 0.1
+    actions = np.stack(episode.records["action"])
+    assert actions.shape[1] == 8 and np.abs(actions).max() <= 1.0
+    env.close()
+
+
+def test_plans_keep_limits_and_speeds(drawer: Path) -> None:
+    env = mam_envs.make(drawer, control_mode="pd_joint_pos")
+    env.reset(seed=4)
+    expert = Expert(env)
+    expert.reset()
+    plan, robot = expert.plan, env.unwrapped.robot_spec  # type: ignore[attr-defined]
+    assert list(dict.fromkeys(plan.phase)) == ["move", "approach", "close", "follow", "settle"]
+    limits = robot.chain.limits
+    assert (plan.arm >= limits[:, 0] - 1e-6).all() and (plan.arm <= limits[:, 1] + 1e-6).all()
+    assert np.abs(np.diff(plan.arm, axis=0)).max() <= 1.3 * robot.step
+    assert len(plan) == len(plan.gripper) == len(plan.expected)
+    env.close()
+
+
+def test_a_stuck_joint_is_reported(drawer: Path) -> None:
+    env = mam_envs.make(drawer, control_mode="pd_joint_pos")
+    expert = Expert(env, attempts=1)
+    env.reset(seed=0)
+    expert.reset()
+    joint = env.unwrapped._objects[0].active_joints[0]._objs[0]  # type: ignore[attr-defined]
+    joint.set_drive_properties(1e6, 1e4)  # somebody holds the drawer shut
+    info = {}
+    while expert.phase != "done":
+        _, _, _, truncated, info = env.step(expert.act())
+        if bool(truncated[0]):
+            break
+    assert not bool(info["success"][0])
+    assert "slipped" in expert.reason or "stopped" in expert.reason or "contact" in expert.reason
+    env.close()
+
+
+def test_it_refuses_control_modes_without_joint_targets(drawer: Path) -> None:
+    env = mam_envs.make(drawer, control_mode="pd_ee_delta_pose")
+    with pytest.raises(ConfigError, match="pd_joint_pos or pd_joint_delta_pos"):
+        Expert(env)
+    env.close()
