@@ -11,7 +11,7 @@ import numpy as np
 from mam_pipeline.geometry.frames import ObjectFrame, estimate_frame
 from mam_pipeline.joints.context import part_context
 from mam_pipeline.joints.features import Hypothesis, enumerate_hypotheses, part_features
-from mam_pipeline.joints.ranker import KINDS, rank, usual_reach
+from mam_pipeline.joints.ranker import KINDS, rank, settle, usual_reach
 from mam_pipeline.types import FloatArray, IntArray, JointCandidate, JointSubtype, Mesh
 
 
@@ -57,7 +57,9 @@ def rank_hypotheses(
     p_fixed, p_slide, p_turn = (float(p) for p in ranking.kind)
     out = [
         _candidate(h, float(p), p_turn, float(s), part)
-        for h, p, s in zip(lines, ranking.line, ranking.line_side)
+        for h, p, s in zip(
+            lines, settle(lines, ranking.line, context.diagonal), ranking.line_side
+        )
     ] + [
         _candidate(h, float(p), p_slide, float(s), part)
         for h, p, s in zip(slides, ranking.slide, ranking.slide_side)

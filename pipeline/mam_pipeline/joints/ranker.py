@@ -196,6 +196,42 @@ def rank(part: FloatArray, hypotheses: Sequence[Hypothesis], *, rules: bool = Fa
     )
 
 
+NEAR = 0.05  # parallel lines closer than this (of the diagonal) are the same answer to the model
+ALIKE = 0.35  # share of the best line's probability that makes another one as good
+
+
+def settle(hypotheses: Sequence[Hypothesis], p: FloatArray, diagonal: float) -> FloatArray:
+    """Decide between nearly the same lines by geometry, so that noise in the scores does not.
+
+    Among the parallel neighbours of the best line that are nearly as probable, the one that runs
+    freely and lies closest to both bodies takes the best one's probability, and gives it its own.
+
+    Args:
+        hypotheses: the n lines. p: (n,) their probabilities. diagonal: of the object.
+    """
+    if len(p) < 2:
+        return p
+    best = int(np.argmax(p))
+    top = hypotheses[best]
+    names = {n: i for i, n in enumerate(LINE_NAMES)}
+    winner, least = best, np.inf
+    for i, h in enumerate(hypotheses):
+        offset = h.origin - top.origin
+        offset = offset - (offset @ top.axis) * top.axis
+        near = abs(float(h.axis @ top.axis)) > 0.995 and np.linalg.norm(offset) < NEAR * diagonal
+        if h.spin != top.spin or not near or p[i] < ALIKE * p[best]:
+            continue
+        f = h.features
+        gap = float(f[names["line_part"]] + f[names["line_static"]])
+        blocked = float(f[names["free_30"]] + f[names["free_60"]] + f[names["free_90"]])
+        cost = gap + 0.2 * blocked
+        if cost < least - 0.002:
+            winner, least = i, cost
+    out = p.copy()
+    out[best], out[winner] = p[winner], p[best]
+    return out
+
+
 def _side(booster: Any, rows: FloatArray) -> FloatArray:
     """+1 or -1 (n,): keep or turn the opening direction of each hypothesis."""
     if booster is None or not len(rows):
