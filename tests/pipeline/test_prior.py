@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from mam_pipeline.prior.embedded import EmbeddedPrior
 from mam_pipeline.prior.none import NoPrior
 from mam_pipeline.prior.probe import NEAR, object_frame, probe

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.hints import HintBox, HintJoint, HintPart, Hints
 from mam_pipeline.reason.hints import apply_hints

@@ -80,13 +80,16 @@ class Probe:
         """
         members = np.flatnonzero(member)
         sizes = self._starts[members + 1] - self._starts[members]
-        base = np.cumsum(sizes) - sizes
         out = np.full((int(sizes.sum()), 6), np.inf)
-        for k, start in zip(members, base):
-            hits = slice(self._hit_starts[k], self._hit_starts[k + 1])
-            use = ~member[self.hit_owner[hits]]
-            row = self.hit_sample[hits][use] - self._starts[k] + start
-            np.minimum.at(out, (row, self.hit_direction[hits][use]), self.hit_distance[hits][use])
+        if len(members) == 0:
+            return out
+        shift = np.cumsum(sizes) - sizes - self._starts[members]
+        first, last = self._hit_starts[members], self._hit_starts[members + 1]
+        hits = np.concatenate([np.arange(i, j) for i, j in zip(first, last)])
+        row = self.hit_sample[hits] + np.repeat(shift, last - first)
+        use = ~member[self.hit_owner[hits]]
+        hits, row = hits[use], row[use]
+        np.minimum.at(out, (row, self.hit_direction[hits]), self.hit_distance[hits])
         return out
 
     def members(self, member: NDArray[np.bool_]) -> IntArray:

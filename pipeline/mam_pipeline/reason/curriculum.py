@@ -8,11 +8,12 @@ train the reasoner only: they are no assets, and nothing promises that they can 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
 from mam_pipeline.types import FloatArray
-from mam_pipeline.world import mech
+from mam_pipeline.world import mech, solids
 from mam_pipeline.world.kit import Builder
 
 Vector = tuple[float, float, float]
@@ -35,7 +36,7 @@ def clump(b: Builder, link: str, low: FloatArray, high: FloatArray, rich: int = 
     elif kind == "steps":
         cuts = np.sort(np.r_[0, b.rng.uniform(0.15, 0.85, b.integer(1, max(rich - 1, 1))), 1])
         axis = b.integer(0, 2)
-        for k, (s, e) in enumerate(zip(cuts[:-1], cuts[1:])):
+        for k, (s, e) in enumerate(pairwise(cuts)):
             lo, hi = low.copy(), high.copy()
             lo[axis], hi[axis] = low[axis] + s * size[axis], low[axis] + e * size[axis]
             shrink = b.uniform(0, 0.25) * (k % 2)
@@ -52,7 +53,7 @@ def clump(b: Builder, link: str, low: FloatArray, high: FloatArray, rich: int = 
         inner = 0.1 * size * (np.arange(3) != axis)
         b.box(link, second + inner, high - inner)
     elif kind == "rounded":
-        mech.rounded(b, link, low, high, b.uniform(0.1, 0.4) * size[:2].min())
+        solids.rounded(b, link, low, high, b.uniform(0.1, 0.4) * size[:2].min())
     else:
         b.box(link, low, high)
 
@@ -82,7 +83,7 @@ def base_body(b: Builder) -> tuple[FloatArray, FloatArray]:
             b.box("base", low - grow, (high[0] + grow[0], high[1] + grow[1], foot))
         else:
             b.disc("base", (d / 2, 0, 0), (0, 0, 1), max(w, d) * 0.8, foot)
-        clump(b, "base", low + [0, 0, foot], high, 2)
+        clump(b, "base", low + np.array([0, 0, foot]), high, 2)
     else:
         clump(b, "base", low, high, b.integer(1, 4))
         b.box("base", low + 0.02 * (high - low), high) if b.chance(0.5) else None
@@ -96,7 +97,7 @@ def decoys(b: Builder, low: FloatArray, high: FloatArray, number: int, skip: Vec
         axis, side = b.integer(0, 2), b.choice((-1, 1))
         normal = np.zeros(3)
         normal[axis] = side
-        if np.dot(normal, skip) > 0.5 and b.chance(0.7) or normal[2] < 0:
+        if (np.dot(normal, skip) > 0.5 and b.chance(0.7)) or normal[2] < 0:
             continue
         spot = low + size * b.rng.uniform(0.1, 0.9, 3)
         spot[axis] = high[axis] if side > 0 else low[axis]
@@ -299,6 +300,7 @@ def vehicle(b: Builder) -> None:
                 b.cylinder(link, (x, y - width / 2, r), (x, y + width / 2, r), r)
             b.spin(link, "base", (x, y, r), (0, 1, 0))
     if b.chance(0.4):
-        b.sweep("base", [(d, -w / 3, h + r), (d * 1.3, -w / 3, h + 3 * r), (d * 1.3, w / 3, h + 3 * r),
-                         (d, w / 3, h + r)], 0.05 * r)  # fmt: skip
+        low_y, rise = w / 3, h + 3 * r
+        path = [(d, -low_y, h + r), (1.3 * d, -low_y, rise), (1.3 * d, low_y, rise)]
+        b.sweep("base", [*path, (d, low_y, h + r)], 0.05 * r)
     decoys(b, low, high, b.integer(0, 3), (0, 0, -1))

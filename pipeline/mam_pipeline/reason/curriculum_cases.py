@@ -6,7 +6,7 @@ import numpy as np
 
 from mam_pipeline.reason.curriculum import clump, decoys
 from mam_pipeline.types import FloatArray
-from mam_pipeline.world import mech
+from mam_pipeline.world import solids
 from mam_pipeline.world.kit import Builder
 
 FRONTS = ("slab", "slab", "slab", "framed", "glass", "louvre", "moulded", "double")
@@ -55,7 +55,7 @@ def _case_body(
         if b.chance(0.7):
             b.box("base", (d - t, -w / 2, base), (d, w / 2, h))
     elif style == "shell" and b.chance(0.5):
-        mech.tray(b, "base", low, high, t, "x", -1)
+        solids.tray(b, "base", low, high, t, "x", -1)
     else:
         b.shell("base", low, high, t, "-x")
     if base > 0:
@@ -157,7 +157,7 @@ def _drawer(
             [deep * high[0], y1 - t - free * (y1 - y0) / 2, z1 - b.uniform(0.05, 0.4) * (z1 - z0)]
         )
         if b.chance(0.4):
-            mech.tray(b, link, a, c, min(0.5 * t, 0.2 * (c - a).min()), "z", 1)
+            solids.tray(b, link, a, c, min(0.5 * t, 0.2 * (c - a).min()), "z", 1)
         else:
             b.drawer_box(link, a, c)
     if b.chance(0.85):
@@ -177,14 +177,17 @@ def _sliding(b: Builder, link: str, front: tuple[FloatArray, FloatArray]) -> Non
     b.pieces = [p for p in b.pieces if p.link != last.link]
     lap = b.uniform(0.0, 0.1) * (high[1] - low[1])
     b.front(
-        link, low + [-t, 0, 0], np.array([high[0] - t, middle + lap, high[2]]), b.choice(FRONTS)
+        link,
+        low + np.array([-t, 0, 0]),
+        np.array([high[0] - t, middle + lap, high[2]]),
+        b.choice(FRONTS),
     )
     other = b.link("leaf", "door") if b.chance(0.6) else "base"
     b.front(other, np.array([low[0] + 2e-3, middle - lap, low[2]]), high, b.choice(FRONTS))
     run = 0.45 * (high[1] - low[1])
     b.slide(link, "base", (0, 1, 0), 0, run)
     if b.chance(0.6):
-        _pull(b, link, (low + [-t, 0, 0], np.array([high[0] - t, middle, high[2]])),
+        _pull(b, link, (low + np.array([-t, 0, 0]), np.array([high[0] - t, middle, high[2]])),
               b.choice(("left", "right")))  # fmt: skip
     if other != "base":
         b.slide(other, "base", (0, -1, 0), 0, run)
@@ -249,7 +252,7 @@ def console(b: Builder) -> None:
     z = h * b.uniform(0.7, 0.85)
     y = w * (0.5 - b.uniform(0.18, 0.35))
     if hollow:
-        mech.tray(b, "base", (0, -w / 2, 0), (d, w / 2, h), t, "x", -1)
+        solids.tray(b, "base", (0, -w / 2, 0), (d, w / 2, h), t, "x", -1)
     else:
         clump(b, "base", np.array([0, -w / 2, 0]), np.array([d, w / 2, h]), 1)
     strip = ((-t, -w / 2, z), (0, w / 2, h)) if upper else ((-t, y, 0), (0, w / 2, h))
@@ -273,7 +276,7 @@ def console(b: Builder) -> None:
         if b.chance(0.8):
             _pull(b, link, front, {"left": "right", "right": "left", "bottom": "top"}[side])
         if not fixed:
-            (x0, y0, z0), (_, y1, z1) = front
+            (x0, y0, z0), (_, y1, _) = front
             at = {"left": (y1, z0), "right": (y0, z0), "bottom": (y0, z0)}[side]
             axis = (0, 1, 0) if side == "bottom" else (0, 0, 1)
             b.hinge(link, "base", (x0 + t, *at), axis, 0, 1.7, opens=(-1, 0, 0))
@@ -371,7 +374,7 @@ def lidded(b: Builder) -> None:
     if h < 0.08 or b.chance(0.2):
         clump(b, "base", np.array([0, -w / 2, 0]), np.array([d, w / 2, h]), 2)
     elif b.chance(0.5):
-        mech.tray(b, "base", (0, -w / 2, 0), (d, w / 2, h), t, "z", 1)
+        solids.tray(b, "base", (0, -w / 2, 0), (d, w / 2, h), t, "z", 1)
     else:
         b.shell("base", (0, -w / 2, 0), (d, w / 2, h), t, "+z")
     link = b.link("lid", "lid")
@@ -381,7 +384,7 @@ def lidded(b: Builder) -> None:
     hinge = np.array([d, 0, h + g])
     with b.moved(hinge, (0, 1, 0), angle):
         if b.chance(0.3):
-            mech.tray(
+            solids.tray(
                 b, link, (-d - over, -w / 2 - over, 0), (0, w / 2 + over, thick * 3), t / 2, "z", -1
             )
         else:
@@ -398,8 +401,8 @@ def lidded(b: Builder) -> None:
         for y in (-0.35 * w, 0.35 * w):
             b.cylinder(
                 b.choice((link, "base")),
-                hinge + [0, y - 0.06 * w, 0],
-                hinge + [0, y + 0.06 * w, 0],
+                hinge + np.array([0, y - 0.06 * w, 0]),
+                hinge + np.array([0, y + 0.06 * w, 0]),
                 0.6 * t,
             )
     if b.chance(0.85):

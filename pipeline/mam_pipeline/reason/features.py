@@ -228,7 +228,8 @@ def _placement(graph: Graph, a: IntArray, b: IntArray) -> dict[str, np.ndarray]:
     return {
         "off_long": local[:, 0], "off_mid": local[:, 1], "off_thin": local[:, 2],
         "off_z": offset[:, 2], "across": across, "along": along, "coaxial": spin,
-        "lateral": np.linalg.norm(lateral, axis=1) / scale, "distance": np.linalg.norm(offset, axis=1),
+        "lateral": np.linalg.norm(lateral, axis=1) / scale,
+        "distance": np.linalg.norm(offset, axis=1),
         "likeness": likeness, "flush0": np.sort(face, 1)[:, 0], "flush1": np.sort(face, 1)[:, 1],
         "flush2": np.sort(face, 1)[:, 2],
         "extent_like": np.sort(np.abs(extent_a - extent_b), axis=1)[:, 1],

@@ -35,6 +35,7 @@ class Graph:
         pairs: (E, 2) i < j. gap: (E,) smallest distance. touch: (E, 2) share of i's area within
             TOUCH of j, and of j's of i. patch: (E, 3) extents of the contact region's box.
         border: (E,) length of shared mesh edges; concave, convex: (E,) mean angle over it, rad.
+        merges: (M, 2) the segmenter's own merge order, as in `Primitives`.
     """
 
     probe: Probe
@@ -52,6 +53,7 @@ class Graph:
     border: FloatArray
     concave: FloatArray
     convex: FloatArray
+    merges: IntArray | None = None
 
     @property
     def count(self) -> int:
@@ -101,6 +103,7 @@ def build_graph(
         touch,
         patch,
         *border,
+        primitives.merges,
     )
 
 

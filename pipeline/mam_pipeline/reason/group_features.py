@@ -206,7 +206,8 @@ def _freedom(
     names = [f"{what}_{axis}_{side}" for what in ("free", "near")
              for axis in ("long", "mid", "thin") for side in ("more", "less")]  # fmt: skip
     names += ["free_best", "free_dirs", "travel_best", "travel_median", "near_up", "near_down",
-              "free_up", "free_down", "mobility", "affinity_in", "affinity_cut", "blocked_one_way"]  # fmt: skip
+              "free_up", "free_down", "mobility", "affinity_in", "affinity_cut",
+              "blocked_one_way"]  # fmt: skip
     out = {name: np.full(len(masks), np.nan) for name in names}
     if prior is None:
         return out

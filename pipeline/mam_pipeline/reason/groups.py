@@ -38,6 +38,8 @@ def enumerate_groups(graph: Graph, same: FloatArray, move: FloatArray) -> Masks:
     for alive, bond in itertools.product((0.1, 0.3, 0.5), (0.2, 0.4, 0.6, 0.8)):
         for mask in components(graph, (same > bond), move > alive):
             add(mask)
+    for mask in segmenter_groups(graph):
+        add(mask)
     if count <= SMALL:
         for mask in _connected(graph):
             add(mask)
@@ -97,6 +99,14 @@ def merge_tree(graph: Graph, bond: FloatArray) -> list[NDArray[np.bool_]]:
             v = nodes[k]
             best[k] = max(v, key=lambda m, v=v: v[m][0] / v[m][1], default=-1)
     return out
+
+
+def segmenter_groups(graph: Graph) -> list[NDArray[np.bool_]]:
+    """The nodes of the segmenter's own hierarchy: how a fused surface wants to hang together."""
+    nodes = list(np.eye(graph.count, dtype=bool))
+    for a, b in () if graph.merges is None else graph.merges:
+        nodes.append(nodes[int(a)] | nodes[int(b)])
+    return nodes[graph.count :]
 
 
 def components(graph: Graph, joined: Masks, alive: Masks) -> list[NDArray[np.bool_]]:

@@ -18,7 +18,8 @@ def same_part(pairs: Table) -> FloatArray:
     c = pairs.column
     bond = np.nan_to_num(c("affinity"), nan=0.3)
     score = (
-        -0.4 + 2.0 * c("inside") + 1.5 * bond + 0.8 * c("touch_b") - 20 * np.maximum(c("gap") - 0.01, 0)
+        -0.4 + 2.0 * c("inside") + 1.5 * bond + 0.8 * c("touch_b")
+        - 20 * np.maximum(c("gap") - 0.01, 0)
         - 1.5 * (c("b_area") > 0.1) + 0.8 * (c("area_ratio") < -2.5) - 1.5 * (c("a_area") > 0.4)
     )  # fmt: skip
     return 1 / (1 + np.exp(-2 * score))
@@ -42,7 +43,8 @@ def part_value(groups: Table) -> FloatArray:
     score = (
         -0.3 + 1.5 * (c("move") - 0.5) + 0.8 * (np.nan_to_num(c("inner_mean"), nan=0.6) - 0.5)
         - 1.2 * np.maximum(c("cut_high"), 0) - 2.0 * box - 2.0 * (c("hanging_share") > 0.01)
-        + 1.5 * (np.nan_to_num(c("proud")) > 0.002) * (c("thin") < 0.3) + 0.8 * (c("revolve") > 0.88)
+        + 1.5 * (np.nan_to_num(c("proud")) > 0.002) * (c("thin") < 0.3)
+        + 0.8 * (c("revolve") > 0.88)
         + 0.8 * c("see_side") - 1.5 * (c("area") < 0.004) - 0.8 * (c("slim") < 0.15)
         + 0.4 * (c("touches_lead") > 0)
     )  # fmt: skip

@@ -1,0 +1,184 @@
+"""The reasoner: graph, candidates, selection and the tree, on objects whose parts are known."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from mam_pipeline.prior.embedded import EmbeddedPrior
+from mam_pipeline.reason.corpus import Example, abstract_example, abstract_kinds
+from mam_pipeline.reason.embedded import EmbeddedReasoner
+from mam_pipeline.reason.features import pair_features, primitive_features
+from mam_pipeline.reason.graph import build_graph, roundness, tight_box
+from mam_pipeline.reason.group_features import group_features, with_rivals
+from mam_pipeline.reason.groups import components, enumerate_groups, merge_tree
+from mam_pipeline.reason.scores import RuleScores, load_scores
+from mam_pipeline.reason.select import select_groups
+from mam_pipeline.types import Mesh, Primitives
+
+CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+Corner = tuple[float, float, float]
+
+
+def boxes(*spans: tuple[Corner, Corner]) -> tuple[Mesh, Primitives]:
+    """Boxes from (low, high) corners, one primitive each."""
+    vertices, faces, labels = [], [], []
+    for k, (low, high) in enumerate(spans):
+        vertices.append(np.asarray(low) + CORNERS * (np.asarray(high) - np.asarray(low)))
+        for a, b, c, d in QUADS:
+            faces += [[8 * k + a, 8 * k + b, 8 * k + c], [8 * k + a, 8 * k + c, 8 * k + d]]
+            labels += [k, k]
+    return Mesh(np.concatenate(vertices), np.array(faces)), Primitives(np.array(labels))
+
+
+def cupboard() -> tuple[Mesh, Primitives]:
+    """A case of five boards, a door before it and a handle on the door."""
+    return boxes(
+        ((0.0, 0, 0), (0.5, 0.02, 1)), ((0.0, 0.58, 0), (0.5, 0.6, 1)),
+        ((0.0, 0, 0.98), (0.5, 0.6, 1)), ((0.0, 0, 0), (0.5, 0.6, 0.02)),
+        ((0.48, 0, 0), (0.5, 0.6, 1)), ((-0.022, 0.001, 0.001), (-0.002, 0.599, 0.999)),
+        ((-0.06, 0.52, 0.4), (-0.02, 0.55, 0.6)),
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=4)
+def example(kind: str = "abstract_case", seed: int = 3) -> Example:
+    return abstract_example(kind, seed)
+
+
+def test_graph_measures_gap_contact_and_boxes() -> None:
+    mesh, primitives = boxes(
+        ((0, 0, 0), (3, 2, 1)), ((3.0, 0, 0), (4, 2, 1)), ((4.1, 0, 0), (5, 2, 1))
+    )
+    graph = build_graph(mesh, primitives)
+    gap = {(int(i), int(j)): g * mesh.diagonal for (i, j), g in zip(graph.pairs, graph.gap)}
+    assert gap[0, 1] == pytest.approx(0.0, abs=1e-3)
+    assert gap[1, 2] == pytest.approx(0.1, rel=0.05)
+    assert graph.size[0] * mesh.diagonal == pytest.approx([3, 2, 1], rel=1e-3)
+    assert graph.area.sum() == pytest.approx(1.0)
+
+
+def test_a_leaning_plate_gets_a_tight_box() -> None:
+    angle = np.radians(30)
+    turn = np.array(
+        [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
+    )
+    points = (CORNERS * [1.0, 0.6, 0.02]) @ turn.T
+    axes, size = tight_box(points)
+    assert size == pytest.approx([1.0, 0.6, 0.02], abs=1e-4)
+    assert abs(axes[2] @ turn[:, 2]) == pytest.approx(1.0, abs=1e-4)
+
+
+def test_round_is_round_and_square_is_not() -> None:
+    rng = np.random.default_rng(0)
+    t = rng.uniform(0, 2 * np.pi, 600)
+    disc = np.stack([np.cos(t), np.sin(t), rng.uniform(0, 0.4, 600)], axis=1)
+    plate = rng.uniform(-1, 1, (900, 3)) * [1, 1, 0.2]
+    score, axis = roundness(disc, np.eye(3), np.array([2.0, 2.0, 0.4]))
+    assert score > 0.9 and abs(axis[2]) == 1
+    assert roundness(plate, np.eye(3), np.array([2.0, 2.0, 0.4]))[0] < 0.85
+
+
+def test_candidates_hold_the_true_parts() -> None:
+    item = example()
+    same = (item.link[item.graph.pairs[:, 0]] == item.link[item.graph.pairs[:, 1]]).astype(float)
+    move = (item.subtype[item.link] >= 0).astype(float)
+    masks = enumerate_groups(item.graph, 0.9 * same + 0.05, 0.9 * move + 0.05)
+    best = item.part_overlap(masks).max(axis=0)[item.subtype >= 0]
+    assert best.min() > 0.9
+
+
+def test_components_and_merge_tree_follow_the_bonds() -> None:
+    mesh, primitives = boxes(*(((k, 0, 0), (k + 1, 1, 1)) for k in range(4)))
+    graph = build_graph(mesh, primitives)
+    strong = np.array([set(p) in ({0, 1}, {2, 3}) for p in graph.pairs.tolist()])
+    groups = components(graph, strong, np.ones(4, bool))
+    assert sorted(np.flatnonzero(g).tolist() for g in groups) == [[0, 1], [2, 3]]
+    tree = merge_tree(graph, np.where(strong, 0.9, 0.2))
+    assert [0, 1] in [np.flatnonzero(g).tolist() for g in tree]
+
+
+def test_selection_is_disjoint_and_takes_the_larger_total() -> None:
+    masks = np.array([[1, 1, 1, 1], [1, 1, 0, 0], [0, 0, 1, 1], [0, 1, 0, 0]], dtype=bool)
+    assert select_groups(masks, np.array([0.9, 0.8, 0.85, 0.1]), 0.5) == [2, 1]
+    assert select_groups(masks, np.array([0.95, 0.6, 0.6, 0.1]), 0.5) == [0]
+    assert select_groups(masks, np.array([0.1, 0.2, 0.1, 0.1]), 0.5) == []
+    assert select_groups(masks, np.array([0.1, 0.4, 0.1, 0.1]), 0.5) == [1]  # the rescue
+    assert select_groups(masks[:0], np.zeros(0), 0.5) == []
+
+
+def test_features_do_not_know_scale_turns_or_face_order() -> None:
+    mesh, primitives = cupboard()
+    order = np.random.default_rng(1).permutation(len(mesh.faces))
+    turn = np.eye(4)
+    turn[:3, :3] = 40.0 * np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    other = Mesh(mesh.vertices, mesh.faces[order]).transformed(turn)
+    tables = []
+    for m, p in ((mesh, primitives), (other, Primitives(primitives.labels[order]))):
+        graph = build_graph(m, p)
+        unary = primitive_features(graph, None)
+        pairs = pair_features(graph, unary, None)
+        assert np.isnan(unary.column("mobility")).all()
+        tables.append((unary, pairs))
+    for name in ("size0", "thin", "low", "upright_long", "span_z", "degree"):
+        assert np.allclose(tables[0][0].column(name), tables[1][0].column(name), atol=0.01), name
+    assert np.allclose(tables[0][1].column("inside"), tables[1][1].column("inside"), atol=0.01)
+
+
+def test_group_features_see_the_handle_and_the_freedom() -> None:
+    mesh, primitives = cupboard()
+    prior = EmbeddedPrior().observe(mesh, primitives)
+    graph = build_graph(mesh, primitives, probed=prior.evidence["probe"])
+    masks = np.array([[0, 0, 0, 0, 0, 1, 1], [0, 0, 0, 0, 1, 0, 0]], dtype=bool)
+    half = np.full(len(graph.pairs), 0.5)
+    groups = group_features(graph, masks, half, np.full(graph.count, 0.5), prior)
+    assert groups.column("proud")[0] > 0.005
+    assert groups.column("proud_off_a")[0] > 0.5  # far from the middle: a door, not a drawer
+    assert groups.column("free_best")[0] > 0.95
+    blind = group_features(graph, masks, half, np.full(graph.count, 0.5), None)
+    assert np.isnan(blind.column("free_best")).all()
+    wide = with_rivals(groups, masks, np.array([0.8, 0.2]))
+    assert wide.column("best_apart").tolist() == pytest.approx([0.2, 0.8])
+
+
+@pytest.mark.parametrize("scores", [load_scores(), RuleScores()], ids=["shipped", "rules"])
+def test_every_primitive_is_in_one_part(scores: object) -> None:
+    mesh, primitives = cupboard()
+    prior = EmbeddedPrior().observe(mesh, primitives)
+    tree = EmbeddedReasoner(scores).reason(mesh, primitives, prior)  # type: ignore[arg-type]
+    assert sorted(p for n in tree.nodes for p in n.primitives) == list(range(primitives.count))
+    assert len({n.name for n in tree.nodes}) == len(tree.nodes)
+    assert all(0 <= n.confidence <= 1 for n in tree.nodes)
+
+
+def test_the_door_of_a_cupboard_is_found() -> None:
+    mesh, primitives = cupboard()
+    for prior in (EmbeddedPrior().observe(mesh, primitives), None):
+        tree = EmbeddedReasoner().reason(mesh, primitives, prior)
+        parts = {n.primitives: n for n in tree.nodes[1:]}
+        assert (5, 6) in parts
+        assert parts[5, 6].candidates and parts[5, 6].runner_up
+
+
+def test_one_lump_has_nothing_that_moves_and_says_so() -> None:
+    mesh, primitives = boxes(((0, 0, 0), (1, 1, 1)))
+    tree = EmbeddedReasoner().reason(mesh, primitives, None)
+    assert len(tree.nodes) == 1
+    assert "only one primitive" in tree.nodes[0].evidence["nothing_movable"]
+
+
+def test_reasoning_is_deterministic() -> None:
+    mesh, primitives = cupboard()
+    first, second = (EmbeddedReasoner().reason(mesh, primitives, None) for _ in range(2))
+    assert [n.primitives for n in first.nodes] == [n.primitives for n in second.nodes]
+    assert [n.confidence for n in first.nodes] == [n.confidence for n in second.nodes]
+
+
+@pytest.mark.parametrize("kind", abstract_kinds())
+def test_abstract_objects_have_truth(kind: str) -> None:
+    item = example(kind, 3)
+    assert item.overlap.shape == (item.graph.count, len(item.subtype))
+    assert item.purity.mean() > 0.9
