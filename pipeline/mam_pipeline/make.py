@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -36,7 +36,7 @@ STAGE_VERSION = 1
 class MakeConfig:
     """Everything that decides what an asset becomes; saved with it as stages/config.json."""
 
-    up: str = "auto"
+    up: Literal["auto", "y", "z"] = "auto"
     height: float | None = None
     scale: float | None = None
     hints: Path | None = None
