@@ -252,7 +252,8 @@ class SweepScene:
         blocked = (depth > deep).sum(axis=1) / max(len(self.points), 1)
         blocked = blocked + (other > deep).sum(axis=1) * self._static_weight
         n = len(wanted)
-        share, gap = np.full(n, np.nan), np.full(n, np.nan)
+        share: Any = np.full(n, np.nan)
+        gap: Any = np.full(n, np.nan)
         if contact:
             share, gap = self._contact_along(motion, a, o, wanted)
         worst: Any = np.zeros(n)
