@@ -142,7 +142,8 @@ def main(
                 row = measure(path, joint.name, robot, seeds, task)
                 rows.append(row)
                 text = row.refused or f"{row.successes}/{row.episodes} {row.reasons or ''}"
-                print(f"{row.asset:24s} {row.joint:22s} {row.seconds:5.1f}s {text}", file=sys.stderr)
+                line = f"{row.asset:24s} {row.joint:22s} {row.seconds:5.1f}s {text}"
+                print(line, file=sys.stderr)
                 if json_out:
                     data = [asdict(r) for r in rows]
                     json_out.write_text(json.dumps(data, indent=1), encoding="utf-8")

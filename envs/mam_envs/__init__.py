@@ -14,7 +14,7 @@ ENV_ID = "mam_envs:OperateJoint-v1"
 MAX_EPISODE_STEPS = 200
 
 VECTOR_ID = "mam_envs:OperateJointVec-v1"
-"""For gym.make_vec, which refuses ids with extra wrappers such as ManiSkill's batched time limit."""
+"""For gym.make_vec, which refuses ids with extra wrappers (ManiSkill's batched time limit)."""
 
 if "OperateJoint-v1" not in _gym.registry:
     _gym.register(
@@ -37,7 +37,7 @@ if "OperateJoint-v1" not in _gym.registry:
     )
 
 
-def make(asset: _Any, **kwargs: _Any) -> _gym.Env:
+def make(asset: _Any, **kwargs: _Any) -> _Any:
     """gym.make of OperateJoint-v1 whose errors say only what the user must know.
 
     Args:

@@ -13,7 +13,7 @@ import torch
 from gymnasium.utils import seeding
 from mani_skill.envs.sapien_env import BaseEnv
 from mani_skill.utils import common
-from mani_skill.utils.geometry.rotation_conversions import matrix_to_quaternion
+from mani_skill.utils.geometry.rotation_conversions import matrix_to_quaternion, quaternion_apply
 from mani_skill.utils.registration import REGISTERED_ENVS
 from mani_skill.utils.registration import EnvSpec as ManiSkillSpec
 from mani_skill.utils.structs import Articulation, Link, Pose
@@ -272,7 +272,8 @@ class OperateJointEnv(BaseEnv):
         links = self.agent.robot.links_map
         hand = [links[name] for name in (*spec.finger_links, *spec.hand_links)]
         self._tip = links[spec.tip]
-        self._tool = torch.tensor(spec.chain.tool, dtype=torch.float32, device=self.device)
+        tool = spec.chain.tool
+        self._tool = None if np.allclose(tool, np.eye(4)) else _pose(tool[None], self.device)
         item = self.layout(0)
         parts = [set(item.model.moving_links(g.joint)) for g in item.goals]
         self._probe = ContactProbe(self, hand, self.targets, parts)
@@ -371,9 +372,8 @@ class OperateJointEnv(BaseEnv):
         """(b, 3) point to hold, world."""
         rows = []
         for k, target in enumerate(self.targets):
-            matrix = target.pose.to_transformation_matrix()
-            point = torch.einsum("bij,bj->bi", matrix[:, :3, :3], self._handle_point[:, k])
-            rows.append(point + matrix[:, :3, 3])
+            pose = target.pose
+            rows.append(quaternion_apply(pose.q, self._handle_point[:, k]) + pose.p)
         if len(rows) == 1:
             return rows[0]
         index = self.stage[:, None, None].expand(-1, 1, 3)
@@ -381,9 +381,7 @@ class OperateJointEnv(BaseEnv):
 
     def tool_pose(self) -> Pose:
         """Pose (b,) of the tool frame: z approaches, y closes."""
-        matrix = self._tip.pose.to_transformation_matrix() @ self._tool
-        quaternion = matrix_to_quaternion(matrix[:, :3, :3])
-        return Pose.create_from_pq(matrix[:, :3, 3], quaternion)
+        return self._tip.pose if self._tool is None else self._tip.pose * self._tool
 
     def situation(self, index: int = 0) -> Situation:
         """What a planner may know of sub-scene `index`."""
@@ -452,6 +450,8 @@ class OperateJointEnv(BaseEnv):
             "by_contact": by_contact,
             "contact_force": self._force,
             "stage": self.stage.clone(),
+            "handle_position": self.handle_position(),
+            "tcp_pose": self.tool_pose().raw_pose,
         }
 
     def _next_stage(self, move: torch.Tensor) -> None:
@@ -467,13 +467,13 @@ class OperateJointEnv(BaseEnv):
 
     # -- observations and rewards ----------------------------------------------------------
     def _get_obs_extra(self, info: dict) -> dict[str, Any]:
-        tool = self.tool_pose()
-        out: dict[str, Any] = {"tcp_pose": tool.raw_pose}
+        tool = info["tcp_pose"]
+        out: dict[str, Any] = {"tcp_pose": tool}
         if self.obs_mode_struct.state or self.obs_mode in ("state", "state_dict"):
-            handle = self.handle_position()
+            handle = info["handle_position"]
             out["privileged"] = {
                 "handle_position": handle,
-                "tcp_to_handle": handle - tool.p,
+                "tcp_to_handle": handle - tool[:, :3],
                 "joint_value": self.joint_value(),
                 "joint_speed": self.joint_speed(),
                 "joint_goal": self._now("q_goal"),
@@ -503,13 +503,13 @@ class OperateJointEnv(BaseEnv):
 
     def reward_terms(self, info: dict) -> rewards.RewardTerms:
         """The unscaled terms of the dense reward, (b,) each."""
-        distance = (self.handle_position() - self.tool_pose().p).norm(dim=-1)
+        distance = (info["handle_position"] - info["tcp_pose"][:, :3]).norm(dim=-1)
         moved = info["by_contact"] & (info["progress"] > 0.02)
         reach = torch.where(moved, torch.ones_like(distance), 1 - torch.tanh(5 * distance))
         return rewards.RewardTerms(
             reach=reach,
             contact=(info["contact_force"] > TOUCH_FORCE).float(),
-            progress=info["progress"].clamp(-1, 1) + (info["stage"] > 0) * 0.0,
+            progress=info["progress"].clamp(-1, 1),
             success=info["success"].float(),
             untouched_motion=self._untouched,
             action_rate=self._rate,

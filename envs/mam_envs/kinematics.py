@@ -169,8 +169,8 @@ class Chain:
     def forward(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Tool rotation (N, 3, 3) and position (N, 3) in the root frame, Jacobian (N, 6, n)."""
         n = len(q)
-        rotation = np.tile(np.eye(3), (n, 1, 1))
-        position = np.zeros((n, 3))
+        rotation: FloatArray = np.tile(np.eye(3), (n, 1, 1))
+        position: FloatArray = np.zeros((n, 3))
         axes, points, sliding = [], [], []
         for j in self.joints:
             if j.name in self.active:
@@ -217,7 +217,7 @@ class Chain:
         """
         weight = np.asarray(rotation_weight, dtype=float)
         lower, upper = self.limits[:, 0], self.limits[:, 1]
-        q = np.clip(np.array(start, dtype=float), lower, upper)
+        q: FloatArray = np.clip(np.array(start, dtype=float), lower, upper)
         pull = np.zeros_like(q) if posture is None else np.broadcast_to(posture, q.shape)
         position_error, rotation_error = np.full(len(q), np.inf), np.full(len(q), np.inf)
         live = np.arange(len(q))

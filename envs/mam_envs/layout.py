@@ -1,4 +1,4 @@
-"""From an asset and a wish to a layout: models, goals, scale, placement; and drawing clear starts."""
+"""From an asset and a wish to a layout: models, goals, scale, placement; drawing clear starts."""
 
 from __future__ import annotations
 
@@ -44,8 +44,7 @@ def arrange(
         InputError, ConfigError, PlacementError: see OperateJointEnv.
     """
     found = asset if isinstance(asset, Asset) else Asset.load(asset)
-    joints = (joint,) if joint is None or isinstance(joint, str) else tuple(joint)
-    tasks = (task,) if task is None or isinstance(task, str) else tuple(task)
+    joints, tasks = _several(joint), _several(task)
     if len(tasks) not in (1, len(joints)):
         raise ConfigError(f"{len(joints)} joints but {len(tasks)} tasks; give one task or as many")
     if len(tasks) < len(joints):
@@ -55,6 +54,10 @@ def arrange(
     stamp = (found.folder / "asset.json").stat().st_mtime_ns
     key = (str(found.folder), stamp, joints, tasks, robot.uid, scale)
     return _arrange(key, config.task, config.randomisation)
+
+
+def _several(names: str | Sequence[str] | None) -> tuple[str | None, ...]:
+    return (names,) if names is None or isinstance(names, str) else tuple(names)
 
 
 @lru_cache(maxsize=256)
@@ -157,7 +160,7 @@ def draw_clear(
     for _ in range(tries):
         drawn = randomisation.draw(chance, rng, len(layout.robot.arm))
         pose = object_pose(
-            layout.model, layout.placement.object_height, drawn.shift, drawn.yaw
+            layout.model, layout.placement.object_height, drawn.shift.tolist(), drawn.yaw
         )
         q = {g.joint: randomisation.start_value(g, drawn) for g in layout.goals}
         if rest_is_clear(layout.model, layout.robot, layout.placement.base, pose, q, drawn.noise):

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -213,7 +214,7 @@ def _pieces(collision: object, urdf: Path, scale: float) -> list[Piece]:
         file = urdf.parent / g.mesh.filename.replace("package://", "")
         if not file.is_file():
             raise InputError(f"{urdf} names the mesh {g.mesh.filename}, which does not exist")
-        mesh = trimesh.load(file, force="mesh", process=False)
+        mesh: Any = trimesh.load(file, force="mesh", process=False)
         if g.mesh.scale is not None:
             mesh.apply_scale(g.mesh.scale)
     elif g.box is not None:

@@ -49,7 +49,9 @@ class Placement:
         return float(self.base[2, 3])
 
 
-def object_pose(model: ObjectModel, height: float, shift: Sequence[float], yaw: float) -> FloatArray:
+def object_pose(
+    model: ObjectModel, height: float, shift: Sequence[float], yaw: float
+) -> FloatArray:
     """(4, 4) world_T_asset: on its stand, turned by `yaw` about its vertical middle axis, shifted
     by (x, y)."""
     low, high = model.footprint

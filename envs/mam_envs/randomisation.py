@@ -40,12 +40,12 @@ def draw(config: RandomisationConfig, rng: np.random.RandomState, arm: int) -> D
     start = None
     if config.start is not None:
         start = float(config.start[0] + share * (config.start[1] - config.start[0]))
-    factors = [
+    friction, damping, mass = (
         float(pair[0] + rng.uniform() * (pair[1] - pair[0]))
         for pair in (config.friction, config.damping, config.mass)
-    ]
+    )
     noise = rng.normal(0.0, 1.0, arm) * config.robot_qpos
-    return Draw(shift, yaw, start, *factors, noise)
+    return Draw(shift, yaw, start, friction, damping, mass, noise)
 
 
 def start_value(goal: JointGoal, drawn: Draw) -> float:

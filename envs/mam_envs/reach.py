@@ -343,9 +343,10 @@ def search(
 def _seeds(robot: RobotSpec, begin: FloatArray) -> FloatArray:
     """Fixed first guesses: the present posture, and two others of the same family."""
     rng = np.random.default_rng(SEED)
-    spread = rng.uniform(-0.7, 0.7, size=(2, len(begin)))
+    spread: FloatArray = rng.uniform(-0.7, 0.7, size=(2, len(begin)))
     spread[0, 0] = spread[1, 0] = 0.0
-    return np.concatenate([begin[None], begin + spread])
+    out: FloatArray = np.concatenate([begin[None], begin + spread])
+    return out
 
 
 def _solve(
@@ -509,7 +510,8 @@ def _free(
     """Whether one arm posture keeps clear; `touching` links may touch `moving` ones."""
     poses = robot.link_poses(arm[None], gripper)
     into = np.linalg.inv(world_asset) @ base
-    held, rest = [], []
+    held: list[FloatArray] = []
+    rest: list[FloatArray] = []
     for name, points in robot.surface.items():
         pose = poses[name][0]
         local = points @ pose[:3, :3].T + pose[:3, 3]

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -176,7 +177,7 @@ def _surface(collision: yourdfpy.Collision, folder: Path, count: int) -> FloatAr
         file = next((p / name for p in (folder, *folder.parents) if (p / name).is_file()), None)
         if file is None:
             return np.zeros((0, 3))
-        mesh = trimesh.load(file, force="mesh")
+        mesh: Any = trimesh.load(file, force="mesh")
         if g.mesh.scale is not None:
             mesh.apply_scale(g.mesh.scale)
     elif g.box is not None:

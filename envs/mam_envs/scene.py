@@ -1,7 +1,8 @@
-"""The world round the object: floor or table, stands, a wall, lights, cameras, the object itself."""
+"""The world round the object: floor or table, stands, walls, lights, cameras, the object."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -149,22 +150,20 @@ def _stands(scene: ManiSkillScene, layout: Layout, i: int) -> None:
         _box(scene, f"robot_stand_{i}", middle, (w, w, height), GREY, i, solid=False)
     block = layout.block()
     if block is not None:
-        middle = tuple(float(v) for v in 0.5 * (block[0] + block[1]))
-        size = tuple(float(v) for v in block[1] - block[0])
-        _box(scene, f"object_stand_{i}", middle, size, GREY, i)  # type: ignore[arg-type]
+        _box(scene, f"object_stand_{i}", 0.5 * (block[0] + block[1]), block[1] - block[0], GREY, i)
 
 
 def _box(
     scene: ManiSkillScene,
     name: str,
-    middle: tuple[float, float, float],
-    size: tuple[float, float, float],
+    middle: Sequence[float] | FloatArray,
+    size: Sequence[float] | FloatArray,
     colour: tuple[float, float, float, float],
     index: int | None,
     solid: bool = True,
 ) -> None:
     builder = scene.create_actor_builder()
-    half = [0.5 * s for s in size]
+    half = [0.5 * float(s) for s in size]
     if solid:
         builder.add_box_collision(half_size=half)
     elif not scene.can_render():
@@ -172,7 +171,7 @@ def _box(
     if scene.can_render():
         material = sapien.render.RenderMaterial(base_color=colour, roughness=0.7, specular=0.2)
         builder.add_box_visual(half_size=half, material=material)
-    builder.initial_pose = sapien.Pose(p=middle)
+    builder.initial_pose = sapien.Pose(p=[float(v) for v in middle])
     if index is not None:
         builder.set_scene_idxs([index])
     built = builder.build_static(name=name)

@@ -27,7 +27,10 @@ def write_video(frames: Sequence[Frame], path: Path, fps: int = 20) -> Path:
     import imageio.v2 as imageio
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    with imageio.get_writer(path, fps=fps, codec="libx264", quality=8, macro_block_size=1) as out:
+    writer: Any = imageio.get_writer(
+        path, fps=fps, codec="libx264", quality=8, macro_block_size=1
+    )
+    with writer as out:
         for frame in frames:
             h, w = frame.shape[0] // 2 * 2, frame.shape[1] // 2 * 2
             out.append_data(np.ascontiguousarray(frame[:h, :w]))
@@ -122,7 +125,7 @@ def _visuals(
     return out
 
 
-def _load(geometry: yourdfpy.Geometry, folder: Path) -> trimesh.Trimesh | None:
+def _load(geometry: yourdfpy.Geometry, folder: Path) -> Any:
     if geometry.mesh is not None:
         name = geometry.mesh.filename.replace("package://", "")
         file = next((p / name for p in (folder, *folder.parents) if (p / name).is_file()), None)
@@ -163,9 +166,9 @@ def _picture(
 ) -> Frame:
     """Ray-cast a coloured triangle soup: Lambert light with a shadow ray."""
     width, height = size
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+    scene: Any = o3d.t.geometry.RaycastingScene(nthreads=1)
     scene.add_triangles(points.astype(np.float32), faces.astype(np.uint32))
-    rays = o3d.t.geometry.RaycastingScene.create_rays_pinhole(
+    rays = scene.create_rays_pinhole(
         50.0, target.astype(np.float32), eye.astype(np.float32),
         np.array([0, 0, 1], dtype=np.float32), width, height,
     )  # fmt: skip
@@ -179,7 +182,7 @@ def _picture(
     lamp /= np.linalg.norm(lamp)
     at = bundle[:, :3] + distance[seen, None] * bundle[:, 3:] + 2e-3 * normals
     shadow_rays = np.concatenate([at, np.tile(lamp, (len(at), 1))], axis=1).astype(np.float32)
-    dark = scene.test_occlusions(o3d.core.Tensor(shadow_rays)).numpy()
+    dark = scene.test_occlusions(shadow_rays).numpy()
     light = 0.45 + 0.55 * np.clip(normals @ lamp, 0, 1) * np.where(dark, 0.15, 1.0)
     image = np.full((width * height, 3), 0.96)
     ids = hit["primitive_ids"].numpy().reshape(-1)[seen].astype(int)

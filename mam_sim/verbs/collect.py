@@ -1,4 +1,4 @@
-"""`mam-sim collect`: the scripted expert's demonstrations on an asset, as h5 and LeRobot dataset."""
+"""`mam-sim collect`: the scripted expert's demonstrations on an asset, h5 and LeRobot."""
 
 from __future__ import annotations
 

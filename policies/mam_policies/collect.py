@@ -203,7 +203,7 @@ def _attempt(env: Any, config: CollectConfig, seed: int, file: Path) -> dict[str
     else:
         _run(env, expert, obs, rows, outcome, config.settle)
     if rows:
-        arrays = {k: np.stack(v) for k, v in rows.items()}
+        arrays: dict[str, Any] = {k: np.stack(v) for k, v in rows.items()}
         _replace(file, lambda p: np.savez_compressed(p, **arrays))
     text = json.dumps(outcome) + "\n"
     _replace(file.with_suffix(".json"), lambda p: p.write_text(text, encoding="utf-8"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+
 from mam_pipeline.asset.card import AssetCard, CardGrasp, CardJoint, CardPart
 
 WALL = 0.015
@@ -54,7 +55,9 @@ def write_asset(folder: Path, kind: str) -> Path:
             ((front - 0.02, 0.06, 0.2), (0.04, 0.012, 0.012)),
             ((front - 0.02, -0.06, 0.2), (0.04, 0.012, 0.012)),
         ]
-        axis, origin, kind_, sub, upper = (-1, 0, 0), (0, 0, 0.2), "prismatic", "slide", 0.25
+        axis: tuple[float, ...] = (-1, 0, 0)
+        origin: tuple[float, ...] = (0, 0, 0.2)
+        kind_, sub, upper = "prismatic", "slide", 0.25
         grasp = CardGrasp(
             "joint_1", "part_1", "handle", [front - 0.04, 0, 0.2], [1, 0, 0], [0, 0, 1], 0.012
         )

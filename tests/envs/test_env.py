@@ -45,7 +45,7 @@ def test_reset_is_sane_and_idle_steps_move_nothing(env: Any) -> None:
 
 
 def test_the_state_vector_is_described(env: Any) -> None:
-    obs, info = env.reset(seed=0)
+    obs, _ = env.reset(seed=0)
     layout = env.unwrapped.observation_layout()
     assert layout[-1][2] == obs.shape[1]
     start, stop = next(r[1:3] for r in layout if r[0].endswith("handle_position"))
@@ -63,7 +63,7 @@ def test_what_opens_by_itself_is_no_success(env: Any) -> None:
     for value in np.linspace(0.02, 0.24, 12):
         base.object.set_qpos(torch.full_like(q, float(value)))
         base.object.set_qvel(torch.zeros_like(q))
-        _, reward, _, _, info = env.step(action)
+        _, _, _, _, info = env.step(action)
     assert float(info["progress"][0]) > 1.0
     assert not bool(info["by_contact"][0]) and not bool(info["success"][0])
     assert float(info["reward/untouched_motion"][0]) < 0
@@ -115,7 +115,7 @@ def test_gymnasium_and_sb3_accept_it(drawer: Path) -> None:
     vector.reset()
     for _ in range(3):
         obs, reward, _, _ = vector.step(np.stack([vector.action_space.sample()]))
-    assert obs.dtype == np.float32 and np.isfinite(reward).all()
+    assert np.asarray(obs).dtype == np.float32 and np.isfinite(reward).all()
     vector.close()
 
 
@@ -160,10 +160,10 @@ def test_errors_say_what_to_do(drawer: Path, tmp_path: Path, monkeypatch: Any) -
         mam_envs.make(tmp_path)
     with pytest.raises(ConfigError, match="did you mean 'joint_1'"):
         mam_envs.make(drawer, joint="joint_9")
-    with pytest.raises(PlacementError, match="reach|stand"):
+    with pytest.raises(PlacementError, match=r"reach|stand"):
         mam_envs.make(drawer, scale=5.0)
     monkeypatch.setattr(vulkan, "vulkan_ok", lambda: False)
-    with pytest.raises(BackendError, match="no Vulkan device was found"):
+    with pytest.raises(BackendError, match="no Vulkan device"):
         mam_envs.make(drawer, obs_mode="rgb")
 
 

@@ -38,7 +38,8 @@ def test_jacobian_is_the_derivative(uid: str) -> None:
         moved[:, k] += 1e-6
         r, p, _ = chain.forward(moved)
         np.testing.assert_allclose((p - position) / 1e-6, jacobian[:, :3, k], atol=1e-5)
-        np.testing.assert_allclose(rotation_vector(r, rotation) / 1e-6, jacobian[:, 3:, k], atol=1e-4)
+        turned = rotation_vector(r, rotation) / 1e-6
+        np.testing.assert_allclose(turned, jacobian[:, 3:, k], atol=1e-4)
 
 
 def test_solutions_reach_and_stay_inside_the_limits() -> None:

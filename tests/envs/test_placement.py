@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -59,7 +60,7 @@ def test_the_tool_stays_on_the_handle(door: Path) -> None:
     model = model_of(door)
     goal = joint_goal(model, None, "open", TaskConfig())
     hold = holds(model, goal, robot_spec("panda"))[0]
-    q = np.linspace(0, 1.2, 5)
+    q: Any = np.linspace(0, 1.2, 5)
     path = tool_path(model, goal, hold, q)
     in_part = np.linalg.inv(model.kinematics.link_poses({"joint_1": q})["part_1"]) @ path
     for pose in in_part:
@@ -73,7 +74,7 @@ def test_a_place_serves_displaced_objects(drawer: Path) -> None:
     assert found.robust >= 0.75
     np.testing.assert_allclose(found.base[2, :3], [0, 0, 1])
     chain = robot_spec("panda").chain
-    rotation, position, _ = chain.forward(found.path.follow)
+    _, position, _ = chain.forward(found.path.follow)
     world = position @ found.base[:3, :3].T + found.base[:3, 3]
     wanted = object_pose(model, found.object_height, (0, 0), 0) @ tool_path(
         model, goal, found.path.hold, found.path.q
@@ -92,7 +93,7 @@ def test_refusals_name_the_reason(drawer: Path, tmp_path: Path) -> None:
 
     with pytest.raises(PlacementError, match=r"20\.0 cm wide; panda opens to 7\.8 cm"):
         refuse(edited(drawer, tmp_path / "wide", width=0.2))
-    with pytest.raises(PlacementError, match="out of reach|nowhere to stand"):
+    with pytest.raises(PlacementError, match=r"out of reach|nowhere to stand"):
         refuse(edited(drawer, tmp_path / "high", position=[-0.2, 0, 4.0]))
     heavy = edited(drawer, tmp_path / "heavy")
     card = json.loads((heavy / "asset.json").read_text())
