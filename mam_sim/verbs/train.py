@@ -26,6 +26,7 @@ def train(
     epochs: int = 150,
     start: Path | None = None,
     curriculum: bool = True,
+    deployable: bool = False,
     processes: int = 1,
     stop_at: float = 0.95,
     test: int = 20,
@@ -47,6 +48,7 @@ def train(
         epochs: passes over the demonstrations (bc).
         start: a run of bc to start ppo from.
         curriculum: ppo, sac: start some episodes part of the way along the expert's path.
+        deployable: bc: see positions only, no velocities and no touch, as on a real arm.
         processes: environments in processes of their own (ppo).
         stop_at: ppo, sac: end when this share of episodes succeeds.
         test: episodes of evaluation at the end, at unseen seeds (0: none).
@@ -69,7 +71,9 @@ def train(
         if algo == "bc":
             from mam_policies.bc import BcConfig, train_bc
 
-            config = BcConfig(episodes=episodes, epochs=epochs, seed=seed)
+            config = BcConfig(
+                episodes=episodes, epochs=epochs, seed=seed, deployable=deployable
+            )
             info = train_bc(choice, config, out, update)
         else:
             from mam_policies.rl import RlConfig, train_rl

@@ -34,6 +34,7 @@ class BcConfig:
         chunk: actions predicted at once. hidden: layer widths.
         epochs, batch, learning_rate: of Adam with a cosine schedule.
         hold: steps of standing still after success that are recorded too.
+        deployable: see no velocities and no touch, which real arms do not report: positions only.
     """
 
     episodes: int = 80
@@ -45,6 +46,7 @@ class BcConfig:
     learning_rate: float = 1e-3
     hold: int = 6
     seed: int = 0
+    deployable: bool = False
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,7 @@ def train_bc(
         choice.max_steps,
         relative=choice.control_mode == "pd_joint_pos",
         squash="none" if choice.control_mode == "pd_joint_pos" else "clip",
+        inputs=positions(sizes["observation"]) if config.deployable else None,
     )
     loss = fit(policy, demos, config, out / "checkpoint", progress)
     policy.save(out)
@@ -94,6 +97,12 @@ def train_bc(
     )
     info.save(out)
     return info
+
+
+def positions(rows: list[tuple[str, int, int, bool]]) -> tuple[int, ...]:
+    """Entries of the flat observation that hold no velocity and no touch."""
+    unseen = ("agent/qvel", "extra/privileged/joint_speed", "extra/privileged/touching")
+    return tuple(i for name, a, b, _ in rows for i in range(a, b) if name not in unseen)
 
 
 def demonstrations(

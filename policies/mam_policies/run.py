@@ -126,7 +126,9 @@ class MlpPolicy(torch.nn.Module):
         relative: bool = True,
         squash: str = "none",
         activation: str = "relu",
+        inputs: tuple[int, ...] | None = None,
     ) -> None:
+        """`inputs`: entries of the observation that the network sees; None is all of them."""
         super().__init__()
         self.sizes = {
             "obs_dim": obs_dim,
@@ -139,12 +141,14 @@ class MlpPolicy(torch.nn.Module):
             "relative": relative,
             "squash": squash,
             "activation": activation,
+            "inputs": None if inputs is None else list(inputs),
         }
+        self.inputs = None if inputs is None else list(inputs)
         self.obs_dim, self.action_dim, self.arm_joints = obs_dim, action_dim, arm_joints
         self.chunk, self.horizon, self.timed = chunk, horizon, timed
         self.relative, self.squash = relative, squash
         layers: list[torch.nn.Module] = []
-        width = obs_dim + int(timed)
+        width = (obs_dim if inputs is None else len(inputs)) + int(timed)
         kind = torch.nn.Tanh if activation == "tanh" else torch.nn.ReLU
         for size in hidden:
             layers += [torch.nn.Linear(width, size), kind()]
@@ -159,6 +163,8 @@ class MlpPolicy(torch.nn.Module):
     def forward(self, obs: torch.Tensor, step: torch.Tensor) -> torch.Tensor:
         """(b, obs_dim) and (b,) step counts to normalised actions (b, chunk, action_dim)."""
         x = ((obs - self.mean) / self.std).clamp(-10, 10)
+        if self.inputs is not None:
+            x = x[:, self.inputs]
         if self.timed:
             x = torch.cat([x, (step[:, None].float() / self.horizon)], dim=1)
         return self.net(x).reshape(len(obs), self.chunk, self.action_dim)

@@ -1,0 +1,37 @@
+"""Configuration of the robot type `mam_sim`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lerobot.robots.config import RobotConfig
+
+
+@RobotConfig.register_subclass("mam_sim")
+@dataclass(kw_only=True)
+class MamSimRobotConfig(RobotConfig):
+    """A simulated arm in front of an asset.
+
+    Attributes:
+        asset: folder; joint, robot, max_steps: as in mam-sim.
+        seed: of the first episode; the next ones count on.
+        mapping: joint mapping file; None: radians and metres.
+        max_relative_target: greatest change per step against the present motor value, its unit.
+        latency_steps: control steps until a command arrives.
+        joint_noise: of read joint values, radians; handle_noise: of the perceived handle, metres;
+            calibration_error: of each joint's zero, radians (standard deviations).
+        log: file to which one JSON line per episode is appended (seed, steps, success ...).
+    """
+
+    asset: str = ""
+    joint: str | None = None
+    robot: str = "panda"
+    max_steps: int = 200
+    seed: int = 0
+    mapping: str | None = None
+    max_relative_target: float | None = None
+    latency_steps: int = 0
+    joint_noise: float = 0.0
+    handle_noise: float = 0.0
+    calibration_error: float = 0.0
+    log: str | None = None

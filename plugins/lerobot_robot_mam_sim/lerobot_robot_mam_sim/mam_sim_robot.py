@@ -1,0 +1,111 @@
+"""The robot type `mam_sim`: LeRobot's record, replay and rollout run on it without hardware."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from lerobot.robots.robot import Robot
+from lerobot_robot_mam_sim.config_mam_sim_robot import MamSimRobotConfig
+
+from mam_policies.body import Body, Faults
+from mam_policies.run import EnvChoice
+
+
+class MamSimRobot(Robot):
+    """A simulated arm; one sent action is one control step (1/20 s of simulated time).
+
+    Reading twice without a command in between means that the operator is resetting the scene:
+    the next episode (its seed one higher) begins then.
+    """
+
+    config_class = MamSimRobotConfig
+    name = "mam_sim"
+
+    def __init__(self, config: MamSimRobotConfig) -> None:
+        super().__init__(config)
+        self.config = config
+        self._connected = False
+        self._next_seed = config.seed
+
+    @cached_property
+    def body(self) -> Body:
+        """The simulator, started when it is first needed."""
+        c = self.config
+        faults = Faults(c.latency_steps, c.joint_noise, c.handle_noise, c.calibration_error)
+        choice = EnvChoice((c.asset,), c.joint, robot=c.robot, max_steps=c.max_steps)
+        return Body(choice, c.mapping, faults, c.seed)
+
+    @property
+    def observation_features(self) -> dict[str, Any]:
+        """Motors, then what perception gives."""
+        return {name: float for name in self.body.state_names}
+
+    @property
+    def action_features(self) -> dict[str, Any]:
+        """Absolute targets of arm and gripper."""
+        return {name: float for name in self.body.action_names}
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether connect() was called."""
+        return self._connected
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Always: its error is a setting."""
+        return True
+
+    def connect(self, calibrate: bool = True) -> None:
+        """Start the first episode."""
+        self._connected = True
+        self._begin()
+
+    def calibrate(self) -> None:
+        """Nothing to do."""
+
+    def configure(self) -> None:
+        """Nothing to do."""
+
+    def get_observation(self) -> dict[str, Any]:
+        """Motor values and perceived values by name."""
+        if self._read and self.body.outcome.steps:
+            self._finish()
+            self._begin()
+        self._read = True
+        return {k: float(v) for k, v in zip(self.body.state_names, self._state)}
+
+    def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
+        """One control step; returns the targets that were sent, which may have been clipped."""
+        names = self.body.action_names
+        target = np.array([float(action[k]) for k in names])
+        limit = self.config.max_relative_target
+        if limit is not None:
+            present = dict(zip(self.body.state_names, self._state))
+            now = np.array([present[k] for k in names])
+            target = now + np.clip(target - now, -limit, limit)
+        if not self.body.outcome.truncated:
+            self._state = self.body.step(target)
+        self._read = False
+        return {k: float(v) for k, v in zip(names, target)}
+
+    def disconnect(self) -> None:
+        """Note the episode's outcome and free the simulator."""
+        if self._connected:
+            self._finish()
+            self.body.close()
+            self._connected = False
+
+    def _begin(self) -> None:
+        self._state = self.body.reset(self._next_seed)
+        self._next_seed += 1
+        self._read = False
+
+    def _finish(self) -> None:
+        if self.config.log and self.body.outcome.steps:
+            with Path(self.config.log).open("a", encoding="utf-8") as file:
+                file.write(json.dumps(asdict(self.body.outcome)) + "\n")
