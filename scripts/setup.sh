@@ -22,6 +22,7 @@ fi
 say "installing the pinned Python packages into .venv (about 11 GB once, several minutes)"
 export PIP_DISABLE_PIP_VERSION_CHECK=1
 .venv/bin/python -m pip install --quiet --progress-bar off -c constraints.txt -e ".[dev]"
+.venv/bin/python -m pip install --quiet --progress-bar off --no-deps -e plugins/lerobot_policy_mam_sim -e plugins/lerobot_robot_mam_sim
 # opencv-python (asked for by sapien) and opencv-python-headless (by lerobot) own the same cv2 folder:
 # keep the headless one alone, which needs no display library.
 if .venv/bin/python -m pip show -q opencv-python 2>/dev/null; then

@@ -13,7 +13,7 @@ from mam_policies.lerobot_policy import PERCEIVED
 from mam_policies.run import EnvChoice, MlpPolicy, RunInfo
 
 MEANING = {
-    "handle.x": "point to hold, x in the robot's base frame, metres (x: where the arm points)",
+    "handle.x": "point to hold, x in the robot's base frame, metres",
     "handle.y": "the same, y (left)",
     "handle.z": "the same, z (up)",
     "joint.value": "value of the object's joint, radians or metres, 0 in the asset's own pose",
@@ -90,7 +90,7 @@ been measured.
 ## How to place arm and object
 
 In simulation the object's front faces -x and its floor point is the origin. The arm's base stands
-at x {place[0, 3]:.3f}, y {place[1, 3]:.3f}, z {place[2, 3]:.3f} m, turned by {yaw:.1f} degrees about z.
+at x {place[0, 3]:.3f}, y {place[1, 3]:.3f}, z {place[2, 3]:.3f} m, turned by {yaw:.1f} degrees.
 The policy was trained with the object shifted by up to 2 cm and turned by up to 10 degrees unless
 its run says otherwise.
 {eye}"""
@@ -137,7 +137,7 @@ def _real_words(real: bool, joints: JointMapping, spec: Any, out: Path, task: st
     port = "--robot.port=/dev/ttyACM0 --robot.id=my_arm"
     clip = _clip(spec, joints, 1.0)
     lines = _record(joints.robot, port, out, task, 10, "", clip)
-    return f"""Start slowly, a hand at the power switch; `max_relative_target` limits the motion per step.
+    return f"""Start slowly, a hand at the power switch; `max_relative_target` limits each step.
 
 LeRobot 0.4 and 0.5:
 
