@@ -92,7 +92,7 @@ def tilted(axis: np.ndarray, degrees: float) -> np.ndarray:
     ("joint", "changes", "code"),
     [
         ("slide", {"axis": tilted(np.array([-1.0, 0, 0]), 5.0)}, "penetration"),
-        ("hinge", {"axis": tilted(Z, 5.0)}, "penetration"),
+        ("hinge", {"axis": tilted(Z, 5.0)}, "off_axis"),
         ("hinge", {"origin": np.array([0.0, -0.299 + 0.055, 0.25])}, "off_axis"),
         ("hinge", {"origin": np.array([0.0, -0.299 - 0.055, 0.25])}, "off_axis"),
         ("hinge", {"origin": np.array([-0.055, -0.299, 0.25])}, "off_axis"),

@@ -149,6 +149,42 @@ class PartPaths:
                 depth[k:, who] = np.maximum(depth[k:, who], behind)
         return depth
 
+    def escapes(
+        self,
+        motion: Motion,
+        axis: FloatArray,
+        origin: FloatArray,
+        values: FloatArray,
+        who: tuple[NDArray[np.bool_], NDArray[np.bool_]],
+        reach: float,
+    ) -> bool:
+        """Whether shifting the part by `reach` in some direction frees the samples `who`.
+
+        Penetration depth is the shortest shift that separates two bodies: a door whose corner
+        catches the edge of a trim for two millimetres is two millimetres deep, however far it
+        swings on behind the trim.
+
+        Args:
+            values: up to the one that is looked at. who: masks of the part's samples and of the
+            static samples that have penetrated. reach: metres.
+        """
+        steps, _ = _substeps(motion, values)
+        points, spots = self.points[who[0]], self.static_points[who[1]]
+        none = np.zeros(len(points), dtype=bool), np.zeros(len(spots), dtype=bool)
+        for shift in reach * np.concatenate([np.eye(3), -np.eye(3), [axis, -axis]]):
+            path = motion_points(motion, axis, origin, steps, points + shift)
+            part = self._confirmed(
+                self._crossed(path, self.static_scene, none[0]), path, self.static_scene
+            )
+            back = motion_points(motion, axis, origin, -steps, spots - shift)
+            static = self._confirmed(
+                self._crossed(back, self.part_scene, none[1]), back, self.part_scene
+            )
+            left = int((part[-1] > reach).sum()) + int((static[-1] > reach).sum())
+            if left <= 0.1 * (len(points) + len(spots)):
+                return True
+        return False
+
     def gaps(
         self, motion: Motion, axis: FloatArray, origin: FloatArray, values: FloatArray
     ) -> FloatArray:

@@ -33,7 +33,7 @@ class JointSweep:
         area: share of the part's area that is deeper than the sweep's own small tolerance.
         gap: largest distance between part and rest beyond that at rest (slides); None where a
             part is too short to keep contact by itself.
-        line_gap: distance of the hinge line from either body (hinges), None for others.
+        line_gap: distance of the hinge line from either body, or twice its stray over its length (hinges).
         filled: share of the part's area inside other links' collision pieces where their mesh is
             not solid.
     """
@@ -96,12 +96,15 @@ class _Sweep:
             area = max(area, float(blocked.max()))
             # a few samples that graze an edge are within the error of sampling
             seen = np.maximum((part > deep).sum(axis=1), (static > deep).sum(axis=1)) >= FEWEST
-            bad = np.flatnonzero((blocked > limit.penetration_area) & seen)
-            if len(bad):
-                k = int(bad[0])
+            for k in np.flatnonzero((blocked > limit.penetration_area) & seen):
+                who = (part[k] > deep, static[k] > deep)
+                here = values[: k + 1]
+                if paths.escapes(self.motion, joint.axis, joint.origin, here, who, deep):
+                    continue
                 worst = max(float(d[k].max(initial=0.0)) for d in (part, static)) / self.diagonal
                 if worst > depth:
                     depth, at = worst, float(values[k])
+                break
             if slides:
                 gaps = paths.gaps(self.motion, joint.axis, joint.origin, values)
                 gap = max(gap, float(gaps.max() - paths.rest_gap) / self.diagonal)
@@ -143,7 +146,11 @@ class _Sweep:
                 for hull in self.model.hulls[index]:
                     distance[hull.depth(line) > 0] = 0.0
             # mounts may sit at the ends alone: a fifth of the line must lie on each body
-            worst = max(worst, float(np.quantile(distance, 0.2)))
+            near, far = np.quantile(distance, [0.2, 0.8])
+            worst = max(worst, float(near))
+            if faces is self.part:
+                # a line that leaves the part towards its ends is askew; half the length is seen
+                worst = max(worst, 2.0 * float(far - near))
         return worst / self.diagonal
 
     def _hub_gap(self) -> float:
