@@ -197,7 +197,8 @@ def _direction(model: ObjectModel, goal: JointGoal, point: FloatArray) -> FloatA
     motion = model.motion(goal.joint, np.array([goal.q_start, goal.q_start + step]), {})
     where = motion[:, :3, :3] @ point + motion[:, :3, 3]
     move = where[1] - where[0]
-    return move / max(float(np.linalg.norm(move)), 1e-12)
+    out: FloatArray = move / max(float(np.linalg.norm(move)), 1e-12)
+    return out
 
 
 def _pushes(model: ObjectModel, goal: JointGoal, g: CardGrasp) -> bool:
