@@ -276,8 +276,8 @@ def goal_values(goal: JointGoal, count: int = WAYPOINTS, q_now: float | None = N
     if goal.tolerance == 0.0:
         end = goal.q_goal + 0.12 * (goal.q_goal - goal.q_start)
     low, high = min(goal.lower, goal.upper), max(goal.lower, goal.upper)
-    out: FloatArray = np.linspace(start, float(np.clip(end, low, high)), count)
-    return out
+    shares = np.arange(count, dtype=np.float64) / (count - 1)
+    return np.asarray(start + shares * (float(np.clip(end, low, high)) - start), dtype=np.float64)
 
 
 def search(
