@@ -55,7 +55,8 @@ def _coverage(points: FloatArray, shapes: list[CollisionShape], reach: float) ->
         if shape.kind == "box":
             body = trimesh.creation.box(shape.size, transform=shape.pose)
         elif shape.kind == "cylinder":
-            body = trimesh.creation.cylinder(shape.size[0], shape.size[1], 32, transform=shape.pose)
+            radius, length = shape.size[:2]
+            body = trimesh.creation.cylinder(radius, length, 32, transform=shape.pose)
         else:
             body = trimesh.Trimesh(shape.vertices, shape.faces)
         scene = RayScene(np.asarray(body.vertices), np.asarray(body.faces, dtype=np.int64))

@@ -176,8 +176,8 @@ def test_a_mesh_with_nan_is_rejected(good: Path, tmp_path: Path) -> None:
 
 
 def test_without_friction_a_lid_sags(tmp_path: Path) -> None:
-    asset = write_asset(with_joint("hinge", axis=np.array([0.0, 1.0, 0.0]), upper=1.2,
-                                   origin=np.array([0.0, 0.0, 0.023])), tmp_path / "a", name="a")  # fmt: skip
+    lid = with_joint("hinge", axis=np.array([0.0, 1, 0]), upper=1.2, origin=np.array([0, 0, 0.023]))
+    asset = write_asset(lid, tmp_path / "a", name="a")
     held = check_asset(asset.folder)
     assert "sags" not in held.reasons
     (asset.folder / "asset.json").unlink()

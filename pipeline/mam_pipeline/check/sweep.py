@@ -33,7 +33,7 @@ class JointSweep:
         area: share of the part's area that is deeper than the sweep's own small tolerance.
         gap: largest distance between part and rest beyond that at rest (slides); None where a
             part is too short to keep contact by itself.
-        line_gap: distance of the hinge line from either body, or twice its stray over its length (hinges).
+        line_gap: distance of the hinge line from either body, or twice its stray (hinges).
         filled: share of the part's area inside other links' collision pieces where their mesh is
             not solid.
     """
