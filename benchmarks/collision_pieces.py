@@ -45,8 +45,10 @@ def main() -> None:
         shares += covered
         print(f"{name}: {spent:.2f} s a link, {max(pieces[-len(shapes):])} pieces at most, "
               f"coverage {min(covered):.3f} at least", flush=True)  # fmt: skip
-    print(f"median {np.median(seconds):.2f} s a link, {np.median(pieces):.0f} pieces (most "
-          f"{max(pieces)}), coverage mean {np.mean(shares):.3f}, lowest {np.min(shares):.3f}")  # fmt: skip
+    print(
+        f"median {np.median(seconds):.2f} s a link, {np.median(pieces):.0f} pieces (most "
+        f"{max(pieces)}), coverage {np.mean(shares):.3f} (least {np.min(shares):.3f})"
+    )
 
 
 def _coverage(points: FloatArray, shapes: list[CollisionShape], reach: float) -> float:
