@@ -55,7 +55,7 @@ class Probe:
     @property
     def area(self) -> FloatArray:
         """(P,) share of the object's area of every primitive."""
-        return np.bincount(self.owner, self.weight, minlength=self.count)
+        return np.bincount(self.owner, self.weight, minlength=self.count).astype(np.float64)
 
     def escapes(self) -> NDArray[np.bool_]:
         """(N, 6) whether a sample sees the outside along a direction."""
@@ -193,13 +193,14 @@ def _cross(
     """Nearest crossing of each primitive by each sample's six rays."""
     scene = o3d.t.geometry.RaycastingScene(nthreads=1)
     scene.add_triangles(
-        o3d.core.Tensor(vertices.astype(np.float32)), o3d.core.Tensor(faces.astype(np.uint32))
+        o3d.core.Tensor.from_numpy(vertices.astype(np.float32)),
+        o3d.core.Tensor.from_numpy(faces.astype(np.uint32)),
     )
     n = len(points)
     rays = np.empty((n, 6, 6), dtype=np.float32)
     rays[:, :, :3] = points[:, None]
     rays[:, :, 3:] = DIRECTIONS
-    found = scene.list_intersections(o3d.core.Tensor(rays.reshape(-1, 6)), nthreads=1)
+    found = scene.list_intersections(o3d.core.Tensor.from_numpy(rays.reshape(-1, 6)), nthreads=1)
     ray = found["ray_ids"].numpy().astype(np.int64)
     distance = found["t_hit"].numpy().astype(np.float64)
     other = labels[found["primitive_ids"].numpy().astype(np.int64)]

@@ -101,8 +101,14 @@ def from_labels(
 
 
 def world_example(category: str, seed: int) -> Example:
-    """One procedural object, segmented as in the product."""
-    truth = make_object(category, seed).truth()
+    """One procedural object, segmented as in the product.
+
+    Fusing takes seconds, so of the objects whose style is fused only every second one is.
+    """
+    style = draw_style(generator(category, seed, stream=1))
+    if style.fused and seed % 2:
+        style = replace(style, fused=False)
+    truth = make_object(category, seed, style).truth()
     primitives = GeometricSegmenter().segment(truth.mesh)
     return make_example(f"{category}_{seed:06d}", category, truth, primitives)
 

@@ -208,10 +208,10 @@ def _distances(vertices: FloatArray, faces: IntArray, points: FloatArray) -> Flo
     used, inverse = np.unique(faces.reshape(-1), return_inverse=True)
     scene = o3d.t.geometry.RaycastingScene(nthreads=1)
     scene.add_triangles(
-        o3d.core.Tensor(vertices[used].astype(np.float32)),
-        o3d.core.Tensor(inverse.reshape(-1, 3).astype(np.uint32)),
+        o3d.core.Tensor.from_numpy(vertices[used].astype(np.float32)),
+        o3d.core.Tensor.from_numpy(inverse.reshape(-1, 3).astype(np.uint32)),
     )
-    query = o3d.core.Tensor(points.astype(np.float32))
+    query = o3d.core.Tensor.from_numpy(points.astype(np.float32))
     return scene.compute_distance(query, nthreads=1).numpy().astype(np.float64)
 
 
@@ -248,7 +248,7 @@ def _borders(
     edge = np.array([index.get(int(k), -1) for k in low * count + high], dtype=np.int64)
     keep = edge >= 0
     edge, length, angle, bent_in = edge[keep], length[keep], angle[keep], bent_in[keep]
-    total = np.bincount(edge, length, minlength=len(pairs))
+    total = np.bincount(edge, length, minlength=len(pairs)).astype(np.float64)
     hollow = np.bincount(edge, length * angle * bent_in, minlength=len(pairs))
     ridge = np.bincount(edge, length * angle * ~bent_in, minlength=len(pairs))
     return total, hollow / np.maximum(total, 1e-12), ridge / np.maximum(total, 1e-12)

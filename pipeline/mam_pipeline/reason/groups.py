@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +44,7 @@ def enumerate_groups(graph: Graph, same: FloatArray, move: FloatArray) -> Masks:
     if count <= SMALL:
         for mask in _connected(graph):
             add(mask)
-    masks = np.array(list(found.values()), dtype=bool).reshape(-1, count)
+    masks: Masks = np.array(list(found.values()), dtype=bool).reshape(-1, count)
     if len(masks) > LIMIT:
         keep = np.argsort(-plausibility(graph, masks, same, move), kind="stable")[:LIMIT]
         masks = masks[np.sort(keep)]
@@ -72,17 +73,24 @@ def merge_tree(graph: Graph, bond: FloatArray) -> list[NDArray[np.bool_]]:
         links[i][int(j)] = links[j][int(i)] = (float(w), 1)
     nodes = dict(enumerate(links))
     out = []
-    best = {k: max(v, key=lambda m: v[m][0] / v[m][1], default=-1) for k, v in nodes.items()}
+
+    def strength(k: int, m: int) -> float:
+        return nodes[k][m][0] / nodes[k][m][1]
+
+    def strongest(k: int) -> int:
+        return max(nodes[k], key=partial(strength, k), default=-1)
+
+    best = {k: strongest(k) for k in nodes}
     while len(nodes) > 1:
         a = max(
             (k for k in nodes if best[k] >= 0),
-            key=lambda k: nodes[k][best[k]][0] / nodes[k][best[k]][1],
+            key=lambda k: strength(k, best[k]),
             default=-1,
         )
         if a < 0:
             break
         b = best[a]
-        if nodes[a][b][0] / nodes[a][b][1] < 1e-3:
+        if strength(a, b) < 1e-3:
             break
         gone = nodes.pop(b)
         best.pop(b)
@@ -96,8 +104,7 @@ def merge_tree(graph: Graph, bond: FloatArray) -> list[NDArray[np.bool_]]:
         member[a] = member[a] | member.pop(b)
         out.append(member[a])
         for k in {a, *nodes[a]}:
-            v = nodes[k]
-            best[k] = max(v, key=lambda m, v=v: v[m][0] / v[m][1], default=-1)
+            best[k] = strongest(k)
     return out
 
 

@@ -47,9 +47,11 @@ def select_groups(
 def _fill(start: list[int], order: list[int], clash: Masks) -> list[int]:
     """Add candidates in order wherever nothing clashes."""
     out = list(start)
-    blocked = clash[out].any(axis=0) if out else np.zeros(len(clash), dtype=bool)
+    blocked: Masks = np.zeros(len(clash), dtype=bool)
+    for c in out:
+        blocked |= clash[c]
     for c in order:
         if not blocked[c]:
             out.append(c)
-            blocked = blocked | clash[c]
+            blocked |= clash[c]
     return out

@@ -218,12 +218,12 @@ def fit_groups(looks: list[Look]) -> tuple[dict[str, Any], list[np.ndarray]]:
             label = item.subtype[item.overlap[good].argmax(axis=1)]
             weight = target[good] * np.sqrt(10 / len(good))
             kind.add(_rows(item.features, good), label, weight, item.fold)
-    loss = {"objective": "cross_entropy"}
+    loss: dict[str, Any] = {"objective": "cross_entropy"}
     first = [value.fit(200, k, **loss) for k in range(FOLDS)]
     revise = Rows.empty()
     widened = []
     for item in looks:
-        guess = first[item.fold].predict(item.features.values, num_threads=1)
+        guess: Any = first[item.fold].predict(item.features.values, num_threads=1)
         wide = with_rivals(item.features, item.masks, guess)
         widened.append(wide)
         target = item.overlap.max(axis=1)
@@ -231,7 +231,7 @@ def fit_groups(looks: list[Look]) -> tuple[dict[str, Any], list[np.ndarray]]:
         weight = np.full(len(keep), np.sqrt(KEEP / max(len(keep), 1)))
         revise.add(_rows(wide, keep), target[keep], weight, item.fold)
     second = [revise.fit(150, k, **loss) for k in range(FOLDS)]
-    revised = [
+    revised: list[Any] = [
         second[item.fold].predict(wide.values, num_threads=1) for item, wide in zip(looks, widened)
     ]
     final = {
@@ -306,8 +306,8 @@ def save(models: dict[str, Any], settings: dict[str, Any], out: Path) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Make the corpus, train, choose the threshold on validation, write the weights."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--count", type=int, default=1500, help="objects of the world")
-    parser.add_argument("--abstract", type=int, default=2500, help="abstract objects")
+    parser.add_argument("--count", type=int, default=650, help="objects of the world")
+    parser.add_argument("--abstract", type=int, default=250, help="abstract objects")
     parser.add_argument("--validation", type=int, default=150, help="of either sort")
     parser.add_argument("--cache", type=Path, required=True, help="folder for examples")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "weights")

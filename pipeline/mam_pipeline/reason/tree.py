@@ -32,7 +32,9 @@ class Choice:
 
 def build_tree(graph: Graph, masks: Masks, choice: Choice) -> KinematicTree:
     """Assemble the tree; with nothing chosen, the base says why in its evidence."""
-    taken = masks[list(choice.chosen)].any(axis=0) if choice.chosen else np.zeros(graph.count, bool)
+    taken: np.ndarray = np.zeros(graph.count, dtype=bool)
+    for c in choice.chosen:
+        taken |= masks[c]
     evidence: dict[str, object] = {"still": np.flatnonzero(~taken).tolist()}
     if not choice.chosen:
         evidence["nothing_movable"] = (
