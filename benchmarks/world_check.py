@@ -56,8 +56,8 @@ def main() -> None:
                 )
         spent = time.process_time() - began
         print(
-            f"{name:<24} {args.seeds - len(bad)}/{args.seeds}  build {1e3 * built / args.seeds:.0f} ms"
-            f"  all {spent / args.seeds:.1f} s",
+            f"{name:<24} {args.seeds - len(bad)}/{args.seeds}"
+            f"  build {1e3 * built / args.seeds:.0f} ms  all {spent / args.seeds:.1f} s",
             *bad[:3],
             flush=True,
         )

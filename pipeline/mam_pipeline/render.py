@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from io import BytesIO
+from typing import Any
 
 import numpy as np
 import open3d as o3d
@@ -13,6 +14,7 @@ from mam_pipeline.types import Articulation, FloatArray, IntArray, Material, Mes
 
 Image = NDArray[np.uint8]
 BACKGROUND = 255
+_tensor: Any = o3d.core.Tensor  # its stubs know no NumPy
 
 
 def render_mesh(
@@ -41,11 +43,11 @@ def render_mesh(
     origin, rays = _rays((low + high) / 2, eye_direction, far, fov, width, height)
     scene = o3d.t.geometry.RaycastingScene(nthreads=1)
     scene.add_triangles(
-        o3d.core.Tensor(mesh.vertices.astype(np.float32)),
-        o3d.core.Tensor(mesh.faces.astype(np.uint32)),
+        _tensor(mesh.vertices.astype(np.float32)),
+        _tensor(mesh.faces.astype(np.uint32)),
     )
     bundle = np.concatenate([np.broadcast_to(origin, rays.shape), rays], axis=1).astype(np.float32)
-    answer = scene.cast_rays(o3d.core.Tensor(bundle))
+    answer = scene.cast_rays(_tensor(bundle))
     hit = np.isfinite(answer["t_hit"].numpy())
     face = answer["primitive_ids"].numpy()[hit].astype(np.int64)
     normal = answer["primitive_normals"].numpy()[hit].astype(np.float64)

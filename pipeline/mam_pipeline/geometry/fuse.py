@@ -6,6 +6,8 @@ kinds of input (design.md section 8) can be trained and measured on one ground t
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import open3d as o3d
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +16,8 @@ from skimage import measure
 
 from mam_pipeline.errors import InputError
 from mam_pipeline.types import FloatArray, IntArray, Material, Mesh
+
+_tensor: Any = o3d.core.Tensor  # its stubs know no NumPy
 
 SHELL = 0.8  # half thickness given to every surface, in cells: sheets need some to be closed
 SEAL = 1.6  # gaps up to twice this many cells are closed, so that the interior vanishes
@@ -66,15 +70,15 @@ def nearest_faces(mesh: Mesh, target: Mesh | ArrayLike) -> IntArray:
         points = target.vertices[target.faces].mean(axis=1)
     else:
         points = np.asarray(target, dtype=np.float64)
-    answer = _scene(mesh).compute_closest_points(o3d.core.Tensor(points.astype(np.float32)))
+    answer = _scene(mesh).compute_closest_points(_tensor(points.astype(np.float32)))
     return answer["primitive_ids"].numpy().astype(np.int64)
 
 
 def _scene(mesh: Mesh) -> o3d.t.geometry.RaycastingScene:
     scene = o3d.t.geometry.RaycastingScene(nthreads=1)
     scene.add_triangles(
-        o3d.core.Tensor(mesh.vertices.astype(np.float32)),
-        o3d.core.Tensor(mesh.faces.astype(np.uint32)),
+        _tensor(mesh.vertices.astype(np.float32)),
+        _tensor(mesh.faces.astype(np.uint32)),
     )
     return scene
 
@@ -94,7 +98,7 @@ def _solid_field(
     scene = _scene(mesh)
     chunks = np.array_split(points, max(1, len(points) // 400_000))
     distance[near] = np.concatenate(
-        [scene.compute_distance(o3d.core.Tensor(c)).numpy() for c in chunks]
+        [scene.compute_distance(_tensor(c)).numpy() for c in chunks]
     )
     # reach in from the border through wide openings only, then follow the surface closely
     region, _ = ndimage.label(distance > SEAL * pitch)

@@ -17,10 +17,10 @@ WEDGES = 10  # around a hollow vessel
 
 def box(low: ArrayLike, high: ArrayLike) -> CollisionShape:
     """Axis-aligned box."""
-    low, high = np.minimum(low, high), np.maximum(low, high)
+    corners: FloatArray = np.array([low, high], dtype=np.float64)
     pose = np.eye(4)
-    pose[:3, 3] = (low + high) / 2
-    return CollisionShape("box", pose, high - low)
+    pose[:3, 3] = corners.mean(axis=0)
+    return CollisionShape("box", pose, np.ptp(corners, axis=0))
 
 
 def sphere(center: ArrayLike, radius: float) -> CollisionShape:

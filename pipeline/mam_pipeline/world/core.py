@@ -215,7 +215,7 @@ class Core:
         length = float(np.linalg.norm(end - start))
         top = radius if radius_end is None else radius_end
         n = sides or self.segments(max(radius, top))
-        profile = [[0, 0], [radius, 0], [top, length], [0, length]]
+        profile = np.array([[0, 0], [radius, 0], [top, length], [0, length]], dtype=float)
         with self.facing(start, end - start, _across(end - start)):
             solids = collide.solid(profile[1:3]) if collision else []
             return self.add(link, shapes.revolve(profile, n), solids, material, role)
@@ -297,7 +297,7 @@ class Core:
         material: str = "body", role: str = "solid", collision: bool = True,
     ) -> Piece:  # fmt: skip
         """Ring of centre-line `radius` and tube radius `thickness` about `axis`."""
-        profile = shapes.circle(thickness, self.segments(thickness)) + [radius, 0]
+        profile = shapes.circle(thickness, self.segments(thickness)) + np.array([radius, 0])
         with self.facing(center, axis, _across(np.asarray(axis, dtype=float))):
             ring = shapes.circle(radius, 12)
             solids = collide.path(np.c_[ring, np.zeros(12)], thickness, True) if collision else []

@@ -177,7 +177,7 @@ def box_with_lid(b: Builder) -> None:
 
 
 def toilet(b: Builder) -> None:
-    """A bowl with seat and cover hinged behind, a tank with a button or a lever, maybe its own lid."""
+    """A bowl with seat and cover hinged behind, a tank with a button or a lever, maybe a lid."""
     b.theme("white")
     w, d, h = b.uniform(0.34, 0.42), b.uniform(0.6, 0.75), b.uniform(0.38, 0.44)
     b.size(w, d, 2 * h)

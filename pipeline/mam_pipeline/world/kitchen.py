@@ -200,7 +200,7 @@ def _buttons(b: Builder, low: list[float], high: list[float], count: int) -> Non
 
 
 def oven(b: Builder) -> None:
-    """A cooker: flap with a window, knobs or buttons above, hob on top, sometimes a drawer below."""
+    """A cooker: flap with a window, knobs or buttons above, hob on top, maybe a drawer below."""
     _appliance(b)
     w, d, h = b.uniform(0.5, 0.9), b.uniform(0.5, 0.65), b.uniform(0.55, 0.95)
     b.size(w, d, h)

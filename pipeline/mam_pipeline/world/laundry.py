@@ -208,7 +208,7 @@ def dryer_drum(b: Builder) -> None:
         b.disc(drum, (0, 0, length - 0.004), (0, 0, 1), r, 0.004, "metal")
         for k in range(3):
             with b.moved((0, 0, 0), (0, 0, 1), 2 * np.pi * k / 3):
-                outline = shapes.rounded_rectangle(0.04, 0.02, 0.004) + [r - 0.026, 0]
+                outline = shapes.rounded_rectangle(0.04, 0.02, 0.004) + np.array([r - 0.026, 0])
                 b.extrude(drum, outline, 0.9 * length, "light")
         b.spin(drum, "base", (0, 0, 0), (0, 0, 1))
     door = b.link("door_0", "door")

@@ -187,14 +187,15 @@ def triangulate(polygon: FloatArray) -> IntArray:
     if is_convex(polygon):
         k = np.arange(1, n - 1)
         return np.stack([np.zeros_like(k), k, k + 1], axis=1).astype(np.int64)
-    left, out = list(range(n)), []
+    left: list[int] = list(range(n))
+    out = []
     while len(left) > 3:
-        for k in range(len(left)):
-            a, b, c = left[k - 1], left[k], left[(k + 1) % len(left)]
-            others = polygon[[i for i in left if i not in (a, b, c)]]
+        for i in range(len(left)):
+            a, b, c = left[i - 1], left[i], left[(i + 1) % len(left)]
+            others = polygon[[j for j in left if j not in (a, b, c)]]
             if _is_ear(polygon[a], polygon[b], polygon[c], others):
                 out.append((a, b, c))
-                left.pop(k)
+                left.pop(i)
                 break
         else:  # numerically stuck: clip anything, the outline stays right
             out.append((left[-1], left[0], left[1]))

@@ -180,11 +180,11 @@ def _with_fasteners(soup: Soup, rng: np.random.Generator) -> Soup:
             frame = shapes.frame(point, normal, b - a)
             screw = shapes.revolve(
                 [
-                    [0, 0],
-                    [radius, 0],
+                    [0.0, 0.0],
+                    [radius, 0.0],
                     [radius, 0.4 * radius],
                     [0.5 * radius, 0.6 * radius],
-                    [0, 0.6 * radius],
+                    [0.0, 0.6 * radius],
                 ],
                 6,
             )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mam_pipeline.world import cabinetry as c
-from mam_pipeline.world.kit import Builder
+from mam_pipeline.world.kit import Builder, HandleKind
 
 
 def _start(
@@ -132,7 +132,7 @@ def cabinet_sliding(b: Builder) -> None:
         free = y + (0.08 if k < count - 1 else 0.92) * each
         if track == 0 and m.handle != "none":
             free = y + 0.12 * each
-        pull = "recessed" if track == 0 else "none"
+        pull: HandleKind = "recessed" if track == 0 else "none"
         b.handle(link, (x, free, 0.5 * (z0 + z1)), (-1, 0, 0), (0, 0, 1), 0.12, pull, m.metal)
         way = 1.0 if k < count - 1 else -1.0
         # of three doors the outer two share a track: they stop where they would meet
