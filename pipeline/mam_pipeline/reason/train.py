@@ -270,7 +270,7 @@ def outcome(item: Look, value: FloatArray, threshold: float) -> tuple[float, flo
 def sweep(looks: list[Look], values: list[np.ndarray]) -> dict[float, tuple[float, float]]:
     """Mean (mIoU, count accuracy) for a range of thresholds."""
     out = {}
-    for threshold in np.round(np.arange(0.2, 0.75, 0.05), 2):
+    for threshold in np.round(np.arange(0.3, 0.9, 0.05), 2):
         pairs = [outcome(i, v, float(threshold)) for i, v in zip(looks, values)]
         mean = np.mean(pairs, axis=0)
         out[float(threshold)] = (float(mean[0]), float(mean[1]))
