@@ -18,7 +18,7 @@ import numpy as np
 
 from mam_envs.robots import RobotSpec, robot_spec
 from mam_pipeline.errors import ConfigError, HintNeeded, InputError
-from mam_policies.body import mapping_of
+from mam_policies.body import Body, mapping_of
 from mam_policies.joint_mapping import SO_ARMS, JointMapping, load_mapping, template
 from mam_policies.lerobot_dataset import FPS, Names, Track, offline, write_dataset
 from mam_policies.lerobot_policy import OBSERVED, PERCEIVED, Deployment
@@ -26,6 +26,7 @@ from mam_policies.run import MlpPolicy, RunInfo
 
 MARK = "mam_sim_export.json"
 MAPPING = "joint_mapping.yaml"
+BEST = "best_trajectory"
 
 
 @dataclass(frozen=True)
@@ -67,9 +68,10 @@ def export_run(
         raise ConfigError(f"the policy sees {', '.join(unknown)}, which no robot could report")
     given = _mapping_for(spec, out, mapping)
     _refuse_foreign(out)
-    env = choice.make()
+    body = Body(choice, given) if choice.control_mode == "pd_joint_pos" else None
+    env = choice.make() if body is None else body.env
+    notes = list(_notes(policy, info))
     try:
-        env.reset(seed=0)
         base = env.unwrapped
         joints = mapping_of(base, given)
         plan = deployment(base, info, joints)
@@ -82,13 +84,16 @@ def export_run(
 
             _write_policy(folder, policy, plan, states, actions)
             joints.save(folder / MAPPING)
+            if body is not None and (run / "demos").is_dir():
+                notes.extend(_write_best(run, body, folder / BEST))
+            env.reset(seed=0)
             write_readme(folder, out, env, info, choice, policy, joints, states)
             _mark(folder, "policy", run)
 
         build_beside(out, build)
     finally:
         env.close()
-    return Exported(out, "policy", out / MAPPING, tuple(_notes(policy, info)))
+    return Exported(out, "policy", out / MAPPING, tuple(notes))
 
 
 def export_dataset(collected: Path, out: Path, mapping: Path | None = None) -> Exported:
@@ -243,6 +248,18 @@ def _write_policy(
     before, after = plugin.make_mam_sim_pre_post_processors(config)
     before.save_pretrained(folder)
     after.save_pretrained(folder)
+
+
+def _write_best(run: Path, body: Body, folder: Path) -> Iterator[str]:
+    """The best demonstration for lerobot-replay; a note where it no longer succeeds."""
+    from mam_policies.replay import best_trajectory, write_trajectory
+
+    try:
+        trajectory = best_trajectory(run, body)
+    except InputError as error:
+        yield f"no trajectory to replay: {error}"
+        return
+    write_trajectory(trajectory, body, "replay of the best demonstration", folder)
 
 
 def _mapping_for(spec: RobotSpec, out: Path, mapping: Path | None) -> JointMapping | None:

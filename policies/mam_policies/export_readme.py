@@ -57,7 +57,7 @@ Control rate: **{FPS} Hz**. Actions are absolute joint targets; units are in `jo
 ## Try it without hardware
 
 ```sh
-{_record("mam_sim", _sim(choice), out, task, 10, "--dataset.video=false ", _clip(spec, joints, 1))}
+{_record("mam_sim", _sim(choice) + _map(out, real, "robot"), out, task, 10, "--dataset.video=false ", _clip(spec, joints, 1))}
 ```
 
 Success of each episode stands in `episodes.jsonl`. Add `--robot.latency_steps=2`,
@@ -68,6 +68,14 @@ to see what it bears. LeRobot's own evaluation:
 lerobot-eval --policy.path={out} --env.type=mam_sim --env.asset={choice.assets[0]} \\
   --env.joint={goal.joint} --env.robot={choice.robot}{_map(out, real, "env")} \\
   --env.discover_packages_path=lerobot_policy_mam_sim --eval.n_episodes=10 --eval.batch_size=1
+```
+
+Open loop, the best demonstration, where this folder has `best_trajectory`:
+
+```sh
+lerobot-replay --robot.type=mam_sim {_sim(choice)}{_map(out, real, "robot")} \\
+  --dataset.repo_id=local/best --dataset.root={out}/best_trajectory --dataset.episode=0 \\
+  --dataset.fps={FPS} --play_sounds=false
 ```
 
 ## On the real arm
@@ -144,7 +152,7 @@ LeRobot 0.4 and 0.5:
 ```sh
 {lines}
 lerobot-replay --robot.type={joints.robot} {port} {clip} \\
-  --dataset.repo_id=local/best --dataset.root=best --dataset.episode=0 --dataset.fps={FPS}
+  --dataset.repo_id=local/best --dataset.root={out}/best_trajectory --dataset.episode=0 --dataset.fps={FPS}
 ```
 
 LeRobot 0.6 (not tried here) runs policies by lerobot-rollout:

@@ -159,7 +159,7 @@ OBSERVED = (
 def quaternion(m: Array) -> Array:
     """(b, 3, 3) rotations as (b, 4) quaternions, w first, signed as ManiSkill signs them.
 
-    The candidate with the greatest component wins (Markley 2008), and that component is positive.
+    The candidate with the greatest component wins (Markley 2008); w is never negative.
     """
     d = m[:, [0, 1, 2], [0, 1, 2]]
     signs: Sequence[tuple[int, int, int]] = ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
@@ -178,4 +178,5 @@ def quaternion(m: Array) -> Array:
     )
     best = size.argmax(axis=1)
     k = np.arange(len(m))
-    return np.asarray(rows[k, best] / (2.0 * size[k, best][:, None]))
+    out = rows[k, best] / (2.0 * size[k, best][:, None])
+    return np.asarray(np.where(out[:, :1] < 0, -out, out))

@@ -1,11 +1,15 @@
-"""Session fixtures: a drawer and a door made of boxes."""
+"""Session fixtures: a drawer and a door made of boxes; a small run on the drawer, and its export."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
+import torch
+
 from tests.envs.box_assets import write_asset
+
+torch.set_num_threads(1)
 
 
 @pytest.fixture(scope="session")
@@ -18,3 +22,25 @@ def drawer(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def door(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Asset folder of a door that swings 90 degrees about a vertical hinge."""
     return write_asset(tmp_path_factory.mktemp("assets") / "door", "door")
+
+
+@pytest.fixture(scope="session")
+def run_folder(drawer: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A policy cloned from few demonstrations that sees positions only."""
+    from mam_policies.bc import BcConfig, train_bc
+    from mam_policies.run import EnvChoice
+
+    out = tmp_path_factory.mktemp("runs") / "drawer"
+    choice = EnvChoice((str(drawer),), max_steps=120)
+    train_bc(choice, BcConfig(episodes=12, epochs=50, deployable=True), out)
+    return out
+
+
+@pytest.fixture(scope="session")
+def exported(run_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """That run as a LeRobot policy folder."""
+    from mam_policies.export_lerobot import export_run
+
+    out = tmp_path_factory.mktemp("exports") / "drawer"
+    export_run(run_folder, out)
+    return out

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 from lerobot.robots.robot import Robot
-from lerobot_robot_mam_sim.config_mam_sim_robot import MamSimRobotConfig
 
+from lerobot_robot_mam_sim.config_mam_sim_robot import MamSimRobotConfig
 from mam_policies.body import Body, Faults
 from mam_policies.run import EnvChoice
 
@@ -31,6 +31,7 @@ class MamSimRobot(Robot):
         self.config = config
         self._connected = False
         self._next_seed = config.seed
+        self.cameras: dict[str, Any] = {}  # LeRobot counts them
 
     @cached_property
     def body(self) -> Body:

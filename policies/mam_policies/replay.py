@@ -1,0 +1,154 @@
+"""Open-loop replay as in the paper: the best trajectory, sent to the robot without looking.
+
+The best demonstration is the shortest success. It is written as a LeRobot dataset in motor units,
+so that lerobot-replay sends it to a real arm, and is measured here on the simulated body.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mam_pipeline.errors import InputError
+from mam_policies.bc import Demonstration
+from mam_policies.body import Body, Faults, Outcome
+from mam_policies.evaluate import wilson
+from mam_policies.joint_mapping import JointMapping
+from mam_policies.lerobot_dataset import Names, Track, write_dataset
+from mam_policies.lerobot_policy import PERCEIVED
+from mam_policies.run import EnvChoice, RunInfo
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """States (T, n) and targets (T, m) of one success in motor units, and its seed."""
+
+    seed: int
+    states: NDArray[np.float32]
+    targets: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """Successes of open-loop replays with their Wilson 95 % interval."""
+
+    episodes: int
+    successes: int
+    low: float
+    high: float
+    each: tuple[Outcome, ...]
+
+
+def best_demonstration(run: Path) -> tuple[RunInfo, int, Demonstration]:
+    """The shortest success without noise among a run's demonstrations, with its seed.
+
+    Raises:
+        InputError: the run keeps no demonstrations of absolute targets.
+    """
+    info = RunInfo.load(run)
+    best: tuple[int, Demonstration] | None = None
+    for file in sorted((run / "demos").glob("[0-9]*.npz")):
+        number = int(file.stem)
+        with np.load(file) as data:
+            found = Demonstration(data["obs"], data["actions"])
+        quiet = number % 3 == 0  # bc leaves every third demonstration without noise
+        if found.obs.size and quiet and (best is None or len(found.obs) < len(best[1].obs)):
+            best = (int(info.config.get("seed", 0)) * 1_000_003 + number, found)
+    if best is None or info.env.control_mode != "pd_joint_pos":
+        raise InputError(f"{run} keeps no demonstrations to replay; train it with --algo bc")
+    return info, *best
+
+
+def best_trajectory(run: Path, body: Body) -> Trajectory:
+    """Run the best demonstration on a body, from its own start, and keep what was sent and read.
+
+    Raises:
+        InputError: see best_demonstration; or the demonstration no longer succeeds, because the
+            asset or the environment has changed since.
+    """
+    _, seed, demo = best_demonstration(run)
+    spec = body.spec
+    arm = len(spec.arm)
+    gripper = demo.actions[:, arm].astype(float)
+    if spec.gripper_range is not None:
+        low, high = spec.gripper_range
+        gripper = low + (np.clip(gripper, -1, 1) + 1) / 2 * (high - low)
+    sim = np.concatenate([demo.actions[:, :arm], gripper[:, None]], axis=1)
+    targets = body.mapping.to_real(body.moved, sim).astype(np.float32)
+    states = [body.reset(seed)]
+    for target in targets:
+        states.append(body.step(target))
+    if not body.outcome.success:
+        raise InputError(f"the best demonstration of {run} does not succeed any more; train anew")
+    return Trajectory(seed, np.stack(states[:-1]), targets)
+
+
+def replay(
+    trajectory: Trajectory,
+    body: Body,
+    seeds: list[int],
+    on_episode: Callable[[int, int], None] = lambda *_: None,
+) -> Replayed:
+    """Send the targets blindly in episodes with other starts; how often does it still succeed?"""
+    each: list[Outcome] = []
+    for seed in seeds:
+        body.reset(seed)
+        for target in trajectory.targets:
+            body.step(target)
+            if body.outcome.success or body.outcome.truncated:
+                break
+        each.append(body.outcome)
+        on_episode(len(each), sum(o.success for o in each))
+    good = sum(o.success for o in each)
+    return Replayed(len(each), good, *wilson(good, len(each)), tuple(each))
+
+
+def write_trajectory(trajectory: Trajectory, body: Body, task: str, root: Path) -> Path:
+    """The trajectory as a dataset of one episode that lerobot-replay takes."""
+    names = Names(
+        tuple(body.state_names[: -len(PERCEIVED)]), tuple(body.action_names), tuple(PERCEIVED)
+    )
+    count = len(trajectory.targets)
+    track = Track(
+        state=trajectory.states[:, : -len(PERCEIVED)],
+        action=trajectory.targets,
+        environment=trajectory.states[:, -len(PERCEIVED) :],
+        images={},
+        success=True,
+        task=task,
+    )
+    rewards = np.zeros(count, dtype=np.float32)
+    root.parent.mkdir(parents=True, exist_ok=True)
+    return write_dataset([(track, rewards)], names, body.mapping.robot, root)
+
+
+def measure(
+    run: Path,
+    episodes: int = 10,
+    mapping: str | JointMapping | None = None,
+    faults: Faults | None = None,
+    out: Path | None = None,
+) -> Replayed:
+    """Replay a run's best trajectory at unseen starts (and with `faults`); optionally write it.
+
+    Raises:
+        InputError: see best_trajectory.
+    """
+    info = RunInfo.load(run)
+    choice: EnvChoice = info.env
+    clean = Body(choice, mapping)
+    try:
+        trajectory = best_trajectory(run, clean)
+        if out is not None:
+            write_trajectory(trajectory, clean, "replay of the best demonstration", out)
+    finally:
+        clean.close()
+    body = Body(choice, mapping, faults)
+    try:
+        return replay(trajectory, body, [60_000_011 + i for i in range(episodes)])
+    finally:
+        body.close()

@@ -1,0 +1,180 @@
+"""Stock LeRobot, offline, on our exports: reload, train, evaluate, record, replay, same actions."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+os.environ["HF_HUB_OFFLINE"] = "1"  # before LeRobot is imported
+pytest.importorskip("lerobot_policy_mam_sim", reason="scripts/setup.sh installs the plug-ins")
+pytest.importorskip("lerobot_robot_mam_sim", reason="scripts/setup.sh installs the plug-ins")
+pytestmark = pytest.mark.slow  # each starts the simulator or LeRobot's training
+
+SEED = 50_000_017
+
+
+def _lerobot(monkeypatch: pytest.MonkeyPatch, verb: str, *arguments: str) -> None:
+    """Run a stock command in this process."""
+    monkeypatch.setattr(sys, "argv", [f"lerobot-{verb}", *arguments])
+    importlib.import_module(f"lerobot.scripts.lerobot_{verb}").main()
+
+
+def _load(folder: Path):  # type: ignore[no-untyped-def]
+    """Policy and processors, as lerobot-record loads them."""
+    from lerobot.configs.policies import PreTrainedConfig
+    from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+
+    config = PreTrainedConfig.from_pretrained(folder)
+    policy = get_policy_class(config.type).from_pretrained(folder, config=config)
+    return policy, *make_pre_post_processors(config, str(folder))
+
+
+def test_stock_runtime_sends_our_actions(run_folder: Path, exported: Path, drawer: Path) -> None:
+    """LeRobot's predict_action on motor values against our Actor on the simulator's observation."""
+    from lerobot.utils.control_utils import predict_action
+
+    from mam_policies.body import Body
+    from mam_policies.run import Actor, EnvChoice, MlpPolicy, flat
+
+    policy, before, after = _load(exported)
+    actor = Actor(MlpPolicy.load(run_folder))
+    body = Body(EnvChoice((str(drawer),), max_steps=120))
+    low, high = body.spec.gripper_range or (0.0, 0.0)
+    state = body.reset(SEED)
+    policy.reset()
+    for _ in range(70):
+        ours = actor.act(flat(body.env.unwrapped.get_obs())).astype(float)
+        ours[-1] = low + (np.clip(ours[-1], -1, 1) + 1) / 2 * (high - low)  # metres
+        theirs = predict_action(
+            {"observation.state": state}, policy, torch.device("cpu"), before, after, False
+        )[0].numpy()
+        assert np.abs(theirs - ours).max() < 2e-4  # radians and metres
+        state = body.step(theirs)
+        if body.outcome.success:
+            break
+    body.close()
+
+
+def test_units_of_the_mapping_reach_the_motors(exported: Path) -> None:
+    """The same policy for an arm that counts backwards in degrees from another zero."""
+    from mam_policies.lerobot_policy import PERCEIVED, Converter
+
+    policy, *_ = _load(exported)
+    plan = policy.config.plan
+    state = np.array([[*np.linspace(-0.4, 0.4, len(plan.joints)), 0.6, 0, 0.3, 0.0, 0.0]])
+    expected = policy.converter.act(state)[0]
+    scale, offset = -np.pi / 180, 0.3
+    for i in plan.arm:
+        plan.scale[i], plan.offset[i] = scale, offset
+    other = state.copy()
+    other[:, plan.arm] = (state[:, plan.arm] - offset) / scale
+    got = Converter(plan, policy.net).act(other)[0]
+    assert np.allclose(got[:-1] * scale + offset, expected[:-1], atol=1e-5)
+    assert np.isclose(got[-1], expected[-1], atol=1e-6) and len(PERCEIVED) == 5
+
+
+def test_missing_perception_is_explained(exported: Path) -> None:
+    policy, *_ = _load(exported)
+    motors = len(policy.config.plan.joints)
+    with pytest.raises(ValueError, match=r"handle\.x.*--policy\.fixed"):
+        policy.select_action({"observation.state": torch.zeros(1, motors)})
+    names = policy.config.state_names[motors:]
+    policy.config.fixed = dict.fromkeys(names, 0.1)
+    assert policy.select_action({"observation.state": torch.zeros(1, motors)}).shape == (1, 8)
+
+
+def test_readme_says_what_to_run(exported: Path) -> None:
+    text = (exported / "README.md").read_text()
+    for word in ("lerobot-record", "lerobot-replay", "max_relative_target", "20 Hz", "handle.x"):
+        assert word in text
+    assert "`touch`" in text and "not used" in text  # the policy sees positions only
+
+
+def test_record_runs_headless_and_the_data_reload(
+    exported: Path, drawer: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+    log, root = tmp_path / "log.jsonl", tmp_path / "recorded"
+    _lerobot(
+        monkeypatch, "record", "--robot.type=mam_sim", f"--robot.asset={drawer}",
+        f"--robot.seed={SEED}", f"--robot.log={log}", "--robot.latency_steps=1",
+        "--robot.joint_noise=0.001", "--robot.handle_noise=0.002",
+        "--robot.calibration_error=0.002", "--robot.max_relative_target=0.3",
+        f"--policy.path={exported}", "--dataset.repo_id=local/eval_policy",
+        f"--dataset.root={root}", "--dataset.single_task=open the drawer", "--dataset.fps=20",
+        "--dataset.num_episodes=1", "--dataset.episode_time_s=4", "--dataset.reset_time_s=0",
+        "--dataset.video=false", "--dataset.push_to_hub=false", "--play_sounds=false",
+    )  # fmt: skip
+    episode = json.loads(log.read_text().splitlines()[0])
+    assert episode["seed"] == SEED and episode["steps"] > 3
+    data = LeRobotDataset("local/eval_policy", root=root)
+    assert data.num_episodes == 1 and data.fps == 20
+    names = data.features["observation.state"]["names"]
+    assert names[0] == "panda_joint1.pos" and names[-1] == "touch"
+
+
+def test_eval_runs_our_environment(
+    exported: Path, drawer: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _lerobot(
+        monkeypatch, "eval", f"--policy.path={exported}", "--env.type=mam_sim",
+        f"--env.asset={drawer}", "--env.episode_length=90", "--eval.n_episodes=1",
+        "--eval.batch_size=1", f"--output_dir={tmp_path / 'eval'}", f"--seed={SEED}",
+    )  # fmt: skip
+    found = json.loads((tmp_path / "eval" / "eval_info.json").read_text())
+    assert 0 <= found["overall"]["pc_success"] <= 100
+
+
+def test_replay_of_the_best_trajectory(
+    run_folder: Path, exported: Path, drawer: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From its own start the demonstration succeeds again, through LeRobot too."""
+    from mam_policies.replay import best_demonstration, measure
+
+    found = measure(run_folder, 2)
+    assert found.episodes == 2 and found.low <= found.successes / 2 <= found.high
+    _, seed, demo = best_demonstration(run_folder)
+    log = tmp_path / "log.jsonl"
+    _lerobot(
+        monkeypatch, "replay", "--robot.type=mam_sim", f"--robot.asset={drawer}",
+        f"--robot.seed={seed}", f"--robot.log={log}", "--dataset.repo_id=local/best",
+        f"--dataset.root={exported / 'best_trajectory'}", "--dataset.episode=0",
+        "--dataset.fps=200", "--play_sounds=false",
+    )  # fmt: skip
+    episode = json.loads(log.read_text())
+    assert episode["success"] and episode["steps"] == len(demo.actions)
+
+
+def test_dataset_export_and_a_few_steps_of_training(
+    drawer: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+    from mam_policies.collect import CollectConfig, collect
+    from mam_policies.export_lerobot import export_dataset
+
+    collect(CollectConfig(str(drawer), episodes=1), tmp_path / "demos")
+    out = tmp_path / "out"
+    export_dataset(tmp_path / "demos", out)
+    root = out / "dataset"
+    data = LeRobotDataset("local/mam_sim", root=root)
+    assert data.features["action"]["names"][0] == "panda_joint1.pos"
+    _lerobot(
+        monkeypatch, "train", "--policy.type=act", "--policy.pretrained_backbone_weights=null",
+        "--policy.dim_model=32", "--policy.n_heads=2", "--policy.dim_feedforward=32",
+        "--policy.n_encoder_layers=1", "--policy.chunk_size=8", "--policy.n_action_steps=8",
+        "--policy.push_to_hub=false", "--policy.device=cpu", "--dataset.repo_id=local/mam_sim",
+        f"--dataset.root={root}", f"--output_dir={tmp_path / 'act'}", "--steps=3",
+        "--batch_size=4", "--num_workers=0", "--save_freq=3", "--wandb.enable=false",
+    )  # fmt: skip
+    saved = tmp_path / "act" / "checkpoints" / "000003" / "pretrained_model"
+    policy, *_ = _load(saved)
+    assert policy.config.type == "act"
