@@ -91,7 +91,7 @@ def make_asset(
     Raises:
         MamSimError: one of its subclasses; `out` is then as it was before.
     """
-    from mam_pipeline.asset.writer import write_asset
+    from mam_pipeline.asset.writer import replace_folder, write_asset
 
     kind = kind_of(source)
     out = out.resolve()
@@ -146,16 +146,6 @@ def refuse_foreign(out: Path) -> None:
     """Raise ConfigError where `out` exists and is not an asset of ours: it is never overwritten."""
     if out.exists() and not (out / "asset.json").is_file() and not _empty(out):
         raise ConfigError(f"{out} exists and is no asset folder; name another --out")
-
-
-def replace_folder(new: Path, out: Path) -> None:
-    """Rename `new` to `out`, moving what was there aside first and deleting it last."""
-    out.parent.mkdir(parents=True, exist_ok=True)
-    old = out.parent / f".{out.name}.old-{os.getpid()}"
-    if out.exists():
-        out.rename(old)
-    new.rename(out)
-    shutil.rmtree(old, ignore_errors=True)
 
 
 def file_digest(path: Path) -> str:

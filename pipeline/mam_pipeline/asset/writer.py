@@ -94,7 +94,7 @@ def write_asset(
             notes=more_notes,
         )
         card.save(work)
-        _replace_folder(work, out)
+        replace_folder(work, out)
     finally:
         shutil.rmtree(work, ignore_errors=True)
     return Asset(out.resolve(), card)
@@ -235,7 +235,7 @@ def _unique(names: Sequence[str], default: str) -> list[str]:
     return out
 
 
-def _replace_folder(new: Path, out: Path) -> None:
+def replace_folder(new: Path, out: Path) -> None:
     """Rename `new` to `out`, moving what was there aside first and deleting it last."""
     out.parent.mkdir(parents=True, exist_ok=True)
     old = out.parent / f".{out.name}.old-{os.getpid()}"
