@@ -98,7 +98,8 @@ def _shape_pieces(
         if soup is None:
             return []
         materials.append(Material(base_color=_color(shape)))
-        found, scale = (Piece(soup[0], soup[1], name),), np.ones(3)
+        found: tuple[Piece, ...] = (Piece(soup[0], soup[1], name),)
+        scale = np.ones(3)
     else:
         target = resolve(geometry.mesh.filename, file.parent)
         if target is None:
