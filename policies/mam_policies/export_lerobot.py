@@ -107,7 +107,7 @@ def export_dataset(collected: Path, out: Path, mapping: Path | None = None) -> E
     file = collected / "collect.json"
     names_file = collected / "attempts" / "names.json"
     if not file.is_file() or not names_file.is_file():
-        raise InputError(f"{collected} holds no finished collection; make one with: mam-sim collect")
+        raise InputError(f"{collected} holds no collection; make one with: mam-sim collect")
     settings = json.loads(file.read_text(encoding="utf-8"))
     spec = robot_spec(str(settings["robot"]))
     given = _mapping_for(spec, out, mapping)
@@ -275,8 +275,8 @@ def _mapping_for(spec: RobotSpec, out: Path, mapping: Path | None) -> JointMappi
         file.write_text(template(spec.uid, spec.arm, spec.gripper[0]), encoding="utf-8")
     missing = "sign and offset of every joint, closed and open of the gripper"
     raise HintNeeded(
-        f"how {SO_ARMS[spec.uid]} counts its joints is not known here; fill in {missing} in {file}, "
-        f"then run again with --mapping {file}"
+        f"how {SO_ARMS[spec.uid]} counts its joints is not known here; fill in {missing} in "
+        f"{file}, then run again with --mapping {file}"
     )
 
 

@@ -46,6 +46,9 @@ def write_readme(
     place = np.asarray(env.unwrapped.layout(0).placement.base, dtype=float)
     yaw = np.degrees(np.arctan2(place[1, 0], place[0, 0]))
     eye = _camera_words(env) if picture else ""
+    body = _sim(choice) + _map(out, real, "robot")
+    trial = _record("mam_sim", body, out, task, "--dataset.video=false ", _clip(spec, joints))
+    fixed = ", ".join(f'"{n}": {v}' for n, v in zip(PERCEIVED, (0.6, 0.0, 0.3, 0.0, 0)))
     text = f"""# Policy: {task} of {env.unwrapped.layout(0).model.asset.card.name}
 
 Trained by mam-sim ({info.algo}) for the simulated robot `{spec.uid}`. LeRobot 0.4.4 loads this
@@ -57,7 +60,7 @@ Control rate: **{FPS} Hz**. Actions are absolute joint targets; units are in `jo
 ## Try it without hardware
 
 ```sh
-{_record("mam_sim", _sim(choice) + _map(out, real, "robot"), out, task, 10, "--dataset.video=false ", _clip(spec, joints, 1))}
+{trial}
 ```
 
 Success of each episode stands in `episodes.jsonl`. Add `--robot.latency_steps=2`,
@@ -73,7 +76,7 @@ lerobot-eval --policy.path={out} --env.type=mam_sim --env.asset={choice.assets[0
 Open loop, the best demonstration, where this folder has `best_trajectory`:
 
 ```sh
-lerobot-replay --robot.type=mam_sim {_sim(choice)}{_map(out, real, "robot")} \\
+lerobot-replay --robot.type=mam_sim {body} \\
   --dataset.repo_id=local/best --dataset.root={out}/best_trajectory --dataset.episode=0 \\
   --dataset.fps={FPS} --play_sounds=false
 ```
@@ -91,7 +94,7 @@ camera), in this order behind the motors:
 {chr(10).join(rows)}
 
 A robot that reports motors only can be run with constants measured once:
-`--policy.fixed='{{"handle.x": 0.6, "handle.y": 0.0, "handle.z": 0.3, "joint.value": 0, "touch": 0}}'`
+`--policy.fixed='{{{fixed}}}'` (put your own in).
 Then the policy is not told how far the joint has moved; its success under these conditions has not
 been measured.
 
@@ -105,14 +108,12 @@ its run says otherwise.
     (folder / "README.md").write_text(text, encoding="utf-8")
 
 
-def _record(
-    robot: str, arguments: str, out: Path, task: str, seconds: int, extra: str, clip: str
-) -> str:
+def _record(robot: str, arguments: str, out: Path, task: str, extra: str, clip: str) -> str:
     return (
         f"lerobot-record --robot.type={robot} {arguments} {clip} \\\n"
         f"  --policy.path={out} --dataset.repo_id=local/eval_policy --dataset.root=eval_policy \\\n"
         f'  --dataset.single_task="{task}" --dataset.fps={FPS} --dataset.num_episodes=5 \\\n'
-        f"  --dataset.episode_time_s={seconds} --dataset.reset_time_s=1 {extra}\\\n"
+        f"  --dataset.episode_time_s=10 --dataset.reset_time_s=1 {extra}\\\n"
         f"  --dataset.push_to_hub=false --play_sounds=false"
     )
 
@@ -125,10 +126,10 @@ def _sim(choice: EnvChoice) -> str:
     )
 
 
-def _clip(spec: Any, joints: JointMapping, factor: float) -> str:
-    """max_relative_target from the motion per step that the expert keeps to, in the arm's unit."""
+def _clip(spec: Any, joints: JointMapping) -> str:
+    """max_relative_target: twice the motion per step that the expert keeps to, arm's unit."""
     scale = abs(float(joints.arrays([spec.arm[0]])[0][0]))
-    return f"--robot.max_relative_target={factor * 2 * spec.step / scale:.3g}"
+    return f"--robot.max_relative_target={2 * spec.step / scale:.3g}"
 
 
 def _map(out: Path, real: bool, what: str) -> str:
@@ -143,8 +144,8 @@ def _real_words(real: bool, joints: JointMapping, spec: Any, out: Path, task: st
             "`joint_mapping.yaml` can run this policy."
         )
     port = "--robot.port=/dev/ttyACM0 --robot.id=my_arm"
-    clip = _clip(spec, joints, 1.0)
-    lines = _record(joints.robot, port, out, task, 10, "", clip)
+    clip = _clip(spec, joints)
+    lines = _record(joints.robot, port, out, task, "", clip)
     return f"""Start slowly, a hand at the power switch; `max_relative_target` limits each step.
 
 LeRobot 0.4 and 0.5:
@@ -152,7 +153,8 @@ LeRobot 0.4 and 0.5:
 ```sh
 {lines}
 lerobot-replay --robot.type={joints.robot} {port} {clip} \\
-  --dataset.repo_id=local/best --dataset.root={out}/best_trajectory --dataset.episode=0 --dataset.fps={FPS}
+  --dataset.repo_id=local/best --dataset.root={out}/best_trajectory \\
+  --dataset.episode=0 --dataset.fps={FPS}
 ```
 
 LeRobot 0.6 (not tried here) runs policies by lerobot-rollout:

@@ -1,4 +1,4 @@
-"""Session fixtures: a drawer and a door made of boxes; a small run on the drawer, and its export."""
+"""Session fixtures: a drawer and a door made of boxes; a run on the drawer, and its export."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def run_folder(drawer: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     out = tmp_path_factory.mktemp("runs") / "drawer"
     choice = EnvChoice((str(drawer),), max_steps=120)
-    train_bc(choice, BcConfig(episodes=12, epochs=50, deployable=True), out)
+    train_bc(choice, BcConfig(episodes=30, epochs=100, deployable=True), out)
     return out
 
 

@@ -80,6 +80,57 @@ def test_units_of_the_mapping_reach_the_motors(exported: Path) -> None:
     assert np.isclose(got[-1], expected[-1], atol=1e-6) and len(PERCEIVED) == 5
 
 
+def test_changes_of_targets_become_absolute_targets(drawer: Path) -> None:
+    """A policy of reinforcement learning: the targets sent are those of the simulator's drives."""
+    from mam_policies.body import mapping_of
+    from mam_policies.export_lerobot import deployment
+    from mam_policies.lerobot_policy import PERCEIVED, Converter
+    from mam_policies.run import Actor, EnvChoice, MlpPolicy, RunInfo, describe_env, flat
+
+    choice = EnvChoice((str(drawer),), control_mode="pd_joint_target_delta_pos")
+    env = choice.make()
+    sizes = describe_env(env)
+    width = sizes["observation"][-1][2]
+    torch.manual_seed(1)
+    policy = MlpPolicy(
+        width, 8, 7, hidden=(8,), timed=False, relative=False, squash="clip",
+        inputs=tuple(range(9)),
+    )  # fmt: skip
+    info = RunInfo("ppo", choice, **sizes)
+    base = env.unwrapped
+    converter = Converter(deployment(base, info, mapping_of(base, None)), policy)
+    actor = Actor(policy)
+    obs, _ = env.reset(seed=3)
+    for _ in range(15):
+        q = flat(obs)[:9]
+        target = converter.act(np.concatenate([q, np.zeros(len(PERCEIVED))])[None])[0]
+        obs, *_ = env.step(actor.act(obs))
+        drives = base.agent.controller.controllers
+        assert np.allclose(target[:-1], flat(drives["arm"]._target_qpos), atol=1e-5)
+        assert np.isclose(target[-1], flat(drives["gripper"]._target_qpos)[0], atol=1e-6)
+    env.close()
+
+
+def test_so100_speaks_degrees_and_percent(drawer: Path) -> None:
+    from mam_policies.body import Body
+    from mam_policies.joint_mapping import JointMapping, MotorMap
+    from mam_policies.run import EnvChoice
+
+    arm = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
+    motors = [MotorMap(n, n, "degrees", -np.pi / 180, 0.1) for n in arm]
+    motors.append(MotorMap("gripper", "gripper", "percent", 0.02, -1.1))
+    mapping = JointMapping("so101_follower", tuple(motors))
+    body = Body(EnvChoice((str(drawer),), robot="so100"), mapping)
+    state = body.reset(0)
+    assert body.state_names[:6] == [f"{n}.pos" for n in (*arm, "gripper")]
+    goal = state[:6] + np.array([5.0, 0, 0, 0, 0, 10.0])
+    for _ in range(12):
+        state = body.step(goal)
+    body.close()
+    assert np.allclose(state[:5], goal[:5], atol=0.5)  # degrees
+    assert np.isclose(state[5], goal[5], atol=2.0)  # percent
+
+
 def test_missing_perception_is_explained(exported: Path) -> None:
     policy, *_ = _load(exported)
     motors = len(policy.config.plan.joints)

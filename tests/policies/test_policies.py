@@ -120,7 +120,7 @@ def test_cloning_a_drawer_learns(run_folder: Path) -> None:
     from mam_policies.evaluate import evaluate_run
 
     info = RunInfo.load(run_folder)
-    assert info.results["demonstrations"] == 12
+    assert info.results["demonstrations"] == 30
     found = evaluate_run(run_folder, 4)
     assert found.successes >= 2
     assert found.low <= found.rate <= found.high

@@ -65,7 +65,7 @@ class MamSimEnvConfig(EnvConfig):
 
 
 class MamSimGym(gym.Env):
-    """A gymnasium environment whose observation is {"agent_pos": state} and action motor targets."""
+    """Gymnasium environment: observation {"agent_pos": state}, action motor targets."""
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012 - gymnasium's way
     render_mode = "rgb_array"

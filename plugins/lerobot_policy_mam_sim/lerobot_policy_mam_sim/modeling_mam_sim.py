@@ -48,7 +48,8 @@ class MamSimPolicy(PreTrainedPolicy):
             NotImplementedError: always.
         """
         raise NotImplementedError(
-            "a mam_sim policy is trained with `mam-sim train`; lerobot-train takes act, diffusion ..."
+            "a mam_sim policy is trained with `mam-sim train`; "
+            "lerobot-train takes act, diffusion and others"
         )
 
     def predict_action_chunk(self, batch: dict[str, torch.Tensor], **kwargs: Any) -> torch.Tensor:

@@ -1,4 +1,4 @@
-"""Pre- and post-processors of the policy type `mam_sim`: batch and device; units are the policy's."""
+"""Pre- and post-processors of the policy type `mam_sim`: batch and device only."""
 
 from __future__ import annotations
 
