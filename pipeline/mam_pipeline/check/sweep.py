@@ -22,6 +22,12 @@ from mam_pipeline.types import FloatArray, IntArray, Joint, Mesh
 
 STEPS = 10
 FEWEST = 5
+PINNED = 0.001
+"""Nearer than this to one point of the hinge line, two bodies meet there; share of the diagonal."""
+SECTORS, ROUND = 12, 1.3
+"""A part is round about a line if its reach in all sectors differs by less than this factor."""
+STEEPEST = 0.3
+"""A part that leaves the hinge line faster is shaped so; slower, the line runs askew."""
 
 
 @dataclass(frozen=True)
@@ -138,20 +144,42 @@ class _Sweep:
         if high - low < 0.02 * self.diagonal:  # a knob on a plate: the line crosses the plate
             middle = 0.5 * (low + high)
             low, high = middle, middle
-        line = joint.origin + np.linspace(low, high, 9)[:, None] * joint.axis
-        worst = 0.0
-        for links, faces in ((self.carried, self.part), ([joint.parent], parent)):
-            distance = RayScene(self.mesh.vertices, self.mesh.faces[faces]).distance(line)
-            for index in links:
-                for hull in self.model.hulls[index]:
-                    distance[hull.depth(line) > 0] = 0.0
+        if self._round_about_line():
+            return 0.0
+        count = 9
+        stops: FloatArray = np.linspace(low, high, 4 * (count - 1) + 1)
+        line: FloatArray = joint.origin + stops[:, None] * joint.axis
+        fine = np.stack(
+            [
+                self._distance(line, self.carried, self.part),
+                self._distance(line, [joint.parent], parent),
+            ]
+        )
+        if (fine.max(axis=0) < PINNED * self.diagonal).any():
+            near = 0.0  # a pin or a knuckle: both bodies meet on the line
+        else:
             # mounts may sit at the ends alone: a fifth of the line must lie on each body
-            near, far = np.quantile(distance, [0.2, 0.8])
-            worst = max(worst, float(near))
-            if faces is self.part:
-                # a line that leaves the part towards its ends is askew; half the length is seen
-                worst = max(worst, 2.0 * float(far - near))
-        return worst / self.diagonal
+            near = float(np.quantile(fine[:, ::4], 0.2, axis=1).max())
+        return max(near, _askew(fine[0, ::4], stops[::4])) / self.diagonal
+
+    def _distance(self, line: FloatArray, links: list[int], faces: IntArray) -> FloatArray:
+        """Distance (n,) of points from faces, 0 inside the collision pieces of `links`."""
+        distance = RayScene(self.mesh.vertices, self.mesh.faces[faces]).distance(line)
+        for index in links:
+            for hull in self.model.hulls[index]:
+                distance[hull.depth(line) > 0] = 0.0
+        return distance
+
+    def _round_about_line(self) -> bool:
+        """Whether the part is a ring, cap or knob about the line: the line need not touch it."""
+        arm = self.mesh.vertices[np.unique(self.mesh.faces[self.part])] - self.joint.origin
+        guess = np.eye(3)[int(np.abs(self.joint.axis).argmin())]
+        side: FloatArray = np.asarray(unit(np.cross(self.joint.axis, guess)), dtype=np.float64)
+        x, y = arm @ side, arm @ np.cross(self.joint.axis, side)
+        sector = ((np.arctan2(y, x) / (2 * np.pi) + 1.0) * SECTORS).astype(int) % SECTORS
+        reach = np.zeros(SECTORS)
+        np.maximum.at(reach, sector, np.hypot(x, y))
+        return bool(reach.min() > 0 and reach.max() < ROUND * reach.min())
 
     def _hub_gap(self) -> float:
         """How far the axis of a part that turns round and round misses the part's own hull.
@@ -198,6 +226,16 @@ class _Sweep:
             far = scene.static_scene.distance(where) > deep
             bad[suspect[far]] = ~scene.solid.contains(where[far])
         return float(bad.reshape(len(values), -1).mean(axis=1).max())
+
+
+def _askew(distance: FloatArray, along: FloatArray) -> float:
+    """How far a line leaves its part towards the ends, metres; only half the length is seen."""
+    rise = np.abs(np.diff(distance))
+    rise = rise[rise > 0.02 * distance.max(initial=0.0)]
+    if not len(rise) or np.median(rise) > STEEPEST * (along[1] - along[0]):
+        return 0.0
+    near, far = np.quantile(distance, [0.2, 0.8])
+    return 2.0 * float(far - near)
 
 
 def _meet(hull: Hull, low: FloatArray, high: FloatArray) -> bool:

@@ -192,6 +192,8 @@ def door(b: Builder, m: Manner, c: Cell, side: Side, name: str = "door", rest: f
         x = high[0] if b.chance(0.3) else max(x, high[0] - 0.014 * b.diagonal)
     # a pin behind the front sends the free edge outwards first: it needs room there
     room = (x - low[0]) ** 2 / (2 * (high[1] - low[1]))
+    # two that meet need a little more than a hair, or one catches the other when it comes back
+    room += max(0.0, 8e-4 * b.diagonal - b.gap / 2)
     if side == "left":
         low[1] += room
     else:
@@ -204,8 +206,10 @@ def door(b: Builder, m: Manner, c: Cell, side: Side, name: str = "door", rest: f
     kind = m.handle if handle is None else handle
     z = low[2] + high_handle * (high[2] - low[2])
     inset_y = min(0.05, 0.2 * width)
-    where = (low[0], free_y + inward * inset_y, z)
     length = min(m.length, 0.4 * (high[2] - low[2]))
+    if kind == "recessed":  # a wide field: it must not reach over the edge to its neighbour
+        inset_y = min(0.5 * width, max(inset_y, 0.15 * length + 0.012))
+    where = (low[0], free_y + inward * inset_y, z)
     if kind == "double":
         kind = "bar"
     if kind == "cup":

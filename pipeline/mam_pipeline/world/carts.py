@@ -343,6 +343,10 @@ def stroller(b: Builder) -> None:
         for s in (-1, 1):
             y0, y1 = sorted((s * y, s * (y - 0.006)))
             profile(b, hood, np.concatenate([[(c[0], c[2])], ring2]), y0, y1, "y", "accent")
+            # a stay from the push bar's tube up to the pin
+            inner = s * (y - 0.006 - b.gap)
+            b.cylinder("base", (0.75 * l, s * (w / 2 - 0.04), 0.78), (c[0], inner, c[2]), 0.008,
+                       None, "metal")  # fmt: skip
         b.hinge(hood, "base", c, (0, 1, 0), -0.5, 0.25, closed=0.0)
 
 

@@ -205,7 +205,7 @@ def toilet(b: Builder) -> None:
     b.hinge(
         seat,
         "base",
-        (pin[0], 0, h + g + 0.5 * t),
+        (pin[0], 0, h + g + t),  # above, or its back would run into the raised cover
         (0, 1, 0),
         0.0,
         np.radians(b.choice([70, 75, 80])),
