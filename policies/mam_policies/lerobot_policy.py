@@ -131,6 +131,8 @@ class Converter:
             "extra/privileged/progress": (value - self.begin) / (plan.goal - self.begin),
             "extra/privileged/touching": seen["touch"],
         }
+        aim = q[:, [*plan.arm, plan.gripper]] if self.target is None else self.target
+        parts["agent/controller/arm/target_qpos"] = aim[:, : len(plan.arm)]
         columns = [parts[name].reshape(len(q), -1) for name, *_ in plan.observation]
         return q, np.concatenate(columns, axis=1)
 
@@ -147,7 +149,7 @@ class Converter:
 
 
 OBSERVED = (
-    "agent/qpos", "agent/qvel", "extra/tcp_pose",
+    "agent/qpos", "agent/qvel", "agent/controller/arm/target_qpos", "extra/tcp_pose",
     *(f"extra/privileged/{k}" for k in (
         "handle_position", "tcp_to_handle", "joint_value", "joint_speed", "joint_goal",
         "open_fraction", "progress", "touching",

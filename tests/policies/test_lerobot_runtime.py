@@ -94,7 +94,7 @@ def test_changes_of_targets_become_absolute_targets(drawer: Path) -> None:
     torch.manual_seed(1)
     policy = MlpPolicy(
         width, 8, 7, hidden=(8,), timed=False, relative=False, squash="clip",
-        inputs=tuple(range(9)),
+        inputs=(*range(9), *range(18, 25)),  # positions, targets
     )  # fmt: skip
     info = RunInfo("ppo", choice, **sizes)
     base = env.unwrapped
@@ -191,7 +191,7 @@ def test_replay_of_the_best_trajectory(
     from mam_policies.replay import best_demonstration, measure
 
     found = measure(run_folder, 2)
-    assert found.episodes == 2 and found.low <= found.successes / 2 <= found.high
+    assert found.episodes == 2 and found.low <= found.successes / 2 <= found.high + 1e-9
     _, seed, demo = best_demonstration(run_folder)
     log = tmp_path / "log.jsonl"
     _lerobot(
