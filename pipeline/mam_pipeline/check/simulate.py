@@ -29,4 +29,10 @@ def load_physics(scene: sapien.Scene, urdf: Path, fix_root: bool = True) -> Any:
     loader = PhysicsLoader()
     loader.scene = scene
     loader.fix_root_link = fix_root
-    return loader.load(str(urdf))
+    before = sapien.physx.get_body_config()
+    # friction in a chain of links is held only by a solver that has converged
+    sapien.physx.set_body_config(solver_position_iterations=255, solver_velocity_iterations=4)
+    try:
+        return loader.load(str(urdf))
+    finally:
+        sapien.physx.set_body_config(before)

@@ -147,8 +147,8 @@ class _Sweep:
         if self._round_about_line():
             return 0.0
         count = 9
-        stops: FloatArray = np.linspace(low, high, 4 * (count - 1) + 1)
-        line: FloatArray = joint.origin + stops[:, None] * joint.axis
+        stops = np.linspace(low, high, 4 * (count - 1) + 1).astype(np.float64)
+        line = joint.origin + stops[:, None] * joint.axis
         fine = np.stack(
             [
                 self._distance(line, self.carried, self.part),
@@ -230,8 +230,13 @@ class _Sweep:
 
 def _askew(distance: FloatArray, along: FloatArray) -> float:
     """How far a line leaves its part towards the ends, metres; only half the length is seen."""
-    rise = np.abs(np.diff(distance))
-    rise = rise[rise > 0.02 * distance.max(initial=0.0)]
+    rise = np.diff(distance)
+    nearest = int(distance.argmin())
+    noise = 0.02 * distance.max()
+    if (rise[:nearest] > noise).any() or (rise[nearest:] < -noise).any():
+        return 0.0  # a tilted line only gets farther on either side
+    rise = np.abs(rise)
+    rise = rise[rise > noise]
     if not len(rise) or np.median(rise) > STEEPEST * (along[1] - along[0]):
         return 0.0
     near, far = np.quantile(distance, [0.2, 0.8])
