@@ -185,7 +185,7 @@ def eyeglasses(b: Builder) -> None:
             "metal",
         )
         temple = part(b, "temple")
-        px = 0.001 + 2.6 * r
+        px = 0.001 + 2.45 * r
         pivot = (px, hinge_y - s * 0.4 * r, top)
         path = [
             pivot,
