@@ -47,7 +47,8 @@ def main() -> None:
                 stepped += bool(tried["ok"])
                 note = f"{len(asset.card.joints)} joints, check "
                 note += "passes" if verdict["passed"] else f"fails {verdict['reasons']}"
-                note += f", {args.steps} steps" if tried["ok"] else f", no env: {tried['why']}"
+                stepping = f"{args.steps} steps" if tried["ok"] else f"no env: {tried['why']}"
+                note += f", {stepping}"
         print(f"{name:<36} {time.perf_counter() - started:6.1f} s  {note}", flush=True)
     print(f"{count} objects: {done} assets, {passed} pass the check, {stepped} environments stepped")
 
