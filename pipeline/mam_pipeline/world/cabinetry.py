@@ -219,7 +219,8 @@ def door(b: Builder, m: Manner, c: Cell, side: Side, name: str = "door", rest: f
     if own_side and not m.inset and x == low[0] and b.chance(0.15):
         upper = np.radians(b.choice([135, 160]))
     if b.chance(0.15):
-        knuckles(b, link, (low[0], hinge_y, low[2], high[2]))
+        # within the door's own width, clear of a neighbour
+        knuckles(b, link, (low[0], hinge_y - 0.004 * inward, low[2], high[2]))
     b.hinge(link, parent, (x, hinge_y, (low[2] + high[2]) / 2), (0, 0, 1), 0.0, upper,
             opens=(-1, 0, 0), rest=rest * upper, ajar=rest == 0.0)  # fmt: skip
     return link
