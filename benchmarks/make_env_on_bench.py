@@ -50,7 +50,7 @@ def main() -> None:
                 stepping = f"{args.steps} steps" if tried["ok"] else f"no env: {tried['why']}"
                 note += f", {stepping}"
         print(f"{name:<36} {time.perf_counter() - started:6.1f} s  {note}", flush=True)
-    print(f"{count} objects: {done} assets, {passed} pass the check, {stepped} environments stepped")
+    print(f"{count} objects: {done} assets, {passed} pass the check, {stepped} environments step")
 
 
 if __name__ == "__main__":

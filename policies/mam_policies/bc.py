@@ -195,7 +195,7 @@ def fit(
             optimiser.zero_grad()
             error.backward()
             optimiser.step()
-            total += float(error) * len(rows)
+            total += float(error.detach()) * len(rows)
         schedule.step()
         loss = total / len(obs)
         progress("training", (epoch + 1) / config.epochs, f"loss {loss:.4f}")

@@ -66,7 +66,7 @@ def wilson(successes: int, count: int, z: float = 1.959964) -> tuple[float, floa
     p, square = successes / count, z * z
     centre = (p + square / (2 * count)) / (1 + square / count)
     half = z / (1 + square / count) * np.sqrt(p * (1 - p) / count + square / (4 * count**2))
-    return max(0.0, float(centre - half)), min(1.0, float(centre + half))
+    return round(max(0.0, float(centre - half)), 12), round(min(1.0, float(centre + half)), 12)
 
 
 def evaluate_run(
