@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.utils.env_checker import check_env
+from sapien.wrapper.urdf_loader import URDFLoader
 
 import mam_envs
 from mam_envs import vulkan
@@ -162,6 +163,9 @@ def test_errors_say_what_to_do(drawer: Path, tmp_path: Path, monkeypatch: Any) -
         mam_envs.make(drawer, joint="joint_9")
     with pytest.raises(PlacementError, match=r"reach|stand"):
         mam_envs.make(drawer, scale=5.0)
+    # what `prepare` then changes in SAPIEN's loader is put back after the test
+    monkeypatch.setattr(URDFLoader, "_build_link", URDFLoader._build_link)
+    monkeypatch.setattr(URDFLoader, "_mam_visual_free", False, raising=False)
     monkeypatch.setattr(vulkan, "vulkan_ok", lambda: False)
     with pytest.raises(BackendError, match="no Vulkan device"):
         mam_envs.make(drawer, obs_mode="rgb")
