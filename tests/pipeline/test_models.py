@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image, ImageDraw, ImageFont
 
 from mam_pipeline import backends
 from mam_pipeline.backends import KinematicPrior
@@ -478,12 +479,20 @@ def test_mountings_that_are_no_tree_are_named() -> None:
 
 
 def test_tags_do_not_cover_each_other() -> None:
+    image = Image.new("RGB", (200, 200), "white")
     taken: list[tuple[float, float, float, float]] = []
+    font = ImageFont.load_default(size=12)
+    for tag in range(12):  # all of them want the same place
+        views._place(ImageDraw.Draw(image), font, str(tag), (100, 100), taken, image.size)
+    assert len(taken) == 12
+    for i, one in enumerate(taken):
+        assert min(one) >= 0 and max(one) < 200
+        assert not any(views._overlap(one, other) for other in taken[:i])
     mesh, primitives = _boxes()
     view = views.look(mesh, [(-35, 20)], 256)[0]
-    original = views._overlap
-    picture = views.paint(view, primitives.labels, views.distinct_colors(3), [0, 1, 2])
-    assert picture.shape == (256, 256, 3) and not taken and original((0, 0, 1, 1), (0, 0, 1, 1))
+    bare = views.paint(view, primitives.labels, views.distinct_colors(3))
+    tagged = views.paint(view, primitives.labels, views.distinct_colors(3), [0, 1, 2])
+    assert (bare != tagged).any(axis=-1).sum() > 300
 
 
 # ---------------------------------------------------------------- Hunyuan3D
