@@ -1,18 +1,26 @@
 """Measures the procedural world: executability of its own truth, category by category.
 
-    python benchmarks/world_check.py --seeds 2 [--only safe oven] [--no-drive]
+    python benchmarks/world_check.py results.jsonl --count 2000 [--only safe oven] [--no-drive]
+    python benchmarks/world_check.py results.jsonl --table
 
-Every object is written as an asset folder to a temporary directory and checked by `mam-sim check`'s
-own function. Prints one line per category with the reasons of what failed, then the totals.
+Objects are drawn round after round over all categories with fresh seeds and the styles that belong
+to them; each is written as an asset folder to a temporary directory and checked by `mam-sim
+check`'s own function. One JSON line per object; run again with the same file, it goes on where it
+stopped, so a long measurement may be cut into pieces.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import tempfile
 import time
-from collections import Counter
+from collections import Counter, defaultdict
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.check.check import check_asset
@@ -20,48 +28,111 @@ from mam_pipeline.world import CATEGORIES, make_object
 
 
 def main() -> None:
-    """Check `seeds` objects of every category."""
+    """Check objects until `count` are in the file or `minutes` have passed."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--start", type=int, default=0)
+    parser.add_argument("results", type=Path)
+    parser.add_argument("--count", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=0, help="which fresh seeds are drawn")
+    parser.add_argument("--seeds", type=int, nargs="*", default=[], help="these seeds instead")
     parser.add_argument("--only", nargs="*", default=[])
     parser.add_argument("--no-drive", action="store_true")
+    parser.add_argument("--minutes", type=float, default=1e9)
+    parser.add_argument("--table", action="store_true", help="print the table and stop")
     args = parser.parse_args()
-    passed = total = 0
-    reasons: Counter[str] = Counter()
-    for name in args.only or list(CATEGORIES):
-        bad, built, began = [], 0.0, time.process_time()
-        for seed in range(args.start, args.start + args.seeds):
-            with tempfile.TemporaryDirectory() as folder:
-                start = time.process_time()
-                made = make_object(name, seed)
-                built += time.process_time() - start
-                write_asset(made.articulation, Path(folder) / "a", name="a",
-                            collision=made.collision)  # fmt: skip
-                report = check_asset(Path(folder) / "a", drive=not args.no_drive)
-            total += 1
-            passed += report.passed
-            if not report.passed:
-                reasons.update(report.reasons)
-                bad.append(
-                    (
-                        seed,
-                        [f"{f.code} {f.where}" for f in report.findings if not f.warning][:2]
-                        + [
-                            f"{j.name} {r} at {j.penetration_at} {j.penetration} gap {j.gap}"
-                            for j in report.joints
-                            for r in j.reasons
-                        ][:2],
-                    )
-                )
-        spent = time.process_time() - began
-        print(
-            f"{name:<24} {args.seeds - len(bad)}/{args.seeds}"
-            f"  build {1e3 * built / args.seeds:.0f} ms  all {spent / args.seeds:.1f} s",
-            *bad[:3],
-            flush=True,
-        )
-    print(f"{passed} of {total} pass; reasons: {dict(reasons)}")
+    if not args.table:
+        names = args.only or list(CATEGORIES)
+        plan = product(names, args.seeds) if args.seeds else rounds(names, args.count, args.seed)
+        measure(args.results, plan, not args.no_drive, args.minutes)
+    print(table(args.results))
+
+
+def product(names: list[str], seeds: list[int]) -> Iterator[tuple[str, int]]:
+    """Every category with every seed."""
+    return ((name, seed) for seed in seeds for name in names)
+
+
+def rounds(names: list[str], count: int, seed: int) -> Iterator[tuple[str, int]]:
+    """`count` pairs (category, random seed): one of every category before the second of any."""
+    rng = np.random.default_rng(seed)
+    for k in range(count):
+        yield names[k % len(names)], int(rng.integers(1_000_000))
+
+
+def measure(
+    results: Path, plan: Iterator[tuple[str, int]], drive: bool, minutes: float
+) -> None:  # fmt: skip
+    """Append one line for every planned object that the file does not hold yet."""
+    rows = read(results)
+    known = {(r["category"], r["seed"]) for r in rows}
+    end = time.monotonic() + 60 * minutes
+    with results.open("a", encoding="utf-8") as file:
+        for name, seed in plan:
+            if time.monotonic() > end:
+                return
+            if (name, seed) in known:
+                continue
+            file.write(json.dumps(check_one(name, seed, drive)) + "\n")
+            file.flush()
+
+
+def check_one(name: str, seed: int, drive: bool) -> dict[str, Any]:
+    """Build and check one object; an exception is a failure like any other."""
+    row: dict[str, Any] = {"category": name, "seed": seed, "passed": False, "drive": drive}
+    began = time.process_time()
+    try:
+        made = make_object(name, seed)
+        row["build_s"] = round(time.process_time() - began, 4)
+        row["joints"] = len(made.articulation.joints)
+        row["style"] = {k: v for k, v in vars(made.style).items() if isinstance(v, bool | str)}
+        with tempfile.TemporaryDirectory() as folder:
+            target = Path(folder) / "a"
+            write_asset(made.articulation, target, name="a", collision=made.collision)
+            report = check_asset(target, drive=drive)
+    except Exception as error:  # whatever it is, it counts
+        row["reasons"] = [f"{type(error).__name__}: {error}"[:200]]
+        row["all_s"] = round(time.process_time() - began, 3)
+        return row
+    row["passed"] = report.passed
+    row["all_s"] = round(time.process_time() - began, 3)
+    row["reasons"] = [f"{f.code} {f.where}: {f.message}" for f in report.findings if not f.warning]
+    for joint in report.joints:
+        for reason in joint.reasons:
+            row["reasons"].append(
+                f"{reason} {joint.name} depth {joint.penetration:.4f} at "
+                f"{joint.penetration_at:.3f} gap {joint.gap} line {joint.line_gap} "
+                f"filled {joint.filled:.3f} reached {joint.reached} hold {joint.hold_drift} "
+                f"return {joint.return_error}"
+            )
+    return row
+
+
+def read(results: Path) -> list[dict[str, Any]]:
+    """The rows of a results file; none if it does not exist."""
+    if not results.exists():
+        return []
+    return [json.loads(line) for line in results.read_text(encoding="utf-8").splitlines()]
+
+
+def table(results: Path) -> str:
+    """Failures by category and reason, then the totals."""
+    rows = read(results)
+    bad: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    kinds: Counter[str] = Counter()
+    for row in rows:
+        if not row["passed"]:
+            bad[row["category"]].append(row)
+            kinds.update({r.split()[0] for r in row["reasons"]})
+    tried = Counter(row["category"] for row in rows)
+    lines = []
+    for name in sorted(bad):
+        lines.append(f"{name}: {len(bad[name])} of {tried[name]} fail")
+        lines += [f"    seed {r['seed']}: {reason}" for r in bad[name] for reason in r["reasons"]]
+    good = sum(row["passed"] for row in rows)
+    share = good / max(len(rows), 1)
+    spent = sum(row["all_s"] for row in rows)
+    lines.append(f"{good} of {len(rows)} objects of {len(tried)} categories pass ({share:.2%}); "
+                 f"failing objects by reason: {dict(kinds)}; {spent:.0f} s of CPU")  # fmt: skip
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":
