@@ -37,6 +37,7 @@ FAMILIES: tuple[str, ...] = (
     "tools",
     "pocket",
     "machines",
+    "stations",
 )
 
 
