@@ -38,6 +38,7 @@ FAMILIES: tuple[str, ...] = (
     "pocket",
     "machines",
     "stations",
+    "primitive",
 )
 
 

@@ -1,0 +1,482 @@
+"""Objects made of boxes only, as written by hand into URDF files: few triangles, crossing pieces.
+
+Cabinets, drawers, doors, appliances, sliding panes, chests and kitchen runs; every one of them
+with fixed boxes that have the look of moving ones.
+"""
+
+# ruff: noqa: RUF005  (a point plus a tuple is a vector sum here, not a joined list)
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mam_pipeline.world.kit import Builder
+from mam_pipeline.world.solids import settle
+
+PAINTS = ("body", "front", "front", "trim", "accent", "light", "dark")
+
+
+def grip(b: Builder, link: str, at: ArrayLike, along: str, length: float) -> None:
+    """A handle of boxes on a surface that faces -X: a block, a bar on posts, a ledge or nothing."""
+    kind = b.choice(("block", "bar", "bar", "ledge", "knob", "none"))
+    if kind == "none":
+        return
+    p = np.asarray(at, dtype=float)
+    thick, off = length * b.uniform(0.06, 0.14), length * b.uniform(0.12, 0.35)
+    deep = thick * b.choice((0.0, 0.0, 0.9))  # posts may stick in the front
+    k = 1 if along == "y" else 2
+    size = np.array([thick, thick, thick])
+    paint = b.choice(("metal", "metal", "dark", "trim"))
+    if kind == "knob":
+        b.block(link, p - (off / 2 - deep / 2, 0, 0), (off + deep, 2 * thick, 2 * thick), paint,
+                "handle")  # fmt: skip
+    elif kind == "block":
+        size[0], size[k] = off + deep, length
+        b.block(link, p - (off / 2 - deep / 2, 0, 0), size, paint, "handle")
+    elif kind == "ledge":
+        size[0], size[k], size[3 - k] = off, 2 * length, 0.5 * thick
+        b.block(link, p - (off / 2, 0, 0), size, paint, "handle")
+    else:
+        for s in (-1, 1):
+            post = p.copy()
+            post[k] += s * length * b.choice((0.5, 0.45)) - s * thick / 2
+            b.block(link, post - (off / 2 - deep / 2, 0, 0), (off + deep, thick, thick), paint,
+                    "handle")  # fmt: skip
+        size[k] = length
+        b.block(link, p - (off, 0, 0), size, paint, "handle")
+    with b.facing(p, (-1, 0, 0), (0, 1, 0) if along == "y" else (0, 0, 1)):
+        b.grasp(link, "handle", (0, 0, off), (0, 0, -1), (0, 1, 0), thick)
+
+
+def leaf(b: Builder, low: ArrayLike, high: ArrayLike, how: str, outer: bool = True,
+         name: str = "door", parent: str = "base") -> str:  # fmt: skip
+    """A plate facing -X that opens about its left, right, bottom or top edge."""
+    lo, hi = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+    link = b.link(name, "door")
+    b.panel(link, lo, hi, b.choice(PAINTS))
+    w, h = hi[1] - lo[1], hi[2] - lo[2]
+    if b.chance(0.25):  # a second board or a pane on it, crossing it or not
+        cut = 0.15 * min(w, h)
+        out = b.choice((0.2, 0.6)) * (hi[0] - lo[0])
+        b.panel(link, lo + (-out, cut, cut), (lo[0] + out, hi[1] - cut, hi[2] - cut),
+                b.choice(("glass", "trim", "front")))  # fmt: skip
+    mid, side = (lo + hi) / 2, 0.12
+    at = np.array([lo[0], mid[1], mid[2]])
+    k = 2 if how in ("bottom", "top") else 1
+    away = 1 if how in ("right", "bottom") else -1  # from the hinge to the free edge
+    at[k] = (hi if away > 0 else lo)[k] - away * side * (hi - lo)[k]
+    if k == 1 and b.chance(0.3):
+        at[2] = lo[2] + b.uniform(0.3, 0.8) * h
+    grip(b, link, at, "z" if k == 1 else "y", min(0.4 * (h if k == 1 else w), 0.25 * b.diagonal))
+    pin = np.array([lo[0], mid[1], mid[2]])
+    pin[k] = (lo if away > 0 else hi)[k]
+    if outer and b.chance(0.5):
+        pin[0] = b.choice((mid[0], hi[0]))
+    upper = b.choice((np.pi / 2, np.pi / 2, b.uniform(1.2, 1.9) if outer else 1.4))
+    b.hinge(link, parent, pin, (0, 0, 1) if k == 1 else (0, 1, 0), 0.0, upper, opens=(-1, 0, 0))
+    return link
+
+
+def pulled(b: Builder, low: ArrayLike, high: ArrayLike, deep: float, inner: ArrayLike) -> str:
+    """A drawer: its front low..high, and behind it a tray, a block, a bottom or nothing.
+
+    `inner` (2, 2) is the room behind the front: (y0, z0), (y1, z1).
+    """
+    lo, hi = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+    (y0, z0), (y1, z1) = np.asarray(inner, dtype=float)
+    link = b.link("drawer", "drawer")
+    b.panel(link, lo, hi, b.choice(PAINTS))
+    g = max(b.gap, 0.004 * b.diagonal)
+    free = b.choice((1.0, 1.0, b.uniform(1.0, 8.0))) * g  # some float in a wide void
+    free = min(free, 0.2 * min(y1 - y0, z1 - z0), 0.016 * b.diagonal)
+    long = deep * b.uniform(0.5, 0.92)
+    x1 = hi[0] + long
+    p, q = np.array([hi[0], y0 + free, z0 + free]), np.array([x1, y1 - free, z1 - free])
+    q[2] = p[2] + b.uniform(0.4, 1.0) * (q[2] - p[2])
+    kind = b.choice(("tray", "tray", "tray", "block", "bottom", "none"))
+    t = b.uniform(0.02, 0.06) * min(y1 - y0, long)
+    t = min(t, 0.2 * (q[2] - p[2]))
+    if kind == "tray":
+        b.drawer_box(link, p, q, t)
+    elif kind == "block":
+        b.box(link, p, q, "inside", "drawer_box")
+    elif kind == "bottom":
+        b.box(link, p, (q[0], q[1], p[2] + t), "inside", "drawer_box")
+    at = (lo[0], (lo[1] + hi[1]) / 2, (lo[2] + hi[2]) / 2)
+    grip(b, link, at, "y", b.uniform(0.2, 0.5) * (hi[1] - lo[1]))
+    b.slide(link, "base", (-1, 0, 0), 0.0, long * b.uniform(0.5, 0.85))
+    return link
+
+
+def _carcass(b: Builder, x1: float, y: tuple[float, float], z: tuple[float, float], t: float,
+             back: bool = True) -> None:  # fmt: skip
+    """Boards around a cell that is open at x = 0; corners may cross."""
+    over = t if b.chance(0.5) else 0.0
+    b.panel("base", (0, y[0] - t, z[0] - over), (x1, y[0], z[1] + over))
+    b.panel("base", (0, y[1], z[0] - over), (x1, y[1] + t, z[1] + over))
+    b.panel("base", (0, y[0] - t + over, z[0] - t), (x1, y[1] + t - over, z[0]))
+    b.panel("base", (0, y[0] - t + over, z[1]), (x1, y[1] + t - over, z[1] + t))
+    if back:
+        b.panel("base", (x1 - t, y[0] - t / 2, z[0] - t / 2), (x1, y[1] + t / 2, z[1] + t / 2))
+
+
+def _cell(b: Builder, x1: float, y: tuple[float, float], z: tuple[float, float], t: float,
+          what: str, outer: tuple[bool, bool] = (True, True)) -> None:  # fmt: skip
+    """Fill one cell of boards: a door of any side, a pair, a drawer, a fixed front, or nothing."""
+    inset = b.chance(0.3)
+    g = max(b.gap, 0.0015 * b.diagonal)
+    front = min(t * b.uniform(0.6, 1.4), 0.014 * b.diagonal)
+    x = (0.0, front) if inset else (-front, 0.0)
+    lap = -g if inset else 0.5 * t - g
+    lo = np.array([x[0], y[0] - lap, z[0] - lap])
+    hi = np.array([x[1], y[1] + lap, z[1] + lap])
+    room = x1 - t - max(x[1], 0.0)
+    if what == "drawer":
+        pulled(b, lo, hi, room, [(y[0], z[0]), (y[1], z[1])])
+    elif what == "fixed":
+        b.panel("base", lo, hi, b.choice(PAINTS))
+        if b.chance(0.5):
+            grip(b, "base", (lo[0], (lo[1] + hi[1]) / 2, (lo[2] + hi[2]) / 2), "y",
+                 0.3 * (hi[1] - lo[1]))  # fmt: skip
+    elif what == "pair":
+        mid = (lo[1] + hi[1]) / 2
+        r2 = front**2 / (hi[1] - lo[1]) + 8e-4 * b.diagonal
+        leaf(b, lo, (hi[0], mid - g / 2 - r2, hi[2]), "right", outer[0] and not inset)
+        leaf(b, (lo[0], mid + g / 2 + r2, lo[2]), hi, "left", outer[1] and not inset)
+    elif what != "open":
+        own = outer[1] if what == "left" else outer[0]
+        own = own if what in ("left", "right") else False
+        k = 1 if what in ("left", "right") else 2
+        # a plate that turns about its front edge needs room at the free one
+        turn = front**2 / (2 * (hi - lo)[k]) + 4e-4 * b.diagonal
+        (lo if what in ("left", "top") else hi)[k] += turn if what in ("left", "top") else -turn
+        leaf(b, lo, hi, what, own and not inset)
+    if what in ("left", "right", "pair", "open") and b.chance(0.5):
+        s = (z[0] + z[1]) / 2
+        b.panel("base", (x1 * 0.2 + t, y[0], s - t / 2), (x1 - t, y[1], s + t / 2), "inside")
+
+
+def box_cabinet(b: Builder) -> None:
+    """A cupboard of boards with one to nine cells, most of them shut by fixed fronts or open."""
+    columns, rows = b.choice(((1, 1), (1, 1), (1, 1), (2, 1), (1, 2), (1, 3), (2, 2), (3, 1),
+                              (3, 3), (4, 1)))  # fmt: skip
+    w, h, d = b.uniform(0.25, 0.9), b.uniform(0.2, 0.8), b.uniform(0.25, 0.7)
+    t = b.uniform(0.012, 0.04)
+    b.size(d, w * columns, h * rows)
+    b.theme()
+    foot = b.choice((0.0, 0.0, b.uniform(0.03, 0.3)))
+    width = columns * (w + t)
+    if foot:
+        if b.chance(0.5):
+            b.box("base", (0.05 * d, -0.45 * width, 0), (0.9 * d, 0.45 * width, foot), "trim")
+        else:
+            for x in (0.1 * d, 0.9 * d):
+                for y in (-0.45 * width, 0.45 * width):
+                    b.block("base", (x, y, foot / 2), (2 * t, 2 * t, foot), "trim")
+    moving = 0
+    hows = ("left", "right", "pair", "drawer", "drawer", "bottom", "top", "fixed", "open")
+    for i in range(rows):
+        for j in range(columns):
+            y0, z0 = -width / 2 + t / 2 + j * (w + t), foot + t + i * (h + t)
+            y, z = (y0, y0 + w), (z0, z0 + h)
+            _carcass(b, d, y, z, t)
+            what = b.choice(hows)
+            if what in ("fixed", "open") and i == rows - 1 and j == columns - 1 and not moving:
+                what = b.choice(("left", "right", "drawer"))
+            moving += what not in ("fixed", "open")
+            _cell(b, d, y, z, t, what, (j == 0, j == columns - 1))
+    top = foot + rows * (h + t) + t
+    low = min(float(p.shape.vertices[:, 2].min()) for p in b.pieces)
+    if b.chance(0.4):
+        b.box("base", (-0.03, -width / 2 - 0.03, top), (d, width / 2 + 0.03, top + t), "stone")
+    if b.chance(0.25):  # the wall behind it
+        b.box("base", (d, -width, low), (d + t, width, top * b.uniform(1.0, 1.8)), "light")
+
+
+def box_drawer(b: Builder) -> None:
+    """One drawer by itself: in a case, between two rails, or under a board on legs."""
+    w, h, d, t = b.uniform(0.2, 0.8), b.uniform(0.08, 0.35), b.uniform(0.25, 0.6), 0.0
+    t = b.uniform(0.02, 0.06) * w
+    b.size(d, w, h)
+    b.theme()
+    kind = b.choice(("case", "case", "rails", "desk"))
+    lift = b.uniform(0.2, 0.8) if kind == "desk" else b.choice((t, t, b.uniform(0.1, 0.5)))
+    y, z = (-w / 2, w / 2), (lift, lift + h)
+    if kind == "case":
+        _carcass(b, d, y, z, t, b.chance(0.7))
+        if lift > t:
+            b.box("base", (0.05 * d, -0.3 * w, 0), (0.95 * d, 0.3 * w, lift), "trim")
+    elif kind == "rails":
+        for s in (-1, 1):
+            b.box("base", (0, s * w / 2 - (t if s < 0 else 0), 0), (d, s * w / 2 +
+                  (t if s > 0 else 0), lift + 0.6 * h), "body")  # fmt: skip
+        b.box("base", (d - t, -w / 2 - t, 0), (d, w / 2 + t, lift + 0.6 * h), "body")
+        if lift <= t:
+            b.box("base", (0, -w / 2 - t, 0), (d, w / 2 + t, lift), "body")
+    else:
+        wide = w * b.uniform(1.0, 2.5)
+        b.box("base", (0, -wide / 2 - 2 * t, z[1]), (d, wide / 2 + 2 * t, z[1] + t), "body")
+        for s in (-1, 1):  # runners
+            p = sorted((s * w / 2, s * (w / 2 + 0.5 * t)))
+            b.box("base", (0, p[0], z[0]), (d, p[1], z[1]), "trim")
+        for x in (t, d - t):
+            for s in (-1, 1):
+                b.block("base", (x, s * (wide / 2 + t), z[1] / 2), (2 * t, 2 * t, z[1]), "trim")
+        b.box("base", (d - t, -wide / 2, z[0]), (d, wide / 2, z[1]), "body")
+    _cell(b, d, y, z, t, "drawer")
+    low = min(float(p.shape.vertices[:, 2].min()) for p in b.pieces)
+    if low > 0:
+        b.box("base", (0.3 * d, -0.1 * w, 0), (0.6 * d, 0.1 * w, low + t), "trim")
+
+
+def box_door(b: Builder) -> None:
+    """A door in a frame, in a wall or on two posts; its handle may turn, or be fixed."""
+    w, h, t = b.uniform(0.5, 1.1), b.uniform(0.8, 2.1), b.uniform(0.03, 0.07)
+    scale = b.choice((1.0, 1.0, b.uniform(0.2, 0.6)))  # models of doors stand on desks
+    w, h, t = w * scale, h * scale, t * scale
+    b.size(t, w, h)
+    b.theme()
+    jamb, thick = b.uniform(0.04, 0.15) * w, t * b.uniform(1.0, 2.5)
+    g = max(b.gap, 0.003 * b.diagonal) + t**2 / (2 * w)
+    sill = b.choice((0.0, b.uniform(0.01, 0.05))) * h
+    parts = b.choice(("frame", "posts", "wall", "wall"))
+    wide = jamb + (b.uniform(0.3, 1.5) * w if parts == "wall" else 0.0)
+    tall = h + sill + 2 * g
+    for s in (-1, 1):
+        y = sorted((s * w / 2, s * (w / 2 + wide)))
+        b.box("base", (0, y[0], 0), (thick, y[1], tall), b.choice(("body", "trim")))
+    if parts != "posts":
+        up = tall + (b.uniform(0.1, 0.5) * h if parts == "wall" else jamb)
+        b.box("base", (0, -w / 2 - wide, tall), (thick, w / 2 + wide, up), "trim")
+    if sill or parts == "posts":
+        out = b.choice((0.0, 0.0, 0.5 * w))
+        b.box("base", (-out, -w / 2 - wide, 0), (thick + out, w / 2 + wide, max(sill, 0.01 * h)))
+        sill = max(sill, 0.01 * h)
+    side = b.choice(("left", "right"))
+    link = b.link("door", "door")
+    lo, hi = np.array([0, -w / 2 + g, sill + g]), np.array([t, w / 2 - g, tall - g])
+    b.panel(link, lo, hi, "front")
+    s = 1 if side == "left" else -1  # the hinge is at s * w / 2
+    if b.chance(0.5):
+        for z in (0.15, 0.5, 0.85):
+            p = (-0.1 * t, s * (w / 2 - g), lo[2] + z * h)
+            b.block(link, p, (0.4 * t, 0.3 * t, 0.05 * h), "metal", "decor")
+    _door_handle(b, link, np.array([0, -s * (0.5 * w - g - 0.1 * w), 0.48 * h]), s, w, t)
+    b.hinge(link, "base", (0, s * (w / 2 - g), h / 2), (0, 0, 1), 0.0, b.uniform(1.2, 1.7),
+            opens=(-1, 0, 0))  # fmt: skip
+
+
+def _door_handle(b: Builder, door: str, at: np.ndarray, s: int, w: float, t: float) -> None:
+    """A fixed grip, or a lever on a rose that turns on the door; `s` points to the hinge."""
+    if b.chance(0.4):
+        grip(b, door, at, "z", 0.2 * w)
+        return
+    r, out = 0.02 * w + 0.1 * t, t * b.uniform(0.8, 2.0)
+    b.block(door, at - (0.1 * t, 0, 0), (0.2 * t, 3 * r, b.choice((3, 9)) * r), "metal", "decor")
+    lever = b.link("latch", "handle")
+    # the neck reaches into the leaf; whether it is round or square
+    if b.chance(0.5):
+        b.cylinder(lever, at + (0.3 * t, 0, 0), at - (out, 0, 0), 0.6 * r, None, "metal")
+    else:
+        b.block(lever, at - (out / 2 - 0.15 * t, 0, 0), (out + 0.3 * t, 0.8 * r, 0.8 * r), "metal")
+    long = b.uniform(0.1, 0.16) * w
+    y = sorted((at[1] - s * r, at[1] + s * long))
+    b.box(lever, (-out - r, y[0], at[2] - 0.6 * r), (-out + r, y[1], at[2] + 0.6 * r), "metal",
+          "handle")  # fmt: skip
+    b.hinge(lever, door, at, (1, 0, 0), 0.0, b.uniform(0.5, 1.5), opens=(0, 0, -1),
+            tip=at + (0, s * long, 0))  # fmt: skip
+
+
+def box_appliance(b: Builder) -> None:
+    """A hollow block with one door of any side: oven, fridge, microwave, locker, dishwasher."""
+    w, h, d = b.uniform(0.3, 0.9), b.uniform(0.25, 1.8), b.uniform(0.3, 0.7)
+    t = b.uniform(0.05, 0.12) * min(w, h)
+    b.size(d, w, h)
+    b.theme(b.choice(("white", "steel", "dark", "paint", "plastic")))
+    strip = b.choice((0.0, 0.2 * h, 0.12 * h, 0.25 * w))  # a control panel above or beside
+    above = strip and (strip != 0.25 * w or h > w)
+    y0, z1 = -w / 2 + t + (0.0 if above else strip), h - t - (strip if above else 0.0)
+    lift = b.choice((0.0, 0.0, 0.06, 0.3))
+    y, z = (y0, w / 2 - t), (lift + t, lift + z1)
+    _carcass(b, d, y, z, t)
+    if lift:
+        b.box("base", (0.04, -0.45 * w, 0), (d - 0.04, 0.45 * w, lift), "trim")
+    elif b.chance(0.5):
+        b.box("base", (0.02, -0.4 * w, -0.03), (d - 0.02, 0.4 * w, 0), "dark")
+    if strip:
+        lo, hi = (-0.5 * t, -w / 2, lift + z1 + t), (d, w / 2, lift + h)
+        if not above:
+            lo, hi = (-0.5 * t, -w / 2, lift), (d, y0 - t, lift + h)
+        b.box("base", lo, hi, "body")
+        _controls(b, np.array(lo), np.array(hi))
+    _cell(b, d, y, z, t, b.choice(("left", "right", "bottom", "bottom" if w > h else "right",
+                                   "top" if b.chance(0.3) else "left")))  # fmt: skip
+    settle(b)
+
+
+def _controls(b: Builder, lo: np.ndarray, hi: np.ndarray) -> None:
+    """Knobs and buttons of boxes or cylinders on a strip's front; few of them move."""
+    w, h = hi[1] - lo[1], hi[2] - lo[2]
+    n = b.integer(1, 5)
+    r = min(0.25 * min(w, h), 0.35 * max(w, h) / n)
+    live = b.chance(0.35)
+    for k in range(n):
+        share = (k + 0.5) / n
+        at = np.array([lo[0], lo[1] + share * w, (lo[2] + hi[2]) / 2])
+        if h > w:
+            at = np.array([lo[0], (lo[1] + hi[1]) / 2, lo[2] + share * h])
+        link = b.link("knob", "knob") if live else "base"
+        out = r * b.uniform(0.4, 1.2)
+        p = at - (0.0005 * b.diagonal, 0, 0)
+        if live or b.chance(0.6):
+            b.cylinder(link, p, p - (out, 0, 0), r * 0.8, None, b.choice(("dark", "metal")))
+            b.block(link, p - (out, 0, 0), (0.3 * out, 0.2 * r, 1.4 * r), "light", "handle")
+        else:
+            b.block(link, p - (0.1 * r, 0, 0), (0.2 * r, 1.6 * r, r), "screen", "decor")
+        if live:
+            b.spin(link, "base", at, (1, 0, 0), 0.0, b.uniform(1.5, 5.0))
+
+
+def box_slider(b: Builder) -> None:
+    """Panes that slide in a frame of bars, as a window, a shutter or a cupboard's doors."""
+    w, h, t = b.uniform(0.3, 1.6), b.uniform(0.25, 1.4), b.uniform(0.015, 0.04)
+    b.size(0.2 * w, w, h)
+    b.theme()
+    case = b.choice((0.0, 0.0, b.uniform(0.2, 0.5)))  # depth of a cupboard behind it
+    g, bar = max(b.gap, 0.0015 * b.diagonal), b.uniform(0.03, 0.08) * min(w, h)
+    lift, deep = b.choice((0.0, 0.0, b.uniform(0.05, 0.6))), 2 * t + 3 * g
+    for s in (-1, 1):
+        y = sorted((s * w / 2, s * (w / 2 + bar)))
+        b.box("base", (0, y[0], lift), (deep, y[1], lift + h + 2 * bar), "trim")
+    for z in (lift, lift + h + bar):
+        b.box("base", (0, -w / 2, z), (deep, w / 2, z + bar), "trim")
+    if case:
+        b.shell("base", (deep, -w / 2 - bar, lift), (deep + case, w / 2 + bar,
+                lift + h + 2 * bar), bar, "-x")  # fmt: skip
+    if lift:
+        b.box("base", (-0.1 * w, -0.6 * w, 0), (deep + 0.1 * w, 0.6 * w, min(0.03, lift)), "body")
+        for s in (-0.4, 0.4):
+            b.block("base", (deep / 2, s * w, lift / 2), (deep, bar, lift), "body")
+    upright = b.chance(0.25) and not case  # the pane goes up instead of sideways
+    long, across = (h, w) if upright else (w, h)
+    lap = b.uniform(0.0, 0.06) * long
+    glass, both = b.choice(("glass", "front", "accent")), b.chance(0.3)
+    for k in range(2):
+        moves = k == 0 or both
+        link = b.link("pane", "window") if moves else "base"
+        x0 = g if k == 0 else t + 2 * g
+        a0, a1 = (-long / 2 + g, lap) if k == 0 else (-lap, long / 2 - g)
+        lo, hi = np.array([x0, a0, -across / 2 + g]), np.array([x0 + t, a1, across / 2 - g])
+        mid = lift + bar + h / 2
+        if upright:
+            lo, hi = lo[[0, 2, 1]], hi[[0, 2, 1]]
+        lo[2], hi[2] = lo[2] + mid, hi[2] + mid
+        if b.chance(0.5):
+            b.panel(link, lo, hi, glass)
+        else:
+            b.border(link, lo, hi, 0.6 * bar, "front")
+            b.panel(link, lo + (0.3 * t, 0.6 * bar, 0.6 * bar), hi - (0.3 * t, 0.6 * bar,
+                    0.6 * bar), glass)  # fmt: skip
+        if moves:
+            end = lo[1] + 0.1 * w if k == 0 else hi[1] - 0.1 * w
+            at = (lo[0], end, mid) if not upright else (lo[0], 0, lo[2] + 0.1 * h)
+            if k == 0:
+                grip(b, link, at, "y" if upright else "z", 0.25 * across)
+            sign = 1 if k == 0 else -1
+            axis = (0, 0, sign) if upright else (0, sign, 0)
+            b.slide(link, "base", axis, 0.0, long / 2 - lap - g)
+    settle(b)
+
+
+def box_chest(b: Builder) -> None:
+    """A chest of boards: a lid hinged at the back or at a side, a sliding lid or a front flap."""
+    w, d, h = b.uniform(0.15, 1.0), b.uniform(0.15, 0.6), b.uniform(0.08, 0.6)
+    b.size(d, w, h)
+    b.theme()
+    t, g = b.uniform(0.02, 0.06) * min(w, d), max(0.3 * b.gap, 0.0005 * b.diagonal)
+    b.shell("base", (0, -w / 2, 0), (d, w / 2, h), t, "+z")
+    link = b.link("lid", "lid")
+    over = b.choice((0.0, t, 0.5 * t))
+    kind = b.choice(("back", "back", "left", "slide"))
+    lo, hi = np.array([-over, -w / 2 - over, h + g]), np.array([d, w / 2 + over, h + g + t])
+    if kind == "left":
+        lo, hi = np.array([-over, -w / 2 - over, h + g]), np.array([d + over, w / 2, h + g + t])
+    if kind == "slide":
+        for s in (-1, 1):
+            y = sorted((s * (w / 2), s * (w / 2 - t)))
+            b.box("base", (0, y[0], h), (d, y[1], h + t), "trim")
+        lo, hi = np.array([0, -w / 2 + t + g, h + g]), np.array([d, w / 2 - t - g, h + g + 0.8 * t])
+    b.panel(link, lo, hi, b.choice(PAINTS))
+    for s in (-0.3, 0.3):  # battens below or above the lid, and fixed feet or straps
+        if b.chance(0.4):
+            b.box(link, (0.15 * d, s * w, hi[2]), (0.85 * d, s * w + t, hi[2] + 0.5 * t), "trim")
+        if b.chance(0.3):
+            b.block("base", (-0.25 * t, s * w, 0.5 * h), (0.5 * t, t, 0.9 * h), "metal", "decor")
+    if b.chance(0.6):
+        size, tall = 0.2 * w, t * b.uniform(0.5, 2)
+        x, y = (0.8 * d, 0) if kind == "slide" else (0.1 * d, 0)
+        if kind == "left":
+            x, y = 0.5 * d, -0.4 * w
+        b.block(link, (x, y, hi[2] + tall / 2), (0.3 * t + 0.02 * w, size, tall), "metal", "handle")
+    if kind == "slide":
+        b.slide(link, "base", (b.choice((-1, 1)), 0, 0), 0.0, d * b.uniform(0.5, 0.95))
+    else:
+        pin = (d, 0, h + g) if kind == "back" else (d / 2, w / 2, h + g)
+        axis = (0, 1, 0) if kind == "back" else (1, 0, 0)
+        b.hinge(link, "base", pin, axis, 0.0, b.uniform(1.3, 1.9), opens=(0, 0, 1))
+
+
+def kitchen_run(b: Builder) -> None:
+    """A row of kitchen units under one worktop, before a wall: doors, drawers, fixed fillers."""
+    n, w, d, h = b.integer(2, 6), b.uniform(0.35, 0.65), b.uniform(0.5, 0.65), b.uniform(0.55, 0.8)
+    t, foot = b.uniform(0.015, 0.03), b.uniform(0.08, 0.16)
+    width = n * (w + t)
+    b.size(d, width, h + foot)
+    b.theme(b.choice(("wood", "white", "white", "paint", "dark")))
+    b.box("base", (0.06, -width / 2, 0), (d, width / 2, foot - t), "trim")
+    for k in range(n):
+        y0 = -width / 2 + t / 2 + k * (w + t)
+        y, outer = (y0, y0 + w), (k == 0, k == n - 1)
+        what = b.choice(("left", "right", "pair", "drawers", "drawers", "bottom", "fixed", "open",
+                         "mixed"))  # fmt: skip
+        if k == n - 1 and not b.joints:
+            what = "drawers"
+        rows = {"drawers": b.integer(2, 4), "mixed": 2}.get(what, 1)
+        share = np.array([2.5, 1.0]) if what == "mixed" else np.ones(rows)
+        z0 = foot
+        for i, part in enumerate(share / share.sum()):
+            z1 = z0 + part * h
+            one = what if rows == 1 else "drawer" if what == "drawers" or i else "right"
+            _carcass(b, d, y, (z0 + t / 2, z1 - t / 2), t)
+            _cell(b, d, y, (z0 + t / 2, z1 - t / 2), t, one, outer)
+            z0 = z1
+    top = foot + h + t / 2
+    b.box("base", (-0.04, -width / 2 - 0.02, top), (d, width / 2 + 0.02, top + 0.04), "stone")
+    tall = top * b.uniform(1.1, 2.2)
+    if b.chance(0.7):
+        b.box("base", (d, -width / 2 - 0.3, 0), (d + 0.1, width / 2 + 0.3, tall), "light")
+    y = b.uniform(-0.3, 0.3) * width
+    if b.chance(0.6):  # a sink with its tap, both fixed
+        b.block("base", (0.5 * d, y, top + 0.041), (0.5 * d, 0.8 * w, 0.004), "metal", "decor")
+        path = [(0.9 * d, y, top), (0.9 * d, y, top + 0.3), (0.65 * d, y, top + 0.3),
+                (0.65 * d, y, top + 0.22)]  # fmt: skip
+        b.sweep("base", path, 0.012, "metal")
+    if b.chance(0.5):
+        for x in (0.3, 0.7):
+            for s in (-0.2, 0.2):
+                at = (x * d, -y + s, top + 0.04)
+                b.disc("base", at, (0, 0, 1), 0.08, 0.008, "dark", "decor")
+
+
+CATEGORIES: dict[str, Callable[[Builder], None]] = {
+    "box_appliance": box_appliance,
+    "box_slider": box_slider,
+    "box_chest": box_chest,
+    "kitchen_run": kitchen_run,
+    "box_cabinet": box_cabinet,
+    "box_drawer": box_drawer,
+    "box_door": box_door,
+}
