@@ -28,6 +28,7 @@ from mam_pipeline.world.materials import TILE, to_material
 from mam_pipeline.world.registry import category
 from mam_pipeline.world.static import Soup, file_transform, restyle, soup_mesh
 from mam_pipeline.world.style import Style, draw_style
+from mam_pipeline.world.surround import surround
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ class WorldObject:
 
 
 def generator(name: str, seed: int, stream: int = 0) -> np.random.Generator:
-    """The random numbers of one object: `stream` 0 shapes, 1 style, 2 the static file."""
+    """The random numbers of one object: `stream` 0 shapes, 1 style, 2 file, 3 rest, 4 setting."""
     return np.random.default_rng([zlib.crc32(name.encode()), seed, stream])
 
 
@@ -109,6 +110,7 @@ def make_object(name: str, seed: int, style: Style | None = None) -> WorldObject
     style = style or draw_style(generator(name, seed, stream=1))
     b = Builder(generator(name, seed), style)
     build(b)
+    surround(b, generator(name, seed, stream=4))
     return finish(b, name, seed)
 
 

@@ -75,6 +75,8 @@ def restyle(
     if not style.drawer_boxes:
         lost = np.array([r == "drawer_box" for r in soup.piece_role])
         soup = soup.keep(~lost[soup.face_piece])
+    if style.overlap:
+        soup = _overlapped(soup, style.overlap, rng)
     if style.sheets:
         soup = soup.keep(_sheet_faces(soup))
     if style.open_shells:
@@ -108,6 +110,24 @@ def _named(soup: Soup, style: Style, link_names: tuple[str, ...]) -> Mesh:
     pieces, groups = np.unique(soup.face_piece, return_inverse=True)
     names = tuple(f"mesh_{k:03d}" for k in range(len(pieces)))
     return soup_mesh(soup, names, groups.reshape(-1))
+
+
+def _overlapped(soup: Soup, share: float, rng: np.random.Generator) -> Soup:
+    """Upright boxes grown about their middles by up to `share` of the diagonal, or by half."""
+    owner = np.zeros(len(soup.vertices), dtype=np.int64)
+    owner[soup.faces] = soup.face_piece[:, None]
+    count = len(soup.piece_link)
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    np.minimum.at(low, owner, soup.vertices)
+    np.maximum.at(high, owner, soup.vertices)
+    at_corner = np.minimum(soup.vertices - low[owner], high[owner] - soup.vertices) < 1e-9
+    upright = np.array(soup.piece_is_box)
+    upright[owner[~at_corner.all(axis=1)]] = False
+    size = soup.vertices.max(axis=0) - soup.vertices.min(axis=0)
+    grow = rng.random((count, 3)) * share * float(np.linalg.norm(size))
+    grow = np.minimum(grow, 0.25 * (high - low)) * upright[:, None]
+    away = np.sign(soup.vertices - (low + high)[owner] / 2)
+    return replace(soup, vertices=soup.vertices + away * grow[owner])
 
 
 def _box_sides(soup: Soup) -> IntArray:

@@ -8,6 +8,8 @@ from typing import Literal
 import numpy as np
 
 Tessellation = Literal["coarse", "normal", "dense"]
+Setting = Literal["none", "board", "table", "wall", "corner", "niche"]
+SETTINGS: tuple[Setting, ...] = ("none", "board", "table", "wall", "corner", "niche")
 UNITS: dict[str, float] = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "inch": 1.0 / 0.0254}
 
 
@@ -32,6 +34,10 @@ class Style:
         fused: one watertight outer surface with `fuse_resolution` cells along the longest side and
             noise of `fuse_noise` of the diagonal (standard deviation).
         textures: procedural pictures on the materials.
+        setting: what the object stands on or before; it belongs to the base.
+        decoys: how many fixed things stick to the body where nothing moves.
+        overlap: boxes of the file are up to this share of the diagonal larger than the true ones,
+            so that they sink into each other.
     """
 
     gap: float = 0.002
@@ -54,6 +60,9 @@ class Style:
     fuse_noise: float = 0.0
     fuse_resolution: int = 160
     textures: bool = False
+    setting: Setting = "none"
+    decoys: int = 0
+    overlap: float = 0.0
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
@@ -88,4 +97,7 @@ def draw_style(rng: np.random.Generator, fused: float = 0.2) -> Style:
         fused=chance(fused),
         fuse_noise=float(rng.choice([0.0, 0.0005, 0.001, 0.002])),
         fuse_resolution=int(rng.choice([96, 128, 160, 192])),
+        setting=str(rng.choice(SETTINGS, p=[0.72, 0.1, 0.06, 0.06, 0.03, 0.03])),  # type: ignore[arg-type]
+        decoys=int(rng.choice([0, 1, 2, 4, 8], p=[0.7, 0.1, 0.08, 0.07, 0.05])),
+        overlap=float(rng.choice([0.0, 0.0, 0.0, 0.0, rng.uniform(0.0, 0.006)])),
     )
