@@ -39,6 +39,7 @@ FAMILIES: tuple[str, ...] = (
     "machines",
     "stations",
     "primitive",
+    "gadgets",
 )
 
 
