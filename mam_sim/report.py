@@ -27,6 +27,7 @@ def write_report(asset: Asset) -> Path:
         _head(asset),
         _photo(asset),
         _stage_pictures(asset),
+        _masks(asset),
         _joint_table(asset),
         _motion(asset),
         _checks(asset),
@@ -84,6 +85,18 @@ def _stage_pictures(asset: Asset) -> str:
     picture = render_mesh(articulation.mesh, face_colors=colors, **look)
     figures.append(_figure(_png(picture), f"{len(articulation.links)} links"))
     return f"<h2>Stages</h2><div class=row>{''.join(figures)}</div>"
+
+
+def _masks(asset: Asset) -> str:
+    """The kinematic masks, whichever prior made them."""
+    from mam_pipeline.prior.masks import load_masks, mask_sheet
+
+    file = asset.folder / "stages" / "2_prior" / "masks.npz"
+    if not file.is_file():
+        return ""
+    label = "grey: held fast; pale: tied to nothing; one colour: found to move together"
+    picture = _figure(_png(mask_sheet(load_masks(file))), label)
+    return f"<h2>Kinematic masks</h2><div class=row>{picture}</div>"
 
 
 def _engine_to_asset(asset: Asset) -> FloatArray:

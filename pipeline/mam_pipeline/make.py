@@ -24,12 +24,13 @@ from mam_pipeline import backends, stage_files
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.hints import Hints, load_hints, save_hints
+from mam_pipeline.prior.masks import save_masks
 from mam_pipeline.stages import Engine, EngineConfig, OnStage, front_yaw, moved
 from mam_pipeline.types import Articulation, FloatArray, Mesh
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".off")
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".gif", ".heic")
-STAGE_VERSION = 1
+STAGE_VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -221,6 +222,8 @@ def _engine(
         lambda: engine.observe(mesh, primitives, hints),
         stage_files.PRIOR,
     )
+    if prior is not None and len(prior.masks):
+        save_masks(prior, mesh, stages / "2_prior" / "masks.npz")
     tree, key = keeper.run(
         "3_parts",
         [key, key_prior, names.reasoner, seed, hints_key],

@@ -82,9 +82,11 @@ def _save_prior(value: KinematicPrior | None, path: Path) -> None:
         path,
         mobility=value.mobility,
         affinity=value.affinity,
-        masks=value.masks,
+        masks=value.masks.astype(np.int16),
         views=value.views,
         source=value.source,
+        labels=value.labels,
+        fov=value.fov,
     )
 
 
@@ -93,7 +95,13 @@ def _load_prior(path: Path) -> KinematicPrior | None:
         if "mobility" not in data:
             return None
         return KinematicPrior(
-            data["mobility"], data["affinity"], data["masks"], data["views"], str(data["source"])
+            data["mobility"],
+            data["affinity"],
+            data["masks"].astype(np.int64),
+            data["views"],
+            str(data["source"]),
+            labels=data["labels"],
+            fov=float(data["fov"]),
         )
 
 

@@ -19,14 +19,15 @@ from typing import Any
 import numpy as np
 
 from mam_pipeline.bench.dataset import GroundTruth, list_objects, read_object
-from mam_pipeline.errors import ConfigError, MamSimError, NotPhysicalError
+from mam_pipeline.errors import ConfigError, HintNeeded, MamSimError, NotPhysicalError
 from mam_pipeline.metrics import JointScore, Scores, score
+from mam_pipeline.models import settings
 from mam_pipeline.stages import EngineConfig, articulate_mesh, moved
 from mam_pipeline.types import Articulation
 
 GENERATED = "generated:"
 _CODE = (".py", ".txt", ".npz", ".json", ".gz")
-_NOT_ENGINE = ("photo", "models", "check", "formats")
+_NOT_ENGINE = ("photo", "check", "formats")
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class BenchConfig:
         resolution, faces: of the fused surface.
         noise: of the fused surface, as a share of its diagonal.
         execute: write each asset and test it in the simulator.
+        settings: (name, value) pairs for external models, before the environment's.
     """
 
     engine: EngineConfig = field(default_factory=EngineConfig)
@@ -47,6 +49,7 @@ class BenchConfig:
     faces: int = 60_000
     noise: float = 0.0
     execute: bool = True
+    settings: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,8 @@ class Record:
     """What came out for one object.
 
     Attributes:
-        status: ok | nothing (the engine found nothing movable) | error.
+        status: ok | nothing (the engine found nothing movable) | asked (a question waits for its
+            answer; such a record is not kept) | error.
         bound: mIoU that a perfect grouping of the primitives would reach; None without them.
         executable: all clauses of the check hold; None if not tested.
         reasons: reason codes of the check.
@@ -146,8 +150,11 @@ def run_task(task: Task, config: BenchConfig) -> Record:
     status, why, found, run = "ok", "", None, None
     began = time.perf_counter()
     try:
-        run = articulate_mesh(mesh, config=config.engine)
+        with settings.given({**dict(config.settings), settings.SUBJECT: task.id}):
+            run = articulate_mesh(mesh, config=config.engine)
         found = run.articulation
+    except HintNeeded as error:
+        status, why = "asked", str(error)
     except NotPhysicalError as error:
         status, why = "nothing", str(error)
     except MamSimError as error:
@@ -245,7 +252,7 @@ def run_bench(
             tell(record, True)
     for record in _results(todo, config, jobs):
         done[record.id] = record
-        if log is not None:
+        if log is not None and record.status != "asked":
             with log.open("a", encoding="utf-8") as stream:
                 stream.write(json.dumps(asdict(record)) + "\n")
         tell(record, False)
@@ -275,9 +282,14 @@ def record_from(data: dict[str, Any]) -> Record:
 
 
 def task_key(task: Task, config: BenchConfig) -> str:
-    """Digest of the object's files, the config and the engine's code."""
+    """Digest of the object's files, the config, the engine's code and a folder's answers."""
     digest = hashlib.sha256(repr((task, config)).encode())
     digest.update(engine_digest().encode())
+    with settings.given(dict(config.settings)):
+        questions = settings.folder("MAM_SIM_QUESTIONS")
+    if config.engine.reasoner == "file" and questions is not None:
+        for answer in sorted((questions / task.id).rglob("answer.json")):
+            digest.update(answer.read_bytes())
     path = Path(task.source)
     if task.seed < 0 and path.is_file():
         digest.update(path.read_bytes())

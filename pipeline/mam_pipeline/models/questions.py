@@ -14,24 +14,46 @@ Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 Probability = Annotated[float, Field(ge=0, le=1)]
 
 SYSTEM = (
-    "You analyse a 3D object for a robot simulator. You see it from several sides, cut into "
-    "numbered surface pieces, and beside each view a map of physical evidence: pieces of one "
-    "colour were measured to move together, grey pieces were measured to be held fast. Trust what "
-    "you see, use the maps to decide what belongs together, and answer in the JSON asked for."
+    "You analyse a 3D object for a robot simulator: which rigid parts it has and how they move. "
+    "You see it from several sides, cut into numbered surface pieces. The small cross in each "
+    "picture's corner shows the axes; z is up. Tags that stand beside a small piece are tied to "
+    "it by a line that ends in a dot. First ask yourself what the object is and what a person "
+    "would do with it. Answer in the JSON asked for, nothing else."
 )
 GROUPING = (
     "Group the numbered pieces into rigid parts. The pieces are {ids}. Use every number exactly "
-    "once. One part is the base: the body that stands, hangs or is held while the others move; "
-    "everything that never moves against it belongs to it. A handle, its screws and the front it "
-    "sits on are one part; so are a drawer's front and its box, a wheel and its hub. Do not split "
-    "what is rigid, do not join what moves apart. Name the parts in lower case with underscores."
+    "once.\n"
+    "One part is the base: the body that stands, hangs or is held while the others move; "
+    "everything that never moves against it belongs to it, hinges and fixed trim included. "
+    "A handle, its screws and the front it sits on are one part; so are a drawer's front and its "
+    "box, a wheel and its hub, a knob and its pointer. Mirrored or repeated pieces that are not "
+    "joined to each other (two knobs, three drawers) are parts of their own. Do not split what is "
+    "rigid, do not join what moves apart. Name the parts in lower case with underscores; kind is "
+    "the general word (door, drawer, lid, knob, button, lever, wheel, handle, panel, body).\n"
+    "The pictures: 'object' is the object as it is; {views}.{measured}{inside} 'apart' shows all "
+    "pieces pulled away from the middle.\n"
+    "Where each piece lies and ends, in percent of the longest side, and what it touches:\n{facts}"
 )
+MEASURED = (
+    " 'measured' repeats those views, in the same order and smaller, coloured by a measurement "
+    "of how each piece could move: pieces of one bright colour were found to move together, grey "
+    "ones to be held by the rest; of pale ones nothing is known. It is a hint and may be wrong."
+)
+INSIDE = " 'inside' shows, in place, the pieces that cannot be seen from outside."
 TREE = (
     "These are the rigid parts, each in one colour with its number: {parts}. For each part other "
     "than the base say on which part it is mounted (its parent, by name) and how it moves against "
-    "it: hinge (turns about an edge, like a door or lid), spin (turns about its own axis, like a "
-    "knob or wheel), slide (moves along a line, like a drawer or button) or fixed. Give how sure "
-    "you are, and the second-best kind of motion."
+    "it: hinge (turns about an edge or a pin at its side, like a door, lid or lever), spin (turns "
+    "about its own middle, like a knob or wheel), slide (moves along a line, like a drawer, sash "
+    "or button) or fixed. Give how sure you are, and the second-best kind of motion.\n"
+    "axis: the direction of the line it turns about or slides along (x, y, z, or other). side: "
+    "where that line lies, seen from the middle of the part (for a door hinged at its -y edge: "
+    "-y; for a knob or a slide: middle). Hinges sit away from the handle and towards what holds "
+    "the part. opens: the direction in which the part starts to move when it is opened, pulled "
+    "out or pressed as usual (for a hinge: its free end; for a spin: either).\n"
+    "The pictures: 'object' is the object as it is; {views}; 'apart' shows the parts pulled away "
+    "from the middle.\n"
+    "Where each part lies, in percent of the object's longest side, and what it touches:\n{facts}"
 )
 CHALLENGE = (
     "The measurements contradict your answer: {evidence}. Look at the pictures again. If you were "
@@ -67,6 +89,9 @@ class Mount(BaseModel):
     motion: Literal["fixed", "hinge", "spin", "slide"]
     confidence: Probability
     second_best: Literal["fixed", "hinge", "spin", "slide"]
+    axis: Literal["x", "y", "z", "other"]
+    side: Literal["-x", "+x", "-y", "+y", "-z", "+z", "middle"]
+    opens: Literal["-x", "+x", "-y", "+y", "-z", "+z", "either"]
 
 
 class Mounting(BaseModel):

@@ -1,9 +1,12 @@
-"""What the user says about external models, read from the environment in one place."""
+"""What the user says about external models: flags for one run, else the environment's variables."""
 
 from __future__ import annotations
 
 import os
 import shlex
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,9 +37,29 @@ class Runner:
     command: tuple[str, ...] = ()
 
 
+_GIVEN: ContextVar[Mapping[str, str]] = ContextVar("mam_sim_settings", default={})
+SUBJECT = "MAM_SIM_SUBJECT"
+
+
+@contextmanager
+def given(values: Mapping[str, str | None]) -> Iterator[None]:
+    """Settings that go before the environment's while the block runs; None leaves one as it is."""
+    known = {name: value for name, value in values.items() if value is not None}
+    token = _GIVEN.set({**_GIVEN.get(), **known})
+    try:
+        yield
+    finally:
+        _GIVEN.reset(token)
+
+
+def text(variable: str, default: str = "") -> str:
+    """A setting: what was `given`, or the environment's."""
+    return (_GIVEN.get().get(variable) or os.environ.get(variable, "")).strip() or default
+
+
 def runner(variable: str) -> Runner | None:
-    """The runner named in an environment variable; None where it is not set."""
-    value = os.environ.get(variable, "").strip()
+    """The runner that was set; None where none was."""
+    value = text(variable)
     if not value:
         return None
     if value.startswith(("http://", "https://")):
@@ -45,24 +68,24 @@ def runner(variable: str) -> Runner | None:
 
 
 def number(variable: str, default: float) -> float:
-    """A positive number from the environment.
+    """A number that was set, not negative.
 
     Raises:
         ConfigError: it is set to something else.
     """
-    text = os.environ.get(variable, "").strip()
-    if not text:
+    said = text(variable)
+    if not said:
         return default
     try:
-        value = float(text)
+        value = float(said)
     except ValueError:
         value = -1.0
     if value < 0:
-        raise ConfigError(f"{variable} must be a number that is not negative, got {text!r}")
+        raise ConfigError(f"{variable} must be a number that is not negative, got {said!r}")
     return value
 
 
 def folder(variable: str, default: Path | None = None) -> Path | None:
-    """A folder from the environment."""
-    text = os.environ.get(variable, "").strip()
-    return Path(text).expanduser() if text else default
+    """A folder that was set."""
+    said = text(variable)
+    return Path(said).expanduser() if said else default

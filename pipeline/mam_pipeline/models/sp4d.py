@@ -8,7 +8,7 @@ undocumented: they are found by laying our own mesh's silhouette over the colour
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -18,8 +18,8 @@ from PIL import Image
 
 from mam_pipeline.backends import Availability, KinematicPrior
 from mam_pipeline.errors import BackendError, ConfigError
-from mam_pipeline.models import external, settings, views
-from mam_pipeline.models.kinematic_masks import prior_from_masks
+from mam_pipeline.models import external, pictures, settings, views
+from mam_pipeline.prior.masks import load_masks, prior_from_masks
 from mam_pipeline.types import IntArray, Mesh, Primitives
 
 VARIABLE = "MAM_SIM_SP4D"
@@ -44,8 +44,7 @@ class Sp4dPrior:
             BackendError: the runner failed, its answer has another shape, or its views do not
                 show our object.
         """
-        grey = np.full((int(primitives.labels.max()) + 1, 3), 175, dtype=np.uint8)
-        picture = views.paint(views.look(mesh, [REFERENCE], 576)[0], primitives.labels, grey)
+        picture = pictures.lit(views.look(mesh, [REFERENCE], 576)[0], pictures.own_colors(mesh))
         with tempfile.TemporaryDirectory(prefix="mam-sp4d-") as scratch:
             inbox, outbox = Path(scratch, "in"), Path(scratch, "out")
             (inbox / "frames").mkdir(parents=True)
@@ -59,8 +58,9 @@ class Sp4dPrior:
 class FilePrior:
     """Kinematic masks that somebody else made: masks.npz in the folder MAM_SIM_PRIOR_FILE.
 
-    The file holds `masks` (N, H, H) integers with -1 as background, and `azimuth`, `elevation`
-    (N,) in degrees for the cameras of `mam_pipeline.models.views.look`.
+    The file holds `masks` (N, H, H) integers with -1 as background, `azimuth` and `elevation` (N,)
+    in degrees for the cameras of `mam_pipeline.models.views.look`, and may hold their `fov`
+    (radians) and `distance` (diagonals). Every run leaves such a file in stages/2_prior.
     """
 
     @classmethod
@@ -75,18 +75,13 @@ class FilePrior:
         Raises:
             ConfigError: the file is missing or has another shape.
         """
-        folder = settings.folder("MAM_SIM_PRIOR_FILE")
-        file = (folder or Path()) / "masks.npz"
+        file = (settings.folder("MAM_SIM_PRIOR_FILE") or Path()) / "masks.npz"
         try:
-            with np.load(file, allow_pickle=False) as data:
-                masks = np.asarray(data["masks"], dtype=np.int64)
-                angles = np.stack([data["azimuth"], data["elevation"]], axis=1)
+            kept = load_masks(file)
         except (OSError, KeyError, ValueError) as error:
             raise ConfigError(f"{file} holds no kinematic masks: {error}") from error
-        if masks.ndim != 3 or masks.shape[1] != masks.shape[2] or len(masks) != len(angles):
-            raise ConfigError(f"{file}: masks of shape {masks.shape} for {len(angles)} views")
-        cast = views.look(mesh, [(float(a), float(e)) for a, e in angles], masks.shape[1])
-        return prior_from_masks(cast, masks, primitives, "file")
+        found = prior_from_masks(kept.cast(mesh), kept.masks, primitives, "file")
+        return replace(found, fov=kept.fov)
 
 
 def prior_from_frames(
@@ -108,14 +103,8 @@ def prior_from_frames(
     repeated = [view for _ in range(len(labels)) for view in cast]
     found = prior_from_masks(repeated, labels.reshape(-1, size, half), primitives, "sp4d")
     evidence = {**found.evidence, "silhouette_iou": round(camera.iou, 3), "sense": camera.sense}
-    return KinematicPrior(
-        found.mobility,
-        found.affinity,
-        labels[0],
-        np.stack([v.camera_T_asset for v in cast]),
-        "sp4d",
-        evidence,
-    )
+    poses = np.stack([v.camera_T_asset for v in cast])
+    return replace(found, masks=labels[0], views=poses, evidence=evidence, fov=camera.fov)
 
 
 @dataclass(frozen=True)

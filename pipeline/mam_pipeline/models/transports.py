@@ -7,48 +7,37 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 from mam_pipeline.errors import BackendError, HintNeeded
-from mam_pipeline.models import settings, views
+from mam_pipeline.models import pictures, settings
+from mam_pipeline.models.ledger import Ledger, current, price_of, tokens_of
 
-PRICES = {"gpt-4o-mini": (0.15, 0.6), "gpt-4o": (2.5, 10.0)}  # US dollars per million tokens
+Labelled = tuple[tuple[str, pictures.Picture], ...]
+MOST_TOKENS = 6000  # in an answer
+_SOFT = ("response_format", "temperature", "max_tokens")  # not every endpoint takes these
 
 
 @dataclass(frozen=True)
 class Question:
-    """One question: words, labelled pictures and the JSON schema of the answer."""
+    """One question: words, labelled pictures and the JSON schema of the answer.
+
+    Attributes:
+        draw: makes the labelled pictures; they are not needed where the answer is there already.
+        history: (earlier answer, what was said to it) pairs.
+        subject: digest of what is asked about; a kept answer to another subject is refused.
+    """
 
     name: str
     system: str
     text: str
-    pictures: tuple[tuple[str, views.Picture], ...]
+    draw: Callable[[], Labelled]
     schema: dict[str, Any]
-    history: tuple[tuple[str, str], ...] = ()  # (earlier answer, what was said to it)
-
-
-@dataclass
-class Ledger:
-    """Tokens and dollars spent; asking stops at the cap."""
-
-    cap: float
-    questions: int = 0
-    cached: int = 0
-    tokens_in: int = 0
-    tokens_out: int = 0
-    cost: float = 0.0
-    notes: list[str] = field(default_factory=list)
-
-    def check(self) -> None:
-        """Raise BackendError where the cap is reached."""
-        if self.cost >= self.cap:
-            raise BackendError(
-                f"the questions have cost ${self.cost:.3f}, which reaches the cap of "
-                f"${self.cap:.2f} (--max-cost or MAM_SIM_MAX_COST)"
-            )
+    history: tuple[tuple[str, str], ...] = ()
+    subject: str = ""
 
 
 class Transport(Protocol):
@@ -63,18 +52,23 @@ class OpenAITransport:
     """Any endpoint that speaks OpenAI's chat completions: OpenAI, vLLM, Ollama, gateways."""
 
     def __init__(self) -> None:
-        """Read model, limits and cache from the environment; the key stays in the client."""
+        """Read model, limits and cache from the settings; the key stays in the client."""
         import openai
 
-        self.model = os.environ.get("MAM_SIM_VLM_MODEL", "gpt-4o")
-        self.images = max(1, int(settings.number("MAM_SIM_VLM_IMAGES", 12)))
-        self.ledger = Ledger(settings.number("MAM_SIM_MAX_COST", 1.0))
+        self.model = settings.text("MAM_SIM_VLM_MODEL", "gpt-4o")
+        self.images = max(1, int(settings.number("MAM_SIM_VLM_IMAGES", 16)))
+        self.ledger = current()
         default = Path("~/.cache/mam-sim/answers").expanduser()
         self.cache = settings.folder("MAM_SIM_VLM_CACHE", default)
         key = os.environ.get("OPENAI_API_KEY") or "none"  # local servers take any key
         limit = settings.number("MAM_SIM_TIMEOUT", 900)
-        self.client = openai.OpenAI(api_key=key, timeout=limit, max_retries=5)
-        self._schema_refused = False
+        self.client = openai.OpenAI(
+            api_key=key,
+            base_url=settings.text("OPENAI_BASE_URL") or None,
+            timeout=limit,
+            max_retries=5,  # on 429, 5xx and broken connections, with back-off
+        )
+        self._refused: set[str] = set()
 
     def ask(self, question: Question) -> str:
         """The answer's text, from the cache where the same question was answered before.
@@ -87,7 +81,6 @@ class OpenAITransport:
         if kept is not None and kept.is_file():
             self.ledger.cached += 1
             return str(json.loads(kept.read_text())["answer"])
-        self.ledger.check()
         messages: list[dict[str, Any]] = [
             {"role": "system", "content": question.system},
             {"role": "user", "content": content},
@@ -97,8 +90,9 @@ class OpenAITransport:
                 {"role": "assistant", "content": answer},
                 {"role": "user", "content": reply},
             ]
+        self.ledger.allow(price_of(self.model), tokens_of(messages))
         text, usage = self._complete(messages, question)
-        self._book(usage)
+        self.ledger.book(self.model, usage)
         if kept is not None:
             kept.parent.mkdir(parents=True, exist_ok=True)
             record = {"model": self.model, "question": question.name, "answer": text}
@@ -109,21 +103,24 @@ class OpenAITransport:
         import openai
 
         form = {"name": question.name, "schema": question.schema, "strict": True}
-        arguments: dict[str, Any] = {
-            "model": self.model,
-            "messages": messages,
+        wishes = {
             "temperature": 0,
-            "max_tokens": 4000,
+            "max_tokens": MOST_TOKENS,
+            "response_format": {"type": "json_schema", "json_schema": form},
         }
-        if not self._schema_refused:
-            arguments["response_format"] = {"type": "json_schema", "json_schema": form}
+        arguments = {k: v for k, v in wishes.items() if k not in self._refused}
+        if "max_tokens" in self._refused:  # its newer name
+            arguments["max_completion_tokens"] = MOST_TOKENS
         try:
-            answer = self.client.chat.completions.create(**arguments)
+            answer = self.client.chat.completions.create(
+                model=self.model, messages=messages, **arguments  # type: ignore[call-overload]
+            )
         except openai.BadRequestError as error:
-            if self._schema_refused or "response_format" not in str(error):
+            refused = next((k for k in _SOFT if k in arguments and k in str(error)), None)
+            if refused is None:
                 raise BackendError(f"the endpoint refused the question: {error}") from error
-            self._schema_refused = True
-            self.ledger.notes.append("the endpoint knows no JSON schema; answers are only checked")
+            self._refused.add(refused)
+            self.ledger.note(f"the endpoint takes no {refused}; asked without")
             return self._complete(messages, question)
         except openai.OpenAIError as error:
             raise BackendError(f"the endpoint failed: {error}") from error
@@ -131,14 +128,13 @@ class OpenAITransport:
             raise BackendError("the endpoint sent an empty answer")
         used = answer.usage
         usage = {"in": used.prompt_tokens, "out": used.completion_tokens} if used else {}
-        return answer.choices[0].message.content, usage
+        return str(answer.choices[0].message.content), usage
 
     def _content(self, question: Question) -> list[dict[str, Any]]:
-        pictures = fewer(question.pictures, self.images)
         text = f"{question.text}\nAnswer with JSON of this schema: {json.dumps(question.schema)}"
         content: list[dict[str, Any]] = [{"type": "text", "text": text}]
-        for label, picture in pictures:
-            data = base64.b64encode(views.png(picture)).decode()
+        for label, picture in fewer(question.draw(), self.images):
+            data = base64.b64encode(pictures.png(picture)).decode()
             content.append({"type": "text", "text": label})
             url = {"url": f"data:image/png;base64,{data}"}
             content.append({"type": "image_url", "image_url": url})
@@ -150,24 +146,13 @@ class OpenAITransport:
         key = json.dumps([self.model, question.system, content, question.history])
         return self.cache / f"{hashlib.sha256(key.encode()).hexdigest()}.json"
 
-    def _book(self, usage: dict[str, int]) -> None:
-        led = self.ledger
-        led.questions += 1
-        led.tokens_in += usage.get("in", 0)
-        led.tokens_out += usage.get("out", 0)
-        price = next((p for n, p in PRICES.items() if self.model.startswith(n)), None)
-        if price is None:
-            if not led.notes or "price" not in led.notes[-1]:
-                led.notes.append(f"the price of {self.model} is unknown; the cap does not bind")
-            return
-        led.cost += (usage.get("in", 0) * price[0] + usage.get("out", 0) * price[1]) / 1e6
-
 
 class FileTransport:
     """Writes each question into a folder and takes the answer from answer.json beside it."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
+        """Ask in `folder`, or below it in a folder of the subject's name where one is set."""
+        self.folder = folder / settings.text(settings.SUBJECT)
         self.wait = settings.number("MAM_SIM_WAIT", 0)
         self.ledger = Ledger(cap=float("inf"))
 
@@ -176,18 +161,13 @@ class FileTransport:
 
         Raises:
             HintNeeded: there is no answer yet; the message says where to put it.
+            BackendError: the answer was given about other pieces than those of today.
         """
         turn = f"-{len(question.history) + 1}" if question.history else ""
         place = self.folder / f"{question.name}{turn}"
-        place.mkdir(parents=True, exist_ok=True)
-        for label, picture in question.pictures:
-            (place / f"{label}.png").write_bytes(views.png(picture))
-        (place / "schema.json").write_text(json.dumps(question.schema, indent=1))
-        said = [question.system, question.text]
-        for answer, reply in question.history:
-            said += [f"The earlier answer was:\n\n{answer}", reply]
-        (place / "question.md").write_text("\n\n".join(said) + "\n")
         answer_file = place / "answer.json"
+        if not answer_file.is_file():
+            self._write(place, question)
         until = time.monotonic() + self.wait
         while not answer_file.is_file() and time.monotonic() < until:
             time.sleep(0.5)
@@ -196,21 +176,38 @@ class FileTransport:
                 f"answer the question in {place / 'question.md'} by writing {answer_file}, "
                 "then run the same command again"
             )
+        about = place / "subject.txt"
+        if about.is_file() and about.read_text().strip() != question.subject:
+            raise BackendError(
+                f"{answer_file} answers a question about other pieces than today's; "
+                f"remove {place} to be asked again"
+            )
         self.ledger.questions += 1
         return answer_file.read_text(encoding="utf-8")
 
+    def _write(self, place: Path, question: Question) -> None:
+        place.mkdir(parents=True, exist_ok=True)
+        for label, picture in question.draw():
+            (place / f"{label}.png").write_bytes(pictures.png(picture))
+        (place / "schema.json").write_text(json.dumps(question.schema, indent=1))
+        (place / "subject.txt").write_text(question.subject + "\n")
+        said = [question.system, question.text]
+        for answer, reply in question.history:
+            said += [f"The earlier answer was:\n\n{answer}", reply]
+        (place / "question.md").write_text("\n\n".join(said) + "\n")
+
 
 def fewer(
-    pictures: Sequence[tuple[str, views.Picture]], most: int
-) -> list[tuple[str, views.Picture]]:
+    shown: Sequence[tuple[str, pictures.Picture]], most: int
+) -> list[tuple[str, pictures.Picture]]:
     """At most `most` pictures; more are combined into sheets, with labels in reading order."""
-    if len(pictures) <= most:
-        return list(pictures)
-    chunk = -(-len(pictures) // most)
+    if len(shown) <= most:
+        return list(shown)
+    chunk = -(-len(shown) // most)
     out = []
-    for start in range(0, len(pictures), chunk):
-        part = pictures[start : start + chunk]
+    for start in range(0, len(shown), chunk):
+        part = shown[start : start + chunk]
         columns = int(len(part) ** 0.5 + 0.999)
         label = "in reading order: " + ", ".join(name for name, _ in part)
-        out.append((label, views.sheet([p for _, p in part], columns)))
+        out.append((label, pictures.sheet([p for _, p in part], columns)))
     return out

@@ -7,22 +7,26 @@ that contradicts the measured priors is challenged once with the evidence.
 
 from __future__ import annotations
 
+import hashlib
 import os
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from importlib.util import find_spec
 from typing import TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ValidationError
-from scipy.spatial import cKDTree
 
 from mam_pipeline.backends import Availability, KinematicPrior
 from mam_pipeline.errors import BackendError, ConfigError
-from mam_pipeline.models import questions, settings, views
+from mam_pipeline.models import album as albums
+from mam_pipeline.models import answers, questions, settings
 from mam_pipeline.models.transports import FileTransport, OpenAITransport, Question, Transport
-from mam_pipeline.types import IntArray, KinematicTree, Mesh, PartNode, Primitives
+from mam_pipeline.types import IntArray, KinematicTree, Mesh, Primitives
 
 REPAIRS = 2
-MOST_IDS = 90
+HELD, TIED = 0.05, 0.97  # mobility and affinity beyond which the measurement is worth a challenge
 Answer = TypeVar("Answer", bound=BaseModel)
 
 
@@ -34,19 +38,20 @@ class VlmReasoner:
         """Whether the openai package and a key or a base URL are there."""
         if find_spec("openai") is None:
             return Availability(False, "pip install 'mam-sim[vlm]'")
-        if not (os.environ.get("OPENAI_API_KEY") or os.environ.get("OPENAI_BASE_URL")):
-            return Availability(False, "set OPENAI_API_KEY, or OPENAI_BASE_URL for a local server")
-        return Availability(True, "", os.environ.get("MAM_SIM_VLM_MODEL", "gpt-4o"))
+        if not (os.environ.get("OPENAI_API_KEY") or settings.text("OPENAI_BASE_URL")):
+            why = "set OPENAI_API_KEY, or --vlm-url (OPENAI_BASE_URL) for a server without keys"
+            return Availability(False, why)
+        return Availability(True, "", settings.text("MAM_SIM_VLM_MODEL", "gpt-4o"))
 
     def reason(
         self, mesh: Mesh, primitives: Primitives, prior: KinematicPrior | None, seed: int = 0
     ) -> KinematicTree:
         """Primitives to a kinematic tree by two questions; see the module's text."""
-        return ask_for_tree(OpenAITransport(), mesh, primitives, prior)
+        return ask_for_tree(OpenAITransport(), mesh, primitives, prior, seed)
 
 
 class FileReasoner:
-    """Writes the questions into MAM_SIM_QUESTIONS and takes the answers found there."""
+    """Writes the questions into a folder and takes the answers found there."""
 
     @classmethod
     def available(cls) -> Availability:
@@ -59,12 +64,16 @@ class FileReasoner:
         """Like VlmReasoner, with a person or another program in the model's place."""
         folder = settings.folder("MAM_SIM_QUESTIONS")
         if folder is None:
-            raise ConfigError("the file reasoner needs a folder: set MAM_SIM_QUESTIONS")
-        return ask_for_tree(FileTransport(folder), mesh, primitives, prior)
+            raise ConfigError("the file reasoner needs a folder: --questions DIR")
+        return ask_for_tree(FileTransport(folder), mesh, primitives, prior, seed)
 
 
 def ask_for_tree(
-    transport: Transport, mesh: Mesh, primitives: Primitives, prior: KinematicPrior | None
+    transport: Transport,
+    mesh: Mesh,
+    primitives: Primitives,
+    prior: KinematicPrior | None,
+    seed: int = 0,
 ) -> KinematicTree:
     """Both questions with repair and challenge.
 
@@ -72,83 +81,115 @@ def ask_for_tree(
         BackendError: no usable answer after the repairs, a failing endpoint, the cost cap.
         HintNeeded: file mode, and no answer yet.
     """
-    cast = views.look(mesh)
-    stands_for = representatives(mesh, primitives, cast)
-    labels = stands_for[primitives.labels]
-    ids = sorted(int(i) for i in np.unique(labels))
-    pictures = _pictures(cast, labels, ids, prior)
-    text = questions.GROUPING.format(ids=", ".join(map(str, ids)))
-    question = Question(
-        "1_grouping", questions.SYSTEM, text, pictures, questions.Grouping.model_json_schema()
-    )
+    album = albums.cast(mesh, primitives)
     grouping = _settle(
         transport,
-        question,
+        grouping_question(album, prior),
         questions.Grouping,
-        lambda a: questions.faults_of_grouping(a, set(ids)),
-        lambda a: _contradiction(a, prior),
+        lambda a: questions.faults_of_grouping(a, set(album.ids)),
+        lambda a: contradiction(a, prior),
     )
     groups = sorted(grouping.parts, key=lambda g: not g.is_base)
-    colored = _pictures_of_parts(cast, labels, groups)
+    mounting = questions.Mounting(mounts=[])
+    if len(groups) > 1:
+        names = [g.name for g in groups]
+        mounting = _settle(
+            transport,
+            mounting_question(album, groups),
+            questions.Mounting,
+            lambda a: questions.faults_of_mounting(a, names, names[0]),
+            lambda a: "",
+        )
+    ledger = {**vars(transport.ledger), "cap": str(transport.ledger.cap)}
+    evidence: dict[str, object] = {"asked": "vision-language model", "ledger": ledger}
+    if len(groups) == 1:
+        evidence["nothing_movable"] = "the model sees one rigid part"
+    return answers.tree_of(groups, mounting, album.stands_for, mesh, primitives, evidence, seed)
+
+
+def grouping_question(album: albums.Album, prior: KinematicPrior | None) -> Question:
+    """The first question: which numbered pieces form a rigid part."""
+    kinematic = None
+    if prior is not None and len(prior.labels) == album.primitives.count:
+        kinematic = prior.labels
+    text = questions.GROUPING.format(
+        ids=", ".join(map(str, album.ids)),
+        views=_views(album, "its numbered pieces"),
+        measured="" if kinematic is None else questions.MEASURED,
+        inside=questions.INSIDE if album.inside else "",
+        facts=albums.facts(album, album.labels),
+    )
+    return Question(
+        "1_grouping",
+        questions.SYSTEM,
+        text,
+        partial(albums.of_pieces, album, kinematic),
+        questions.Grouping.model_json_schema(),
+        subject=_digest(album.labels),
+    )
+
+
+def mounting_question(album: albums.Album, groups: list[questions.Group]) -> Question:
+    """The second question: how each part is mounted; `groups[0]` is the base."""
+    part = np.zeros(album.primitives.count, dtype=np.int64)
+    for i, group in enumerate(groups):
+        part[np.isin(album.stands_for, group.pieces)] = i
     listing = "; ".join(
         f"{i} = {g.name} ({g.kind}{', the base' if g.is_base else ''})"
         for i, g in enumerate(groups)
     )
-    question = Question(
+    labels = part[album.primitives.labels]
+    return Question(
         "2_tree",
         questions.SYSTEM,
-        questions.TREE.format(parts=listing),
-        colored,
+        questions.TREE.format(
+            parts=listing, views=_views(album, "its parts"), facts=albums.facts(album, labels)
+        ),
+        partial(albums.of_parts, album, part),
         questions.Mounting.model_json_schema(),
+        subject=_digest(labels),
     )
-    names = [g.name for g in groups]
-    mounting = _settle(
-        transport,
-        question,
-        questions.Mounting,
-        lambda a: questions.faults_of_mounting(a, names, names[0]),
-        lambda a: "",
-    )
-    return _tree(groups, mounting, stands_for, transport)
 
 
-def representatives(mesh: Mesh, primitives: Primitives, cast: list[views.View]) -> IntArray:
-    """(P,) the visible primitive that stands for each one in the pictures.
-
-    Hidden and tiny primitives are asked about through their nearest visible neighbour; at most
-    MOST_IDS numbers are shown.
-    """
-    pixels = np.zeros(primitives.count)
-    for view in cast:
-        shown = view.ids(primitives.labels)
-        pixels += np.bincount(shown[shown >= 0], minlength=primitives.count)
-    visible = np.flatnonzero(pixels >= 25)
-    visible = visible[np.argsort(-pixels[visible], kind="stable")][:MOST_IDS]
-    if not len(visible):
-        visible = np.array([int(pixels.argmax())])
-    corners = mesh.vertices[mesh.faces].mean(axis=1)
-    known = np.isin(primitives.labels, visible)
-    tree = cKDTree(corners[known])
-    owner = primitives.labels[known]
-    out = np.arange(primitives.count)
-    for p in np.setdiff1d(np.arange(primitives.count), visible):
-        _, near = tree.query(corners[primitives.labels == p])
-        out[p] = np.bincount(owner[np.atleast_1d(near)]).argmax()
-    return out
+def contradiction(answer: questions.Grouping, prior: KinematicPrior | None) -> str:
+    """What the prior measured against a grouping, in words; "" where they agree."""
+    if prior is None:
+        return ""
+    said = []
+    for group in answer.parts:
+        mobility = float(prior.mobility[np.asarray(group.pieces)].max())
+        if not group.is_base and mobility < HELD:
+            said.append(f"{group.name} (pieces {group.pieces[:8]}) was found unable to move")
+    owner = {p: g.name for g in answer.parts for p in g.pieces}
+    shown = np.asarray(sorted(owner))
+    tight = prior.affinity[np.ix_(shown, shown)] > TIED
+    for a, b in zip(*np.nonzero(np.triu(tight, 1))):
+        one, two = int(shown[a]), int(shown[b])
+        if owner[one] != owner[two]:
+            said.append(f"pieces {one} and {two} were found to move only together")
+    return "; ".join(said[:6])
 
 
-def _settle(transport, question: Question, shape: type[Answer], faults, contradicts) -> Answer:  # type: ignore[no-untyped-def]
+def _settle(
+    transport: Transport,
+    question: Question,
+    shape: type[Answer],
+    faults: Callable[[Answer], str],
+    contradicts: Callable[[Answer], str],
+) -> Answer:
     """Ask, repair at most REPAIRS times, challenge once."""
     history: list[tuple[str, str]] = []
     challenged = False
-    fault = ""
-    for _ in range(REPAIRS + 2):
-        asked = Question(**{**vars(question), "history": tuple(history)})
-        text = transport.ask(asked)
+    left, fault = REPAIRS, ""
+    while True:
+        text = transport.ask(replace(question, history=tuple(history)))
         answer, fault = _parse(text, shape)
         if answer is not None:
             fault = faults(answer)
         if answer is None or fault:
+            if left == 0:
+                break
+            left -= 1
             history.append((text[:4000], questions.REPAIR.format(error=fault)))
             continue
         evidence = "" if challenged else contradicts(answer)
@@ -173,88 +214,13 @@ def _parse(text: str, shape: type[Answer]) -> tuple[Answer | None, str]:
         return None, f"{first['msg']} at {where or 'the top'}"
 
 
-def _contradiction(answer: questions.Grouping, prior: KinematicPrior | None) -> str:
-    """What the prior measured against a grouping, in words; "" where they agree."""
-    if prior is None:
-        return ""
-    said = []
-    for group in answer.parts:
-        pieces = np.asarray(group.pieces)
-        mobility = float(prior.mobility[pieces].max())
-        if not group.is_base and mobility < 0.05:
-            said.append(f"{group.name} (pieces {group.pieces[:8]}) was found unable to move")
-    owner = {p: g.name for g in answer.parts for p in g.pieces}
-    shown = np.asarray(sorted(owner))
-    tight = prior.affinity[np.ix_(shown, shown)] > 0.97
-    for a, b in zip(*np.nonzero(np.triu(tight, 1))):
-        one, two = int(shown[a]), int(shown[b])
-        if owner[one] != owner[two]:
-            said.append(f"pieces {one} and {two} were found to move only together")
-    return "; ".join(said[:6])
-
-
-def _tree(groups, mounting, stands_for: IntArray, transport: Transport) -> KinematicTree:  # type: ignore[no-untyped-def]
-    index = {g.name: i for i, g in enumerate(groups)}
-    mounts = {m.name: m for m in mounting.mounts}
-    nodes = []
-    for group in groups:
-        members = np.flatnonzero(np.isin(stands_for, group.pieces))
-        mount = mounts.get(group.name)
-        evidence: dict[str, object] = {"asked": "vision-language model"}
-        if mount is None:
-            evidence["ledger"] = dict(vars(transport.ledger), cap=str(transport.ledger.cap))
-        nodes.append(
-            PartNode(
-                name=group.name,
-                kind=group.kind,
-                primitives=tuple(int(p) for p in members),
-                parent=-1 if mount is None else index[mount.parent],
-                subtype="fixed" if mount is None else mount.motion,
-                confidence=group.confidence * (1.0 if mount is None else mount.confidence),
-                runner_up="" if mount is None else mount.second_best,
-                evidence=evidence,
-            )
-        )
-    return KinematicTree(tuple(nodes))
-
-
-def _pictures(
-    cast: list[views.View], labels: IntArray, ids: list[int], prior: KinematicPrior | None
-) -> tuple[tuple[str, views.Picture], ...]:
-    colors = views.distinct_colors(int(labels.max()) + 1)
-    out = []
-    for i, view in enumerate(cast):
-        picture = views.paint(view, labels, colors, ids)
-        if prior is not None:
-            kin = kinematic_map(view, labels, prior)
-            picture = np.concatenate([picture, kin], axis=1)
-        out.append((f"view_{i}", picture))
-    return tuple(out)
-
-
-def kinematic_map(view: views.View, labels: IntArray, prior: KinematicPrior) -> views.Picture:
-    """Pieces that move together in one colour, what is held fast in grey."""
-    from scipy.sparse.csgraph import connected_components
-
-    free = prior.mobility > 0.3
-    tied = (prior.affinity > 0.6) & free[:, None] & free[None, :]
-    _, group = connected_components(tied, directed=False)
-    colors = np.full((len(free), 3), 190, dtype=np.uint8)
-    bright = views.distinct_colors(int(group.max()) + 1)
-    colors[free] = bright[group[free]]
-    return views.paint(view, labels, colors)
-
-
-def _pictures_of_parts(
-    cast: list[views.View], labels: IntArray, groups: list[questions.Group]
-) -> tuple[tuple[str, views.Picture], ...]:
-    part_of = np.zeros(int(labels.max()) + 1, dtype=np.int64)
-    for i, group in enumerate(groups):
-        part_of[group.pieces] = i
-    colors = views.distinct_colors(len(groups))
-    colors[0] = 200
-    tags = range(len(groups))
-    return tuple(
-        (f"view_{i}", views.paint(view, part_of[labels], colors, tags))
-        for i, view in enumerate(cast)
+def _views(album: albums.Album, what: str) -> str:
+    stands = "; ".join(
+        f"view_{i} {albums.direction_name(v)}" for i, v in enumerate(album.outside)
     )
+    return f"the views show {what} ({stands})"
+
+
+def _digest(labels: IntArray) -> str:
+    """What a kept answer belongs to: the piece or part of every face."""
+    return hashlib.sha256(np.ascontiguousarray(labels, dtype=np.int64).tobytes()).hexdigest()[:16]

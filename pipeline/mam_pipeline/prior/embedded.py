@@ -1,7 +1,8 @@
 """The embedded kinematic prior: which primitives may move, and which only move together.
 
 The counterpart of SP4D's masks in the paper's 3.2, from physics instead of a diffusion model:
-every primitive is pushed along six directions, and what blocks it is noted.
+every primitive is pushed along six directions, and what blocks it is noted. What was found is also
+drawn as multi-view masks, the form in which SP4D answers.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from mam_pipeline.backends import Availability, KinematicPrior
+from mam_pipeline.prior.masks import with_masks
 from mam_pipeline.prior.probe import NEAR, Probe, probe
 from mam_pipeline.types import FloatArray, Mesh, Primitives
 
@@ -25,12 +27,13 @@ class EmbeddedPrior:
         """Probe every primitive; `evidence["probe"]` keeps the crossings for whole groups."""
         sampled = probe(mesh, primitives, seed)
         near = sampled.cover(NEAR)
-        return KinematicPrior(
+        found = KinematicPrior(
             mobility=mobility(sampled),
             affinity=affinity(near),
             source="embedded",
             evidence={"probe": sampled},
         )
+        return with_masks(found, mesh, primitives, sampled.area)
 
 
 def mobility(sampled: Probe) -> FloatArray:

@@ -1,0 +1,208 @@
+"""The pictures that go with a question: the object whole, its pieces, what is inside, the masks.
+
+For n pieces, in this order: the object as it is from four corners; ten views of the numbered
+pieces; the kinematic masks of the prior in the same order of views; the pieces that cannot be seen
+from outside, in place; all pieces pulled apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from mam_pipeline.geometry.sampling import sample_surface
+from mam_pipeline.models import pictures, views
+from mam_pipeline.models.pictures import Picture
+from mam_pipeline.prior.masks import mask_colors
+from mam_pipeline.types import IntArray, Mesh, Primitives
+
+MOST_IDS = 90
+PLAIN_SIGHT = 150  # pixels in its best view with which a piece counts as seen from outside
+BARELY = 25  # pixels in all pictures below which a piece gets no number
+
+Labelled = tuple[tuple[str, Picture], ...]
+
+
+@dataclass(frozen=True)
+class Album:
+    """Everything cast once for one object.
+
+    Attributes:
+        outside: ten views. apart: two views of the pieces pulled apart.
+        stands_for: (P,) the numbered primitive that stands for each one in the pictures: hidden
+            specks are asked about through their nearest neighbour, and at most MOST_IDS are shown.
+        hidden: numbered primitives that no outside view shows well.
+    """
+
+    mesh: Mesh
+    primitives: Primitives
+    outside: tuple[views.View, ...]
+    apart: tuple[views.View, ...]
+    inside: tuple[views.View, ...]
+    stands_for: IntArray
+    hidden: tuple[int, ...]
+
+    @property
+    def labels(self) -> IntArray:
+        """(F,) numbered primitive of every face."""
+        return self.stands_for[self.primitives.labels]
+
+    @property
+    def ids(self) -> list[int]:
+        """The numbers that are shown."""
+        return [int(i) for i in np.unique(self.stands_for)]
+
+
+def cast(mesh: Mesh, primitives: Primitives, size: int = 512) -> Album:
+    """Look at the object from all sides, pulled apart and inside."""
+    outside = views.look(mesh, size=size, tight=True)
+    loose = pictures.exploded(mesh, primitives.labels)
+    both = (views.CORNERS[0], views.CORNERS[2])
+    apart = views.look(loose, both, size, tight=True)
+    stands_for = _representatives(mesh, primitives, (*outside, *apart))
+    labels = stands_for[primitives.labels]
+    best = np.max([_pixels(v, labels, primitives.count) for v in outside], axis=0)
+    ids = np.unique(stands_for)
+    hidden = ids[best[ids] < PLAIN_SIGHT]
+    inside: list[views.View] = []
+    if len(hidden):
+        inside = views.look(mesh, both, size, tight=True, only=np.isin(labels, hidden))
+    found = tuple(int(i) for i in hidden)
+    return Album(mesh, primitives, tuple(outside), tuple(apart), tuple(inside), stands_for, found)
+
+
+def of_pieces(album: Album, kinematic: IntArray | None) -> Labelled:
+    """Pictures for the grouping question.
+
+    Args:
+        kinematic: (P,) kinematic label of every primitive (0 held fast), or None without a prior.
+    """
+    colors = pictures.distinct_colors(int(album.labels.max()) + 1)
+    return (
+        ("object", whole(album)),
+        *_outside(album, album.labels, colors, album.ids),
+        *(() if kinematic is None else (("measured", masks(album, kinematic)),)),
+        *_hidden(album, album.labels, colors),
+        ("apart", _pair(album.apart, album.labels, colors, album.ids)),
+    )
+
+
+def of_parts(album: Album, part: IntArray) -> Labelled:
+    """Pictures for the mounting question; `part` (P,) of every primitive, 0 the base."""
+    colors = pictures.distinct_colors(int(part.max()) + 1)
+    colors[0] = 205
+    labels = part[album.primitives.labels]
+    tags = [int(i) for i in np.unique(part)]
+    loose = pictures.exploded(album.mesh, labels)
+    apart = views.look(loose, (views.CORNERS[0], views.CORNERS[2]), 512, tight=True)
+    return (
+        ("object", whole(album)),
+        *_outside(album, labels, colors, tags),
+        ("apart", _pair(apart, labels, colors, tags)),
+    )
+
+
+def whole(album: Album) -> Picture:
+    """The object as it is, from four corners."""
+    own = pictures.own_colors(album.mesh)
+    return pictures.sheet([pictures.plain(v, own) for v in album.outside[:4]], 2, 1024)
+
+
+def masks(album: Album, kinematic: IntArray) -> Picture:
+    """The kinematic masks in the order of the outside views, half as large."""
+    colors = mask_colors(kinematic)
+    labels = kinematic[album.primitives.labels]
+    rows = [pictures.paint(v, labels, colors)[::2, ::2] for v in album.outside]
+    return pictures.sheet(rows, 5)
+
+
+def facts(album: Album, labels: IntArray) -> str:
+    """One line per label of the faces: its place in percent of the longest side, what it touches."""
+    mesh = album.mesh
+    low, high = mesh.bounds
+    scale = 100.0 / float((high - low).max())
+    rows = []
+    near = _touching(mesh, labels)
+    for i in np.unique(labels):
+        own = mesh.vertices[mesh.faces[labels == i].reshape(-1)]
+        a, b = own.min(axis=0), own.max(axis=0)
+        span = ", ".join(
+            f"{axis} {(a[k] - low[k]) * scale:.0f}..{(b[k] - low[k]) * scale:.0f}"
+            for k, axis in enumerate("xyz")
+        )
+        others = ", ".join(map(str, near.get(int(i), []))) or "nothing"
+        rows.append(f"{i}: {span}; touches {others}")
+    return "\n".join(rows)
+
+
+def direction_name(view: views.View) -> str:
+    """Where a camera stands, in words: "from -x and +y, above"."""
+    a = np.radians(view.azimuth)
+    place = (-np.cos(a), -np.sin(a))
+    sides = [f"{'+' if v > 0 else '-'}{n}" for v, n in zip(place, "xy") if abs(v) > 0.2]
+    height = ", from above" if view.elevation > 50 else ", from below" if view.elevation < 0 else ""
+    return f"from {' and '.join(sides)}{height}"
+
+
+def _outside(album: Album, labels: IntArray, colors: Picture, tags: Sequence[int]) -> Labelled:
+    return tuple(
+        (f"view_{i}", pictures.paint(view, labels, colors, tags))
+        for i, view in enumerate(album.outside)
+    )
+
+
+def _hidden(album: Album, labels: IntArray, colors: Picture) -> Labelled:
+    if not album.inside:
+        return ()
+    shells = (album.outside[0], album.outside[2])
+    rows = [
+        pictures.paint(v, labels, colors, album.hidden, ghost=shell.edges)
+        for v, shell in zip(album.inside, shells)
+    ]
+    return (("inside", np.concatenate(rows, axis=1)),)
+
+
+def _pair(
+    cast: Sequence[views.View], labels: IntArray, colors: Picture, tags: Sequence[int]
+) -> Picture:
+    return np.concatenate([pictures.paint(v, labels, colors, tags) for v in cast], axis=1)
+
+
+def _pixels(view: views.View, labels: IntArray, count: int) -> IntArray:
+    shown = view.ids(labels)
+    return np.bincount(shown[shown >= 0], minlength=count)
+
+
+def _representatives(
+    mesh: Mesh, primitives: Primitives, seen: Sequence[views.View]
+) -> IntArray:
+    pixels = np.sum([_pixels(v, primitives.labels, primitives.count) for v in seen], axis=0)
+    visible = np.flatnonzero(pixels >= BARELY)
+    visible = visible[np.argsort(-pixels[visible], kind="stable")][:MOST_IDS]
+    if not len(visible):
+        visible = np.array([int(pixels.argmax())])
+    centres = mesh.vertices[mesh.faces].mean(axis=1)
+    known = np.isin(primitives.labels, visible)
+    tree, owner = cKDTree(centres[known]), primitives.labels[known]
+    out = np.arange(primitives.count)
+    for p in np.setdiff1d(np.arange(primitives.count), visible):
+        _, near = tree.query(centres[primitives.labels == p])
+        out[p] = np.bincount(owner[np.atleast_1d(near)]).argmax()
+    return out
+
+
+def _touching(mesh: Mesh, labels: IntArray, within: float = 0.015) -> dict[int, list[int]]:
+    """Pieces whose surfaces come within a share of the diagonal of each other, nearest first."""
+    samples = sample_surface(mesh.vertices, mesh.faces, 12000, seed=0)
+    owner = labels[samples.faces]
+    pairs = cKDTree(samples.points).query_pairs(within * mesh.diagonal, output_type="ndarray")
+    a, b = owner[pairs[:, 0]], owner[pairs[:, 1]]
+    out: dict[int, list[int]] = {}
+    for i in np.unique(labels):
+        other = np.concatenate([b[(a == i) & (b != i)], a[(b == i) & (a != i)]])
+        count = np.bincount(other) if len(other) else np.zeros(0, dtype=int)
+        out[int(i)] = [int(k) for k in np.argsort(-count, kind="stable") if count[k] > 0][:8]
+    return out
