@@ -307,10 +307,34 @@ def seesaw(b: Builder, s: float) -> None:
     b.hinge(key, "base", (0, 0, z), (0, -1, 0), 0.0, 2 * tilt)
 
 
+def press(b: Builder, s: float) -> None:
+    """A housing with a slot in its side, and a lever in the slot that is pressed down."""
+    key, g = part(b, "handle", "press"), _slack(b, s)
+    h, w, t = s * b.uniform(0.8, 2.0), s * b.uniform(0.4, 0.9), s * b.uniform(0.05, 0.12)
+    slot = s * b.uniform(0.06, 0.14)
+    low, high = 0.12 * h, 0.88 * h
+    x0 = -0.3 * s
+    pierced(b, "base", (x0, -w, 0), (x0 + t, w, h), [(-slot, low, slot, high)], "x", "trim")
+    b.shell("base", (x0 + t, -w, 0), (0.9 * s, w, h), t, "-x", b.choice(PAINTS), "solid")
+    half = slot * b.uniform(0.6, 1.0)
+    z = high - g - half
+    y = slot - g
+    b.box(key, (x0 - 0.1 * s, -y, z - half), (x0 + 2 * t, y, z + half), "metal")
+    wide, out = s * b.uniform(0.12, 0.5), s * b.uniform(0.2, 0.5)
+    paint = b.choice(PAINTS)
+    p, q = (x0 - 0.1 * s - out, -wide, z - half), (x0 - 0.1 * s, wide, z + half)
+    if b.chance(0.7):
+        b.box(key, p, q, paint, "handle")
+    else:
+        x = q[0] - half
+        b.cylinder(key, (x, -wide, z), (x, wide, z), half, None, paint, "handle")
+    b.slide(key, "base", (0, 0, -1), 0.0, (z - half - low - g) * b.uniform(0.5, 1.0))
+
+
 MECHANISMS = {
     "button": push, "slider": slider, "latch": latch, "handle": handle_lever, "dial": knob,
     "valve": valve, "flap": flap, "toggle": toggle, "crank": crank, "pull": pull, "lever": lever,
-    "pedal": pedal, "seesaw": seesaw,
+    "pedal": pedal, "seesaw": seesaw, "press": press,
 }  # fmt: skip
 
 

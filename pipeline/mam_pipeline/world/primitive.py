@@ -16,6 +16,7 @@ from mam_pipeline.world.boards import PAINTS, carcass, cell, grip
 from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.solids import settle
 
+
 def box_cabinet(b: Builder) -> None:
     """A cupboard of boards with one to nine cells, most of them shut by fixed fronts or open."""
     columns, rows = b.choice(((1, 1), (1, 1), (1, 1), (2, 1), (1, 2), (1, 3), (2, 2), (3, 1),
@@ -275,7 +276,8 @@ def box_chest(b: Builder) -> None:
     if b.chance(0.6):
         size, tall = 0.2 * w, t * b.uniform(0.5, 2)
         spot = {"slide": (0.8 * d, 0.0), "left": (0.5 * d, -0.4 * w)}.get(kind, (0.1 * d, 0.0))
-        b.block(link, (*spot, hi[2] + tall / 2), (0.3 * t + 0.02 * w, size, tall), "metal", "handle")
+        thick = 0.3 * t + 0.02 * w
+        b.block(link, (*spot, hi[2] + tall / 2), (thick, size, tall), "metal", "handle")
     if kind == "slide":
         b.slide(link, "base", (b.choice((-1, 1)), 0, 0), 0.0, d * b.uniform(0.5, 0.95))
     else:

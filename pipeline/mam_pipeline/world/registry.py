@@ -40,6 +40,7 @@ FAMILIES: tuple[str, ...] = (
     "stations",
     "primitive",
     "gadgets",
+    "hangings",
 )
 
 
