@@ -250,9 +250,9 @@ def balance(b: Builder) -> None:
                       (0, h + 2 * r)], -0.5 * r, 0.5 * r, "x", "gold")  # fmt: skip
     pan = b.uniform(0.25, 0.4) * half
     for s in (-1, 1):
-        y = s * 0.97 * half
-        b.cylinder(beam, (0, y, h - drop), (0, y, h + 0.3 * r), 0.2 * r, None, "metal")
-        with b.moved((0, y, h - drop)):
+        at = s * 0.97 * half
+        b.cylinder(beam, (0, at, h - drop), (0, at, h + 0.3 * r), 0.2 * r, None, "metal")
+        with b.moved((0, at, h - drop)):
             b.lathe(beam, [(0.5 * pan, 0), (pan, 0.15 * pan), (0.95 * pan, 0.17 * pan)], "gold")
     tilt = b.uniform(0.1, 0.25)
     b.hinge(beam, "base", (0, 0, h), (1, 0, 0), -tilt, tilt, closed=0.0)
