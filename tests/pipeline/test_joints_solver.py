@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 from mam_pipeline import backends
 from mam_pipeline.geometry.boxes import angle_between
 from mam_pipeline.geometry.sweep import SweepScene
+from mam_pipeline.joints.blockers import take_along
 from mam_pipeline.joints.candidates import kind_probabilities, rank_hypotheses
-from mam_pipeline.joints.limits import embedded_limits, paper_limits
+from mam_pipeline.joints.limits import Surroundings, embedded_limits, paper_limits
 from mam_pipeline.joints.solver import EmbeddedSolver, topological_order
 from mam_pipeline.types import (
     Articulation,
@@ -201,7 +202,8 @@ def test_limits_stop_at_an_obstacle() -> None:
     scene = SweepScene(mesh, np.flatnonzero(owner == 1), np.flatnonzero(owner == 0))
     axis, origin = np.array([0, 0, 1.0]), np.array([-0.001, 0, 0])
     exact = np.arcsin(0.399 / np.hypot(0.5, 0.019)) - np.arctan2(0.019, 0.5)
-    found = embedded_limits(scene, "hinge", axis, origin)
+    around = Surroundings.of(mesh, np.flatnonzero(owner == 1), np.flatnonzero(owner == 0))
+    found = embedded_limits(around, "hinge", axis, origin)
     assert found.upper == pytest.approx(exact, abs=np.deg2rad(3))
     paper = paper_limits(scene, "hinge", axis, origin)
     assert paper.upper == pytest.approx(exact, abs=np.deg2rad(5))
@@ -226,3 +228,24 @@ def test_hypotheses_carry_probabilities() -> None:
     assert kinds["revolute"] == max(kinds.values())
     few = rank_hypotheses(mesh, np.flatnonzero(owner == 1), np.flatnonzero(owner == 0), top=3)
     assert len(few) == 3 and any(c.subtype == "fixed" for c in few)
+
+
+def test_a_small_piece_that_stops_a_drawer_goes_along() -> None:
+    """A divider that lies in the drawer, taken for the body's, would stop the drawer's back."""
+    nodes = (
+        PartNode("base", "body", (0, 2), -1, "fixed"),
+        PartNode("drawer", "drawer", (1,), 0, "slide"),
+    )
+    joint = Joint("j", "prismatic", "slide", 0, 1, np.array([-1.0, 0, 0]), np.zeros(3), 0, 0.3)
+    mesh, owner = assemble([
+        (0, block((0, 0, 0), (0.4, 0.5, 0.02))), (0, block((0, 0, 0.28), (0.4, 0.5, 0.3))),
+        (1, block((-0.02, 0.02, 0.021), (-0.001, 0.48, 0.279))),
+        (1, block((-0.001, 0.06, 0.0205), (0.35, 0.44, 0.15))),
+        (1, block((0.34, 0.06, 0.15), (0.35, 0.44, 0.25))),
+        (2, block((0.15, 0.2, 0.1505), (0.19, 0.3, 0.2))),  # lies in the drawer
+    ])  # fmt: skip
+    labels = owner.astype(np.int64)
+    around = Surroundings.of(mesh, np.flatnonzero(labels == 1), np.flatnonzero(labels != 1))
+    freed = take_along(mesh, labels, KinematicTree(nodes), joint, around)
+    assert freed is not None
+    assert freed.nodes[1].primitives == (1, 2) and freed.nodes[0].primitives == (0,)

@@ -14,14 +14,12 @@ import numpy as np
 from mam_pipeline.asset.dynamics import carried_links
 from mam_pipeline.asset.surface import hull_of
 from mam_pipeline.check.model import CheckModel, Hull
-from mam_pipeline.check.paths import SAMPLES, Motion, PartPaths, motion_points
 from mam_pipeline.check.thresholds import THRESHOLDS, Thresholds
+from mam_pipeline.geometry.paths import Motion, PartPaths, Rule, motion_points, steps_to
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import sample_surface, unit
 from mam_pipeline.types import FloatArray, IntArray, Joint, Mesh
 
-STEPS = 10
-FEWEST = 5
 PINNED = 0.001
 """Nearer than this to one point of the hinge line, two bodies meet there; share of the diagonal."""
 SECTORS, ROUND = 12, 1.3
@@ -84,33 +82,18 @@ class _Sweep:
 
     def _sides(self) -> list[FloatArray]:
         """Joint values to visit on either side of the rest pose, away from it."""
-        out = []
-        for end in (self.low, self.high):
-            if abs(end) > 1e-9:
-                out.append(end * np.arange(1, STEPS + 1) / STEPS)
-        return out
+        return [steps_to(end) for end in (self.low, self.high) if abs(end) > 1e-9]
 
     def _penetration(self, paths: PartPaths) -> tuple[float, float, float, float | None]:
         joint, limit = self.joint, self.thresholds
         depth, at, area, gap = 0.0, 0.0, 0.0, 0.0
         slides = self.motion == "prismatic" and self._keeps_contact()
-        deep = limit.penetration_share * self.diagonal
+        rule = Rule(limit.penetration_share * self.diagonal, limit.penetration_area)
         for values in self._sides():
-            part, static = paths.depths(self.motion, joint.axis, joint.origin, values)
-            blocked = (part > deep).sum(axis=1) / SAMPLES
-            blocked = blocked + (static > deep).sum(axis=1) * paths.static_weight
-            area = max(area, float(blocked.max()))
-            # a few samples that graze an edge are within the error of sampling
-            seen = np.maximum((part > deep).sum(axis=1), (static > deep).sum(axis=1)) >= FEWEST
-            for k in np.flatnonzero((blocked > limit.penetration_area) & seen):
-                who = (part[k] > deep, static[k] > deep)
-                here = values[: k + 1]
-                if paths.escapes(self.motion, joint.axis, joint.origin, here, who, deep):
-                    continue
-                worst = max(float(d[k].max(initial=0.0)) for d in (part, static)) / self.diagonal
-                if worst > depth:
-                    depth, at = worst, float(values[k])
-                break
+            found = paths.crossing(self.motion, joint.axis, joint.origin, values, rule)
+            area = max(area, found.area)
+            if found.value is not None and found.depth / self.diagonal > depth:
+                depth, at = found.depth / self.diagonal, found.value
             if slides:
                 gaps = paths.gaps(self.motion, joint.axis, joint.origin, values)
                 gap = max(gap, float(gaps.max() - paths.rest_gap) / self.diagonal)

@@ -2,26 +2,30 @@
 
 Two rules. The paper's: turn both ways up to 180 degrees to the first collision; push in to the
 first collision, pull out until contact is lost. Ours: open towards the freer side only, stop before
-the part enters anything deeper than the check allows, and no farther than such joints usually go.
+the part enters anything by the check's own rule and sweep, and no farther than such joints usually
+go.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from mam_pipeline.check.thresholds import THRESHOLDS
+from mam_pipeline.geometry.paths import Crossing, PartPaths, Rule
 from mam_pipeline.geometry.sampling import unit
 from mam_pipeline.geometry.sweep import Motion, SweepScene
-from mam_pipeline.types import FloatArray, JointSubtype, JointType
+from mam_pipeline.types import FloatArray, IntArray, JointSubtype, JointType, Mesh
 
-STRICT = 0.0045  # deepest crossing allowed, of the diagonal (the check fails at 0.005)
-LENIENT = 0.05  # share of the part's area that may be blocked when the strict rule leaves nothing
+STRICT = 0.0045  # deepest crossing that the paper's rule allows, of the diagonal
+IN_HAND = 0.9  # share of the check's tolerances that a range may use up
 HINGE_CAP = np.pi / 2
 SLIDE_CAP = 0.8  # of the part's extent along the slide: drawers keep some of their rails
-FULL_TURN = 0.01  # blocked share over a whole turn below which a spin is endless
+BACK_OFF = 0.97  # of the way to a collision: where exactly it begins is within sampling's error
+MOVES = 0.25  # a hypothesis by which the part goes this share of the usual way is believed
 
 
 @dataclass(frozen=True)
@@ -54,17 +58,40 @@ class Usual:
 
 
 @dataclass(frozen=True)
+class Surroundings:
+    """A part and what it may run into: `scene` for contact and curves, `paths` for the check's
+    rule of penetration."""
+
+    scene: SweepScene
+    paths: PartPaths
+
+    @staticmethod
+    def of(mesh: Mesh, part: IntArray, static: IntArray, seed: int = 0) -> Surroundings:
+        """From the face indices of the part, with all that it carries, and of what stands still."""
+        scene = SweepScene(mesh, part, static, static_samples=1500, seed=seed)
+        return Surroundings(scene, PartPaths(mesh, part, static))
+
+    def free(
+        self, motion: Motion, axis: FloatArray, origin: FloatArray, end: float
+    ) -> tuple[float, Crossing]:
+        """How far towards `end` (signed) the check would let the part go, and what stops it."""
+        limit = THRESHOLDS.penetration_share, THRESHOLDS.penetration_area
+        rule = Rule(IN_HAND * limit[0] * self.paths.diagonal, IN_HAND * limit[1])
+        free, found = self.paths.free_range(motion, axis, origin, end, rule)
+        return (end if found.value is None else BACK_OFF * free), found
+
+
+@dataclass(frozen=True)
 class Travel:
     """How far a part goes in one direction (all >= 0, rad or mesh unit).
 
     Attributes:
-        strict: to the first crossing deeper than STRICT. lenient: to LENIENT blocked area.
+        strict: to the first crossing deeper than STRICT.
         contact: until contact is lost (infinite for revolute joints).
         values, depth, blocked: (n,) the curve, for the report.
     """
 
     strict: float
-    lenient: float
     contact: float
     values: FloatArray
     depth: FloatArray
@@ -91,7 +118,7 @@ def travel(
     if slide and len(found.contact) and scene.rest_gap < 0.02 * scene.diagonal:
         gone = np.flatnonzero(found.gap > scene.rest_gap + 0.015 * scene.diagonal)
         lost = step * int(gone[0]) if len(gone) else np.inf
-    return Travel(strict, abs(found.free_travel(LENIENT)), lost, values, found.depth, found.blocked)
+    return Travel(strict, lost, values, found.depth, found.blocked)
 
 
 def paper_limits(
@@ -118,16 +145,16 @@ def paper_limits(
 
 
 def embedded_limits(
-    scene: SweepScene, subtype: JointSubtype, axis: FloatArray, origin: FloatArray,
-    *, alone: SweepScene | None = None, given: tuple[float, float] | None = None,
+    around: Surroundings, subtype: JointSubtype, axis: FloatArray, origin: FloatArray,
+    *, alone: Callable[[], Surroundings] | None = None, given: tuple[float, float] | None = None,
     usual: Usual | None = None,
 ) -> Limits:  # fmt: skip
     """Our rule.
 
     Args:
-        scene: against everything that stands still, siblings included.
-        alone: against the same without the siblings: where only a sibling is in the way (a drawer
-            behind a closed door) the joint's own range counts.
+        around: everything that stands still, siblings included.
+        alone: the same without the siblings: where only a sibling is in the way (a drawer behind a
+            closed door) the joint's own range counts. Asked for only when something is in the way.
         usual: how far such joints go; without it, and for plain doors and drawers, a quarter turn
             and 0.8 extents.
         given: limits that a person or the reasoner set; they are kept as they are.
@@ -140,9 +167,9 @@ def embedded_limits(
         if not np.isfinite(lower + upper):
             return Limits("continuous", -np.inf, np.inf, 0.0, 0.0, "given")
         return Limits(kind, lower, upper, lower + upper - far, far, "given")
-    limits = _open_way(scene, subtype, motion, axis, origin, usual)
-    if alone is not None and limits.type != "continuous":
-        free = _open_way(alone, subtype, motion, axis, origin, usual)
+    limits = _open_way(around, subtype, motion, axis, origin, usual)
+    if alone is not None and limits.type != "continuous" and moved_share(limits) < 0.9:
+        free = _open_way(alone(), subtype, motion, axis, origin, usual)
         if free.type != "continuous" and free.upper > 3.0 * limits.upper + 1e-9:
             note = {**free.evidence, "blocked_by_sibling_at": limits.upper}
             return Limits(free.type, free.lower, free.upper, free.closed, free.open,
@@ -150,12 +177,17 @@ def embedded_limits(
     return limits
 
 
+def moved_share(limits: Limits) -> float:
+    """Which share of the usual way a joint was left with, 0..1; 1 where nobody measured."""
+    return float(limits.evidence.get("share", 1.0))
+
+
 def _open_way(
-    scene: SweepScene, subtype: JointSubtype, motion: Motion, axis: FloatArray,
+    around: Surroundings, subtype: JointSubtype, motion: Motion, axis: FloatArray,
     origin: FloatArray, usual: Usual | None,
 ) -> Limits:  # fmt: skip
     """Range towards the opening side, and back where rest is not the closed pose."""
-    slide = motion == "prismatic"
+    slide, scene = motion == "prismatic", around.scene
     extent = float(np.ptp(scene.points @ unit(axis))) if slide else 1.0
     cap, back = (SLIDE_CAP * extent if slide else HINGE_CAP), 0.0
     if usual is not None:
@@ -165,19 +197,21 @@ def _open_way(
         if usual.back > (0.15 if slide else 0.3):  # rest is not the closed pose
             back = min(usual.back, 2.0 if slide else np.pi) * extent
     if not slide and (subtype == "spin" if usual is None else usual.endless > 0.5):
-        endless = _endless(scene, axis, origin)
+        endless = _endless(around, axis, origin)
         if endless is not None:
             return endless
         if usual is None:
             back = cap
     out = travel(scene, motion, axis, origin, 1.15 * cap)
-    upper, rule = _stop(out, cap)
+    upper, rule = _stop(around, motion, axis, origin, out, cap)
     evidence = {**_evidence(out, None), "cap": cap}
     lower = 0.0
     if back > 0.0:
         behind = travel(scene, motion, axis, origin, -1.15 * back)
-        lower = -_stop(behind, back)[0]
-        evidence["free_travel_back"] = behind.strict
+        lower = _stop(around, motion, axis, origin, behind, -back)[0]
+        evidence["free_travel_back"] = -lower
+    wanted = min(cap, out.contact) + (back if back > 0.0 else 0.0)
+    evidence["share"] = float((upper - lower) / max(wanted, 1e-12))
     if upper - lower < (1e-3 * scene.diagonal if slide else np.deg2rad(1.0)):
         upper = 0.02 * scene.diagonal if slide else np.deg2rad(5.0)
         rule = "nothing is free; a token range"
@@ -186,25 +220,27 @@ def _open_way(
     return Limits(kind, float(lower), float(upper), float(closed), float(upper), rule, evidence)
 
 
-def _stop(found: Travel, cap: float) -> tuple[float, str]:
-    """Where a motion ends and why."""
-    reach = min(cap, found.contact)
-    stop, rule = min(found.strict, reach), "first collision"
-    if found.strict >= reach:
-        rule = "usual range" if found.contact >= cap else "contact loss"
-    if stop < 0.15 * min(found.lenient, reach):
-        stop, rule = min(found.lenient, reach), "small collisions ignored: nothing else is free"
-    return stop, rule
+def _stop(
+    around: Surroundings, motion: Motion, axis: FloatArray, origin: FloatArray, found: Travel,
+    cap: float,
+) -> tuple[float, str]:  # fmt: skip
+    """Where a motion towards `cap` (signed) ends and why."""
+    reach = min(abs(cap), found.contact)
+    stop = abs(around.free(motion, axis, origin, float(np.copysign(reach, cap)))[0])
+    rule = "first collision"
+    if stop >= reach:
+        rule = "usual range" if found.contact >= abs(cap) else "contact loss"
+    return float(np.copysign(stop, cap)), rule
 
 
-def _endless(scene: SweepScene, axis: FloatArray, origin: FloatArray) -> Limits | None:
+def _endless(around: Surroundings, axis: FloatArray, origin: FloatArray) -> Limits | None:
     """No limits, if a whole turn is free."""
-    out = travel(scene, "revolute", axis, origin, np.pi, steps=24)
-    back = travel(scene, "revolute", axis, origin, -np.pi, steps=24)
-    if max(out.blocked[-1], back.blocked[-1]) >= FULL_TURN:
-        return None
+    for half in (np.pi, -np.pi):
+        if around.free("revolute", axis, origin, half)[1].value is not None:
+            return None
+    out = travel(around.scene, "revolute", axis, origin, np.pi, steps=24)
     return Limits("continuous", -np.inf, np.inf, 0.0, 0.0, "a whole turn is free",
-                  _evidence(out, back))  # fmt: skip
+                  _evidence(out, None))  # fmt: skip
 
 
 def _evidence(out: Travel, back: Travel | None) -> dict[str, Any]:
@@ -212,7 +248,6 @@ def _evidence(out: Travel, back: Travel | None) -> dict[str, Any]:
     keep = slice(None, None, 3)
     found: dict[str, Any] = {
         "free_travel": out.strict,
-        "lenient_travel": out.lenient,
         "penetration": {
             "q": [round(float(v), 5) for v in out.values[keep]],
             "depth": [round(float(v), 6) for v in out.depth[keep]],

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,17 @@ from mam_pipeline.backends import Availability
 from mam_pipeline.geometry.frames import ObjectFrame, estimate_frame
 from mam_pipeline.geometry.sampling import unit
 from mam_pipeline.geometry.sweep import SweepScene
+from mam_pipeline.joints.blockers import STUCK, take_along
 from mam_pipeline.joints.candidates import rank_hypotheses
-from mam_pipeline.joints.limits import Limits, Usual, embedded_limits, paper_limits
+from mam_pipeline.joints.limits import (
+    MOVES,
+    Limits,
+    Surroundings,
+    Usual,
+    embedded_limits,
+    moved_share,
+    paper_limits,
+)
 from mam_pipeline.joints.optimise import Method, refine
 from mam_pipeline.joints.paper import initialise, paper_part
 from mam_pipeline.types import (
@@ -28,6 +38,9 @@ from mam_pipeline.types import (
     PartNode,
     Primitives,
 )
+
+FALLBACKS = 6  # hypotheses that are tried when the best ones leave a part stuck
+NEARLY = 2.5  # log odds below the best hypothesis at which trying ends
 
 
 @dataclass(frozen=True)
@@ -66,14 +79,28 @@ class EmbeddedSolver:
         Returns:
             One link per node, one joint per node but the base, parents first.
         """
-        links = tuple(
-            Link(n.name, n.kind, np.flatnonzero(np.isin(primitives.labels, n.primitives)),
-                 n.primitives)
-            for n in tree.nodes
-        )  # fmt: skip
         frame = estimate_frame(mesh)
-        joints = [self._joint(mesh, frame, tree, links, i, seed) for i in topological_order(tree)]
-        return Articulation(mesh, links, tuple(joints))
+
+        def solved(tree: KinematicTree, index: int) -> Joint:
+            return self._joint(mesh, frame, tree, _links(primitives, tree), index, seed)
+
+        joints = {i: solved(tree, i) for i in topological_order(tree)}
+        for i in list(joints):
+            if tree.nodes[i].provenance == "user" or _share(joints[i]) >= STUCK:
+                continue
+            faces = faces_around(tree, _links(primitives, tree), i)
+            around = Surroundings.of(mesh, faces.moving, faces.static, seed)
+            for _ in range(3):
+                freed = take_along(mesh, primitives.labels, tree, joints[i], around)
+                again = None if freed is None else solved(freed, i)
+                if freed is None or again is None or _share(again) < 1.2 * _share(joints[i]):
+                    break
+                tree, joints[i] = freed, again
+                faces = faces_around(tree, _links(primitives, tree), i)
+                around = Surroundings.of(mesh, faces.moving, faces.static, seed)
+        order = topological_order(tree)
+        parents = [replace(joints[i], parent=tree.nodes[i].parent) for i in order]
+        return Articulation(mesh, _links(primitives, tree), tuple(parents))
 
     def _joint(
         self, mesh: Mesh, frame: ObjectFrame, tree: KinematicTree, links: Sequence[Link],
@@ -89,22 +116,31 @@ class EmbeddedSolver:
         self, mesh: Mesh, frame: ObjectFrame, node: PartNode, index: int, faces: PartFaces,
         seed: int,
     ) -> Joint:  # fmt: skip
-        """Choose a hypothesis, then its limits."""
+        """Choose the best hypothesis by which the part can move, and its limits."""
         candidates = choose_candidates(mesh, frame, node, faces, seed)
-        best = candidates[0]
-        subtype = best.subtype
-        scene = SweepScene(mesh, faces.moving, faces.static, static_samples=1500, seed=seed)
+        around = Surroundings.of(mesh, faces.moving, faces.static, seed)
         alone = None
         if len(faces.fixed) < len(faces.static) and len(faces.fixed):
-            alone = SweepScene(mesh, faces.moving, faces.fixed, static_samples=1500, seed=seed)
-        limits = embedded_limits(
-            scene, subtype, best.axis, best.origin, alone=alone, given=node.limits,
-            usual=_usual(best),
-        )  # fmt: skip
+            alone = cache(lambda: Surroundings.of(mesh, faces.moving, faces.fixed, seed))
+        tried = [
+            embedded_limits(around, c.subtype, c.axis, c.origin, alone=alone, given=node.limits,
+                            usual=_usual(c))
+            for c in candidates[:1]
+        ]  # fmt: skip
+        # a part that cannot move so does not: ask the next hypotheses that are nearly as good
+        for c in candidates[1:FALLBACKS]:
+            if moved_share(tried[-1]) >= MOVES or c.score < candidates[0].score - NEARLY:
+                break
+            tried.append(
+                embedded_limits(around, c.subtype, c.axis, c.origin, alone=alone, usual=_usual(c))
+            )
+        chosen = len(tried) - 1 if moved_share(tried[-1]) >= MOVES else 0
+        best, limits = candidates[chosen], tried[chosen]
         evidence = {
             "solver": "embedded",
-            **_contact_evidence(scene),
+            **_contact_evidence(around.scene),
             "candidates": [_plain(c) for c in candidates[:6]],
+            "chosen": chosen,
             "limits": {"rule": limits.rule, **limits.evidence},
         }
         own = float(best.evidence.get("within_kind", 1.0))
@@ -144,7 +180,8 @@ class PaperInitSolver(EmbeddedSolver):
         if node.limits is None:
             limits = paper_limits(scene, node.subtype, axis, origin)
         else:
-            limits = embedded_limits(scene, node.subtype, axis, origin, given=node.limits)
+            around = Surroundings.of(mesh, faces.moving, faces.static, seed)
+            limits = embedded_limits(around, node.subtype, axis, origin, given=node.limits)
         evidence.update(_contact_evidence(scene))
         evidence["limits"] = {"rule": limits.rule, **limits.evidence}
         return _joint(node, index, axis, origin, limits, node.confidence, evidence)
@@ -160,6 +197,19 @@ class PaperNelderMeadSolver(PaperInitSolver):
     """The paper with the optimiser its implementation section names."""
 
     method = "nelder-mead"
+
+
+def _links(primitives: Primitives, tree: KinematicTree) -> tuple[Link, ...]:
+    return tuple(
+        Link(n.name, n.kind, np.flatnonzero(np.isin(primitives.labels, n.primitives)), n.primitives)
+        for n in tree.nodes
+    )
+
+
+def _share(joint: Joint) -> float:
+    """Which share of its usual way a joint has by itself; 1 where nobody measured."""
+    found = joint.evidence.get("limits", {})
+    return float(found.get("share", 1.0)) * (0.5 if "blocked_by_sibling_at" in found else 1.0)
 
 
 def topological_order(tree: KinematicTree) -> list[int]:

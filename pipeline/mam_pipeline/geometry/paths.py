@@ -3,12 +3,14 @@
 Real meshes are soups of sheets, so depth is measured without inside and outside: a sample has
 penetrated once its path has crossed a triangle, by its distance behind that triangle. Only what
 goes beyond the rest pose counts, so samples that begin inside the other body are left out, and
-samples that touch it at rest may slide, but not be pressed in. The solver has a sweep of its own;
-a test should not share the code of what it tests.
+samples that touch it at rest may slide, but not be pressed in. The check judges by this, and limits
+are set by it: a range that is found in one way and tested in another fails at its ends for nothing.
 """
 
 from __future__ import annotations
 
+import itertools
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -24,7 +26,42 @@ SAMPLES = 1500
 STATIC_SAMPLES = 2500
 TOUCH = 0.0025
 """Nearer than this at rest is contact, as a share of the diagonal."""
+STEPS = 10
+"""Joint values that are looked at between rest and an end of the range."""
+FEWEST = 5
+"""Fewer deep samples than this graze an edge, within the error of sampling."""
 _CHORD = np.radians(6.0)
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What counts as penetration.
+
+    Attributes:
+        depth: metres beyond the rest pose's. area: share of the part's area that must be as deep.
+    """
+
+    depth: float
+    area: float
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """What stands in the way towards one end of a range.
+
+    Attributes:
+        value: joint value of the first pose that penetrates; None where all are free.
+        before: the last value that was looked at and is free (0 if there is none).
+        depth: metres. area: largest share of the part's area that is deep anywhere on the way.
+        part, static: masks of the part's samples and of the static ones that are deep at `value`.
+    """
+
+    value: float | None
+    before: float
+    depth: float
+    area: float
+    part: NDArray[np.bool_]
+    static: NDArray[np.bool_]
 
 
 def motion_points(
@@ -45,14 +82,17 @@ class PartPaths:
     """A part, its surroundings, and samples of both that follow the part's motion."""
 
     def __init__(self, mesh: Mesh, part: IntArray, static: IntArray) -> None:
-        """Prepare from face indices of the moving part and of everything else."""
+        """Prepare from face indices of the moving part and of everything else.
+
+        `close` holds those of everything else that the part can reach.
+        """
         v = mesh.vertices
         self.diagonal = max(mesh.diagonal, 1e-12)
         corners = v[mesh.faces[part].reshape(-1)]
         self.low, self.high = corners.min(axis=0), corners.max(axis=0)
         margin = float(np.linalg.norm(self.high - self.low)) + 0.02 * self.diagonal
         near = faces_near(v, mesh.faces[static], self.low - margin, self.high + margin)
-        close = static[near]
+        close = self.close = static[near]
         self.part_scene = RayScene(v, mesh.faces[part])
         self.static_scene = RayScene(v, mesh.faces[close])
         self.solid = _solid(mesh, static)
@@ -149,6 +189,55 @@ class PartPaths:
                 depth[k:, who] = np.maximum(depth[k:, who], behind)
         return depth
 
+    def crossing(
+        self, motion: Motion, axis: FloatArray, origin: FloatArray, values: FloatArray, rule: Rule
+    ) -> Crossing:
+        """The first of `values` (n,), monotone and of one sign, at which the part penetrates."""
+        part, static = self.depths(motion, axis, origin, values)
+        many = (part > rule.depth).sum(axis=1), (static > rule.depth).sum(axis=1)
+        blocked = many[0] / SAMPLES + many[1] * self.static_weight
+        area = float(blocked.max())
+        seen = np.maximum(*many) >= FEWEST
+        for k in np.flatnonzero((blocked > rule.area) & seen):
+            who = (part[k] > rule.depth, static[k] > rule.depth)
+            if self.escapes(motion, axis, origin, values[: k + 1], who, rule.depth):
+                continue
+            deep = max(float(d[k].max(initial=0.0)) for d in (part, static))
+            before = float(values[k - 1]) if k else 0.0
+            return Crossing(float(values[k]), before, deep, area, *who)
+        none = np.zeros(len(self.points), bool), np.zeros(len(self.static_points), bool)
+        return Crossing(None, float(values[-1]), 0.0, area, *none)
+
+    def free_range(
+        self, motion: Motion, axis: FloatArray, origin: FloatArray, end: float, rule: Rule
+    ) -> tuple[float, Crossing]:
+        """How far towards `end` (signed) the part goes, and what stops it on the whole way."""
+        first = found = self.crossing(motion, axis, origin, steps_to(end), rule)
+        for _ in range(6):  # other values are looked at on a shorter way: look again
+            if found.value is None:
+                return end, first
+            inner = np.linspace(found.before, found.value, 5)[1:-1]
+            way = steps_to(found.before) if found.before else np.zeros(0)
+            finer = self.crossing(motion, axis, origin, np.concatenate([way, inner]), rule)
+            end = finer.before
+            if end == 0.0:
+                return 0.0, first
+            found = self.crossing(motion, axis, origin, steps_to(end), rule)
+        return 0.0 if found.value is not None else end, first
+
+    def obstacles(
+        self, motion: Motion, axis: FloatArray, origin: FloatArray, found: Crossing
+    ) -> IntArray:
+        """Indices of the static faces that are in the way of a crossing, each once."""
+        if found.value is None:
+            return np.zeros(0, dtype=np.int64)
+        steps, _ = _substeps(motion, steps_to(found.value))
+        path = motion_points(motion, axis, origin, steps, self.points[found.part])
+        hits = [self.static_scene.first_hits(a, b - a) for a, b in itertools.pairwise(path)]
+        faces = [h.faces[h.t <= 1.0] for h in hits]
+        faces.append(self.static_scene.closest(self.static_points[found.static]).faces)
+        return np.asarray(self.close[np.unique(np.concatenate(faces))], dtype=np.int64)
+
     def escapes(
         self,
         motion: Motion,
@@ -198,6 +287,11 @@ class PartPaths:
                 distance = scene.distance(moved.reshape(-1, 3)).reshape(len(values), -1)
                 out = np.minimum(out, distance.min(axis=1))
         return out
+
+
+def steps_to(end: float) -> FloatArray:
+    """(STEPS,) joint values from rest to an end of the range, without rest itself."""
+    return np.asarray(end * np.arange(1, STEPS + 1) / STEPS, dtype=np.float64)
 
 
 def _substeps(motion: Motion, values: FloatArray) -> tuple[FloatArray, IntArray]:
