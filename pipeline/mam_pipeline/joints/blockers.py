@@ -1,0 +1,104 @@
+"""Small pieces that stand in a part's way although they sit on it: they go along with the part.
+
+Seen from outside, the runner's clip on a drawer's side or the plate behind a door's knob looks like
+the body. Motion tells: if a part is stuck early, if what stops it is small, lies within the part's
+own outline and rests on it more than on the body, and if the part runs freer once that goes along,
+then it belongs to the part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mam_pipeline.geometry.raycast import RayScene
+from mam_pipeline.geometry.sampling import face_geometry, sample_surface
+from mam_pipeline.joints.limits import Surroundings
+from mam_pipeline.types import IntArray, Joint, KinematicTree, Mesh
+
+STUCK = 0.75
+"""A part that goes less than this share of its usual way is looked at."""
+SMALL = 0.15
+"""Largest area of a piece that goes along, as a share of the part's own."""
+_NEAR = 0.004
+"""Nearer than this two pieces touch, as a share of the object's diagonal."""
+_AROUND = 0.02
+"""How far such a piece may reach beyond the part's box, as a share of the object's diagonal."""
+
+
+def take_along(
+    mesh: Mesh, labels: IntArray, tree: KinematicTree, joint: Joint, around: Surroundings
+) -> KinematicTree | None:
+    """The tree in which small pieces that stop `joint` go along with its part; None if none do.
+
+    Args:
+        labels: (F,) primitive of every face. around: the part of `joint` and what stands still.
+    """
+    motion = "prismatic" if joint.type == "prismatic" else "revolute"
+    wanted = float(joint.evidence.get("limits", {}).get("cap", joint.upper))
+    found = around.free(motion, joint.axis, joint.origin, wanted)[1]  # type: ignore[arg-type]
+    faces = around.paths.obstacles(motion, joint.axis, joint.origin, found)  # type: ignore[arg-type]
+    node = tree.nodes[joint.child]
+    box = _Box(mesh, np.flatnonzero(np.isin(labels, node.primitives)))
+    room = _AROUND * mesh.diagonal
+    nodes = list(tree.nodes)
+    moved = False
+    static = np.setdiff1d(np.arange(len(labels)), np.flatnonzero(np.isin(labels, node.primitives)))
+    body = static[~np.isin(labels[static], np.unique(labels[faces]))]
+    scenes = [RayScene(mesh.vertices, mesh.faces[f]) for f in (box.faces, body)]
+    for piece in np.unique(labels[faces]):
+        owner = next((i for i, n in enumerate(nodes) if piece in n.primitives), None)
+        if owner is None or owner == joint.child or nodes[owner].provenance == "user":
+            continue
+        whole = owner != node.parent and nodes[owner].parent == node.parent
+        group = nodes[owner].primitives if whole else (int(piece),)
+        small = _Box(mesh, np.flatnonzero(np.isin(labels, group)))
+        if whole and not small.sits_on(box, room):
+            continue
+        if not whole and not (small.fits(box, room) and small.rests_on(*scenes)):
+            continue
+        if whole:  # a knob on a door: it keeps its own joint and is carried
+            nodes[owner] = replace(nodes[owner], parent=joint.child)
+        elif owner == node.parent and len(nodes[owner].primitives) > 1:
+            rest = tuple(p for p in nodes[owner].primitives if p != piece)
+            nodes[owner] = replace(nodes[owner], primitives=rest)
+            more = (*nodes[joint.child].primitives, int(piece))
+            nodes[joint.child] = replace(nodes[joint.child], primitives=more)
+        else:
+            continue
+        moved = True
+    return replace(tree, nodes=tuple(nodes)) if moved else None
+
+
+class _Box:
+    """Axis-aligned box and area of some faces."""
+
+    def __init__(self, mesh: Mesh, faces: IntArray) -> None:
+        self.mesh, self.faces = mesh, faces
+        self.points = mesh.vertices[mesh.faces[faces].reshape(-1)]
+        self.low, self.high = self.points.min(axis=0), self.points.max(axis=0)
+        self.area = float(face_geometry(mesh.vertices, mesh.faces[faces])[1].sum())
+
+    def sits_on(self, part: _Box, room: float) -> bool:
+        """Whether this link is smaller than a part and in front of it, as a knob is on a door."""
+        if self.area > 0.7 * part.area:
+            return False
+        low, high = part.low - room, part.high + room
+        middle = 0.5 * (self.low + self.high)
+        inside = (middle >= low) & (middle <= high)
+        inside[int((part.high - part.low).argmin())] = True
+        return bool(inside.all() and (self.low <= high).all() and (self.high >= low).all())
+
+    def fits(self, part: _Box, room: float) -> bool:
+        """Whether this piece is small and lies within a part's box."""
+        low, high = part.low - room, part.high + room
+        inside = bool((self.low >= low).all() and (self.high <= high).all())
+        return inside and self.area <= SMALL * part.area
+
+    def rests_on(self, part: RayScene, body: RayScene) -> bool:
+        """Whether more of this piece's surface touches the part than touches the body."""
+        points = sample_surface(self.mesh.vertices, self.mesh.faces[self.faces], 400).points
+        near = _NEAR * self.mesh.diagonal
+        held = [int((scene.distance(points) < near).sum()) for scene in (part, body)]
+        return held[0] > held[1]
