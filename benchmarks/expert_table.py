@@ -1,9 +1,11 @@
 """Expert success over assets x joints x seeds: one row per joint, one line per kind of joint.
 
-    python benchmarks/expert_table.py ASSET [ASSET ...] --seeds 20 --json FILE
+    python benchmarks/expert_table.py ASSET [ASSET ...] --seeds 20 --json-out FILE --page PAGE
     python benchmarks/expert_table.py --world drawer_unit:0-4 cabinet:0-4 --seeds 5
 
-A joint that no placement can serve is "refused" with its reason and counts in no rate.
+A joint that no placement can serve is "refused" with its reason and counts in no rate. Rows go into
+--json-out as they come; the same command goes on from there and runs only what is missing. With
+--checked, assets that fail `mam-sim check` are listed as such and not run.
 """
 
 from __future__ import annotations
@@ -15,9 +17,8 @@ import time
 from collections import defaultdict
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
-import gymnasium as gym
-import numpy as np
 import torch
 import tyro
 
@@ -26,17 +27,22 @@ from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.world import make_object
+from mam_policies.evaluate import wilson
 from mam_policies.expert import Expert, run_episode
+
+FIRST_SEED = 10_000
+REFUSED = "refused"
 
 
 @dataclass
 class Row:
-    """One joint's result."""
+    """One joint's result; `done` are the seeds that were run, from FIRST_SEED on."""
 
     asset: str
     joint: str
     kind: str
     subtype: str
+    verdict: str = "passes"
     successes: int = 0
     episodes: int = 0
     refused: str = ""
@@ -59,35 +65,31 @@ def world_assets(wishes: list[str], folder: Path) -> list[Path]:
     return out
 
 
-def measure(path: Path, joint: str, robot: str, seeds: int, task: str | None) -> Row:
-    """Run the expert on one joint."""
-    asset = Asset.load(path)
-    card = next(j for j in asset.card.joints if j.name == joint)
-    part = next((p for p in asset.card.parts if p.link == card.child), None)
-    row = Row(asset.card.name, joint, part.kind if part else "?", card.subtype)
-    start = time.time()
+def measure(path: Path, row: Row, robot: str, seeds: int, task: str | None) -> Row:
+    """Run the expert on one joint for the seeds that `row` still lacks."""
+    start = time.process_time()
     try:
-        env = gym.make(
-            mam_envs.ENV_ID, asset=path, joint=joint, task=task, robot_uids=robot,
+        env = mam_envs.make(
+            path, joint=row.joint, task=task, robot_uids=robot,
             control_mode="pd_joint_pos", obs_mode="none", reward_mode="none",
-        )
+        )  # fmt: skip
     except MamSimError as error:
-        row.refused = str(error).split(" was raised from")[0]
-        row.seconds = time.time() - start
+        row.refused = str(error).removeprefix(f"{row.asset}: ")
+        row.seconds += time.process_time() - start
         return row
     expert = Expert(env)
-    reasons: dict[str, int] = defaultdict(int)
-    steps = []
-    for seed in range(seeds):
-        episode = run_episode(env, expert, seed=10_000 + seed)
+    reasons: dict[str, int] = defaultdict(int, row.reasons)
+    steps = row.steps * row.episodes
+    for seed in range(row.episodes, seeds):
+        episode = run_episode(env, expert, seed=FIRST_SEED + seed)
         row.episodes += 1
         row.successes += episode.success
-        steps.append(episode.steps)
+        steps += episode.steps
         if not episode.success:
-            reasons[episode.reason] += 1
+            reasons[episode.reason.replace(f"{row.asset}: ", "")] += 1
     env.close()
-    row.reasons, row.steps = dict(reasons), float(np.mean(steps))
-    row.seconds = time.time() - start
+    row.reasons, row.steps = dict(reasons), steps / max(row.episodes, 1)
+    row.seconds += time.process_time() - start
     return row
 
 
@@ -95,16 +97,70 @@ def summary(rows: list[Row]) -> str:
     """A table by kind of part: joints, refused, success rate."""
     groups: dict[str, list[Row]] = defaultdict(list)
     for row in rows:
-        groups[f"{row.subtype} {row.kind}"].append(row)
-        groups["all"].append(row)
+        if row.verdict == "passes":
+            groups[f"{row.subtype} {row.kind}"].append(row)
+            groups["all"].append(row)
     lines = ["| joint | joints | refused | episodes | success |", "|---|---|---|---|---|"]
     for name in sorted(groups, key=lambda g: (g == "all", g)):
         group = groups[name]
         done = sum(r.episodes for r in group)
-        rate = 100 * sum(r.successes for r in group) / done if done else float("nan")
+        good = sum(r.successes for r in group)
         refused = sum(bool(r.refused) for r in group)
-        lines.append(f"| {name} | {len(group)} | {refused} | {done} | {rate:.0f} % |")
+        rate = "-"
+        if done:
+            low, high = wilson(good, done)
+            rate = f"{100 * good / done:.0f} % [{100 * low:.0f}, {100 * high:.0f}]"
+        lines.append(f"| {name} | {len(group)} | {refused} | {done} | {rate} |")
     return "\n".join(lines)
+
+
+def table(rows: list[Row]) -> str:
+    """One line per joint, for a page."""
+    lines = ["| asset | joint | kind | check | expert |", "|---|---|---|---|---|"]
+    for row in rows:
+        if row.refused:
+            result = f"refused: {row.refused}"
+        elif row.episodes:
+            low, high = wilson(row.successes, row.episodes)
+            result = f"{row.successes}/{row.episodes} [{100 * low:.0f}, {100 * high:.0f}]"
+            if row.reasons:
+                often = max(row.reasons, key=lambda r: row.reasons[r])
+                result += f"; {often}"
+        else:
+            result = "not run"
+        lines.append(
+            f"| {row.asset} | {row.joint} | {row.subtype} {row.kind} | {row.verdict} | {result} |"
+        )
+    return "\n".join(lines)
+
+
+def verdict_of(path: Path, checked: bool) -> str:
+    """What `mam-sim check` says, remembered in the asset's card; "passes" where not asked."""
+    if not checked:
+        return "passes"
+    known = Asset.load(path).card.checks.get("executability")
+    if known is None:
+        from mam_pipeline.check import check_asset
+
+        report = check_asset(path)
+        known = {"passed": report.passed, "reasons": list(report.reasons)}
+    return "passes" if known["passed"] else "fails: " + ", ".join(known["reasons"])
+
+
+def wanted_joints(path: Path, kinds: list[str], joints: int) -> list[Row]:
+    """A row for each joint that is to be measured."""
+    card = Asset.load(path).card
+    parts = {p.link: p.kind for p in card.parts}
+    seen: dict[str, int] = defaultdict(int)
+    out = []
+    for joint in card.joints:
+        kind = parts.get(joint.child, "?")
+        wanted = not kinds or any(k in f"{joint.subtype} {kind}" for k in kinds)
+        if joint.type == "fixed" or not wanted or seen[kind] >= joints:
+            continue
+        seen[kind] += 1
+        out.append(Row(card.name, joint.name, kind, joint.subtype))
+    return out
 
 
 def main(
@@ -116,7 +172,9 @@ def main(
     task: str | None = None,
     joints: int = 3,
     kinds: list[str] = [],  # noqa: B006
+    checked: bool = False,
     json_out: Path | None = None,
+    page: Path | None = None,
 ) -> None:
     """Measure and print the table.
 
@@ -124,30 +182,42 @@ def main(
         assets: asset folders.
         world: procedural objects to write and measure, "category:first-last".
         joints: at most so many joints of each asset and kind of part.
-        kinds: only parts whose kind contains one of these words.
+        kinds: only joints whose "subtype kind" contains one of these words ("hinge door").
+        checked: leave out assets that fail `mam-sim check`.
+        json_out: file for the rows, and memory of an interrupted run.
+        page: write a line per joint and the totals as markdown.
     """
     torch.set_num_threads(1)
+    known: dict[tuple[str, str], Row] = {}
+    if json_out and json_out.is_file():
+        known = {(r["asset"], r["joint"]): Row(**r) for r in json.loads(json_out.read_text())}
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as scratch:
         for path in [*assets, *world_assets(world, Path(scratch))]:
-            card = Asset.load(path).card
-            parts = {p.link: p.kind for p in card.parts}
-            seen: dict[str, int] = defaultdict(int)
-            for joint in card.joints:
-                kind = parts.get(joint.child, "?")
-                wanted = not kinds or any(k in kind for k in kinds)
-                if joint.type == "fixed" or not wanted or seen[kind] >= joints:
-                    continue
-                seen[kind] += 1
-                row = measure(path, joint.name, robot, seeds, task)
+            found = [known.get((r.asset, r.joint), r) for r in wanted_joints(path, kinds, joints)]
+            fresh = [r for r in found if not r.refused and r.episodes < seeds]
+            verdict = verdict_of(path, checked) if fresh else ""
+            for row in found:
                 rows.append(row)
-                text = row.refused or f"{row.successes}/{row.episodes} {row.reasons or ''}"
-                line = f"{row.asset:24s} {row.joint:22s} {row.seconds:5.1f}s {text}"
-                print(line, file=sys.stderr)
-                if json_out:
-                    data = [asdict(r) for r in rows]
-                    json_out.write_text(json.dumps(data, indent=1), encoding="utf-8")
+                if row in fresh:
+                    row.verdict = verdict
+                    if verdict == "passes":
+                        measure(path, row, robot, seeds, task)
+                    text = row.refused or f"{row.successes}/{row.episodes} {row.reasons or ''}"
+                    line = f"{row.asset:24s} {row.joint:22s} {row.seconds:5.1f}s {verdict} {text}"
+                    print(line, file=sys.stderr, flush=True)
+                    if json_out:
+                        _save(json_out, known | {(r.asset, r.joint): r for r in rows})
     print(summary(rows))
+    if page:
+        head = page.read_text(encoding="utf-8").split("<!-- table -->")[0] if page.is_file() else ""
+        text = f"{head}<!-- table -->\n\n{summary(rows)}\n\n{table(rows)}\n"
+        page.write_text(text, encoding="utf-8")
+
+
+def _save(file: Path, rows: dict[tuple[str, str], Row]) -> None:
+    data: list[dict[str, Any]] = [asdict(r) for r in rows.values()]
+    file.write_text(json.dumps(data, indent=1), encoding="utf-8")
 
 
 if __name__ == "__main__":

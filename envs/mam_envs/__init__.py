@@ -16,6 +16,9 @@ MAX_EPISODE_STEPS = 200
 VECTOR_ID = "mam_envs:OperateJointVec-v1"
 """For gym.make_vec, which refuses ids with extra wrappers (ManiSkill's batched time limit)."""
 
+NUMPY_ID = "mam_envs:OperateJointNumpy-v1"
+"""One environment with NumPy observations and no batch axis, for gymnasium's and SB3's tools."""
+
 if "OperateJoint-v1" not in _gym.registry:
     _gym.register(
         "OperateJoint-v1",
@@ -29,6 +32,11 @@ if "OperateJoint-v1" not in _gym.registry:
                 kwargs={"max_episode_steps": MAX_EPISODE_STEPS},
             ),
         ),
+    )
+    _gym.register(
+        "OperateJointNumpy-v1",
+        entry_point="mam_envs.single:SingleEnv",
+        max_episode_steps=MAX_EPISODE_STEPS,
     )
     _gym.register(
         "OperateJointVec-v1",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -96,23 +96,20 @@ class ObjectModel:
         return lower, upper
 
     def grasps(self, joint: str) -> list[CardGrasp]:
-        """The joint's grasps, most confident first, scaled."""
+        """The joint's grasps, most confident first, scaled; where it has none, those of the
+        joints that it carries (a door is opened by the knob on it)."""
+        found = [g for g in self.asset.card.grasps if g.joint == joint]
+        if not any(g.kind != "push" for g in found):
+            carried = set(self.moving_links(joint))
+            found += [
+                replace(g, joint=joint, confidence=0.8 * g.confidence)
+                for g in self.asset.card.grasps
+                if g.joint != joint and g.link in carried and g.kind in ("handle", "knob")
+            ]
         s = self.scale
         rows = [
-            CardGrasp(
-                g.joint,
-                g.link,
-                g.kind,
-                [s * v for v in g.position],
-                list(g.approach),
-                list(g.closing),
-                g.width * s,
-                g.depth * s,
-                g.confidence,
-                g.provenance,
-            )
-            for g in self.asset.card.grasps
-            if g.joint == joint
+            replace(g, position=[s * v for v in g.position], width=g.width * s, depth=g.depth * s)
+            for g in found
         ]
         return sorted(rows, key=lambda g: -g.confidence)
 
@@ -189,21 +186,41 @@ class ObjectModel:
         """(2, 3) box at the rest pose (of `bounds()`), remembered."""
         return self.bounds()
 
+    @cached_property
+    def boxes(self) -> dict[str, FloatArray]:
+        """(P, 2, 3) box of every link's pieces, link frame."""
+        return {
+            name: np.array([[p.points.min(axis=0), p.points.max(axis=0)] for p in pieces])
+            for name, pieces in self.pieces.items()
+            if pieces
+        }
+
     def depth(
         self, points: FloatArray, q: Mapping[str, float], skip: tuple[str, ...] = ()
     ) -> FloatArray:
-        """(N,) how deep points (N, 3), asset frame, lie inside the object (negative: outside, then
-        the distance to the nearest bounding plane, a lower bound)."""
+        """(N,) how deep points (N, 3), asset frame, lie inside the object; -inf outside.
+
+        Boxes come first: of thousands of point-piece pairs a handful is left to be looked at.
+        """
         poses = self.kinematics.link_poses(q)
         out = np.full(len(points), -np.inf)
-        for name, pieces in self.pieces.items():
-            if name in skip or not pieces:
+        for name, boxes in self.boxes.items():
+            if name in skip:
                 continue
             pose = poses[name][0]
             local = (points - pose[:3, 3]) @ pose[:3, :3]
-            for piece in pieces:
-                distance = (local @ piece.planes[:, :3].T + piece.planes[:, 3]).max(axis=1)
-                np.maximum(out, -distance, out=out)
+            low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+            near = np.flatnonzero(((local >= low) & (local <= high)).all(axis=1))
+            if not len(near):
+                continue
+            here = local[near]
+            inside = ((here[:, None] >= boxes[:, 0]) & (here[:, None] <= boxes[:, 1])).all(axis=2)
+            for k in np.flatnonzero(inside.any(axis=0)):
+                rows = inside[:, k]
+                planes = self.pieces[name][k].planes
+                distance = (here[rows] @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+                value = np.where(distance <= 0.0, -distance, -np.inf)
+                out[near[rows]] = np.maximum(out[near[rows]], value)
         return out
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,10 +19,15 @@ from mam_envs.reach import (
 )
 from mam_envs.robots import RobotSpec
 from mam_envs.spec import JointGoal, RandomisationConfig
+from mam_envs.surface_holds import surface_holds
 from mam_pipeline.types import FloatArray
 
 TABLE_LIFTS = (0.0, 0.15, -0.15, 0.3, -0.3, 0.5, -0.5, 0.75, 1.0, 1.3)
 FLOOR_LIFTS = (0.0, -0.3, -0.6)
+ENOUGH = 0.5
+"""Share of displaced poses at which a way of holding is taken without looking for others."""
+GROUPS = 3
+"""Places on the part's surface that are tried in turn."""
 ANGLES = (0.0, 25.0, -25.0, 50.0, -50.0, 75.0, -75.0)
 
 
@@ -79,10 +84,81 @@ def place(
     Raises:
         PlacementError: no base can do it, with the reason (too heavy, too high, too wide ...).
     """
+    goal, name = goals[0], model.asset.card.name
+    refusal: PlacementError | None = None
+    best: Placement | None = None
+    for candidates in _offers(model, goal, robot):
+        if isinstance(candidates, PlacementError):
+            # that a card names nothing says less than that nothing can be got at
+            named = refusal is not None and model.grasps(goal.joint)
+            refusal = refusal if named else candidates
+            continue
+        try:
+            found = _stand(model, goals, robot, candidates, chance)
+        except PlacementError as error:
+            refusal = refusal or error
+            continue
+        if best is None or found.robust > best.robust:
+            best = found
+        if best.robust >= ENOUGH:
+            break
+    if best is None:
+        raise refusal or PlacementError(f"{name}: joint {goal.joint!r} cannot be held or pushed")
+    return replace(best, robust=max(0.0, best.robust))
+
+
+def _offers(
+    model: ObjectModel, goal: JointGoal, robot: RobotSpec
+) -> Iterator[list[Hold] | PlacementError]:
+    """The card's holds; then, where they lead nowhere, those on the part's surface, by place."""
+    try:
+        yield holds(model, goal, robot)
+    except PlacementError as error:
+        yield error
+    left = surface_holds(model, goal, robot)
+    if not left:
+        yield PlacementError(
+            f"{model.asset.card.name}: nothing of {goal.joint!r} can be held or pushed from outside"
+        )
+    for _ in range(GROUPS):
+        if not left:
+            return
+        lead = left[0]
+        near = [
+            np.linalg.norm(h.tool[:3, 3] - lead.tool[:3, 3]) < 0.15
+            and float(h.tool[:3, 2] @ lead.tool[:3, 2]) > 0.3
+            for h in left
+        ]
+        yield [h for h, close in zip(left, near) if close]
+        left = [h for h, close in zip(left, near) if not close]
+
+
+def all_holds(model: ObjectModel, goal: JointGoal, robot: RobotSpec) -> list[Hold]:
+    """The card's holds and those on the surface.
+
+    Raises:
+        PlacementError: there are none.
+    """
+    try:
+        out = holds(model, goal, robot)
+    except PlacementError as error:
+        out = surface_holds(model, goal, robot)
+        if not out:
+            raise error
+    return out
+
+
+def _stand(
+    model: ObjectModel,
+    goals: Sequence[JointGoal],
+    robot: RobotSpec,
+    candidates: list[Hold],
+    chance: RandomisationConfig,
+) -> Placement:
+    """The best place from which the first joint is served by one of `candidates`."""
     goal = goals[0]
     what = f"{model.asset.card.name}: joint {goal.joint!r}"
-    candidates = holds(model, goal, robot)
-    later = [(g, holds(model, g, robot)) for g in goals[1:]]
+    later = [(g, all_holds(model, g, robot)) for g in goals[1:]]
     for g, c in ((goal, candidates), *later):
         _strong_enough(model, g, robot, c, f"{model.asset.card.name}: joint {g.joint!r}")
     q = goal_values(goal, 10)
@@ -114,7 +190,7 @@ def place(
             break
     if best is None:
         raise PlacementError(furthest.reason(what) + f" for robot {robot.uid}")
-    return replace(best, robust=max(0.0, best.robust))
+    return best
 
 
 def _strong_enough(
@@ -144,14 +220,18 @@ def _bases(
     """(B, 4, 4) upright base poses round the handle, clear of the object's footprint, and (B,)
     what they cost: standing in front of the handle is preferred."""
     tools = np.stack([h.tool for h in candidates])
-    handle = world_asset[:3, :3] @ tools[:, :3, 3].mean(axis=0) + world_asset[:3, 3]
+    spot = tools[:, :3, 3].mean(axis=0)
+    motion = model.motion(goal.joint, q, {})
+    way = motion[:, :3, :3] @ spot + motion[:, :3, 3]
+    # long ways are served from their middle
+    length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+    middle = way.mean(axis=0) if length > 0.5 * robot.reach else way[0]
+    handle = world_asset[:3, :3] @ middle + world_asset[:3, 3]
     facing = -(world_asset[:3, :3] @ np.array(candidates[0].grasp.approach))
     facing[2] = 0.0
     if np.linalg.norm(facing) < 0.5:
         facing = np.array([-1.0, 0.0, 0.0])
-    boxes = [model.bounds({goal.joint: float(v)}) for v in (q[0], q[len(q) // 2], q[-1])]
-    low = np.min([b[0] for b in boxes], axis=0) + world_asset[:3, 3]
-    high = np.max([b[1] for b in boxes], axis=0) + world_asset[:3, 3]
+    boxes = _swept_boxes(model, goal, q) + world_asset[:3, 3]
     rows, costs = [], []
     start = np.arctan2(facing[1], facing[0])
     rise = abs(handle[2] - height - robot.shoulder)
@@ -161,14 +241,32 @@ def _bases(
         for angle in ANGLES:
             a = start + np.deg2rad(angle)
             at = handle[:2] + flat * np.array([np.cos(a), np.sin(a)])
-            near = np.clip(at, low[:2], high[:2])
+            near = np.clip(at, boxes[:, 0, :2], boxes[:, 1, :2])
             # a base under the object's moving part is fine only if that part passes overhead
-            under = low[2] > height + robot.shoulder + 0.3
-            if np.linalg.norm(at - near) < robot.base_radius and not under:
+            low = boxes[:, 0, 2] <= height + robot.shoulder + 0.3
+            if (low & (np.linalg.norm(at - near, axis=1) < robot.base_radius)).any():
                 continue
             rows.append(base_pose(robot, at, height, handle[:2]))
             costs.append(0.008 * abs(angle))
     return (np.stack(rows) if rows else np.zeros((0, 4, 4))), np.array(costs)
+
+
+def _swept_boxes(model: ObjectModel, goal: JointGoal, q: FloatArray) -> FloatArray:
+    """(B, 2, 3) boxes that no base may stand in, asset frame: the object at the start, and the
+    moving links at some moments of the way."""
+    moving = model.moving_links(goal.joint)
+    rows = [model.bounds({goal.joint: float(q[0])})]
+    for value in q[:: max(1, len(q) // 4)]:
+        poses = model.kinematics.link_poses({goal.joint: float(value)})
+        points = [
+            piece.points @ poses[name][0][:3, :3].T + poses[name][0][:3, 3]
+            for name in moving
+            for piece in model.pieces.get(name, ())
+        ]
+        if points:
+            every = np.concatenate(points)
+            rows.append(np.stack([every.min(axis=0), every.max(axis=0)]))
+    return np.stack(rows)
 
 
 def base_pose(

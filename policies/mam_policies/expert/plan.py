@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mam_envs.env import Situation
+from mam_envs.holds import PlacementError
 from mam_envs.reach import (
     ArmPath,
     Hold,
@@ -19,6 +20,7 @@ from mam_envs.reach import (
     tool_path,
 )
 from mam_envs.robots import RobotSpec
+from mam_envs.surface_holds import surface_holds
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.types import FloatArray
 
@@ -27,6 +29,8 @@ CLOSE_STEPS = 6
 SETTLE_STEPS = 25
 HAND_SPEED = 0.012
 """Metres per control step (20 Hz) at which the hand drags or presses the part."""
+
+_SURFACE: dict[tuple[object, ...], list[Hold]] = {}
 
 
 class PlanningError(NotPhysicalError):
@@ -78,16 +82,34 @@ def plan(now: Situation, skip: Sequence[Hold] = ()) -> Plan:
         )
         if found.paths:
             return time_path(robot, now, found.paths[0])
-    candidates = [h for h in holds(model, goal, robot, TILTS) if not _tried(h, skip)]
     found = Search((), 0, 0, 0)
-    if candidates:
-        found = search(
+    refusal: NotPhysicalError | None = None
+    for offer in (lambda: holds(model, goal, robot, TILTS), lambda: _surface(now)):
+        try:
+            candidates = [h for h in offer() if not _tried(h, skip)]
+        except PlacementError as error:
+            refusal = error
+            continue
+        here = search(
             model, goal, robot, candidates, now.base[None], now.world_asset, q,
             now.others, now.arm, keep=1,
         )
-    if not found.paths:
-        raise PlanningError(found.reason(f"{model.asset.card.name}: joint {goal.joint!r}"))
-    return time_path(robot, now, found.paths[0])
+        if here.paths:
+            return time_path(robot, now, here.paths[0])
+        found = max(found, here, key=lambda s: (s.followed, s.reached, s.tried))
+    if refusal is not None and not found.tried:
+        raise PlanningError(str(refusal))
+    raise PlanningError(found.reason(f"{model.asset.card.name}: joint {goal.joint!r}"))
+
+
+def _surface(now: Situation) -> list[Hold]:
+    """The holds on the part's surface, found once for each task."""
+    key = (now.model.asset.folder, now.model.scale, now.goal, now.robot.uid)
+    if key not in _SURFACE:
+        if len(_SURFACE) > 64:
+            _SURFACE.clear()
+        _SURFACE[key] = surface_holds(now.model, now.goal, now.robot)
+    return _SURFACE[key]
 
 
 def _tried(hold: Hold, skip: Sequence[Hold]) -> bool:
@@ -127,6 +149,48 @@ def time_path(robot: RobotSpec, now: Situation, path: ArmPath) -> Plan:
     add(np.repeat(path.follow[-1:], SETTLE_STEPS, axis=0), closed, "settle", float(path.q[-1]))
     return Plan(
         path, np.concatenate(rows), np.array(grip), tuple(names), np.array(expected)
+    )
+
+
+def correction(now: Situation, done: Plan) -> Plan | None:
+    """The motion that carries the hand on by what the joint still lacks, or None.
+
+    A hold slips and an arm gives: at the end of its way the joint may have stopped short (or, for
+    turn_to, beside its goal) while the hand still holds it.
+    """
+    goal, robot, path = now.goal, now.robot, done.path
+    way = goal.q_goal - goal.q_start
+    lacks = goal.q_goal - now.q
+    near = abs(lacks) <= 0.7 * goal.tolerance if goal.tolerance else lacks * way <= 0.0
+    if near or (now.q - goal.q_start) * way < 0.1 * way * way:
+        return None
+    extra = lacks if goal.tolerance else lacks + 0.08 * way
+    begin = float(done.expected[-1])
+    values = begin + np.linspace(0.0, 1.0, 7)[1:] * extra
+    into = np.linalg.inv(now.base) @ now.world_asset
+    arm = done.arm[-1]
+    rows = []
+    for tool in into @ tool_path(now.model, goal, path.hold, values):
+        found = robot.chain.solve(tool[None], arm[None], robot.rotation_weight, 15)
+        fine = found.good(0.01, 2 * robot.rotation_tolerance)[0]
+        if not fine or np.abs(found.q[0] - arm).max() > 0.5:
+            break
+        arm = found.q[0]
+        rows.append(arm)
+    if not rows:
+        return None
+    follow = np.stack([done.arm[-1], *rows])
+    steps, expected = _timed_with(
+        follow, np.concatenate([[begin], values[: len(rows)]]), 0.5 * robot.step, 10
+    )
+    still = np.repeat(steps[-1:], SETTLE_STEPS // 2, axis=0)
+    count = len(steps) + len(still)
+    return Plan(
+        path,
+        np.concatenate([steps, still]),
+        np.full(count, done.gripper[-1]),
+        (("follow",) * len(steps)) + (("settle",) * len(still)),
+        np.concatenate([expected, np.full(len(still), expected[-1])]),
     )
 
 

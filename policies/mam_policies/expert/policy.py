@@ -11,10 +11,12 @@ from mam_envs.env import OperateJointEnv, Situation
 from mam_envs.reach import Hold
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import FloatArray
-from mam_policies.expert.plan import Plan, PlanningError, plan
+from mam_policies.expert.plan import Plan, PlanningError, correction, plan
 
 MODES = ("pd_joint_pos", "pd_joint_delta_pos", "pd_joint_target_delta_pos")
 RETREAT_STEPS = 14
+CORRECTIONS = 3
+"""Times that a hand which has come to its end goes on by what the joint still lacks."""
 SLIP = 0.3
 """Share of the whole way that the joint may lag behind the hand before it counts as slipped."""
 
@@ -91,7 +93,7 @@ class Expert:
     def _begin(self, now: Situation) -> None:
         self.plan = plan(now, self.skip)
         self.plans.append(self.plan)
-        self.at = 0
+        self.at = self.corrections = 0
         self.retreat: list[FloatArray] = []
         self.gripper = float(self.plan.gripper[0])
         self.phase = self.plan.phase[0]
@@ -110,6 +112,11 @@ class Expert:
             if not self.retreat:
                 self._again()
             return self._action(now)
+        if self.at >= len(self.plan) and self.corrections < CORRECTIONS:
+            further = correction(now, self.plan)
+            self.corrections += 1
+            if further is not None:
+                self.plan, self.at = further, 0
         if self.at >= len(self.plan):
             if not self._may_retry():
                 self.phase = "done"

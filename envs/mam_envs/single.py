@@ -1,0 +1,56 @@
+"""OperateJointNumpy-v1: one environment as gymnasium itself understands it, without a batch axis.
+
+ManiSkill's environments speak batched tensors, which gymnasium's checker, most of its wrappers and
+Stable-Baselines3 do not. This one holds such an environment and gives NumPy observations, a float
+reward and plain flags; it is no wrapper, so `unwrapped` stays what the checker should look at.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from mani_skill.utils import common
+
+from mam_envs.env import OperateJointEnv
+
+
+class SingleEnv(gym.Env[Any, Any]):
+    """One OperateJoint environment on the CPU; takes the same arguments (num_envs stays 1)."""
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 20}
+
+    def __init__(self, render_mode: str | None = None, **kwargs: Any) -> None:
+        self.inner = OperateJointEnv(render_mode=render_mode, num_envs=1, **kwargs)
+        self.render_mode = render_mode
+        self.observation_space = self.inner.single_observation_space
+        self.action_space = self.inner.single_action_space
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """As gymnasium says; the same seed gives the same episode bit for bit."""
+        super().reset(seed=seed)
+        obs, info = self.inner.reset(seed=seed, options=options)
+        return self._plain(obs), self._plain(info)
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """One control step; time limits are gymnasium's."""
+        obs, reward, terminated, _, info = self.inner.step(np.asarray(action))
+        done = bool(np.asarray(common.to_numpy(terminated)).reshape(-1)[0])
+        value = float(np.asarray(common.to_numpy(reward)).reshape(-1)[0])
+        return self._plain(obs), value, done, False, self._plain(info)
+
+    def render(self) -> Any:
+        """The render camera's picture (H, W, 3), uint8."""
+        picture = np.asarray(common.to_numpy(self.inner.render()))
+        return picture.reshape(picture.shape[-3:])
+
+    def close(self) -> None:
+        """Free the simulation; may be called again."""
+        self.inner.close()
+
+    @staticmethod
+    def _plain(value: Any) -> Any:
+        return common.unbatch(common.to_numpy(value))
