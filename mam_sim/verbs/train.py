@@ -17,16 +17,20 @@ def train(
     asset: Annotated[tuple[Path, ...], tyro.conf.Positional],
     /,
     out: Path,
-    algo: Literal["bc", "ppo", "sac"] = "bc",
+    algo: Literal["bc", "ppo", "sac", "act", "diffusion", "smolvla"] = "bc",
     joint: str | None = None,
     task: str | None = None,
     robot: str = "panda",
     episodes: int = 80,
-    steps: int = 200_000,
+    steps: int | None = None,
     epochs: int = 150,
     start: Path | None = None,
     curriculum: bool = True,
     deployable: bool = False,
+    rounds: int = 0,
+    cameras: bool = True,
+    mapping: Path | None = None,
+    download: bool = False,
     processes: int = 1,
     stop_at: float = 0.95,
     test: int = 20,
@@ -39,18 +43,26 @@ def train(
     Args:
         asset: asset folder(s) made by mam-sim.
         out: the run folder to write; the same command goes on where a killed one was.
-        algo: bc clones the scripted expert (minutes); ppo and sac learn from reward.
+        algo: bc clones the scripted expert (minutes); ppo and sac learn from reward; act, diffusion
+            and smolvla are LeRobot's own, trained by it on the expert's demonstrations.
         joint: its name; default: the surest joint with a handle.
         task: open, close, turn_to or push; default: what the joint suggests.
         robot: panda, so100, xarm6_robotiq, fetch.
-        episodes: demonstrations to clone (bc, and the warm start of ppo and sac).
-        steps: environment steps (ppo, sac).
+        episodes: demonstrations to clone (bc, and the warm start of ppo and sac; 0: from scratch).
+        steps: environment steps (ppo, sac: 200 000), training steps (act, diffusion, smolvla:
+            20 000).
         epochs: passes over the demonstrations (bc).
         start: a run of bc to start ppo from.
         curriculum: ppo, sac: start some episodes part of the way along the expert's path.
         deployable: bc: see positions only, no velocities and no touch, as on a real arm.
+        rounds: bc, act, diffusion, smolvla: further rounds in which the student acts, the expert
+            says what it would have done, and training goes on (DAgger).
+        cameras: act, diffusion, smolvla: see pictures and motors only, as on a real arm (needs a
+            Vulkan driver); else the privileged state instead of pictures.
+        mapping: act, diffusion, smolvla: joint mapping of the real arm (see mam-sim export).
+        download: let LeRobot fetch weights to start from (ImageNet; smolvla needs it).
         processes: environments in processes of their own (ppo).
-        stop_at: ppo, sac: end when this share of episodes succeeds.
+        stop_at: ppo, sac, rounds of bc: end when this share of episodes succeeds.
         test: episodes of evaluation at the end, at unseen seeds (0: none).
         seed: of everything random.
         quiet: print nothing but errors.
@@ -61,20 +73,31 @@ def train(
 
     if not asset:
         raise ConfigError("name at least one asset folder")
+    learns = algo in ("ppo", "sac")
     folders = tuple(str(Asset.load(a).folder) for a in asset)
-    if episodes < 1 or steps < 1 or epochs < 1:
+    steps = (200_000 if learns else 20_000) if steps is None else steps
+    if episodes < (0 if learns else 1) or steps < 1 or epochs < 1:
         raise ConfigError("--episodes, --steps and --epochs must be at least 1")
     screen = Screen(quiet or json)
-    mode = "pd_joint_pos" if algo == "bc" else "pd_joint_target_delta_pos"
+    mode = "pd_joint_target_delta_pos" if learns else "pd_joint_pos"
     choice = EnvChoice(folders, joint, task, robot, mode)
     with _bar(screen) as update:
         if algo == "bc":
             from mam_policies.bc import BcConfig, train_bc
 
             config = BcConfig(
-                episodes=episodes, epochs=epochs, seed=seed, deployable=deployable
-            )
+                episodes=episodes, epochs=epochs, seed=seed, deployable=deployable,
+                rounds=rounds, stop_at=stop_at,
+            )  # fmt: skip
             info = train_bc(choice, config, out, update)
+        elif algo in ("act", "diffusion", "smolvla"):
+            from mam_policies.student import StudentConfig, train_student
+
+            wish = StudentConfig(
+                algo, steps, episodes=episodes, cameras=cameras, rounds=rounds,
+                download=download, seed=seed,
+            )  # fmt: skip
+            info = train_student(choice, wish, out, mapping, update)
         else:
             from mam_policies.rl import RlConfig, train_rl
 

@@ -26,12 +26,15 @@ class Faults:
         joint_noise: standard deviation of read joint values, radians or metres.
         handle_noise: of the perceived handle position, metres.
         calibration: of every joint's constant zero error, radians or metres, drawn once by seed.
+        eye_in_hand: whether a camera on the hand perceives the handle: its place is then put
+            together with what the motors say, and shares their error.
     """
 
     latency: int = 0
     joint_noise: float = 0.0
     handle_noise: float = 0.0
     calibration: float = 0.0
+    eye_in_hand: bool = False
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,7 @@ class Body:
 
     def reset(self, seed: int) -> NDArray[np.float32]:
         """Start an episode; returns its first state (n,)."""
-        self.env.reset(seed=seed)
+        self.seen, _ = self.env.reset(seed=seed)
         self.outcome = Outcome(seed)
         self._waiting: deque[NDArray[np.float64]] = deque()
         self._held = self._q()[self._moved]
@@ -96,10 +99,13 @@ class Body:
         """(n,) what motors and perception say now, in motor units."""
         base = self.env.unwrapped
         noise = self._rng.normal(0.0, 1.0, len(self.joints)) * self.faults.joint_noise
-        motors = self.mapping.to_real(self.joints, self._q() + self._zero + noise)
+        told = self._q() + self._zero + noise
+        motors = self.mapping.to_real(self.joints, told)
         world = np.asarray(base.handle_position(), dtype=float)[0]
         pose = np.asarray(base.layout(0).placement.base, dtype=float)
         handle = pose[:3, :3].T @ (world - pose[:3, 3])
+        if self.faults.eye_in_hand:
+            handle = self._by_hand(handle, told)
         handle = handle + self._rng.normal(0.0, 1.0, 3) * self.faults.handle_noise
         value = float(base.joint_value()[0])
         touch = float(base.get_info()["contact_force"][0] > 0.1)
@@ -112,7 +118,7 @@ class Body:
         if len(self._waiting) > self.faults.latency:
             self._held = self._waiting.popleft()
         action = self.spec.action(self._held[:-1], float(self._held[-1]))
-        _, reward, _, truncated, info = self.env.step(action)
+        self.seen, reward, _, truncated, info = self.env.step(action)
         now = self.outcome
         self.outcome = replace(
             now,
@@ -124,9 +130,24 @@ class Body:
         )
         return self.state()
 
+    def pictures(self) -> dict[str, NDArray[np.uint8]]:
+        """(h, w, 3) of every camera now, by name; none unless obs_mode has rgb."""
+        sensors = self.seen.get("sensor_data", {}) if isinstance(self.seen, dict) else {}
+        return {
+            name: np.asarray(data["rgb"].cpu())[0].astype(np.uint8)
+            for name, data in sensors.items()
+            if "rgb" in data
+        }
+
     def close(self) -> None:
         """Free the simulator."""
         self.env.close()
+
+    def _by_hand(self, handle: NDArray[Any], told: NDArray[Any]) -> NDArray[np.float64]:
+        """(3,) the handle in the base frame as seen from the hand, which is where `told` says."""
+        arm = [self.joints.index(n) for n in self.spec.arm]
+        turn, place, _ = self.spec.chain.forward(np.stack([self._q()[arm], told[arm]]))
+        return np.asarray(turn[1] @ turn[0].T @ (handle - place[0]) + place[1])
 
     def _q(self) -> NDArray[np.float64]:
         return np.asarray(self.env.unwrapped.agent.robot.get_qpos(), dtype=float)[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mam_policies.expert import Expert, PlanningError
-from mam_policies.run import Actor, EnvChoice, MlpPolicy, RunInfo
+from mam_policies.run import Actor, EnvChoice, MlpPolicy, RunInfo, few_objects
 
 HELD_OUT = 50_000_017  # evaluation seeds start here; demonstrations use seeds far below
 
@@ -84,13 +84,18 @@ def evaluate_run(
         InputError: no run, no policy, no asset.
     """
     folder = Path(run)
-    info = RunInfo.load(folder)
-    policy = MlpPolicy.load(folder)
-    choice = info.env
+    choice = RunInfo.load(folder).env
     if assets:
         choice = replace(choice, assets=tuple(assets), joint=joint)
     elif joint is not None:
         choice = replace(choice, joint=joint)
+    if (folder / "policy").is_dir():  # one of LeRobot's own
+        from mam_policies.student import evaluate_student
+
+        return evaluate_student(
+            folder, choice, episodes, seed=seed, video=video, on_episode=on_episode
+        )
+    policy = MlpPolicy.load(folder)
     actor = Actor(policy)
 
     def begin(_env: Any) -> Callable[[Any], Any]:
@@ -98,6 +103,20 @@ def evaluate_run(
         return actor.act
 
     return evaluate(choice, begin, episodes, seed, video, on_episode)
+
+
+def evaluate_zip(
+    file: Path, choice: EnvChoice, episodes: int = 20, trust: bool = False, **more: Any
+) -> Evaluation:
+    """A zip of stable-baselines3 on the same seeds; `more` as in evaluate.
+
+    Raises:
+        ConfigError: without `trust`. InputError: no such zip.
+    """
+    from mam_policies.sb3_zip import load_sb3
+
+    act = load_sb3(file, trust)
+    return evaluate(choice, lambda _env: act, episodes, more.pop("seed", HELD_OUT), **more)
 
 
 def evaluate_expert(
@@ -123,20 +142,26 @@ def evaluate(
     seed: int,
     video: Path | None = None,
     on_episode: Callable[[int, int], None] = lambda *_: None,
+    make: Mapping[str, Any] | None = None,
 ) -> Evaluation:
-    """Run episodes; `begin(env)` gives the policy of one episode after its reset."""
+    """Run episodes; `begin(env)` gives the policy of one episode after its reset.
+
+    `make`: further arguments of the environment.
+    """
     started = time.perf_counter()
-    env = choice.make(**({"render_mode": "rgb_array"} if video is not None else {}))
+    film = {"render_mode": "rgb_array"} if video is not None else {}
+    env = choice.make(**{**film, **(make or {})})
     frames: list[list[np.ndarray]] = []
     try:
         joint = env.unwrapped.layout(0).goals[0].joint
         results = []
-        for i in range(episodes):
-            shown: list[np.ndarray] | None = [] if video is not None and i < 9 else None
-            results.append(_episode(env, begin, seed + i, shown))
-            if shown is not None:
-                frames.append(shown)
-            on_episode(i + 1, sum(r.success for r in results))
+        with few_objects():
+            for i in range(episodes):
+                shown: list[np.ndarray] | None = [] if video is not None and i < 9 else None
+                results.append(_episode(env, begin, seed + i, shown))
+                if shown is not None:
+                    frames.append(shown)
+                on_episode(i + 1, sum(r.success for r in results))
     finally:
         env.close()
     if video is not None:

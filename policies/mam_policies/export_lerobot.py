@@ -60,6 +60,8 @@ def export_run(
     """
     offline()
     info = RunInfo.load(run)
+    if (run / "policy").is_dir():
+        return _export_student(run, info, out, mapping)
     policy = MlpPolicy.load(run)
     choice = _one_asset(info, asset)
     spec = robot_spec(choice.robot)
@@ -94,6 +96,30 @@ def export_run(
     finally:
         env.close()
     return Exported(out, "policy", out / MAPPING, tuple(notes))
+
+
+def _export_student(run: Path, info: RunInfo, out: Path, mapping: Path | None) -> Exported:
+    """LeRobot's own policy as it is, in the units it was trained in."""
+    if mapping is not None and mapping.read_text() != (run / MAPPING).read_text():
+        raise ConfigError(f"{run} was trained in other units; train it with --mapping {mapping}")
+    _refuse_foreign(out)
+    env = info.env.make()
+    try:
+        joints = mapping_of(env.unwrapped, str(run / MAPPING))
+
+        def build(folder: Path) -> None:
+            from mam_policies.export_readme import write_student_readme
+
+            shutil.copytree(run / "policy", folder, dirs_exist_ok=True)
+            joints.save(folder / MAPPING)
+            env.reset(seed=0)
+            write_student_readme(folder, out, env, info, joints)
+            _mark(folder, "policy", run)
+
+        build_beside(out, build)
+    finally:
+        env.close()
+    return Exported(out, "policy", out / MAPPING)
 
 
 def export_dataset(collected: Path, out: Path, mapping: Path | None = None) -> Exported:

@@ -108,6 +108,52 @@ its run says otherwise.
     (folder / "README.md").write_text(text, encoding="utf-8")
 
 
+def write_student_readme(
+    folder: Path, out: Path, env: Any, info: RunInfo, joints: JointMapping
+) -> None:
+    """README.md of one of LeRobot's own policies, and camera.png where it can be drawn."""
+    spec, choice = env.unwrapped.robot_spec, info.env
+    goal = env.unwrapped.layout(0).goals[0]
+    task = f"{goal.task.replace('turn_to', 'turn')} {goal.joint.replace('_', ' ')}"
+    real = joints.robot.endswith("_follower")
+    cameras = env.unwrapped.config.scene.cameras if info.config.get("cameras", True) else {}
+    body = _sim(choice) + _map(out, real, "robot") + " --robot.perceived=false"
+    body += " --robot.pictures=true" if cameras else ""
+    trial = _record("mam_sim", body, out, task, "--dataset.video=false ", _clip(spec, joints))
+    eye = _camera_words(env) if _picture(env, folder / "camera.png") else ""
+    sees = ", ".join(f"`{k}` {c.width} x {c.height}" for k, c in cameras.items())
+    wanted = (
+        f"The motors of `joint_mapping.yaml` and the camera {sees}: give the real camera this "
+        f"name in `--robot.cameras`, and\nplace it as `camera.png` shows."
+        if cameras
+        else "The privileged state of the simulator: **no real arm can run this policy**; train "
+        "it with cameras."
+    )
+    text = f"""# Policy: {task} of {env.unwrapped.layout(0).model.asset.card.name}
+
+LeRobot's `{info.algo}`, trained by `lerobot-train` on the demonstrations of mam-sim's expert for
+the simulated robot `{spec.uid}`; nothing of ours is needed to load it.
+
+Control rate: **{FPS} Hz**. Actions are absolute joint targets; units are in `joint_mapping.yaml`
+({_units(joints)}).
+
+## Try it without hardware
+
+```sh
+{trial}
+```
+
+## On the real arm
+
+{_real_words(real, joints, spec, out, task)}
+
+## What it sees
+
+{wanted}
+{eye}"""
+    (folder / "README.md").write_text(text, encoding="utf-8")
+
+
 def _record(robot: str, arguments: str, out: Path, task: str, extra: str, clip: str) -> str:
     return (
         f"lerobot-record --robot.type={robot} {arguments} {clip} \\\n"

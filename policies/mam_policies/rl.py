@@ -4,6 +4,9 @@ Actions are changes of joint targets (pd_joint_target_delta_pos). The curriculum
 the episodes part of the way along the expert's path (a reverse curriculum); it falls to zero
 in the second half, and success is counted on full episodes only. Time limits are truncations, so
 SB3 bootstraps their value. The trained actor is exported as an MlpPolicy in safetensors.
+
+At every checkpoint all environments and random streams start anew from a seed that follows from
+the step count, in a run that goes on as in one that was killed: both end with the same weights.
 """
 
 from __future__ import annotations
@@ -22,7 +25,16 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 
 from mam_policies.bc import BcConfig, Demonstration, demonstrations
 from mam_policies.expert import Expert, PlanningError
-from mam_policies.run import EnvChoice, MlpPolicy, RunInfo, describe_env, flat
+from mam_policies.rl_checkpoint import load_checkpoint, renew, restore, save_checkpoint
+from mam_policies.run import (
+    EnvChoice,
+    MlpPolicy,
+    RunInfo,
+    claim,
+    describe_env,
+    few_objects,
+    flat,
+)
 
 OnProgress = Callable[[str, float, str], None]
 WIDTH = (256, 256)
@@ -38,6 +50,8 @@ class RlConfig:
         curriculum: whether the expert takes some episodes part of the way first.
         stop_at: success share over the last 40 full episodes that ends training early.
         warm_episodes: expert episodes cloned into the actor first (0: from scratch).
+        rollout: steps between two updates of ppo, of all processes together.
+        save_every: steps between checkpoints (at the end of a rollout).
     """
 
     algo: str = "ppo"
@@ -47,7 +61,8 @@ class RlConfig:
     curriculum: bool = True
     stop_at: float = 0.95
     warm_episodes: int = 0
-    save_every: int = 10_000
+    rollout: int = 2048
+    save_every: int = 8192
 
 
 class Prefix(gym.Wrapper):
@@ -60,6 +75,8 @@ class Prefix(gym.Wrapper):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
         """Reset, and sometimes go ahead; info["helped"] says whether."""
+        if seed is not None:
+            self._rng = np.random.default_rng(seed)
         obs, info = self.env.reset(seed=seed, options=options)
         self.helped = self._rng.random() < self.share
         if self.helped:
@@ -118,33 +135,49 @@ def train_rl(
     out: Path,
     start: Path | None = None,
     progress: OnProgress = lambda *_: None,
+    on_checkpoint: Callable[[int, MlpPolicy], None] = lambda *_: None,
 ) -> RunInfo:
-    """Train with SB3 into the run folder `out`; goes on from its checkpoint if there is one."""
+    """Train with SB3 into the run folder `out`; goes on from its checkpoint if there is one.
+
+    `on_checkpoint(steps, actor)` is called at the start and at every checkpoint.
+    """
     from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecMonitor
 
     out.mkdir(parents=True, exist_ok=True)
+    claim(out, choice, f"{config.algo} rollout {config.rollout} seed {config.seed}")
     probe = choice.make()
     sizes = describe_env(probe)
     demos = _demos(probe, config, out, start, progress)
     probe.close()
-    share = 0.7 if config.curriculum else 0.0
+    saved = load_checkpoint(out / "checkpoint")
+    done = saved["steps"] if saved else 0
     makers: list[Callable[[], gym.Env]] = [
-        partial(make_training_env, choice, share, config.seed * 100 + i)
+        partial(make_training_env, choice, _share(config, done), config.seed * 100 + i)
         for i in range(config.processes)
     ]
     single = config.processes == 1
     raw = DummyVecEnv(makers) if single else SubprocVecEnv(makers, "forkserver")
     venv = VecMonitor(raw, info_keywords=("success",))
-    model, done = _model(config, venv, sizes, demos, out)
-    listener = _listener(config, out, progress, done, share)
+    model = _model(config, venv, demos, out)
+    if saved:
+        restore(model, saved)
+        renew(model, config.seed, done)
+    elif demos:
+        _clone(model, demos, config)
+    elsewhere = partial(actor_of, model, sizes, choice.max_steps)
+    listener = _listener(config, out, progress, saved, lambda n: on_checkpoint(n, elsewhere()))
+    if not saved:
+        on_checkpoint(0, elsewhere())
     started = time.monotonic()
-    model.learn(max(config.steps - done, 0), callback=listener, reset_num_timesteps=False)
+    with few_objects():
+        model.learn(max(config.steps - done, 0), callback=listener, reset_num_timesteps=False)
     venv.close()
     policy = actor_of(model, sizes, choice.max_steps)
     policy.save(out)
     results = {
         "steps": int(model.num_timesteps),
         "seconds": round(time.monotonic() - started, 1),
+        "success_while_training": listener.rate(),
         "curve": listener.curve,
     }
     info = RunInfo(
@@ -187,9 +220,13 @@ class Normalise(BaseFeaturesExtractor):
         return ((obs - self.mean) / self.std).clamp(-10, 10)
 
 
-def _model(
-    config: RlConfig, venv: Any, sizes: dict[str, Any], demos: list[Demonstration], out: Path
-) -> tuple[Any, int]:
+def _share(config: RlConfig, steps: int) -> float:
+    """Share of episodes that the expert begins: falls to zero in the middle of training."""
+    return 0.7 * max(0.0, 1.0 - 2.0 * steps / config.steps) if config.curriculum else 0.0
+
+
+def _model(config: RlConfig, venv: Any, demos: list[Demonstration], out: Path) -> Any:
+    """A fresh SB3 model with fixed observation statistics."""
     import stable_baselines3 as sb3
 
     algorithm: Any = {"ppo": sb3.PPO, "sac": sb3.SAC}[config.algo]
@@ -208,10 +245,10 @@ def _model(
         common["tensorboard_log"] = str(out / "tensorboard")
     if config.algo == "ppo":
         kwargs["log_std_init"] = -2.0 if demos else -0.7
-        model = algorithm(
+        return algorithm(
             "MlpPolicy",
             venv,
-            n_steps=2048 // config.processes,
+            n_steps=max(config.rollout // config.processes, 8),
             batch_size=256,
             n_epochs=6,
             learning_rate=1e-4 if demos else 3e-4,
@@ -221,26 +258,17 @@ def _model(
             policy_kwargs=kwargs,
             **common,
         )
-    else:
-        model = algorithm(
-            "MlpPolicy",
-            venv,
-            learning_starts=2000,
-            batch_size=256,
-            train_freq=4,
-            gradient_steps=2,
-            policy_kwargs=kwargs,
-            **common,
-        )
-    last = out / "checkpoint" / "last.pt"
-    if last.is_file():  # tensors only: a checkpoint from a stranger executes nothing
-        state = torch.load(last, weights_only=True)
-        model.set_parameters(state["parameters"])
-        model.num_timesteps = int(state["steps"])
-        return model, model.num_timesteps
-    if demos:
-        _clone(model, demos, config)
-    return model, 0
+    return algorithm(
+        "MlpPolicy",
+        venv,
+        buffer_size=min(config.steps, 200_000),
+        learning_starts=min(2000, config.steps // 4),
+        batch_size=256,
+        train_freq=4,
+        gradient_steps=2,
+        policy_kwargs=kwargs,
+        **common,
+    )
 
 
 def _clone(model: Any, demos: list[Demonstration], config: RlConfig) -> None:
@@ -298,7 +326,13 @@ def actor_of(model: Any, sizes: dict[str, Any], horizon: int) -> MlpPolicy:
     return out.eval()
 
 
-def _listener(config: RlConfig, out: Path, progress: OnProgress, done: int, share: float) -> Any:
+def _listener(
+    config: RlConfig,
+    out: Path,
+    progress: OnProgress,
+    saved: dict[str, Any] | None,
+    on_checkpoint: Callable[[int], None],
+) -> Any:
     from stable_baselines3.common.callbacks import BaseCallback
 
     class Listener(BaseCallback):
@@ -306,34 +340,35 @@ def _listener(config: RlConfig, out: Path, progress: OnProgress, done: int, shar
 
         def __init__(self) -> None:
             super().__init__()
-            self.recent: list[bool] = []
-            self.curve: list[tuple[int, float]] = []
-            self.saved = done
+            self.recent: list[bool] = list(saved["recent"]) if saved else []
+            self.curve: list[tuple[int, float]] = list(saved["curve"]) if saved else []
+            self.saved = int(saved["steps"]) if saved else 0
+
+        def rate(self) -> float:
+            """Success over the last full episodes."""
+            return float(np.mean(self.recent)) if self.recent else 0.0
+
+        def _on_rollout_start(self) -> None:  # the update of the rollout before is done
+            steps = self.num_timesteps
+            if steps - self.saved < config.save_every:
+                return
+            self.saved = steps
+            self.curve.append((steps, self.rate()))
+            more = {"recent": self.recent, "curve": self.curve}
+            save_checkpoint(self.model, out / "checkpoint", more)
+            on_checkpoint(steps)
+            self.training_env.env_method("set_share", _share(config, steps))
+            renew(self.model, config.seed, steps)
 
         def _on_step(self) -> bool:
             for over, info in zip(self.locals["dones"], self.locals["infos"]):
                 if over and not info.get("helped"):
                     self.recent = [*self.recent[-39:], bool(info["success"])]
-            steps = self.num_timesteps
-            if steps - self.saved >= config.save_every:
-                self.saved = steps
-                self._note(steps)
-            rate = float(np.mean(self.recent)) if self.recent else 0.0
-            words = f"success {100 * rate:.0f} % of the last {len(self.recent)}"
-            progress(config.algo, min(steps / config.steps, 1.0), words)
-            return not (len(self.recent) >= 40 and rate >= config.stop_at)
-
-        def _note(self, steps: int) -> None:
-            rate = float(np.mean(self.recent)) if self.recent else 0.0
-            self.curve.append((steps, rate))
+            rate, count = self.rate(), len(self.recent)
             self.logger.record("rollout/full_episode_success", rate)
-            left = max(0.0, 1.0 - 2.0 * steps / config.steps)
-            self.training_env.env_method("set_share", share * left)
-            folder = out / "checkpoint"
-            folder.mkdir(exist_ok=True)
-            state = {"parameters": self.model.get_parameters(), "steps": steps}
-            torch.save(state, folder / "next.pt")
-            (folder / "next.pt").replace(folder / "last.pt")
+            words = f"success {100 * rate:.0f} % of the last {count}"
+            progress(config.algo, min(self.num_timesteps / config.steps, 1.0), words)
+            return not (count >= 40 and rate >= config.stop_at)
 
     return Listener()
 

@@ -7,9 +7,11 @@ checkpoint/          what a killed run goes on from
 
 from __future__ import annotations
 
+import gc
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,7 +22,7 @@ import torch
 from numpy.typing import NDArray
 from safetensors.torch import load_file, save_file
 
-from mam_pipeline.errors import InputError, MamSimError
+from mam_pipeline.errors import ConfigError, InputError, MamSimError
 
 ENV_ID = "mam_envs:OperateJoint-v1"
 SCHEMA = 1
@@ -229,6 +231,31 @@ class Actor:
         rows = np.stack([c[self.step - s] for s, c in self.pending])
         self.step += 1
         return np.asarray(weights @ rows / weights.sum(), dtype=np.float32)
+
+
+def claim(out: Path, choice: EnvChoice, settings: str) -> None:
+    """Write down whose folder `out` is; a run of other settings is not mixed with this one.
+
+    Raises:
+        ConfigError: the folder belongs to another run.
+    """
+    mine = f"{json.dumps(asdict(choice), sort_keys=True, default=str)} {settings}"
+    note = out / "settings.txt"
+    if note.is_file() and note.read_text(encoding="utf-8") != mine:
+        raise ConfigError(f"{out} holds a run with other settings; name another --out")
+    note.write_text(mine, encoding="utf-8")
+
+
+@contextmanager
+def few_objects() -> Iterator[None]:
+    """Make rebuilding a scene cheaper: ManiSkill collects garbage each time, and walks through
+    every object that the libraries have made unless they are set aside first."""
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
 
 
 def flat(obs: Any) -> NDArray[np.float32]:

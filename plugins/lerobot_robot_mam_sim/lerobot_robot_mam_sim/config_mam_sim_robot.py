@@ -20,6 +20,9 @@ class MamSimRobotConfig(RobotConfig):
         latency_steps: control steps until a command arrives.
         joint_noise: of read joint values, radians; handle_noise: of the perceived handle, metres;
             calibration_error: of each joint's zero, radians (standard deviations).
+        eye_in_hand: whether a camera on the hand perceives the handle (sharing the motors' error).
+        perceived: whether handle, joint value and touch stand behind the motors in the state.
+        pictures: whether the scene's cameras are reported as well (needs a Vulkan driver).
         log: file to which one JSON line per episode is appended (seed, steps, success ...).
     """
 
@@ -34,4 +37,7 @@ class MamSimRobotConfig(RobotConfig):
     joint_noise: float = 0.0
     handle_noise: float = 0.0
     calibration_error: float = 0.0
+    eye_in_hand: bool = False
+    perceived: bool = True
+    pictures: bool = False
     log: str | None = None

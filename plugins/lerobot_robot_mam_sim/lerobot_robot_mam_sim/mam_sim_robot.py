@@ -13,6 +13,7 @@ from lerobot.robots.robot import Robot
 
 from lerobot_robot_mam_sim.config_mam_sim_robot import MamSimRobotConfig
 from mam_policies.body import Body, Faults
+from mam_policies.lerobot_policy import PERCEIVED
 from mam_policies.run import EnvChoice
 
 
@@ -37,14 +38,21 @@ class MamSimRobot(Robot):
     def body(self) -> Body:
         """The simulator, started when it is first needed."""
         c = self.config
-        faults = Faults(c.latency_steps, c.joint_noise, c.handle_noise, c.calibration_error)
+        faults = Faults(
+            c.latency_steps, c.joint_noise, c.handle_noise, c.calibration_error, c.eye_in_hand
+        )
         choice = EnvChoice((c.asset,), c.joint, robot=c.robot, max_steps=c.max_steps)
-        return Body(choice, c.mapping, faults, c.seed)
+        more = {"obs_mode": "rgb+state"} if c.pictures else {}
+        return Body(choice, c.mapping, faults, c.seed, **more)
 
     @property
     def observation_features(self) -> dict[str, Any]:
-        """Motors, then what perception gives."""
-        return {name: float for name in self.body.state_names}
+        """Motors, then what perception gives; pictures by camera."""
+        out: dict[str, Any] = {name: float for name in self._named(self.body.state_names)}
+        if self.config.pictures:
+            for name, spec in self.body.env.unwrapped.config.scene.cameras.items():
+                out[name] = (spec.height, spec.width, 3)
+        return out
 
     @property
     def action_features(self) -> dict[str, Any]:
@@ -78,7 +86,9 @@ class MamSimRobot(Robot):
             self._finish()
             self._begin()
         self._read = True
-        return {k: float(v) for k, v in zip(self.body.state_names, self._state)}
+        state = dict(zip(self.body.state_names, map(float, self._state)))
+        named: dict[str, Any] = {k: state[k] for k in self._named(self.body.state_names)}
+        return {**named, **self.body.pictures()}
 
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
         """One control step; returns the targets that were sent, which may have been clipped."""
@@ -100,6 +110,9 @@ class MamSimRobot(Robot):
             self._finish()
             self.body.close()
             self._connected = False
+
+    def _named(self, names: list[str]) -> list[str]:
+        return names if self.config.perceived else names[: -len(PERCEIVED)]
 
     def _begin(self) -> None:
         self._state = self.body.reset(self._next_seed)

@@ -1,0 +1,109 @@
+"""Learning curves of reinforcement learning: held-out success at every checkpoint, several seeds.
+
+    python benchmarks/rl_curve.py ASSET --joint NAME --seeds 0 1 2 --steps 8192 --out FOLDER
+        --json FILE --picture docs/ppo_drawer.png
+
+At each checkpoint the actor's mean action is tried at the same unseen poses. Seeds that the JSON
+file already has are not trained again.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+import tyro
+
+from mam_policies.evaluate import HELD_OUT, evaluate
+from mam_policies.rl import CONTROL_MODE, RlConfig, train_rl
+from mam_policies.run import Actor, EnvChoice, MlpPolicy
+
+
+@dataclass
+class Settings:
+    """What is trained: warm is the number of expert episodes cloned first."""
+
+    joint: str | None = None
+    algo: Literal["ppo", "sac"] = "ppo"
+    seeds: tuple[int, ...] = (0, 1, 2)
+    steps: int = 8192
+    warm: int = 6
+    episodes: int = 20
+    max_steps: int = 120
+    out: Path = Path("rl_curve")
+    json: Path = Path("rl_curve.json")
+    picture: Path | None = None
+
+
+def learn(asset: str, seed: int, settings: Settings) -> dict[str, Any]:
+    """Train one seed; rows of (steps, successes, episodes, seconds so far)."""
+    choice = EnvChoice(
+        (asset,), settings.joint, control_mode=CONTROL_MODE, max_steps=settings.max_steps
+    )
+    config = RlConfig(
+        settings.algo, settings.steps, seed, warm_episodes=settings.warm, save_every=2048
+    )
+    rows: list[tuple[int, int, int, float]] = []
+    started, testing = time.process_time(), 0.0
+
+    def test(steps: int, policy: MlpPolicy) -> None:
+        nonlocal testing
+        began, actor = time.process_time(), Actor(policy)
+
+        def begin(_env: Any) -> Any:
+            actor.reset()
+            return actor.act
+
+        found = evaluate(choice, begin, settings.episodes, HELD_OUT)
+        testing += time.process_time() - began
+        spent = round(time.process_time() - started - testing, 1)
+        rows.append((steps, found.successes, found.episodes, spent))
+        print(f"{settings.algo} seed {seed}: {steps} steps, {spent} s, {found.line()}", flush=True)
+
+    run = settings.out / f"{settings.algo}-{seed}"
+    info = train_rl(choice, config, run, on_checkpoint=test)
+    test(int(info.results["steps"]), MlpPolicy.load(run))
+    return {"algo": settings.algo, "seed": seed, "rows": rows, "config": info.config}
+
+
+def draw(found: list[dict[str, Any]], file: Path) -> None:
+    """Success against environment steps, one line per seed."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(5.2, 3.2), dpi=130)
+    for k, item in enumerate(found):
+        steps, rates = zip(*((row[0], 100 * row[1] / row[2]) for row in item["rows"]))
+        name = f"{item['algo'].upper()}, seed {item['seed']}"
+        axes.plot(steps, rates, marker="o", markersize=3 + k, linewidth=1.4, label=name)
+    axes.set_xlabel("environment steps")
+    axes.set_ylabel(f"success at {found[0]['rows'][0][2]} unseen poses, %")
+    axes.set_ylim(-3, 103)
+    axes.grid(alpha=0.3)
+    axes.legend(loc="lower right", fontsize=8)
+    figure.tight_layout()
+    figure.savefig(file)
+
+
+def main(asset: tyro.conf.Positional[str], /, settings: Settings) -> None:
+    """Train what is missing, print rows, draw the picture."""
+    torch.set_num_threads(1)
+    found: list[dict[str, Any]] = []
+    if settings.json.is_file():
+        found = json.loads(settings.json.read_text(encoding="utf-8"))
+    for seed in settings.seeds:
+        if not any(f["seed"] == seed and f["algo"] == settings.algo for f in found):
+            found.append(learn(asset, seed, settings))
+            settings.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
+    if settings.picture is not None:
+        draw(found, settings.picture)
+
+
+if __name__ == "__main__":
+    tyro.cli(main, config=(tyro.conf.OmitArgPrefixes,))
