@@ -81,9 +81,10 @@ def pedal_bin(b: Builder) -> None:
         with b.moved((0, 0, foot)):
             b.vessel("base", [(r, 0), (r, h - foot)], 0.004, "body")
         cover(b, lid, r, z, 0.01, b.uniform(0.0, 0.35) * r)
-    x = r + 0.008
-    b.block("base", (r + 0.004, 0, h - 0.015), (0.018, 0.5 * r, 0.02), "dark")
-    b.cylinder(lid, (x, -0.3 * r, z), (x, 0.3 * r, z), 0.005, None, "dark")
+    x = r + 0.004
+    # the hinge's lug reaches up to its barrel, however wide the gap
+    b.box("base", (r - 0.005, -0.25 * r, h - 0.025), (r + 0.009, 0.25 * r, z - 0.004), "dark")
+    b.cylinder(lid, (x, -0.6 * r, z), (x, 0.6 * r, z), 0.0035, None, "dark")
     b.block(lid, (r - 0.001, 0, z + 0.006), (0.022, 0.4 * r, 0.006), "trim")
     b.hinge(lid, "base", (x, 0, z), (0, 1, 0), 0, b.uniform(1.1, 1.5), opens=(0, 0, 1))
     pedal = part(b, "pedal")

@@ -45,8 +45,10 @@ def laptop(b: Builder) -> None:
     h, t, r = b.uniform(0.008, 0.025), b.uniform(0.004, 0.01), b.choice((0.001, 0.01, 0.02))
     b.size(w, d, d)
     b.theme(b.choice(("steel", "dark", "plastic", "white")))
-    gap = max(b.gap, 0.0012)
-    rounded(b, "base", (0, -w / 2, 0), (d, w / 2, h), r)
+    gap = max(min(b.gap, 0.004 * b.diagonal), 0.0012)
+    # the deck ends before the barrels, which turn in free air
+    rad = min(b.uniform(0.3, 0.45) * h, 0.011 * b.diagonal)
+    rounded(b, "base", (0, -w / 2, 0), (d - rad - 0.0006, w / 2, h), r)
     _keys(
         b, (0.45 * d, -0.45 * w), (0.9 * d, 0.45 * w), h, 0.0006, b.integer(4, 6), b.integer(10, 14)
     )
@@ -65,7 +67,6 @@ def laptop(b: Builder) -> None:
     )
     if b.chance(0.5):
         b.disc(lid, (d / 2, 0, z + t), (0, 0, 1), 0.06 * d, 0.0004, "metal", "decor", False)
-    rad = b.uniform(0.3, 0.45) * h
     spans = b.choice(
         (((-0.35, -0.2), (0.2, 0.35)), ((-0.25, 0.25),), ((-0.42, -0.32), (0.32, 0.42)))
     )

@@ -181,7 +181,8 @@ def washer_top(b: Builder) -> None:
     count = b.integer(1, 3)
     for k in range(count):
         y = w * (-0.3 + 0.6 * (k + 0.5) / count)
-        b.rotary("base", (middle[0], y, middle[1]), normal, 0.3 * tall, 0.022, "dark", f"knob_{k}",
+        radius = min(0.3 * tall, 0.22 * w / count)
+        b.rotary("base", (middle[0], y, middle[1]), normal, radius, 0.022, "dark", f"knob_{k}",
                  b.choice([np.inf, np.radians(320)]))  # fmt: skip
     for k in range(b.integer(0, 3)):
         b.button(

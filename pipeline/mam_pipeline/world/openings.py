@@ -229,20 +229,21 @@ def window_casement(b: Builder) -> None:
             continue
         y = (y0 if side > 0 else y1) + side * rail / 2
         if b.chance(0.6):
-            _espagnolette(b, wing, y, middle)
+            _espagnolette(b, wing, y, middle, side)
         b.hinge(wing, "base", (0, y1 if side > 0 else y0, middle), (0, 0, 1), 0.0,
                 np.radians(b.choice([80, 90, 100])), opens=(-1, 0, 0))  # fmt: skip
 
 
-def _espagnolette(b: Builder, wing: str, y: float, z: float) -> None:
-    """A window handle that turns by a quarter, hanging down when closed."""
+def _espagnolette(b: Builder, wing: str, y: float, z: float, side: int) -> None:
+    """A window handle that hangs down when closed and turns by a quarter towards `side`."""
     b.block(wing, (-0.004, y, z), (0.008, 0.028, 0.06), "metal", "decor")
     handle = b.link("handle", "handle")
     g = max(0.2 * b.gap, 0.0005)
     b.rod(handle, (-0.008 - g, y, z), (-0.04, y, z), 0.009, None, "metal", "handle")
     b.block(handle, (-0.047, y, z - 0.05), (0.014, 0.018, 0.13), "metal", "handle")
     b.grasp(handle, "handle", (-0.047, y, z - 0.08), (1, 0, 0), (0, 1, 0), 0.018)
-    b.hinge(handle, wing, (0, y, z), (1, 0, 0), 0.0, np.pi / 2)
+    b.hinge(handle, wing, (0, y, z), (1, 0, 0), 0.0, np.pi / 2, opens=(0, side, 0),
+            tip=(0, y, z - 0.1))  # fmt: skip
 
 
 def window_sliding(b: Builder) -> None:

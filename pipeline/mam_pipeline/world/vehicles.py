@@ -144,8 +144,8 @@ def car(b: Builder) -> None:
                     "base",
                     (x, s * (inner + 0.005 * k), r),
                     (0, 0, 1),
-                    -0.12,
-                    0.12,
+                    -0.05,
+                    0.05,
                     closed=0.0,
                 )
             else:

@@ -338,9 +338,10 @@ def jar(b: Builder) -> None:
     else:
         with b.moved((0, 0, z)):
             b.lathe(lid, [(0.9 * r, 0), (0.9 * r, 0.006), (0.7 * r, 0.012), (0, 0.014)], "glass")
-        x = 0.98 * r
+        x = 0.92 * r
+        b.box("base", (0.8 * r, -0.3 * r, h - 0.004), (x + 0.002, 0.3 * r, z - 0.0014), "metal")
         b.cylinder(lid, (x, -0.3 * r, z + 0.001), (x, 0.3 * r, z + 0.001), 0.0022, None, "metal")
-        b.block(lid, (0.93 * r, 0, z + 0.0025), (0.12 * r, 0.3 * r, 0.003), "metal")
+        b.block(lid, (0.88 * r, 0, z + 0.0035), (0.1 * r, 0.3 * r, 0.003), "metal")
         b.torus("base", (0, 0, 0.93 * h - 0.004), (0, 0, 1), 0.87 * r, 0.0015, "metal", "decor")
         b.hinge(lid, "base", (x, 0, z + 0.001), (0, 1, 0), 0, b.uniform(1.5, 2.0), opens=(0, 0, 1))
 
