@@ -1,16 +1,17 @@
 """Does the measure measure? A policy on other assets of its category, and on wrong joints.
 
-    python benchmarks/held_out.py RUN category@seed --joint NAME --others 7002 7003 --json FILE
+    python benchmarks/held_out.py RUN --others ASSET ASSET --mirror --json FILE
 
-RUN was trained on the generated object category@seed. It is tried on other seeds of the category,
-and on the same object with its joint's axis tilted, or its hinge on the other side; arm and object
-stand where they stood in training, so that the joint is all that differs. The expert, which knows
-the wrong joint, is the control.
+RUN is tried on held-out assets, and on copies of its own whose axis is tilted or whose hinge
+sits on the other side. Arm and object stand where they stood in training, so that the joint is all
+that differs. The expert, which knows the wrong joint, is the control.
 """
 
 from __future__ import annotations
 
 import json
+import shutil
+import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,11 +21,10 @@ import torch
 import tyro
 from scipy.spatial.transform import Rotation
 
-from mam_pipeline.asset.writer import write_asset
+from mam_envs.objects import ObjectModel
+from mam_pipeline.asset.card import Asset
 from mam_pipeline.check.check import check_asset
 from mam_pipeline.errors import MamSimError
-from mam_pipeline.types import Articulation
-from mam_pipeline.world import make_object
 from mam_policies.evaluate import HELD_OUT, evaluate, evaluate_expert, plain
 from mam_policies.run import Actor, EnvChoice, MlpPolicy, RunInfo
 
@@ -34,12 +34,11 @@ class Settings:
     """What is tried.
 
     Attributes:
-        others: seeds of held-out objects. tilts: degrees. mirror: try the hinge on the other side.
+        others: held-out assets. tilts: degrees. mirror: try the hinge on the other side.
         episodes: of the policy; expert: of the expert (0: not tried).
     """
 
-    joint: str
-    others: tuple[int, ...] = ()
+    others: tuple[Path, ...] = ()
     tilts: tuple[float, ...] = (0.0, 10.0, 20.0, 30.0)
     mirror: bool = False
     episodes: int = 20
@@ -66,31 +65,52 @@ class Placed(EnvChoice):
         return env
 
 
-def tilted(truth: Articulation, joint: str, degrees: float) -> Articulation:
-    """The joint's axis turned: a slide sideways, a hinge in the plane of a front (about x)."""
-    joints = []
-    for j in truth.joints:
-        if j.name == joint:
-            about = [0, 0, 1] if j.subtype == "slide" else [1, 0, 0]
-            turn = Rotation.from_rotvec(np.deg2rad(degrees) * np.array(about))
-            j = replace(j, axis=turn.apply(j.axis))
-        joints.append(j)
-    return replace(truth, joints=tuple(joints))
+def wrong_copy(asset: Path, joint: str, out: Path, degrees: float, mirror: bool = False) -> None:
+    """Copy an asset with its joint spoiled.
+
+    Args:
+        degrees: of the axis: a slide's sideways (about z), a hinge's in its front's plane (x).
+        mirror: the hinge at the other side of its part, turning the other way.
+    """
+    shutil.rmtree(out, ignore_errors=True)
+    shutil.copytree(asset, out)
+    model = ObjectModel.load(Asset.load(asset))
+    file = out / Asset.load(asset).urdf_path.name
+    tree = ElementTree.parse(file)
+    found = next(j for j in tree.iter("joint") if j.get("name") == joint)
+    axis_tag, origin_tag = found.find("axis"), found.find("origin")
+    assert axis_tag is not None and origin_tag is not None
+    axis, origin = _numbers(axis_tag.get("xyz")), _numbers(origin_tag.get("xyz"))
+    about = [0, 0, 1] if found.get("type") == "prismatic" else [1, 0, 0]
+    axis = Rotation.from_rotvec(np.deg2rad(degrees) * np.array(about)).apply(axis)
+    if mirror:
+        link = model.kinematics.joint(joint).child
+        boxes = model.boxes[link]
+        away = np.array([0.0, boxes[:, 0, 1].min() + boxes[:, 1, 1].max(), 0.0])
+        axis, origin = -axis, origin + away
+        child = next(x for x in tree.iter("link") if x.get("name") == link)
+        carried = [j for j in tree.iter("joint") if _parent(j) == link]
+        for holder in (*child, *carried):  # the part itself stays where it is
+            tag = holder.find("origin")
+            if tag is None:
+                tag = ElementTree.SubElement(holder, "origin", {"xyz": "0 0 0"})
+            tag.set("xyz", _text(_numbers(tag.get("xyz")) - away))
+    axis_tag.set("xyz", _text(axis))
+    origin_tag.set("xyz", _text(origin))
+    tree.write(file)
 
 
-def mirrored(truth: Articulation, joint: str) -> Articulation:
-    """The hinge at the other side of its part."""
-    joints = []
-    for j in truth.joints:
-        if j.name == joint:
-            faces = truth.links[j.child].faces
-            points = truth.mesh.vertices[truth.mesh.faces[faces].reshape(-1)]
-            middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-            origin = np.array(j.origin)
-            origin[1] = 2 * middle[1] - origin[1]
-            j = replace(j, axis=-np.array(j.axis), origin=origin)
-        joints.append(j)
-    return replace(truth, joints=tuple(joints))
+def _parent(joint: ElementTree.Element) -> str | None:
+    tag = joint.find("parent")
+    return None if tag is None else tag.get("link")
+
+
+def _numbers(text: str | None) -> np.ndarray:
+    return np.array([float(v) for v in (text or "0 0 0").split()])
+
+
+def _text(values: np.ndarray) -> str:
+    return " ".join(f"{v:.9g}" for v in values)
 
 
 def try_on(run: Path, choice: EnvChoice, settings: Settings, name: str) -> dict[str, Any]:
@@ -115,35 +135,26 @@ def try_on(run: Path, choice: EnvChoice, settings: Settings, name: str) -> dict[
     return row
 
 
-def main(
-    run: tyro.conf.Positional[Path], wish: tyro.conf.Positional[str], /, settings: Settings
-) -> None:
+def main(run: tyro.conf.Positional[Path], /, settings: Settings) -> None:
     """Try the run on everything and write the rows."""
     torch.set_num_threads(1)
-    category, _, seed = wish.partition("@")
-    truth = make_object(category, int(seed))
     env = RunInfo.load(run).env
+    asset = Path(env.assets[0])
+    right = env.make()
+    joint = right.unwrapped.layout(0).goals[0].joint
+    right.close()
+    cases = [(f"axis {d:g} degrees off", d, False) for d in settings.tilts]
+    cases += [("hinge on the other side", 0.0, True)] * settings.mirror
     rows: list[dict[str, Any]] = []
-    cases: list[tuple[str, Articulation]] = [
-        (f"axis {d:g} degrees off", tilted(truth.articulation, settings.joint, d))
-        for d in settings.tilts
-    ]
-    if settings.mirror:
-        cases.append(("hinge on the other side", mirrored(truth.articulation, settings.joint)))
-    for name, wrong in cases:
-        folder = settings.out / f"{category}_{seed}-{name.replace(' ', '_')}"
-        write_asset(wrong, folder, name=folder.name, collision=truth.collision)
-        choice = Placed(
-            **{**vars(env), "assets": (str(folder),), "joint": settings.joint}, as_for=env
-        )
-        rows.append(try_on(run, choice, settings, name))
+    for name, degrees, mirror in cases:
+        folder = settings.out / f"{asset.name}-{name.replace(' ', '_')}"
+        wrong_copy(asset, joint, folder, degrees, mirror)
+        mine = {**vars(env), "assets": (str(folder),), "joint": joint}
+        rows.append(try_on(run, Placed(**mine, as_for=env), settings, name))
         settings.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
     for other in settings.others:
-        made = make_object(category, other)
-        folder = settings.out / f"{category}_{other}"
-        write_asset(made.articulation, folder, name=folder.name, collision=made.collision)
-        choice = replace(env, assets=(str(folder),), joint=None)
-        rows.append(try_on(run, choice, settings, f"held out: {folder.name}"))
+        choice = replace(env, assets=(str(other),), joint=None)
+        rows.append(try_on(run, choice, settings, f"held out: {other.name}"))
         settings.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
 
 

@@ -83,9 +83,14 @@ class Body:
         self.mapping = mapping_of(base, mapping)
         self.state_names = [*self.mapping.names(self.joints), *PERCEIVED]
         self.action_names = self.mapping.names(self.moved)
-        self._rng = np.random.default_rng(seed)
-        self._zero = self._rng.normal(0.0, 1.0, len(self.joints)) * self.faults.calibration
+        self._rng = np.random.default_rng([seed, 1])  # not the zero errors' numbers again
+        self.miscalibrate(seed)
         self._moved = [self.joints.index(n) for n in self.moved]
+
+    def miscalibrate(self, seed: int) -> None:
+        """Draw the joints' zero errors anew, as another calibration of the arm would."""
+        drawn = np.random.default_rng(seed).normal(0.0, 1.0, len(self.joints))
+        self._zero = drawn * self.faults.calibration
 
     def reset(self, seed: int) -> NDArray[np.float32]:
         """Start an episode; returns its first state (n,)."""

@@ -65,7 +65,8 @@ Control rate: **{FPS} Hz**. Actions are absolute joint targets; units are in `jo
 
 Success of each episode stands in `episodes.jsonl`. Add `--robot.latency_steps=2`,
 `--robot.joint_noise=0.01`, `--robot.handle_noise=0.01` or `--robot.calibration_error=0.02`
-to see what it bears. LeRobot's own evaluation:
+to see what it bears, and `--robot.eye_in_hand=true` for a camera on the hand. LeRobot's own
+evaluation:
 
 ```sh
 lerobot-eval --policy.path={out} --env.type=mam_sim --env.asset={choice.assets[0]} \\
@@ -89,7 +90,8 @@ lerobot-replay --robot.type=mam_sim {body} \\
 
 `observation.state` is, in this order: {", ".join(f"`{s}`" for s in states)}.
 The motors come from the arm. The rest must come from perception (a marker on the front, a depth
-camera), in this order behind the motors:
+camera; best on the hand, where errors of the arm's calibration cancel), in this order behind the
+motors:
 
 {chr(10).join(rows)}
 
@@ -119,7 +121,8 @@ def write_student_readme(
     cameras = env.unwrapped.config.scene.cameras if info.config.get("cameras", True) else {}
     body = _sim(choice) + _map(out, real, "robot") + " --robot.perceived=false"
     body += " --robot.pictures=true" if cameras else ""
-    trial = _record("mam_sim", body, out, task, "--dataset.video=false ", _clip(spec, joints))
+    film = "" if cameras else "--dataset.video=false "  # without it LeRobot drops the pictures
+    trial = _record("mam_sim", body, out, task, film, _clip(spec, joints))
     eye = _camera_words(env) if _picture(env, folder / "camera.png") else ""
     sees = ", ".join(f"`{k}` {c.width} x {c.height}" for k, c in cameras.items())
     wanted = (

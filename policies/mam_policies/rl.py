@@ -230,7 +230,7 @@ def _model(config: RlConfig, venv: Any, demos: list[Demonstration], out: Path) -
     import stable_baselines3 as sb3
 
     algorithm: Any = {"ppo": sb3.PPO, "sac": sb3.SAC}[config.algo]
-    rows = np.concatenate([d.obs for d in demos]) if demos else _random_rows(venv)
+    rows = np.concatenate([d.obs for d in demos]) if demos else _random_rows(venv, config.seed)
     kwargs: dict[str, Any] = {
         "net_arch": list(WIDTH),
         "features_extractor_class": Normalise,
@@ -373,8 +373,10 @@ def _listener(
     return Listener()
 
 
-def _random_rows(venv: Any, steps: int = 400) -> np.ndarray:
+def _random_rows(venv: Any, seed: int, steps: int = 400) -> np.ndarray:
     """Observations under random actions, for the statistics of a start from scratch."""
+    venv.seed(seed)
+    venv.action_space.seed(seed)
     rows = [venv.reset()]
     for _ in range(steps):
         rows.append(venv.step([venv.action_space.sample() for _ in range(venv.num_envs)])[0])

@@ -88,7 +88,7 @@ def test_act_sees_cameras_and_motors_only(
         "--policy.device=cpu", "--dataset.repo_id=local/eval_policy",
         f"--dataset.root={tmp_path / 'recorded'}", "--dataset.single_task=open the drawer",
         "--dataset.fps=20", "--dataset.num_episodes=1", "--dataset.episode_time_s=2",
-        "--dataset.reset_time_s=0", "--dataset.video=false", "--dataset.push_to_hub=false",
+        "--dataset.reset_time_s=0", "--dataset.push_to_hub=false",
         "--play_sounds=false",
     ]  # fmt: skip
     monkeypatch.setattr(sys, "argv", ["lerobot-record", *arguments])

@@ -1,0 +1,71 @@
+"""What an exported policy bears: latency, noise, calibration error, and where the camera sits.
+
+    python benchmarks/deployment.py RUN --episodes 24 --json-out FILE
+
+Each episode has another start and another calibration. The policy runs on motor values through the
+same conversion as in LeRobot.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+import tyro
+
+from mam_policies.body import Body, Faults, mapping_of
+from mam_policies.evaluate import HELD_OUT, wilson
+from mam_policies.export_lerobot import deployment
+from mam_policies.lerobot_policy import Converter
+from mam_policies.run import MlpPolicy, RunInfo, few_objects
+
+CASES = {
+    "exported policy in motor units": Faults(),
+    "2 control steps of latency": Faults(latency=2),
+    "0.01 rad joint noise, 0.01 m handle noise": Faults(joint_noise=0.01, handle_noise=0.01),
+    "0.02 rad calibration error, fixed camera": Faults(calibration=0.02),
+    "0.02 rad calibration error, camera on the hand": Faults(calibration=0.02, eye_in_hand=True),
+    "0.05 rad calibration error, camera on the hand": Faults(calibration=0.05, eye_in_hand=True),
+}
+
+
+def measure(run: Path, faults: Faults, episodes: int) -> dict[str, Any]:
+    """Successes of one case."""
+    info = RunInfo.load(run)
+    body = Body(info.env, faults=faults)
+    base = body.env.unwrapped
+    converter = Converter(deployment(base, info, mapping_of(base, None)), MlpPolicy.load(run))
+    good = 0
+    with few_objects():
+        for k in range(episodes):
+            body.miscalibrate(k)
+            state = body.reset(HELD_OUT + k)
+            converter.reset()
+            while not (body.outcome.success or body.outcome.truncated):
+                state = body.step(converter.act(state[None])[0])
+            good += body.outcome.success
+    body.close()
+    low, high = wilson(good, episodes)
+    return {**asdict(faults), "successes": good, "episodes": episodes, "low": low, "high": high}
+
+
+def main(
+    run: tyro.conf.Positional[Path], /, episodes: int = 24, json_out: Path | None = None
+) -> None:
+    """Measure every case and print a table."""
+    torch.set_num_threads(1)
+    rows = {}
+    print("| | successes |\n|---|---|")
+    for name, faults in CASES.items():
+        row = rows[name] = measure(run, faults, episodes)
+        interval = f"[{100 * row['low']:.0f}, {100 * row['high']:.0f}]"
+        print(f"| {name} | {row['successes']}/{episodes} {interval} |", flush=True)
+        if json_out is not None:
+            json_out.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
