@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mam_pipeline.backends import KinematicPrior
+from mam_pipeline.geometry.fuse import fuse_mesh, nearest_faces
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.prior.embedded import affinity, mobility
 from mam_pipeline.prior.probe import NEAR
@@ -23,6 +24,9 @@ from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.object import finish, generator
 from mam_pipeline.world.style import draw_style
 
+FUSED = "_f"  # ends the names of fused examples
+RESOLUTIONS = (96, 112, 128, 160, 192)  # cells along a fused example's longest side
+ROUGHNESS = (0.0, 0.0, 0.0, 0.0003, 0.001)  # of its diagonal
 SUBTYPE_OF = {"hinge": 0, "spin": 1, "slide": 2}
 
 
@@ -100,17 +104,23 @@ def from_labels(
     return Example(name, category, fused, graph, overlap, parent, subtype)
 
 
-def world_example(category: str, seed: int) -> Example:
-    """One procedural object, segmented as in the product.
+def world_example(category: str, seed: int, fused: bool = False) -> Example:
+    """One procedural object, segmented as in the product, in a style of its own."""
+    style = replace(draw_style(generator(category, seed, stream=1)), fused=False)
+    return _seen(category, seed, make_object(category, seed, style).truth(), fused)
 
-    Fusing takes seconds, so of the objects whose style is fused only every second one is.
-    """
-    style = draw_style(generator(category, seed, stream=1))
-    if style.fused and seed % 2:
-        style = replace(style, fused=False)
-    truth = make_object(category, seed, style).truth()
-    primitives = GeometricSegmenter().segment(truth.mesh)
-    return make_example(f"{category}_{seed:06d}", category, truth, primitives)
+
+def _seen(kind: str, seed: int, truth: Articulation, fused: bool) -> Example:
+    """The object as it is, or as one skin at a drawn resolution and roughness."""
+    name, mesh, face_link = f"{kind}_{seed:06d}", truth.mesh, truth.face_link
+    if fused:
+        rng = np.random.default_rng(zlib.crc32(f"{kind}{seed}".encode()))
+        resolution, noise = int(rng.choice(RESOLUTIONS)), float(rng.choice(ROUGHNESS))
+        skin = fuse_mesh(mesh, resolution, noise, seed, faces=60_000)
+        name, face_link = name + FUSED, np.asarray(face_link)[nearest_faces(mesh, skin)]
+        mesh = skin
+    primitives = GeometricSegmenter().segment(mesh)
+    return from_labels(name, kind, mesh, face_link, truth, primitives)
 
 
 def save_example(example: Example, path: Path) -> None:
@@ -163,11 +173,8 @@ def abstract_kinds() -> dict[str, Any]:
     }  # fmt: skip
 
 
-def abstract_example(kind: str, seed: int, fused: float = 0.0) -> Example:
-    """One abstract object (`reason.curriculum`); `fused` is the share of fused meshes."""
-    style = draw_style(generator(kind, seed, stream=1), fused)
-    b = Builder(generator(kind, seed), style)
+def abstract_example(kind: str, seed: int, fused: bool = False) -> Example:
+    """One abstract object (`reason.curriculum`)."""
+    b = Builder(generator(kind, seed), draw_style(generator(kind, seed, stream=1), 0.0))
     abstract_kinds()[kind](b)
-    truth = finish(b, kind, seed).truth()
-    primitives = GeometricSegmenter().segment(truth.mesh)
-    return make_example(f"{kind}_{seed:06d}", kind, truth, primitives)
+    return _seen(kind, seed, finish(b, kind, seed).truth(), fused)

@@ -10,15 +10,19 @@ import numpy as np
 
 from mam_pipeline.backends import Availability, KinematicPrior
 from mam_pipeline.prior.probe import Probe
+from mam_pipeline.reason.configurations import enumerate_sets, set_features
 from mam_pipeline.reason.features import pair_features, primitive_features
 from mam_pipeline.reason.graph import Graph, build_graph
-from mam_pipeline.reason.group_features import group_features, with_rivals
-from mam_pipeline.reason.groups import Masks, enumerate_groups
+from mam_pipeline.reason.group_features import group_features, joined, with_rivals
+from mam_pipeline.reason.groups import Masks, enumerate_groups, expand_groups
 from mam_pipeline.reason.joint_view import with_joints
 from mam_pipeline.reason.scores import Scores, load_scores
-from mam_pipeline.reason.select import select_groups
 from mam_pipeline.reason.tree import Choice, build_tree
 from mam_pipeline.types import KinematicTree, Mesh, Primitives
+
+# the best candidate must reach this: whoever asks for an articulation mostly has something that
+# moves; the confidence of such a part stays low
+RESCUE = 0.2
 
 
 class EmbeddedReasoner:
@@ -53,8 +57,18 @@ def decide(graph: Graph, prior: KinematicPrior | None, scores: Scores) -> tuple[
         empty = np.zeros((0, graph.count), dtype=bool)
         return empty, Choice((), np.zeros(0), np.zeros((0, 3)), np.zeros(0), 0.0)
     groups = group_features(graph, masks, same, move, prior)
-    value = scores.revise(with_rivals(groups, masks, scores.value(groups)))
-    chosen = select_groups(masks, value, scores.threshold)
-    return masks, Choice(
-        tuple(chosen), value, scores.subtype(groups), scores.confidence(value), float(value.max())
-    )
+    value = scores.value(groups)
+    more = expand_groups(graph, masks, value, same)
+    if len(more):
+        masks = np.concatenate([masks, more])
+        groups = joined(groups, group_features(graph, more, same, move, prior), masks)
+        value = scores.value(groups)
+    value = scores.revise(with_rivals(groups, masks, value))
+    odds = scores.subtype(groups)
+    chosen: list[int] = []
+    if value.max() > RESCUE:
+        sets = enumerate_sets(masks, value)
+        quality = scores.choose(set_features(graph, masks, groups, value, odds, sets, same, move))
+        chosen = sets.rows()[int(np.argmax(quality))]
+        chosen.sort(key=lambda c: -value[c])
+    return masks, Choice(tuple(chosen), value, odds, scores.confidence(value), float(value.max()))

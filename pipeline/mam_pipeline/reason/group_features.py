@@ -17,6 +17,7 @@ from mam_pipeline.reason.graph import TOUCH, Graph, roundness, tight_box
 from mam_pipeline.reason.groups import Masks
 from mam_pipeline.types import FloatArray
 
+SWING = 0.35  # rad: a hinge that does not turn so far is none
 PROUD = 0.008  # what stands out farther than this before a face is a handle, knob or trim
 
 
@@ -51,6 +52,15 @@ def group_features(
     columns |= _handles(graph, masks, see, low, high)
     columns |= _freedom(graph, masks, axes, size, prior)
     return table(columns)
+
+
+def joined(groups: Table, more: Table, masks: Masks) -> Table:
+    """Features of candidates measured in two lots; `masks` (C, P) of both: twins counted anew."""
+    values = np.concatenate([groups.values, more.values])
+    both = Table(groups.names, values)
+    size = np.stack([both.column(n) for n in ("size0", "size1", "size2")], axis=1)
+    values[:, groups.names.index("twins")] = _loose_twins(size, both.column("area"), masks)
+    return both
 
 
 def _boxes(graph: Graph, masks: Masks) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -208,6 +218,8 @@ def _freedom(
     names += ["free_best", "free_dirs", "travel_best", "travel_median", "near_up", "near_down",
               "free_up", "free_down", "mobility", "affinity_in", "affinity_cut",
               "blocked_one_way"]  # fmt: skip
+    names += ["swing_best", "swing_free", "swing_held", "swing_upright", "swing_second",
+              "swing_long", "swing_mid", "swing_thin"]  # fmt: skip
     out = {name: np.full(len(masks), np.nan) for name in names}
     if prior is None:
         return out
@@ -223,8 +235,12 @@ def _freedom(
         clear = graph.probe.clearance(mask)
         if len(clear) == 0:
             continue
-        w = graph.probe.weight[graph.probe.members(mask)]
+        rows = graph.probe.members(mask)
+        w = graph.probe.weight[rows]
         w = w / w.sum()
+        swings = _swings(graph.probe.points[rows], clear, w, axes[c], size[c])
+        for name, value in swings.items():
+            out[name][c] = value
         length = size[c, 0]
         free, near = w @ (clear > length), w @ (clear < NEAR)
         rank = len(clear) // 20  # the 5 % that meet something first
@@ -243,6 +259,55 @@ def _freedom(
         out["free_up"][c], out["free_down"][c] = free[4], free[5]
         out["blocked_one_way"][c] = np.abs(free[0::2] - free[1::2]).max()
     return out
+
+
+def _swings(
+    points: FloatArray, clear: FloatArray, weight: FloatArray, axes: FloatArray, size: FloatArray
+) -> dict[str, float]:
+    """How freely a group could swing about the edges of its box, and what holds it there.
+
+    Free: the share of the surface whose way ahead, along the main direction of its first motion, is
+    longer than a turn by SWING needs. Held: the share of the edge along which the group is near
+    the rest. Axes are told apart by the box's longest, middle and shortest direction.
+
+    Args:
+        points, clear, weight: (n, 3), (n, 6), (n,) samples. axes, size: (3, 3), (3,) tight box.
+    """
+    step = max(1, len(points) // 150)
+    x, ahead, w = points[::step], clear[::step], weight[::step] / weight[::step].sum()
+    local = x @ axes.T
+    low, high = local.min(axis=0), local.max(axis=0)
+    u, p = [], []
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        for a in (low[i], high[i]):
+            for b in (low[j], high[j]):
+                u.append(axes[k])
+                p.append(a * axes[i] + b * axes[j])
+    edge, corner = np.array(u), np.array(p)  # (12, 3)
+    arm = x[None] - corner[:, None]
+    motion = np.cross(edge[:, None], arm)  # (12, n, 3)
+    main = np.argmax(np.abs(motion), axis=2)
+    lever = np.take_along_axis(motion, main[:, :, None], axis=2)[:, :, 0]
+    need = np.abs(lever) * SWING
+    row = np.arange(len(x))[None]
+    there = ahead[row, 2 * main + (lever < 0)] > need
+    back = ahead[row, 2 * main + (lever >= 0)] > need
+    free = np.maximum(there @ w, back @ w)
+    along = np.einsum("ei,eni->en", edge, arm)
+    away = np.linalg.norm(motion, axis=2)
+    near = (ahead.min(axis=1) < 0.02)[None] & (away < 0.1 * size[0] + 0.005)
+    reach = np.where(near, along, -np.inf).max(axis=1) - np.where(near, along, np.inf).min(axis=1)
+    length = np.repeat(size, 4)
+    held = np.clip(np.where(near.sum(axis=1) > 1, reach, 0.0) / np.maximum(length, 1e-6), 0, 1)
+    good = free * (0.2 + 0.8 * held)
+    order = np.argsort(-good, kind="stable")
+    best = int(order[0])
+    return {
+        "swing_best": good[best], "swing_free": free[best], "swing_held": held[best],
+        "swing_upright": abs(edge[best, 2]), "swing_second": good[order[1]],
+        "swing_long": good[:4].max(), "swing_mid": good[4:8].max(), "swing_thin": good[8:].max(),
+    }  # fmt: skip
 
 
 def with_rivals(groups: Table, masks: Masks, value: FloatArray) -> Table:

@@ -13,6 +13,7 @@ from mam_pipeline.types import FloatArray, IntArray
 
 Masks = NDArray[np.bool_]
 LIMIT = 150  # candidates that are looked at closely
+BEST, STEPS, FRESH = 12, 4, 90  # groups varied, primitives tried on each, new groups in all
 SMALL = 8  # up to this many primitives every connected group is tried
 
 
@@ -49,6 +50,43 @@ def enumerate_groups(graph: Graph, same: FloatArray, move: FloatArray) -> Masks:
         keep = np.argsort(-plausibility(graph, masks, same, move), kind="stable")[:LIMIT]
         masks = masks[np.sort(keep)]
     return masks
+
+
+def expand_groups(graph: Graph, masks: Masks, value: FloatArray, same: FloatArray) -> Masks:
+    """(D, P) new groups beside the best ones: one primitive more, one fewer, or two groups joined.
+
+    Args:
+        masks: (C, P). value: (C,) what a first look says of them. same: (E,) as above.
+    """
+    known = {np.packbits(m).tobytes() for m in masks}
+    fresh: dict[bytes, NDArray[np.bool_]] = {}
+
+    def add(mask: NDArray[np.bool_]) -> None:
+        key = np.packbits(mask).tobytes()
+        if key not in known and 0 < mask.sum() < graph.count:
+            fresh.setdefault(key, mask)
+
+    i, j = graph.pairs[:, 0], graph.pairs[:, 1]
+    best = [int(c) for c in np.argsort(-value, kind="stable")[:BEST]]
+    for rank, c in enumerate(best):
+        mask = masks[c]
+        bond = np.zeros(graph.count)
+        np.maximum.at(bond, i, np.where(mask[j], same, 0.0))
+        np.maximum.at(bond, j, np.where(mask[i], same, 0.0))
+        outside = np.where(mask, -1.0, bond)
+        for p in np.argsort(-outside, kind="stable")[:STEPS]:
+            if outside[p] > 0.05:
+                add(mask | (np.arange(graph.count) == p))
+        if mask.sum() > 1:
+            inside = np.where(mask, bond, 2.0)
+            for p in np.argsort(inside, kind="stable")[: min(STEPS, int(mask.sum()))]:
+                add(mask & (np.arange(graph.count) != p))
+        for d in best[:rank]:
+            across = (mask[i] & masks[d][j]) | (mask[j] & masks[d][i])
+            if not (mask & masks[d]).any() and (across * same).max(initial=0.0) > 0.15:
+                add(mask | masks[d])
+    new = list(fresh.values())[:FRESH]
+    return np.array(new, dtype=bool).reshape(-1, graph.count)
 
 
 def plausibility(graph: Graph, masks: Masks, same: FloatArray, move: FloatArray) -> FloatArray:

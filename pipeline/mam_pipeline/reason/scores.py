@@ -18,13 +18,11 @@ from mam_pipeline.reason import rules
 from mam_pipeline.reason.features import Table
 from mam_pipeline.types import FloatArray
 
-MODELS = ("same", "move", "value", "revise", "subtype")
+MODELS = ("same", "move", "value", "revise", "subtype", "choose")
 
 
 class Scores(Protocol):
     """Everything that may be learned."""
-
-    threshold: float
 
     def same(self, pairs: Table) -> FloatArray:
         """(E,) probability that a pair is one rigid body."""
@@ -40,6 +38,9 @@ class Scores(Protocol):
 
     def subtype(self, groups: Table) -> FloatArray:
         """(C, 3) probabilities of hinge, spin, slide."""
+
+    def choose(self, sets: Table) -> FloatArray:
+        """(M,) expected score (mIoU and count) of whole sets of candidates."""
 
     def confidence(self, value: FloatArray) -> FloatArray:
         """(C,) calibrated probability that a chosen candidate is a true part."""
@@ -70,6 +71,11 @@ class RuleScores:
         """See `rules.subtype_odds`."""
         return rules.subtype_odds(groups)
 
+    def choose(self, sets: Table) -> FloatArray:
+        """What the set gains over the threshold."""
+        out: FloatArray = sets.column("value_sum") - self.threshold * sets.column("number")
+        return out
+
     def confidence(self, value: FloatArray) -> FloatArray:
         """Rules know no calibration: never above one half."""
         out: FloatArray = 0.5 * value
@@ -77,11 +83,10 @@ class RuleScores:
 
 
 class LearnedScores:
-    """Boosted trees. `boosters` by name (MODELS); `settings`: threshold and calibration curve."""
+    """Boosted trees. `boosters` by name (MODELS); `settings`: the calibration curve."""
 
     def __init__(self, boosters: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
         self.boosters = boosters
-        self.threshold = float(settings["threshold"])
         self._curve = np.asarray(settings["calibration"], dtype=np.float64)  # (k, 2) value, odds
 
     def _predict(self, name: str, features: Table) -> FloatArray:
@@ -112,6 +117,10 @@ class LearnedScores:
     def subtype(self, groups: Table) -> FloatArray:
         """Type model."""
         return self._predict("subtype", groups).reshape(-1, 3)
+
+    def choose(self, sets: Table) -> FloatArray:
+        """Set model."""
+        return self._predict("choose", sets)
 
     def confidence(self, value: FloatArray) -> FloatArray:
         """Calibrated on validation objects: how often such a candidate was a true part."""

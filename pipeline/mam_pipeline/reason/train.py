@@ -1,11 +1,12 @@
 """Trains the reasoner on procedural objects: `python -m mam_pipeline.reason.train --count N`.
 
-Recipe: N objects of the world's training split, in every style, through the real segmenter and
-probing; (1) pair and primitive models, cross-fitted in folds by object; (2) candidates from the
-cross-fitted scores, and a model of their overlap with true parts; (3) the same again with what
-the first look says of rivals and twins, also cross-fitted; (4) the type of parts. Every example is
-seen twice, with and without a kinematic prior. The threshold is chosen, and the confidence
-calibrated, on the validation split, which has categories of its own.
+Recipe: objects of the world's training split in every style, abstract ones, and both as one fused
+skin, through the real segmenter and probing; (1) pair and primitive models, cross-fitted in folds
+by object; (2) candidates from the cross-fitted scores, and a model of their overlap with true
+parts; (3) the same again with more candidates beside the best and with what the first look says of
+rivals and twins; (4) the type of parts; (5) the score of whole sets of candidates. Some examples
+are seen a second time without a kinematic prior. The confidence is calibrated on the validation
+split, which has categories of its own.
 """
 
 from __future__ import annotations
@@ -14,7 +15,6 @@ import argparse
 import gzip
 import json
 import sys
-import time
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,51 +24,30 @@ import lightgbm
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from mam_pipeline.reason.corpus import (
-    Example,
-    abstract_example,
-    abstract_kinds,
-    load_example,
-    save_example,
-    world_example,
-)
+from mam_pipeline.reason.configurations import Sets, enumerate_sets, set_features
+from mam_pipeline.reason.corpus import FUSED, load_example
+from mam_pipeline.reason.embedded import decide
 from mam_pipeline.reason.features import Table, pair_features, primitive_features
-from mam_pipeline.reason.group_features import group_features, with_rivals
-from mam_pipeline.reason.groups import Masks, enumerate_groups
+from mam_pipeline.reason.group_features import group_features, joined, with_rivals
+from mam_pipeline.reason.groups import Masks, enumerate_groups, expand_groups
+from mam_pipeline.reason.recipe import gather, jobs
 from mam_pipeline.reason.scores import MODELS, LearnedScores
 from mam_pipeline.reason.select import select_groups
 from mam_pipeline.types import FloatArray
-from mam_pipeline.world.splits import iterate
 
 FOLDS = 2
 KEEP = 60  # candidates of one object that train the group models
-# cases and mechanisms vary most, so they come most often
-MIX = tuple(
-    f"abstract_{k}"
-    for k in [
-        "case",
-        "mechanism",
-        "case",
-        "lidded",
-        "mechanism",
-        "case",
-        "console",
-        "doorway",
-        "mechanism",
-        "case",
-        "vehicle",
-        "mechanism",
-        "case",
-        "console",
-        "doorway",
-        "lidded",
-    ]
-)
 COMMON: dict[str, Any] = {
     "learning_rate": 0.08, "num_leaves": 31, "min_data_in_leaf": 40, "feature_fraction": 0.5,
     "bagging_fraction": 0.7, "bagging_freq": 1, "lambda_l2": 5.0, "verbose": -1, "num_threads": 1,
     "seed": 7, "deterministic": True, "force_row_wise": True, "max_bin": 127,
 }  # fmt: skip
+
+
+OVERLAP: dict[str, Any] = {"objective": "cross_entropy"}
+TYPES: dict[str, Any] = {"objective": "multiclass", "num_class": 3}
+WORTH = np.array([2 / 3, 1 / 3])  # of mIoU and of the right count, in a set's score
+SETS = 28  # sets of one look that train the set model
 
 
 @dataclass
@@ -114,37 +93,6 @@ def fold_of(name: str) -> int:
     return zlib.crc32(name.encode()) % FOLDS
 
 
-def jobs(split: str, world: int, abstract: int) -> list[tuple[str, int]]:
-    """(kind, seed) of a split's objects: the world's categories, and the abstract kinds."""
-    out = list(iterate(split, world)) if world else []
-    kinds = list(abstract_kinds())
-    first = 0 if split == "train" else 1_000_000
-    made = dict.fromkeys(kinds, 0)
-    for n in range(abstract):
-        kind = MIX[n % len(MIX)]
-        step = 2 * made[kind] if kind == kinds[0] else 10 * made[kind] + 2 * kinds.index(kind) - 1
-        out.append((kind, first + step))
-        made[kind] += 1
-    return out
-
-
-def gather(pairs: list[tuple[str, int]], cache: Path) -> list[Path]:
-    """Make the examples, or find them in the cache; an object that fails is skipped."""
-    out, started = [], time.time()
-    for kind, seed in pairs:
-        path = cache / f"{kind}_{seed:06d}.ex"
-        if not path.exists():
-            try:
-                example = abstract_example if kind.startswith("abstract") else world_example
-                save_example(example(kind, seed), path)
-            except Exception as error:  # one bad object must not end an hour of work
-                print(f"skipped {path.stem}: {error!r}", file=sys.stderr)
-                continue
-        out.append(path)
-    print(f"{len(out)} examples, {time.time() - started:.0f} s", file=sys.stderr)
-    return out
-
-
 def fit_bonds(paths: list[Path]) -> tuple[dict[str, list[lightgbm.Booster]], dict[str, Any]]:
     """Pair and primitive models: per fold (trained on the others) and on everything."""
     same, move = Rows.empty(), Rows.empty()
@@ -175,20 +123,30 @@ def fit_bonds(paths: list[Path]) -> tuple[dict[str, list[lightgbm.Booster]], dic
 
 @dataclass
 class Look:
-    """Candidates of one example with their features and their true overlap."""
+    """Candidates of one example with their features and their true overlap.
 
-    example: str
+    Attributes:
+        path, fold, prior: which example, its cross-fitting fold, whether seen with a prior.
+        masks, features: (C, P) candidates and what the group models see of them.
+        same, move: what the bond models say. overlap: (C, L) with the true links.
+        subtype: (L,). truth: number of visible movable links.
+    """
+
+    path: Path
     fold: int
     prior: bool
     masks: Masks
     features: Table
+    same: FloatArray
+    move: FloatArray
     overlap: FloatArray
     subtype: np.ndarray
     truth: int
 
 
-def look(example: Example, same: Any, move: Any, with_prior: bool) -> Look:
-    """Enumerate and measure the candidates of one example under given bond models."""
+def look(path: Path, same: Any, move: Any, with_prior: bool) -> Look:
+    """Enumerate and measure the first candidates of one example under given bond models."""
+    example = load_example(path)
     prior = example.prior() if with_prior else None
     unary = primitive_features(example.graph, prior)
     pairs = pair_features(example.graph, unary, prior)
@@ -196,50 +154,111 @@ def look(example: Example, same: Any, move: Any, with_prior: bool) -> Look:
     m = move.predict(unary.values, num_threads=1)
     masks = enumerate_groups(example.graph, s, m)
     features = group_features(example.graph, masks, s, m, prior)
-    overlap = example.part_overlap(masks)
     visible = (example.overlap.sum(axis=0) > 0) & (example.subtype >= 0)
     return Look(
-        example.name, fold_of(example.name), with_prior, masks, features, overlap,
-        example.subtype, int(visible.sum()),
+        path, fold_of(example.name), with_prior, masks, features, s, m,
+        example.part_overlap(masks), example.subtype, int(visible.sum()),
     )  # fmt: skip
 
 
-def fit_groups(looks: list[Look]) -> tuple[dict[str, Any], list[np.ndarray]]:
-    """Value, revise and type models on all looks; the cross-fitted revised values of each."""
-    value, kind = Rows.empty(), Rows.empty()
-    rng = np.random.default_rng(0)
+def widen(item: Look, value: Any) -> None:
+    """Add the groups beside the best ones, as the reasoner does."""
+    example = load_example(item.path)
+    prior = example.prior() if item.prior else None
+    guess = value.predict(item.features.values, num_threads=1)
+    more = expand_groups(example.graph, item.masks, guess, item.same)
+    if len(more):
+        extra = group_features(example.graph, more, item.same, item.move, prior)
+        item.masks = np.concatenate([item.masks, more])
+        item.features = joined(item.features, extra, item.masks)
+        item.overlap = example.part_overlap(item.masks)
+
+
+def fit_first(looks: list[Look]) -> tuple[Any, list[Any]]:
+    """The model of a candidate's overlap, on its own: on everything, and per fold."""
+    rows, rng = Rows.empty(), np.random.default_rng(0)
     for item in looks:
+        _add_overlaps(rows, item, item.features, rng)
+    return rows.fit(200, **OVERLAP), [rows.fit(200, k, **OVERLAP) for k in range(FOLDS)]
+
+
+def fit_groups(looks: list[Look], first: list[Any]) -> tuple[dict[str, Any], list[Guess]]:
+    """Revise and type models on widened looks, and their cross-fitted answers for each."""
+    kind, revise = Rows.empty(), Rows.empty()
+    rng = np.random.default_rng(1)
+    wide = []
+    for item in looks:
+        guess = first[item.fold].predict(item.features.values, num_threads=1)
+        wide.append(with_rivals(item.features, item.masks, guess))
+        _add_overlaps(revise, item, wide[-1], rng)
         target = item.overlap.max(axis=1)
-        keep = _sample(target, rng)
-        weight = np.full(len(keep), np.sqrt(KEEP / max(len(keep), 1)))
-        value.add(_rows(item.features, keep), target[keep], weight, item.fold)
         good = np.flatnonzero(target > 0.6)
         if len(good):
             label = item.subtype[item.overlap[good].argmax(axis=1)]
             weight = target[good] * np.sqrt(10 / len(good))
             kind.add(_rows(item.features, good), label, weight, item.fold)
-    loss: dict[str, Any] = {"objective": "cross_entropy"}
-    first = [value.fit(200, k, **loss) for k in range(FOLDS)]
-    revise = Rows.empty()
-    widened = []
-    for item in looks:
-        guess: Any = first[item.fold].predict(item.features.values, num_threads=1)
-        wide = with_rivals(item.features, item.masks, guess)
-        widened.append(wide)
-        target = item.overlap.max(axis=1)
-        keep = _sample(target, rng)
-        weight = np.full(len(keep), np.sqrt(KEEP / max(len(keep), 1)))
-        revise.add(_rows(wide, keep), target[keep], weight, item.fold)
-    second = [revise.fit(150, k, **loss) for k in range(FOLDS)]
-    revised: list[Any] = [
-        second[item.fold].predict(wide.values, num_threads=1) for item, wide in zip(looks, widened)
+    second = [revise.fit(150, k, **OVERLAP) for k in range(FOLDS)]
+    types = [kind.fit(80, k, **TYPES) for k in range(FOLDS)]
+    guesses = [
+        Guess(
+            np.asarray(second[item.fold].predict(w.values, num_threads=1)),
+            np.asarray(types[item.fold].predict(item.features.values, num_threads=1)),
+        )
+        for item, w in zip(looks, wide)
     ]
-    final = {
-        "value": value.fit(200, **loss),
-        "revise": revise.fit(150, **loss),
-        "subtype": kind.fit(80, objective="multiclass", num_class=3),
-    }
-    return final, revised
+    return {"revise": revise.fit(150, **OVERLAP), "subtype": kind.fit(80, **TYPES)}, guesses
+
+
+@dataclass(frozen=True)
+class Guess:
+    """What the group models say of the candidates of one look."""
+
+    value: FloatArray
+    odds: FloatArray
+
+
+def options(item: Look, guess: Guess) -> tuple[Sets, Table, np.ndarray]:
+    """Sets of candidates of one look, their features, and their (mIoU, count right)."""
+    graph = load_example(item.path).graph
+    sets = enumerate_sets(item.masks, guess.value)
+    features = set_features(
+        graph, item.masks, item.features, guess.value, guess.odds, sets, item.same, item.move
+    )
+    return sets, features, np.array([outcome(item, chosen) for chosen in sets.rows()])
+
+
+def fit_choice(looks: list[Look], guesses: list[Guess]) -> Any:
+    """The model of a whole set's score."""
+    rows, rng = Rows.empty(), np.random.default_rng(2)
+    for item, guess in zip(looks, guesses):
+        if item.truth == 0 or len(item.masks) == 0:
+            continue
+        _, features, result = options(item, guess)
+        target = result @ WORTH
+        keep = rng.permutation(len(target))[:SETS]
+        keep = np.unique(np.append(keep, target.argmax()))
+        weight = np.full(len(keep), 1.0 / np.sqrt(len(keep)))
+        rows.add(_rows(features, keep), target[keep], weight, item.fold)
+    held = [rows.fit(200, k, **OVERLAP) for k in range(FOLDS)]
+    report = []
+    for item, guess in zip(looks, guesses):
+        if item.truth and len(item.masks):
+            _, features, result = options(item, guess)
+            best = int(np.argmax(held[item.fold].predict(features.values, num_threads=1)))
+            plain = select_groups(item.masks, guess.value, 0.6)
+            oracle = result[int(np.argmax(result @ WORTH))]
+            report.append([*result[best], *outcome(item, plain), *oracle])
+    names = "chosen, by threshold, best of the sets"
+    print(f"cross-fitted (mIoU, count): {names}: {np.mean(report, axis=0).round(3)}",
+          file=sys.stderr, flush=True)  # fmt: skip
+    return rows.fit(200, **OVERLAP)
+
+
+def _add_overlaps(rows: Rows, item: Look, features: Table, rng: np.random.Generator) -> None:
+    target = item.overlap.max(axis=1, initial=0.0)
+    keep = _sample(target, rng)
+    weight = np.full(len(keep), np.sqrt(KEEP / max(len(keep), 1)))
+    rows.add(_rows(features, keep), target[keep], weight, item.fold)
 
 
 def _sample(target: FloatArray, rng: np.random.Generator) -> np.ndarray:
@@ -256,9 +275,8 @@ def _rows(features: Table, keep: np.ndarray) -> Table:
     return Table(features.names, features.values[keep])
 
 
-def outcome(item: Look, value: FloatArray, threshold: float) -> tuple[float, float]:
-    """(mIoU, count right) of one look under a threshold (design section 6)."""
-    chosen = select_groups(item.masks, value, threshold)
+def outcome(item: Look, chosen: list[int]) -> tuple[float, float]:
+    """(mIoU, count right) of one set of candidates (design section 6)."""
     number = max(len(chosen), item.truth)
     if number == 0:
         return 1.0, 1.0
@@ -267,30 +285,32 @@ def outcome(item: Look, value: FloatArray, threshold: float) -> tuple[float, flo
     return float(table[rows, columns].sum() / number), float(len(chosen) == item.truth)
 
 
-def sweep(looks: list[Look], values: list[np.ndarray]) -> dict[float, tuple[float, float]]:
-    """Mean (mIoU, count accuracy) for a range of thresholds."""
-    out = {}
-    for threshold in np.round(np.arange(0.3, 0.9, 0.05), 2):
-        pairs = [outcome(i, v, float(threshold)) for i, v in zip(looks, values)]
-        mean = np.mean(pairs, axis=0)
-        out[float(threshold)] = (float(mean[0]), float(mean[1]))
-    return out
-
-
-def calibrate(
-    looks: list[Look], values: list[np.ndarray], threshold: float
-) -> list[tuple[float, float]]:
+def calibrate(answers: list[tuple[Look, FloatArray, list[int]]]) -> list[tuple[float, float]]:
     """Isotonic curve from a chosen candidate's value to the odds of an overlap above one half."""
     from sklearn.isotonic import IsotonicRegression
 
     x, y = [], []
-    for item, value in zip(looks, values):
-        for c in select_groups(item.masks, value, threshold):
-            x.append(value[c])
-            y.append(float(item.overlap[c].max() > 0.5))
+    for item, value, chosen in answers:
+        x += [value[c] for c in chosen]
+        y += [float(item.overlap[c].max() > 0.5) for c in chosen]
     curve = IsotonicRegression(out_of_bounds="clip", y_min=0.02, y_max=0.98).fit(x, y)
     grid = np.linspace(0, 1, 21)
     return [(float(a), float(b)) for a, b in zip(grid, curve.predict(grid))]
+
+
+def validate(
+    paths: list[Path], models: dict[str, Any], with_prior: bool
+) -> list[tuple[Look, FloatArray, list[int]]]:
+    """What the finished models choose on examples that they have not seen."""
+    scores = LearnedScores(models, {"calibration": [(0, 0), (1, 1)]})
+    out = []
+    for path in paths:
+        example = load_example(path)
+        item = look(path, models["same"], models["move"], with_prior)
+        item.masks, choice = decide(example.graph, example.prior() if with_prior else None, scores)
+        item.overlap = example.part_overlap(item.masks)
+        out.append((item, choice.value, list(choice.chosen)))
+    return out
 
 
 def save(models: dict[str, Any], settings: dict[str, Any], out: Path) -> None:
@@ -304,43 +324,48 @@ def save(models: dict[str, Any], settings: dict[str, Any], out: Path) -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Make the corpus, train, choose the threshold on validation, write the weights."""
+    """Make the corpus, train, calibrate on validation, write the weights."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--count", type=int, default=650, help="objects of the world")
-    parser.add_argument("--abstract", type=int, default=250, help="abstract objects")
-    parser.add_argument("--validation", type=int, default=150, help="of either sort")
+    parser.add_argument("--count", type=int, default=1200, help="objects of the world")
+    parser.add_argument("--abstract", type=int, default=400, help="abstract objects")
+    parser.add_argument("--fused", type=int, default=500, help="fused objects of either sort")
+    parser.add_argument("--validation", type=int, default=100, help="objects of each sort")
     parser.add_argument("--cache", type=Path, required=True, help="folder for examples")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "weights")
     options = parser.parse_args(arguments)
-    train = gather(jobs("train", options.count, options.abstract), options.cache)
-    held_out = jobs("validation", min(options.validation, options.count), options.validation)
-    validation = gather(held_out, options.cache)
+    train = gather(jobs("train", options.count, options.abstract, options.fused), options.cache)
+    few = options.validation
+    held = gather(jobs("validation", few, few, few), options.cache)
+    fit(train, held, options.out)
+
+
+def fit(train: list[Path], held: list[Path], out: Path) -> None:
+    """Train every model on examples, report on held-back ones, write the weights."""
     folds, models = fit_bonds(train)
     print("pair and primitive models are trained", file=sys.stderr, flush=True)
     looks = []
     for n, path in enumerate(train):
-        example = load_example(path)
-        k = fold_of(example.name)
+        k = fold_of(path.stem)
         for with_prior in (True, False) if n % 4 == 0 else (True,):
-            looks.append(look(example, folds["same"][k], folds["move"][k], with_prior))
+            looks.append(look(path, folds["same"][k], folds["move"][k], with_prior))
     print(f"{len(looks)} looks", file=sys.stderr, flush=True)
-    final, _ = fit_groups(looks)
+    models["value"], first = fit_first(looks)
+    for item in looks:
+        widen(item, first[item.fold])
+    print("looks are widened", file=sys.stderr, flush=True)
+    final, guesses = fit_groups(looks, first)
     models |= final
-    scores = LearnedScores(models, {"threshold": 0.5, "calibration": [(0, 0), (1, 1)]})
+    models["choose"] = fit_choice(looks, guesses)
     settings: dict[str, Any] = {"objects": len(train), "recipe": __doc__.splitlines()[0]}
     for with_prior in (False, True):
-        held = [
-            look(load_example(p), models["same"], models["move"], with_prior) for p in validation
-        ]
-        values = [
-            scores.revise(with_rivals(i.features, i.masks, scores.value(i.features))) for i in held
-        ]
-        table = sweep(held, values)
-        best = max(table, key=lambda t: sum(table[t]))
-        print(f"validation, prior {with_prior}: {table}", file=sys.stderr)
-        settings |= {"threshold": best, "calibration": calibrate(held, values, best)}
-        settings[f"validation_{'with' if with_prior else 'without'}_prior"] = table[best]
-    save(models, settings, options.out)
+        answers = validate(held, models, with_prior)
+        result = np.array([outcome(item, chosen) for item, _, chosen in answers])
+        fused = np.array([item.path.stem.endswith(FUSED) for item, _, _ in answers])
+        settings |= {"calibration": calibrate(answers)}
+        tag = f"validation_{'with' if with_prior else 'without'}_prior"
+        for name, rows in (("", ~fused), ("_fused", fused)):
+            settings[tag + name] = result[rows].mean(axis=0).round(4).tolist() if rows.any() else []
+    save(models, settings, out)
     print(json.dumps({k: v for k, v in settings.items() if k != "calibration"}))
 
 

@@ -1,0 +1,53 @@
+"""Which objects the reasoner is trained on, and their examples in a cache folder."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+from mam_pipeline.reason.corpus import FUSED, abstract_example, save_example, world_example
+from mam_pipeline.world.splits import iterate
+
+FUSED_FROM = 200_000  # seeds of fused objects begin here, so that none is seen twice
+# cases and mechanisms vary most, so they come most often
+MIX = (
+    "abstract_case", "abstract_mechanism", "abstract_case", "abstract_lidded",
+    "abstract_mechanism", "abstract_case", "abstract_console", "abstract_doorway",
+    "abstract_mechanism", "abstract_case", "abstract_vehicle", "abstract_mechanism",
+    "abstract_case", "abstract_console", "abstract_doorway", "abstract_lidded",
+)  # fmt: skip
+Job = tuple[str, int, bool]  # kind, seed, fused
+
+
+def jobs(split: str, world: int, abstract: int, fused: int) -> list[Job]:
+    """What a split consists of: the world's categories, abstract kinds, and both as one skin."""
+    plain: list[Job] = [(kind, seed, False) for kind, seed in iterate(split, world)]
+    plain += [(kind, seed, False) for kind, seed in _abstract(split, abstract)]
+    skins: list[Job] = [
+        (kind, seed, True) for kind, seed in iterate(split, 3 * fused // 4, start=FUSED_FROM)
+    ]
+    skins += [(k, seed + FUSED_FROM, True) for k, seed in _abstract(split, fused - len(skins))]
+    return plain + skins
+
+
+def _abstract(split: str, number: int) -> list[tuple[str, int]]:
+    first = 0 if split == "train" else 1_000_000
+    return [(MIX[n % len(MIX)], first + n) for n in range(number)]
+
+
+def gather(wanted: list[Job], cache: Path) -> list[Path]:
+    """Make the examples, or find them in the cache; an object that fails is skipped."""
+    out, started = [], time.time()
+    for kind, seed, fused in wanted:
+        path = cache / f"{kind}_{seed:06d}{FUSED if fused else ''}.ex"
+        if not path.exists():
+            try:
+                example = abstract_example if kind.startswith("abstract") else world_example
+                save_example(example(kind, seed, fused), path)
+            except Exception as error:  # one bad object must not end an hour of work
+                print(f"skipped {path.stem}: {error!r}", file=sys.stderr)
+                continue
+        out.append(path)
+    print(f"{len(out)} examples, {time.time() - started:.0f} s", file=sys.stderr)
+    return out

@@ -1,0 +1,75 @@
+"""Whole answers of the reasoner: sets of candidates, and what is seen of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mam_pipeline.reason.configurations import enumerate_sets, set_features
+from mam_pipeline.reason.corpus import Example, abstract_example
+from mam_pipeline.reason.group_features import group_features, joined
+from mam_pipeline.reason.groups import enumerate_groups, expand_groups
+
+# panel and handle, the panel, the handle, another front
+MASKS = np.array([[1, 1, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], dtype=bool)
+
+
+def measured() -> tuple[Example, np.ndarray, np.ndarray, np.ndarray]:
+    item = abstract_example("abstract_case", 3)
+    same = (item.link[item.graph.pairs[:, 0]] == item.link[item.graph.pairs[:, 1]]).astype(float)
+    move = (item.subtype[item.link] >= 0).astype(float)
+    same, move = 0.9 * same + 0.05, 0.9 * move + 0.05
+    return item, same, move, enumerate_groups(item.graph, same, move)
+
+
+def test_sets_are_disjoint_and_hold_both_readings_of_a_handle() -> None:
+    sets = enumerate_sets(MASKS, np.array([0.8, 0.9, 0.85, 0.6]))
+    rows = {tuple(r) for r in sets.rows()}
+    assert (0, 3) in rows and (1, 2, 3) in rows  # one part, or two
+    assert (1, 2) in rows and (1,) in rows  # with and without
+    for row in sets.rows():
+        assert row and (MASKS[row].sum(axis=0) <= 1).all()
+    assert enumerate_sets(MASKS[:0], np.zeros(0)).rows() == []
+
+
+def test_a_set_shows_what_it_leaves_and_how_its_parts_are_bound() -> None:
+    item, same, move, masks = measured()
+    groups = group_features(item.graph, masks, same, move, None)
+    value = item.part_overlap(masks).max(axis=1)
+    odds = np.full((len(masks), 3), 1 / 3)
+    sets = enumerate_sets(masks, value)
+    features = set_features(item.graph, masks, groups, value, odds, sets, same, move)
+    assert features.values.shape == (len(sets.member), len(features.names))
+    assert np.isfinite(features.values).all()
+    parts = features.column("number")
+    assert (parts == sets.member.sum(axis=1)).all()
+    full = int(np.argmax(features.column("value_sum")))
+    one = int(np.flatnonzero(parts == 1)[0])
+    assert features.column("free_high")[full] <= features.column("free_high")[one]
+    assert features.column("rest_move")[full] < features.column("rest_move")[one]
+
+
+def test_new_candidates_lie_beside_the_best_and_are_measured_alike() -> None:
+    item, same, move, masks = measured()
+    few = masks[:: max(1, len(masks) // 6)]
+    more = expand_groups(item.graph, few, np.linspace(1, 0, len(few)), same)
+    known = {m.tobytes() for m in few}
+    assert len(more) and not any(m.tobytes() in known for m in more)
+    both = np.concatenate([few, more])
+    apart = joined(
+        group_features(item.graph, few, same, move, None),
+        group_features(item.graph, more, same, move, None),
+        both,
+    )
+    whole = group_features(item.graph, both, same, move, None)
+    assert np.allclose(apart.values, whole.values, equal_nan=True, atol=1e-5)
+
+
+def test_a_box_swings_about_the_edge_that_touches() -> None:
+    item, same, move, _ = measured()
+    prior = item.prior()
+    parts = np.array([item.link == k for k in np.flatnonzero(item.subtype == 0)])
+    assert len(parts)
+    seen = group_features(item.graph, parts, same, move, prior)
+    assert seen.column("swing_free").min() > 0.5
+    blind = group_features(item.graph, parts, same, move, None)
+    assert np.isnan(blind.column("swing_free")).all()
