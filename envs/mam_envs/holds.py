@@ -19,7 +19,7 @@ WAYPOINTS = 14
 BACK_OFF = 0.10
 SLACK = 0.003
 """Metres that the hand's surface points may dip into the object where it takes hold."""
-SHALLOW = 0.004
+SHALLOW = 0.006
 """Least depth (m) of a recessed pull or rim that fingers hold on to."""
 LAGS = (1.0, 0.6, 0.25)
 

@@ -28,7 +28,13 @@ TILTS = (0, 15, 30, 45, 60)
 CLOSE_STEPS = 6
 SETTLE_STEPS = 25
 HAND_SPEED = 0.012
-"""Metres per control step (20 Hz) at which the hand drags or presses the part."""
+"""Metres per control step (20 Hz) at which the hand drags the part."""
+PUSH_SPEED = 0.007
+"""The same where it only pushes: what is struck runs ahead, and is not moved by contact then."""
+LONGEST = 90
+"""Control steps that a way may take, whatever its length."""
+PAUSE_STEPS = 4
+"""Control steps in which the arm catches up with its target before it pushes."""
 
 _SURFACE: dict[tuple[object, ...], list[Hold]] = {}
 
@@ -138,13 +144,17 @@ def time_path(robot: RobotSpec, now: Situation, path: ArmPath) -> Plan:
 
     add(_timed(np.stack([now.arm, path.approach[0]]), 0.8 * robot.step), ready, "move", start)
     add(_timed(path.approach, 0.35 * robot.step, least=10), ready, "approach", start)
-    if not pushing:
+    if pushing:
+        add(np.repeat(path.approach[-1:], PAUSE_STEPS, axis=0), closed, "approach", start)
+    else:
         hold_still = np.repeat(path.approach[-1:], CLOSE_STEPS, axis=0)
         add(hold_still, closed, "close", start)
     hand = tool_path(now.model, now.goal, path.hold, path.q)[:, :3, 3]
     length = float(np.linalg.norm(np.diff(hand, axis=0), axis=1).sum())
-    least = max(12, int(np.ceil(length / HAND_SPEED)))
-    arm, values = _timed_with(path.follow, path.q, 0.5 * robot.step, least)
+    slow = int(np.ceil(length / (PUSH_SPEED if pushing else HAND_SPEED)))
+    least = max(12, min(slow, LONGEST))
+    gentle = 1.0 if pushing else 0.25
+    arm, values = _timed_with(path.follow, path.q, 0.5 * robot.step, least, gentle)
     add(arm, closed, "follow", values)
     add(np.repeat(path.follow[-1:], SETTLE_STEPS, axis=0), closed, "settle", float(path.q[-1]))
     return Plan(
@@ -201,13 +211,13 @@ def _timed(points: FloatArray, step: float, least: int = 8) -> FloatArray:
 
 
 def _timed_with(
-    points: FloatArray, values: FloatArray, step: float, least: int
+    points: FloatArray, values: FloatArray, step: float, least: int, gentle: float = 0.25
 ) -> tuple[FloatArray, FloatArray]:
     lengths = np.abs(np.diff(points, axis=0)).max(axis=1)
     along = np.concatenate([[0.0], np.cumsum(np.maximum(lengths, 1e-6))])
     count = max(least, int(np.ceil(along[-1] / step)))
     s = np.linspace(0.0, 1.0, count + 1)[1:]
-    eased = 0.75 * s + 0.25 * (3 * s**2 - 2 * s**3)
+    eased = (1 - gentle) * s + gentle * (3 * s**2 - 2 * s**3)
     at = eased * along[-1]
     arm = np.stack([np.interp(at, along, column) for column in points.T], axis=1)
     return arm, np.interp(at, along, values)

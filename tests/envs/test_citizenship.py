@@ -1,0 +1,252 @@
+"""OperateJoint among others' tools: gymnasium's checker, SB3's vectors, ManiSkill's own matrix."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch
+from gymnasium.utils.env_checker import check_env
+
+import mam_envs
+from mam_envs import vulkan
+from mam_envs.robots import robot_spec
+from mam_pipeline.errors import ConfigError, MamSimError
+
+needs_vulkan = pytest.mark.skipif(not vulkan.vulkan_ok(), reason="no Vulkan device to render with")
+SMALL = {"cameras": {"front": {"width": 32, "height": 24}}, "wall": False}
+PANDA_MODES = (
+    "pd_joint_delta_pos", "pd_joint_pos", "pd_ee_delta_pos", "pd_ee_delta_pose", "pd_ee_pose",
+    "pd_joint_target_delta_pos", "pd_ee_target_delta_pos", "pd_ee_target_delta_pose",
+    "pd_joint_vel", "pd_joint_pos_vel", "pd_joint_delta_pos_vel",
+)  # fmt: skip
+
+
+def numpy_env(asset: Path, **kwargs: Any) -> Any:
+    return gym.make(mam_envs.NUMPY_ID, asset=asset, control_mode="pd_joint_delta_pos", **kwargs)
+
+
+def test_gymnasium_accepts_the_raw_environment(drawer: Path) -> None:
+    made = numpy_env(drawer)
+    assert made.unwrapped.spec is not None  # the checker's determinism tests need it
+    check_env(made.unwrapped, skip_render_check=True)
+    made.close()
+
+
+def test_one_environment_has_a_time_limit(drawer: Path) -> None:
+    made = numpy_env(drawer, max_episode_steps=2)
+    obs, info = made.reset(seed=0)
+    assert obs.dtype == np.float32 and obs.ndim == 1 and isinstance(info, dict)
+    made.step(made.action_space.sample())
+    _, reward, terminated, truncated, _ = made.step(made.action_space.sample())
+    assert isinstance(reward, float) and truncated is True and terminated is False
+    made.close()
+
+
+def _maker(asset: str) -> Callable[[], Any]:
+    def make() -> Any:
+        torch.set_num_threads(1)
+        import mam_envs as envs
+
+        return gym.make(envs.NUMPY_ID, asset=asset, control_mode="pd_joint_delta_pos")
+
+    return make
+
+
+def test_sb3_takes_it_without_a_wrapper(drawer: Path) -> None:
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
+
+    vector = VecMonitor(DummyVecEnv([_maker(str(drawer))]), info_keywords=("success",))
+    vector.seed(0)
+    assert vector.reset().dtype == np.float32
+    _, reward, _, _ = vector.step(np.stack([vector.action_space.sample()]))
+    assert np.isfinite(reward).all()
+    vector.close()
+
+
+@pytest.mark.slow
+def test_sb3_runs_different_assets_in_different_processes(drawer: Path, door: Path) -> None:
+    # slow: every worker imports the simulator
+    from stable_baselines3.common.vec_env import SubprocVecEnv
+
+    vector = SubprocVecEnv([_maker(str(drawer)), _maker(str(door))], start_method="forkserver")
+    vector.seed(3)
+    first = vector.reset()
+    assert first.shape[0] == 2 and not np.array_equal(first[0], first[1])
+    for _ in range(3):
+        obs, reward, _, _ = vector.step(np.zeros((2, *vector.action_space.shape), np.float32))
+    assert np.isfinite(obs).all() and np.isfinite(reward).all()
+    vector.close()
+
+
+@pytest.mark.parametrize("mode", PANDA_MODES)
+def test_control_modes(drawer: Path, mode: str) -> None:
+    made = mam_envs.make(drawer, control_mode=mode)
+    made.reset(seed=0)
+    made.action_space.seed(0)
+    for _ in range(3):
+        obs, reward, *_ = made.step(made.action_space.sample())
+    assert torch.isfinite(obs).all() and torch.isfinite(reward).all()
+    made.close()
+
+
+@pytest.mark.parametrize("mode", ["none", "sparse", "dense", "normalized_dense"])
+def test_reward_modes(drawer: Path, mode: str) -> None:
+    made = mam_envs.make(drawer, reward_mode=mode)
+    made.reset(seed=0)
+    made.action_space.seed(0)
+    rewards = torch.stack([made.step(made.action_space.sample())[1] for _ in range(4)])
+    assert torch.isfinite(rewards).all()
+    if mode in ("none", "sparse"):
+        assert (rewards == 0).all()  # nothing was opened
+    else:
+        assert (rewards > 0).all() and (mode == "dense" or (rewards < 1).all())
+    made.close()
+
+
+@pytest.mark.parametrize("mode", ["state", "state_dict", "none"])
+def test_observation_modes_without_pictures(drawer: Path, mode: str) -> None:
+    made = mam_envs.make(drawer, obs_mode=mode)
+    obs, _ = made.reset(seed=0)
+    if mode == "state":
+        assert obs.shape == made.observation_space.shape
+    elif mode == "state_dict":
+        assert set(obs) == {"agent", "extra"} and "privileged" in obs["extra"]
+    else:
+        assert not obs
+    made.close()
+
+
+@pytest.mark.display
+@needs_vulkan
+@pytest.mark.parametrize(
+    ("mode", "names"),
+    [
+        ("rgb", {"rgb"}),
+        ("depth", {"depth"}),
+        ("rgbd", {"rgb", "depth"}),
+        ("segmentation", {"segmentation"}),
+        ("rgb+depth+segmentation", {"rgb", "depth", "segmentation"}),
+    ],
+)
+def test_camera_modes(drawer: Path, mode: str, names: set[str]) -> None:
+    made = mam_envs.make(drawer, obs_mode=mode, world=SMALL)
+    obs, _ = made.reset(seed=0)
+    assert set(obs["sensor_data"]["front"]) == names
+    for name in names:
+        assert obs["sensor_data"]["front"][name].shape[:3] == (1, 24, 32)
+    assert "privileged" not in obs["extra"]
+    made.close()
+
+
+@pytest.mark.display
+@needs_vulkan
+def test_pointcloud(drawer: Path) -> None:
+    made = mam_envs.make(drawer, obs_mode="pointcloud", world=SMALL)
+    obs, _ = made.reset(seed=0)
+    cloud = obs["pointcloud"]
+    assert cloud["xyzw"].shape == (1, 24 * 32, 4) and cloud["rgb"].shape == (1, 24 * 32, 3)
+    base = made.unwrapped
+    drawer_id = base.targets[0].per_scene_id[0]
+    on_part = cloud["xyzw"][0][cloud["segmentation"][0, :, 0] == drawer_id]
+    low, high = base.layout().model.bounds()
+    # points on the part lie inside the object's box, shifted and turned by the randomisation
+    assert len(on_part) > 5
+    where = on_part[:, :3].numpy()
+    assert (where > low - 0.1).all() and (where < high + 0.1).all()
+    assert "privileged" not in obs["extra"]
+    made.close()
+
+
+@pytest.mark.display
+@needs_vulkan
+def test_background_and_colours_change_the_picture(drawer: Path, tmp_path: Path) -> None:
+    import cv2
+
+    picture = tmp_path / "kitchen.png"
+    cv2.imwrite(str(picture), np.full((40, 60, 3), (0, 0, 255), np.uint8))
+    made = mam_envs.make(drawer, obs_mode="rgb", world={**SMALL, "background": str(picture)})
+    obs, _ = made.reset(seed=0)
+    rgb = obs["sensor_data"]["front"]["rgb"][0].numpy()
+    red = (rgb == [255, 0, 0]).all(axis=-1)
+    assert 0.1 < red.mean() < 0.95  # the world is replaced, robot and object are not
+    made.close()
+
+    chance = {"colour": 1.0, "light": [0.5, 1.5], "camera": 0.05, "position": 0.0, "yaw": 0.0}
+    made = mam_envs.make(drawer, obs_mode="rgb", world=SMALL, randomisation=chance)
+    seen = [
+        made.reset(seed=s, options={"reconfigure": True})[0]["sensor_data"]["front"]["rgb"].numpy()
+        for s in (0, 1, 0)
+    ]
+    assert np.array_equal(seen[0], seen[2]) and not np.array_equal(seen[0], seen[1])
+    made.close()
+    with pytest.raises(ConfigError, match="background picture"):
+        made = mam_envs.make(
+            drawer, obs_mode="rgb", world={**SMALL, "background": str(tmp_path / "none.png")}
+        )
+        made.reset(seed=0)
+
+
+def test_states_are_put_back(drawer: Path) -> None:
+    made = mam_envs.make(drawer, control_mode="pd_joint_delta_pos")
+    made.reset(seed=0)
+    base = made.unwrapped
+    made.action_space.seed(0)
+    made.step(made.action_space.sample())
+    kept, flat = base.get_state_dict(), base.get_state().clone()
+    assert set(kept["articulations"]) == {"panda", "object"}
+    for _ in range(5):
+        made.step(made.action_space.sample())
+    assert not torch.allclose(base.get_state(), flat)
+    base.set_state(flat)
+    torch.testing.assert_close(base.get_state(), flat, atol=1e-5, rtol=1e-5)
+    base.set_state_dict(kept)
+    torch.testing.assert_close(base.get_state(), flat, atol=1e-5, rtol=1e-5)
+    made.close()
+
+
+def test_two_environments_agree_on_a_seed(drawer: Path) -> None:
+    rolls = []
+    for _ in range(2):
+        made = mam_envs.make(drawer, control_mode="pd_joint_delta_pos")
+        obs, _ = made.reset(seed=11)
+        made.action_space.seed(11)
+        steps = [obs, *(made.step(made.action_space.sample())[0] for _ in range(40))]
+        rolls.append(torch.stack(steps))
+        made.close()
+    assert torch.equal(rolls[0], rolls[1])  # bit for bit
+
+
+@pytest.mark.parametrize("robot", ["so100", "so101", "panda_wristcam"])
+def test_other_robots(drawer: Path, robot: str) -> None:
+    made = mam_envs.make(drawer, robot_uids=robot, control_mode="pd_joint_pos")
+    made.reset(seed=0)
+    base = made.unwrapped
+    now = base.situation()
+    for _ in range(3):
+        obs, *_ = made.step(base.robot_spec.action(now.arm, base.robot_spec.opened))
+    assert torch.isfinite(obs).all()
+    made.close()
+
+
+def test_fetch_stands_on_the_floor(door: Path) -> None:
+    try:
+        made = mam_envs.make(door, robot_uids="fetch", control_mode="pd_joint_pos")
+    except MamSimError as error:
+        pytest.fail(f"fetch refuses a door of 0.4 m: {error}")
+    made.reset(seed=0)
+    assert made.unwrapped.layout().placement.base_height == 0.0
+    made.close()
+
+
+def test_robots_that_are_not_bundled_say_how_to_get_them() -> None:
+    try:
+        spec = robot_spec("xarm6")
+    except ConfigError as error:
+        assert "mani_skill.utils.download_asset xarm6_robotiq" in str(error)
+    else:
+        assert spec.path.is_file()
