@@ -42,6 +42,8 @@ def lamp(b: Builder) -> None:
     p2 = p1 + l2 * np.array([np.sin(a2), 0, np.cos(a2)])
     lower = part(b, "arm", "lower_arm")
     b.cylinder(lower, p0 - (0, t, 0), p0 + (0, t, 0), 0.9 * q, None, "dark")
+    pin = t + g + 0.004  # through both cheeks
+    b.cylinder(lower, p0 - (0, pin, 0), p0 + (0, pin, 0), 0.3 * q, None, "metal")
     twin = b.chance(0.4)
     for s in (-1, 1) if twin else (0,):
         b.cylinder(
@@ -131,6 +133,8 @@ def fan(b: Builder) -> None:
     motor = d / 2 + 0.02
     b.cylinder(head, (motor, 0, zc), (x + 0.11, 0, zc), 0.04, 0.034, "body")
     b.cylinder(head, (x + 0.06, -0.042, zc), (x + 0.06, 0.042, zc), 0.012, None, "metal")
+    pin = 0.048 + g  # through both cheeks
+    b.cylinder(head, (x + 0.06, -pin, zc), (x + 0.06, pin, zc), 0.004, None, "metal")
     wires = b.integer(8, 16)
     for k in range(wires):
         t = k * TAU / wires

@@ -219,11 +219,14 @@ def crank(b: Builder, s: float) -> None:
     z, r = h + 0.4 * g, s * b.uniform(0.6, 0.9)
     if b.chance(0.4):
         b.cylinder(key, (0, 0, z), (0, 0, z + t), r, None, b.choice(PAINTS))
+        b.cylinder(key, (0, 0, z + t), (0, 0, z + 2 * t), stem, None, "metal")
     else:
         b.box(key, (-stem, -0.8 * stem, z), (r, 0.8 * stem, z + t), "metal", "handle")
         b.cylinder(key, (0, 0, z), (0, 0, z + 1.4 * t), stem, None, "metal")
     x, grip = r - 0.12 * s, s * b.uniform(0.06, 0.1)
     long = s * b.uniform(0.3, 0.9)
+    # a nut on the axle, as tall as half the grip: the axis runs through the part
+    b.cylinder(key, (0, 0, z + t), (0, 0, z + t + 0.6 * long), 0.6 * stem, None, "metal")
     b.cylinder(key, (x, 0, z + t), (x, 0, z + t + long), grip, grip * b.uniform(0.8, 1.3),
                b.choice(PAINTS), "handle")  # fmt: skip
     b.spin(key, "base", (0, 0, z), (0, 0, 1))

@@ -65,7 +65,7 @@ def syringe(b: Builder) -> None:
     r, long = b.uniform(0.006, 0.04), b.uniform(0.08, 0.3)
     b.size(2 * r, 2 * r, 2 * long)
     b.theme(b.choice(("plastic", "white", "steel")))
-    wall, g = 0.12 * r, max(0.4 * b.gap, 0.01 * r)
+    wall, g = 0.12 * r, float(np.clip(0.4 * b.gap, 0.03 * r, 0.08 * r))
     b.vessel("base", [(r, 0), (r, long)], wall, b.choice(("glass", "body")))
     b.cylinder("base", (0, 0, 0), (0, 0, -0.1 * long), 0.25 * r, 0.12 * r, "light")
     pierced(b, "base", (-r, -1.9 * r, long), (r, 1.9 * r, long + 0.15 * r),

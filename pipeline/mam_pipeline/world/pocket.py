@@ -94,13 +94,13 @@ def lighter(b: Builder) -> None:
         rounded(b, "base", (-d / 2, -w / 2, 0), (d / 2, w / 2, k), 0.002)
         lid = part(b, "lid")
         tray(b, lid, (-d / 2, -w / 2, k + g), (d / 2, w / 2, h), 0.0006, "z", -1)
-        b.cylinder(
-            lid, (-0.3 * d, w / 2, k + g / 2), (0.3 * d, w / 2, k + g / 2), 0.0012, None, "metal"
-        )
+        r = 0.0007  # the barrel lies outside both
+        p, q = (-0.3 * d, w / 2 + r, k + g / 2), (0.3 * d, w / 2 + r, k + g / 2)
+        b.cylinder(lid, p, q, r, None, "metal")
         b.hinge(
             lid,
             "base",
-            (0, w / 2, k + g / 2),
+            (0, w / 2 + r, k + g / 2),
             (1, 0, 0),
             0,
             b.uniform(1.6, 2.3),

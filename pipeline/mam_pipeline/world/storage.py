@@ -200,8 +200,8 @@ def wardrobe(b: Builder) -> None:
     b.rod("base", (d / 2, cell.y0, z), (d / 2, cell.y1, z), 0.013, None, "metal", "content")
     b.panel("base", (m.inside + 0.03, cell.y0, z + 0.05), (0.95 * d, cell.y1, z + 0.065), "inside")
     if cell.width > 1.1:
-        right, left = c.cut(b, m, cell, d, "y", [1.0, 1.0], dividers=False)
-        third = b.chance(0.4)
+        third = b.chance(0.4)  # the middle one of three doors needs something to hang on
+        right, left = c.cut(b, m, cell, d, "y", [1.0, 1.0], dividers=third)
         if third:
             c.door(b, m, right, "right")
             c.pair(b, m, left)

@@ -400,6 +400,7 @@ def coffee_grinder(b: Builder) -> None:
     crank = part(b, "crank")
     reach = b.uniform(0.6, 1.1) * w
     b.cylinder(crank, (0, 0, z + 0.0005), (0, 0, z + 0.02), 0.06 * w, None, "metal")
+    b.cylinder(crank, (0, 0, z + 0.02), (0, 0, z + 0.05), 0.03 * w, None, "metal")
     b.sweep(
         crank,
         [(0, 0, z + 0.014), (-0.5 * reach, 0, z + 0.022), (-reach, 0, z + 0.014)],
