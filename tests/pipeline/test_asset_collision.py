@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from mam_pipeline.asset.collision import MAX_HULL_POINTS, collision_shapes
+from mam_pipeline.asset.clearance import keep_apart
+from mam_pipeline.asset.collision import MAX_HULL_POINTS, collision_shapes, outside
 from mam_pipeline.geometry.sampling import sample_surface
-from mam_pipeline.types import Articulation, CollisionShape, Link, Mesh
+from mam_pipeline.types import Articulation, CollisionShape, Joint, Link, Mesh
 
 
 def single(solid: trimesh.Trimesh) -> Articulation:
@@ -89,3 +90,57 @@ def test_the_same_input_gives_the_same_pieces() -> None:
     for a, b in zip(one, two):
         np.testing.assert_array_equal(a.pose, b.pose)
         np.testing.assert_array_equal(a.vertices, b.vertices)
+
+
+def test_a_bent_tube_is_covered() -> None:
+    """A tube's hull is mostly empty space, and its bend fits no box: plates finish what is bare."""
+    turn = np.linspace(0.0, np.pi, 25)
+    ring = np.linspace(0.0, 2 * np.pi, 13)[:-1]
+    x = (0.3 + 0.03 * np.cos(ring)[None]) * np.cos(turn)[:, None]
+    z = (0.3 + 0.03 * np.cos(ring)[None]) * np.sin(turn)[:, None]
+    y = np.broadcast_to(0.03 * np.sin(ring)[None], x.shape)
+    index = np.arange(x.size).reshape(x.shape)
+    a, b = index[:-1], np.roll(index, -1, axis=1)[:-1]
+    c, d = index[1:], np.roll(index, -1, axis=1)[1:]
+    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([b, d, c], -1)]).reshape(-1, 3)
+    vertices = np.stack([x, y, z], -1).reshape(-1, 3)
+    mesh = Mesh(vertices, faces)
+    whole = Articulation(mesh, (Link("tube", "tube", np.arange(len(faces))),), ())
+    shapes = collision_shapes(whole)["tube"]
+    assert 3 <= len(shapes) <= 32
+    points = sample_surface(vertices, faces, 1000).points
+    near = np.min([outside(s, points) for s in shapes], axis=0) < 0.01 * mesh.diagonal
+    assert near.mean() > 0.98
+
+
+def test_unconnected_neighbours_do_not_overlap() -> None:
+    """Two drawers' hulls meet between them; a knob's piece is planed off at the carcass."""
+    blocks = [
+        trimesh.creation.box(bounds=b)
+        for b in ([[0, 0, 0], [1, 1, 0.1]], [[0, 0, 0.2], [1, 1, 0.4]], [[0, 0, 0.4], [1, 1, 0.6]])
+    ]
+    whole = trimesh.util.concatenate(blocks)
+    links = tuple(Link(f"l{i}", "part", np.arange(12 * i, 12 * i + 12)) for i in range(3))
+    axis = np.array([1.0, 0, 0])
+    joints = tuple(
+        Joint(f"j{i}", "prismatic", "slide", 0, i, axis, np.zeros(3), 0.0, 0.5) for i in (1, 2)
+    )
+    found = Articulation(Mesh(whole.vertices, whole.faces), links, joints)
+    fat = {
+        "l0": [CollisionShape("box", pose=_at(0.5, 0.5, 0.05), size=np.array([1, 1, 0.1]))],
+        "l1": [CollisionShape("box", pose=_at(0.5, 0.5, 0.305), size=np.array([1, 1, 0.21]))],
+        "l2": [CollisionShape("box", pose=_at(0.5, 0.5, 0.495), size=np.array([1, 1, 0.21]))],
+    }
+    apart = keep_apart(found, fat)
+    assert apart["l0"][0] is fat["l0"][0]
+    below, above = apart["l1"][0], apart["l2"][0]
+    assert below.kind == above.kind == "box"
+    top, bottom = (s.pose[2, 3] + k * s.size[2] / 2 for s, k in ((below, 1), (above, -1)))
+    assert 0.0 < bottom - top < 0.002
+    assert below.size[2] > 0.185 and above.size[2] > 0.185
+
+
+def _at(*xyz: float) -> np.ndarray:
+    pose = np.eye(4)
+    pose[:3, 3] = xyz
+    return pose

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,10 +13,11 @@ import pytest
 import trimesh
 
 from mam_pipeline.asset.writer import write_asset
-from mam_pipeline.check import REASONS, CheckReport, check_asset
+from mam_pipeline.check import REASONS, CheckReport, check_asset, thresholds
+from mam_pipeline.check.clock import OutOfTime, limited
 from mam_pipeline.check.report import CLAUSES
 from mam_pipeline.errors import InputError
-from mam_pipeline.types import Articulation, CollisionShape, Joint, Link, Mesh
+from mam_pipeline.types import Articulation, CollisionShape, Joint, Link, Mesh, joint_motion
 
 Z = np.array([0.0, 0.0, 1.0])
 
@@ -184,6 +186,81 @@ def test_without_friction_a_lid_sags(tmp_path: Path) -> None:
     urdf = asset.folder / "object.urdf"
     urdf.write_text(re.sub(r'friction="[^"]*"', 'friction="0"', urdf.read_text()))
     assert "sags" in reasons(check_asset(urdf), "hinge")
+
+
+def drawer_behind_a_door() -> Articulation:
+    """The cabinet's drawer, with a second door in front of it, hinged on the right."""
+    truth = cabinet()
+    front = trimesh.creation.box(bounds=[[-0.022, -0.298, 0.522], [-0.004, 0.298, 0.778]])
+    mesh = truth.mesh
+    count = len(mesh.faces)
+    whole = Mesh(
+        np.concatenate([mesh.vertices, front.vertices]),
+        np.concatenate([mesh.faces, front.faces + len(mesh.vertices)]),
+    )
+    link = Link("front", "door", np.arange(count, count + 12))
+    hinge = Joint("front_hinge", "revolute", "hinge", 0, 3, -Z, np.array([-0.004, 0.299, 0.65]),
+                  0, 1.6, 0, 1.6)  # fmt: skip
+    return Articulation(whole, (*truth.links, link), (*truth.joints, hinge))
+
+
+def test_a_drawer_behind_a_door_is_tested_with_the_door_open(tmp_path: Path) -> None:
+    asset = write_asset(drawer_behind_a_door(), tmp_path / "a", name="a")
+    report = check_asset(asset.folder)
+    slide = next(j for j in report.joints if j.name == "slide")
+    assert slide.after == ("hinge", "front_hinge")
+    assert report.passed, report.reasons
+    assert all(j.after == () for j in report.joints if j.name != "slide")
+
+
+def test_other_joints_are_closed_while_one_is_tested(tmp_path: Path) -> None:
+    """The source's pose may be an open one: the door in front counts where it is closed."""
+    truth = drawer_behind_a_door()
+    opened = joint_motion("revolute", -Z, np.array([-0.004, 0.299, 0.65]), 1.6)
+    vertices = truth.mesh.vertices.copy()
+    vertices[-8:] = vertices[-8:] @ opened[:3, :3].T + opened[:3, 3]
+    turned = replace(truth.joints[2], lower=-1.6, upper=0.0, closed=-1.6, open=0.0)
+    ajar = replace(truth, mesh=Mesh(vertices, truth.mesh.faces),
+                   joints=(*truth.joints[:2], turned))  # fmt: skip
+    report = check_asset(write_asset(ajar, tmp_path / "a", name="a").folder)
+    assert report.passed, report.reasons
+    assert next(j for j in report.joints if j.name == "slide").after == ("hinge", "front_hinge")
+
+
+def test_a_check_ends_in_time(good: Path) -> None:
+    report = check_asset(good, max_seconds=0.05)
+    assert not report.passed and report.reasons == ("timeout",)
+    assert "timeout" in REASONS
+
+
+def test_an_alarm_ends_a_busy_loop_and_is_taken_back() -> None:
+    with pytest.raises(OutOfTime), limited(0.05):
+        while True:
+            pass
+    with limited(60.0) as clock:
+        clock.look()
+    assert signal.getitimer(signal.ITIMER_REAL)[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    "name", ["../a.glb", "package://../../a.glb", "file:///etc/passwd", "link"]
+)
+def test_no_mesh_outside_the_folder_is_read(good: Path, tmp_path: Path, name: str) -> None:
+    shutil.copytree(good, tmp_path / "a")
+    shutil.copy(good / "visual" / "door.glb", tmp_path / "a.glb")
+    if name == "link":
+        name = "visual/link.glb"
+        (tmp_path / "a" / name).symlink_to(tmp_path / "a.glb")
+    urdf = tmp_path / "a" / "object.urdf"
+    urdf.write_text(urdf.read_text().replace("visual/door.glb", name, 1))
+    assert check_asset(tmp_path / "a").reasons[0] in ("mesh_outside", "mesh_missing")
+
+
+def test_huge_files_are_not_read(good: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(thresholds, "MAX_MESH_BYTES", 1000)
+    assert "too_large" in check_asset(good).reasons
+    monkeypatch.setattr(thresholds, "MAX_XML_BYTES", 100)
+    assert check_asset(good).reasons == ("xml_unreadable",)
 
 
 def test_nothing_to_check(tmp_path: Path) -> None:

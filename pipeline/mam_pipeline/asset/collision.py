@@ -1,7 +1,8 @@
 """Convex collision pieces of links: boxes, cylinders and plates where a piece is one, else hulls.
 
 No piece may fill space in which another part moves: pieces are cut where the link's own surface
-leaves them empty, and what still holds a moving part's path is taken away.
+leaves them empty, and what still holds a moving part's path is taken away. Surface that is left
+bare gets plates, and pieces of unconnected links are kept apart.
 """
 
 from __future__ import annotations
@@ -13,8 +14,10 @@ import open3d as o3d
 from numpy.typing import NDArray
 from scipy.cluster.hierarchy import fcluster, linkage
 
+from mam_pipeline.asset.clearance import keep_apart
 from mam_pipeline.asset.decompose import Chunk, decompose, merge
 from mam_pipeline.asset.dynamics import carried_links
+from mam_pipeline.asset.patches import plates
 from mam_pipeline.asset.surface import Component, Solid, hull_of, link_components, weld
 from mam_pipeline.geometry.boxes import Box, minimal_box
 from mam_pipeline.geometry.raycast import RayScene
@@ -32,6 +35,9 @@ MARGIN = 0.001
 """Pieces of moving links are this much smaller, as a share of the diagonal: parts that touch at
 rest must not jam."""
 _MAX_FACES = 4000
+_BARE = 0.008
+"""Surface farther than this from every piece gets a plate, as a share of the diagonal."""
+_SAMPLES = 2000
 
 
 def collision_shapes(
@@ -55,7 +61,7 @@ def collision_shapes(
             continue
         moving = articulation.joint_of(i) is not None
         out[link.name] = _link_shapes(articulation, i, paths[i], moving, max_pieces, seconds)
-    return out
+    return {**out, **keep_apart(articulation, out)} if out else out
 
 
 def _link_shapes(
@@ -80,8 +86,58 @@ def _link_shapes(
         shape = _shape(chunk, margin)
         if not _holds(shape, path, space):
             shapes.append(shape)
+    shapes = _with_plates(parts, shapes, path, space, margin, max_pieces)
     # a link without any piece would fall through the world: better a bold hull than none
     return shapes or [_shape(max(chunks, key=lambda c: c.volume), margin)]
+
+
+def _with_plates(
+    parts: list[Component],
+    shapes: list[CollisionShape],
+    path: FloatArray,
+    space: _Space,
+    margin: float,
+    most: int,
+) -> list[CollisionShape]:
+    """Pieces, and plates over the surface that they leave bare; those `most` that cover most."""
+    sizes = np.cumsum([0] + [len(p.vertices) for p in parts[:-1]])
+    faces = np.concatenate([p.faces + o for p, o in zip(parts, sizes)])
+    vertices = np.concatenate([p.vertices for p in parts])
+    found = sample_surface(vertices, faces, _SAMPLES, 7)
+    near = [outside(s, found.points) < _BARE * space.diagonal for s in shapes]
+    bare = ~np.any(near, axis=0) if near else np.ones(len(found.points), dtype=bool)
+    if bare.mean() < 0.002:
+        return shapes
+
+    def good(box: Box) -> bool:
+        return not _holds(_box(box, margin), path, space)
+
+    boxes = plates(found.points[bare], found.normals[bare], good, space.empty, most)
+    shapes = shapes + [_box(b, margin) for b in boxes]
+    near += [outside(s, found.points) < _BARE * space.diagonal for s in shapes[len(near) :]]
+    left, chosen = list(range(len(shapes))), list[int]()
+    bare = np.ones(len(found.points), dtype=bool)
+    while left and len(chosen) < most:
+        chosen.append(left.pop(int(np.argmax([int((near[i] & bare).sum()) for i in left]))))
+        bare &= ~near[chosen[-1]]
+    return [shapes[i] for i in sorted(chosen)]
+
+
+def outside(shape: CollisionShape, points: FloatArray) -> FloatArray:
+    """(n,) distance of points (n, 3) from a piece; negative inside (not less than the truth)."""
+    if shape.kind == "convex":
+        scene = RayScene(shape.vertices, shape.faces)
+        return scene.signed_distance(points)
+    local = (points - shape.pose[:3, 3]) @ shape.pose[:3, :3]
+    if shape.kind == "sphere":
+        return np.asarray(np.linalg.norm(local, axis=1) - shape.size[0])
+    if shape.kind == "cylinder":
+        radial = np.linalg.norm(local[:, :2], axis=1) - shape.size[0]
+        over = np.stack([radial, np.abs(local[:, 2]) - shape.size[1] / 2], axis=1)
+    else:
+        over = np.abs(local) - shape.size / 2
+    far = np.linalg.norm(np.maximum(over, 0.0), axis=1)
+    return np.asarray(np.where(far > 0, far, over.max(axis=1)))
 
 
 class _Space:
@@ -90,7 +146,7 @@ class _Space:
     def __init__(
         self, parts: list[Component], tolerance: float, diagonal: float, path: FloatArray
     ) -> None:
-        self.tolerance = tolerance
+        self.tolerance, self.diagonal = tolerance, diagonal
         triangles = np.concatenate([p.triangles for p in parts])
         vertices, faces, _ = weld(triangles, 1e-5 * diagonal)
         self.scene = RayScene(vertices, faces)
@@ -171,6 +227,17 @@ def _shape(chunk: Chunk, margin: float) -> CollisionShape:
     if small is None:
         return _box(box, margin)
     return CollisionShape("convex", vertices=small[0], faces=small[1])
+
+
+def shape_of_points(points: FloatArray) -> CollisionShape:
+    """The simplest shape that holds the hull of points (n, 3)."""
+    found = hull_of(points)
+    if found is None:
+        return _box(minimal_box(points, 20), 0.0)
+    vertices, faces = found
+    a, b, c = (vertices[faces[:, k]] - vertices.mean(axis=0) for k in range(3))
+    volume = float(np.abs(np.einsum("ij,ij->i", a, np.cross(b, c))).sum()) / 6.0
+    return _shape(Chunk(vertices, faces, 0.0, volume), 0.0)
 
 
 def _box(box: Box, margin: float) -> CollisionShape:

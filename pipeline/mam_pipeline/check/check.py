@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from mam_pipeline.asset.card import Asset
+from mam_pipeline.asset.dynamics import carried_links
+from mam_pipeline.check.clock import Clock, OutOfTime, limited
 from mam_pipeline.check.lint import lint
 from mam_pipeline.check.model import CheckModel
 from mam_pipeline.check.report import CLAUSES, CheckReport, Finding, JointReport
-from mam_pipeline.check.sweep import sweep_joint
-from mam_pipeline.check.thresholds import THRESHOLDS, Thresholds
+from mam_pipeline.check.sweep import JointSweep, sweep_joint
+from mam_pipeline.check.thresholds import DRIVE_SECONDS, MAX_SECONDS, THRESHOLDS, Thresholds
 from mam_pipeline.errors import InputError, MamSimError
+from mam_pipeline.types import Joint
 
 _CLAUSE_OF = {
     "penetration": "penetration",
@@ -37,6 +41,7 @@ def check_asset(
     drive: bool = True,
     picture: Path | None = None,
     thresholds: Thresholds = THRESHOLDS,
+    max_seconds: float = MAX_SECONDS,
 ) -> CheckReport:
     """Check an asset folder or any URDF.
 
@@ -45,34 +50,60 @@ def check_asset(
         drive: also run the simulator.
         picture: where to save the worst frame as PNG, None for no picture.
         thresholds: what counts as a failure.
+        max_seconds: wall-clock limit; a check that takes longer fails with `timeout`.
 
     Raises:
         InputError: there is nothing to check at `path`.
     """
-    urdf, card_friction = _locate(Path(path))
-    seconds: dict[str, float] = {}
+    target = _locate(Path(path))
+    clauses: dict[str, bool | None] = dict.fromkeys(CLAUSES)
+    try:
+        with limited(max_seconds) as clock:
+            return _run(str(path), target, drive, picture, thresholds, clock)
+    except OutOfTime:
+        text = f"the check was ended after {max_seconds:.0f} s"
+        clauses["lint"] = False
+        found = (Finding("timeout", target.urdf.name, text),)
+        return CheckReport(str(path), False, clauses, (), found, {"all": max_seconds})
+
+
+@dataclass(frozen=True)
+class _Target:
+    """A URDF and what a card knows of its joints: (friction, damping), closed and open values."""
+
+    urdf: Path
+    friction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    closed: Mapping[str, float] = field(default_factory=dict)
+    open: Mapping[str, float] = field(default_factory=dict)
+
+
+def _run(
+    path: str, target: _Target, drive: bool, picture: Path | None, thresholds: Thresholds,
+    clock: Clock,
+) -> CheckReport:  # fmt: skip
+    urdf, seconds = target.urdf, dict[str, float]()
+    clauses: dict[str, bool | None] = dict.fromkeys(CLAUSES)
     began = time.perf_counter()
     findings = lint(urdf)
     seconds["lint"] = _since(began)
-    clauses: dict[str, bool | None] = dict.fromkeys(CLAUSES)
     clauses["lint"] = not any(not f.warning for f in findings)
     if not clauses["lint"]:
-        return CheckReport(str(path), False, clauses, (), tuple(findings), seconds)
+        return CheckReport(path, False, clauses, (), tuple(findings), seconds)
     try:
         model = CheckModel.read(urdf)
     except MamSimError as error:
         findings.append(Finding("no_surface", urdf.name, str(error)))
         clauses["lint"] = False
-        return CheckReport(str(path), False, clauses, (), tuple(findings), seconds)
+        return CheckReport(path, False, clauses, (), tuple(findings), seconds)
     began = time.perf_counter()
-    joints = _sweep(model, thresholds)
+    joints, poses = _sweep(model, target, thresholds, clock)
     seconds["sweep"] = _since(began)
     if drive:
         began = time.perf_counter()
-        joints, more = _drive(urdf, model, card_friction, joints, thresholds)
+        joints, more = _drive(model, target, joints, poses, thresholds, clock)
         findings += more
         seconds["drive"] = _since(began)
-    report = _verdict(str(path), clauses, joints, findings, seconds, drive)
+    report = _verdict(path, clauses, joints, findings, seconds, drive)
     if picture is not None:
         from mam_pipeline.check.picture import save_worst_frame
 
@@ -81,22 +112,22 @@ def check_asset(
     return report
 
 
-def _locate(path: Path) -> tuple[Path, dict[str, tuple[float, float]]]:
-    """The URDF behind a path, and the card's friction where there is a card."""
+def _locate(path: Path) -> _Target:
+    """The URDF behind a path, and what its card says where there is one."""
     if not path.exists():
         raise InputError(f"no asset or URDF at {path}")
     if path.is_file() and path.suffix.lower() in (".urdf", ".xml"):
         card = path.parent / "asset.json"
         if not card.is_file():
-            return path, {}
+            return _Target(path)
         asset = Asset.load(path.parent)
         if asset.urdf_path.resolve() != path.resolve():
-            return path, {}
+            return _Target(path)
     elif path.is_dir() and not (path / "asset.json").is_file():
         found = sorted(path.glob("*.urdf"))
         if len(found) != 1:
             raise InputError(f"{path} holds no asset.json and {len(found)} URDF files; name one")
-        return found[0], {}
+        return _Target(found[0])
     else:
         asset = Asset.load(path)
     urdf = asset.urdf_path
@@ -104,51 +135,113 @@ def _locate(path: Path) -> tuple[Path, dict[str, tuple[float, float]]]:
         raise InputError(f"{path} names a URDF outside its folder: {asset.card.urdf}")
     if not urdf.is_file():
         raise InputError(f"{path} names {asset.card.urdf}, which does not exist")
-    return urdf, {j.name: (j.friction, j.damping) for j in asset.card.joints}
+    joints = asset.card.joints
+    return _Target(
+        urdf,
+        {j.name: (j.friction, j.damping) for j in joints},
+        {j.name: j.closed for j in joints},
+        {j.name: j.open for j in joints},
+    )
 
 
-def _sweep(model: CheckModel, limit: Thresholds) -> list[JointReport]:
-    out = []
-    for joint in model.articulation.joints:
-        if joint.type == "fixed":
-            continue
-        s = sweep_joint(model, joint, limit)
-        reasons = []
-        if s.penetration > limit.penetration_share:
-            reasons.append("penetration")
-        if s.filled > limit.filled_area:
-            reasons.append("cavity_filled")
-        if s.gap is not None and s.gap > limit.gap_share:
-            reasons.append("detached")
-        if s.line_gap is not None and s.line_gap > limit.gap_share:
-            reasons.append("off_axis")
-        out.append(
-            JointReport(
-                joint.name,
-                joint.type,
-                _finite(joint.lower),
-                _finite(joint.upper),
-                penetration=s.penetration,
-                penetration_at=s.penetration_at,
-                gap=s.gap,
-                line_gap=s.line_gap,
-                filled=s.filled,
-                reasons=tuple(reasons),
-            )
-        )
-    return out
+def _sweep(
+    model: CheckModel, target: _Target, limit: Thresholds, clock: Clock
+) -> tuple[list[JointReport], dict[str, dict[str, float]]]:
+    """Reports of all joints, and the pose in which each was tested.
+
+    Other joints are closed. Where one of them is in the way (a door before a drawer), the joint is
+    tested with its neighbours open, as it would be used, and the report says so.
+    """
+    joints = [j for j in model.articulation.joints if j.type != "fixed"]
+    closed = {j.name: target.closed.get(j.name, _nearest_to_zero(j)) for j in joints}
+    out, poses = [], {}
+    for joint in joints:
+        clock.look()
+        pose = {**closed, joint.name: 0.0}
+        found, after = _sweep_at(model, joint, pose, limit), ()
+        if found.penetration > limit.penetration_share:
+            neighbours = _neighbours(model, joint)
+            opened = {**pose, **{j.name: target.open.get(j.name, _far(j)) for j in neighbours}}
+            other = _sweep_at(model, joint, opened, limit) if neighbours else found
+            if other.penetration <= limit.penetration_share:
+                found, pose = other, opened
+                after = tuple(j.name for j in neighbours)
+        poses[joint.name] = {**pose, joint.name: closed[joint.name]}
+        out.append(_report(joint, found, after, limit))
+    return out, poses
+
+
+def _sweep_at(
+    model: CheckModel, joint: Joint, pose: Mapping[str, float], limit: Thresholds
+) -> JointSweep:
+    there = model.at(pose)
+    same = next(j for j in there.articulation.joints if j.name == joint.name)
+    return sweep_joint(there, same, limit)
+
+
+def _neighbours(model: CheckModel, joint: Joint) -> list[Joint]:
+    """Joints that move neither the part nor anything on it."""
+    articulation = model.articulation
+    carried = carried_links(articulation, joint)
+    return [
+        j
+        for j in articulation.joints
+        if j.type != "fixed"
+        and j.child not in carried
+        and joint.child not in carried_links(articulation, j)
+    ]
+
+
+def _nearest_to_zero(joint: Joint) -> float:
+    return float(np.clip(0.0, joint.lower, joint.upper))
+
+
+def _far(joint: Joint) -> float:
+    """The end of the range that is farther from rest; rest where there is no end."""
+    end = joint.upper if abs(joint.upper) >= abs(joint.lower) else joint.lower
+    return float(end) if np.isfinite(end) else 0.0
+
+
+def _report(
+    joint: Joint, s: JointSweep, after: tuple[str, ...], limit: Thresholds
+) -> JointReport:
+    reasons = []
+    if s.penetration > limit.penetration_share:
+        reasons.append("penetration")
+    if s.filled > limit.filled_area:
+        reasons.append("cavity_filled")
+    if s.gap is not None and s.gap > limit.gap_share:
+        reasons.append("detached")
+    if s.line_gap is not None and s.line_gap > limit.gap_share:
+        reasons.append("off_axis")
+    return JointReport(
+        joint.name,
+        joint.type,
+        _finite(joint.lower),
+        _finite(joint.upper),
+        penetration=s.penetration,
+        penetration_at=s.penetration_at,
+        gap=s.gap,
+        line_gap=s.line_gap,
+        filled=s.filled,
+        after=after,
+        reasons=tuple(reasons),
+    )
 
 
 def _drive(
-    urdf: Path,
     model: CheckModel,
-    card_friction: dict[str, tuple[float, float]],
+    target: _Target,
     joints: list[JointReport],
+    poses: Mapping[str, Mapping[str, float]],
     limit: Thresholds,
+    clock: Clock,
 ) -> tuple[list[JointReport], list[Finding]]:
     from mam_pipeline.check.drive import drive_urdf
 
-    result = drive_urdf(urdf, card_friction or model.friction, limit)
+    urdf = target.urdf
+    left = min(DRIVE_SECONDS, clock.left)
+    result = drive_urdf(urdf, target.friction or model.friction, limit, left, poses)
     if result.failure:
         return joints, [Finding("load_failed", urdf.name, result.failure)]
     findings = []

@@ -16,7 +16,7 @@ import numpy as np
 
 from mam_pipeline.asset.dynamics import set_joint_friction
 from mam_pipeline.check.simulate import load_physics, physics_scene
-from mam_pipeline.check.thresholds import MAX_SECONDS, THRESHOLDS, Thresholds
+from mam_pipeline.check.thresholds import DRIVE_SECONDS, THRESHOLDS, Thresholds
 from mam_pipeline.types import FloatArray
 
 STEP = 1.0 / 200.0
@@ -51,7 +51,8 @@ def drive_urdf(
     urdf: Path,
     frictions: Mapping[str, tuple[float, float]],
     thresholds: Thresholds = THRESHOLDS,
-    seconds: float = MAX_SECONDS,
+    seconds: float = DRIVE_SECONDS,
+    poses: Mapping[str, Mapping[str, float]] | None = None,
 ) -> DriveResult:
     """Load a URDF with a fixed base and drive its joints one after another.
 
@@ -61,6 +62,9 @@ def drive_urdf(
             damping of a URDF.
         thresholds: how long to hold.
         seconds: wall-clock budget.
+        poses: joint name -> values of the joints while it is driven; where none is given they are
+            at zero, or at the limit nearest to it. A joint's own value is where it starts and
+            must return to.
     """
     try:
         scene = physics_scene(STEP)
@@ -69,7 +73,8 @@ def drive_urdf(
         return DriveResult({}, failure=f"{type(error).__name__}: {error}".splitlines()[0])
     if robot is None:
         return DriveResult({}, failure="the loader returned nothing")
-    return _Driver(scene, robot, frictions, thresholds, time.monotonic() + seconds).run()
+    deadline = time.monotonic() + seconds
+    return _Driver(scene, robot, frictions, thresholds, deadline, poses or {}).run()
 
 
 class _Driver:
@@ -82,6 +87,7 @@ class _Driver:
         frictions: Mapping[str, tuple[float, float]],
         thresholds: Thresholds,
         deadline: float,
+        poses: Mapping[str, Mapping[str, float]],
     ) -> None:
         self.scene, self.robot = scene, robot
         self.frictions, self.thresholds, self.deadline = frictions, thresholds, deadline
@@ -89,7 +95,8 @@ class _Driver:
         bounds = np.asarray(robot.get_qlimits(), dtype=float).reshape(-1, 2)
         self.slide = np.array([j.type == "prismatic" for j in self.joints])
         free = ~np.isfinite(bounds).all(axis=1) | (np.ptp(bounds, axis=1) > 100 * _TURN)
-        self.rest = np.where(free, 0.0, np.clip(0.0, bounds[:, 0], bounds[:, 1]))
+        self.bounds = np.where(free[:, None], [-np.inf, np.inf], bounds)
+        self.poses = poses
         self.low = np.where(free, -0.5 * _TURN, bounds[:, 0])
         self.high = np.where(free, 0.5 * _TURN, bounds[:, 1])
         self.span = np.maximum(self.high - self.low, 1e-9)
@@ -105,12 +112,19 @@ class _Driver:
             if time.monotonic() > self.deadline:
                 timed_out = True
                 break
+            self.rest = self._pose(joint.name)
             reached, back = self._reach(i)
             held = self._hold(i)
             out[joint.name] = JointDrive(reached, back, held, float(self.top[i]))
             if self.exploded:
                 break
         return DriveResult(out, self.drift, exploded=self.exploded, timed_out=timed_out)
+
+    def _pose(self, name: str) -> FloatArray:
+        """Joint values while the named joint is tested."""
+        values = self.poses.get(name, {})
+        wanted = [values.get(j.name, 0.0) for j in self.joints]
+        return np.asarray(np.clip(wanted, self.bounds[:, 0], self.bounds[:, 1]), dtype=np.float64)
 
     def _reset(self, q: FloatArray) -> None:
         self.robot.set_qpos(q.astype(np.float32))

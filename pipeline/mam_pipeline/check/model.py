@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,14 @@ class Hull:
     def depth(self, points: FloatArray) -> FloatArray:
         """(n,) how deep points (n, 3) lie inside; negative outside."""
         return np.asarray(-(points @ self.planes[:, :3].T + self.planes[:, 3]).max(axis=1))
+
+
+    def moved(self, pose: FloatArray) -> Hull:
+        """The piece after the rigid motion `pose` (4, 4)."""
+        normals = self.planes[:, :3] @ pose[:3, :3].T
+        offsets = self.planes[:, 3] - normals @ pose[:3, 3]
+        points = self.points @ pose[:3, :3].T + pose[:3, 3]
+        return Hull(points, np.column_stack([normals, offsets]))
 
 
 @dataclass(frozen=True)
@@ -72,6 +81,22 @@ class CheckModel:
                 0.0 if d is None else float(d.damping or 0.0),
             )
         return CheckModel(articulation, tuple(tuple(h) for h in hulls), friction)
+
+    def at(self, values: Mapping[str, float]) -> CheckModel:
+        """The same object in another pose: joint name -> value; others stay at rest (0)."""
+        if not any(abs(v) > 1e-9 for v in values.values()):
+            return self
+        from mam_pipeline.render import posed
+
+        old = self.articulation
+        poses = old.link_poses(values)
+        joints = []
+        for j in old.joints:
+            turn, shift = poses[j.parent][:3, :3], poses[j.parent][:3, 3]
+            joints.append(replace(j, axis=turn @ j.axis, origin=turn @ j.origin + shift))
+        moved = replace(old, mesh=posed(old, dict(values)), joints=tuple(joints))
+        hulls = tuple(tuple(h.moved(m) for h in own) for own, m in zip(self.hulls, poses))
+        return CheckModel(moved, hulls, self.friction)
 
 
 def _owner(name: str, inbound: dict[str, Any], index: dict[str, int]) -> str | None:

@@ -51,7 +51,8 @@ class Finding:
 class JointReport:
     """Figures of one joint; shares are of the diagonal (lengths) or of the range (motion).
 
-    None where a figure was not measured.
+    None where a figure was not measured. `after` names the joints that must be open first, as the
+    door in front of a drawer; all others are closed while a joint is tested.
     """
 
     name: str
@@ -67,6 +68,7 @@ class JointReport:
     hold_drift: float | None = None
     return_error: float | None = None
     top_speed: float | None = None
+    after: tuple[str, ...] = ()
     reasons: tuple[str, ...] = ()
 
 

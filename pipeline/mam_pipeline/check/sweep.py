@@ -37,7 +37,8 @@ class JointSweep:
         area: share of the part's area that is deeper than the sweep's own small tolerance.
         gap: largest distance between part and rest beyond that at rest (slides); None where a
             part is too short to keep contact by itself.
-        line_gap: distance of the hinge line from either body, or twice its stray (hinges).
+        line_gap: distance of the hinge line from either body, or twice its stray (hinges), beyond
+            the distance of the bodies at rest.
         filled: share of the part's area inside other links' collision pieces where their mesh is
             not solid.
     """
@@ -51,7 +52,7 @@ class JointSweep:
 
 
 def sweep_joint(model: CheckModel, joint: Joint, thresholds: Thresholds = THRESHOLDS) -> JointSweep:
-    """Move one part, with all that it carries, through its range; everything else rests."""
+    """Move one part, with all that it carries, through its range; everything else stands still."""
     return _Sweep(model, joint, thresholds).run()
 
 
@@ -78,7 +79,10 @@ class _Sweep:
             return JointSweep(0.0, 0.0, 0.0, None, None, 0.0)
         paths = PartPaths(self.mesh, self.part, self.static)
         depth, at, area, gap = self._penetration(paths)
-        return JointSweep(depth, at, area, gap, self._line_gap(), self._filled(paths))
+        line_gap = self._line_gap()
+        if line_gap is not None:  # a line between bodies that rest apart cannot lie on both
+            line_gap = max(line_gap - paths.rest_gap / self.diagonal, 0.0)
+        return JointSweep(depth, at, area, gap, line_gap, self._filled(paths))
 
     def _sides(self) -> list[FloatArray]:
         """Joint values to visit on either side of the rest pose, away from it."""
