@@ -8,9 +8,12 @@ import sys
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
+
+if TYPE_CHECKING:
+    from mam_pipeline.world import WorldObject
 
 COLUMNS = (
     "name", "category", "seed", "split", "links", "joints", "faces", "fused", "unit", "y_up",
@@ -71,16 +74,22 @@ def generate(
 
 
 def _write(name: str, seed: int, out: Path, textures: bool, plain: bool) -> list[object]:
-    """One asset folder with static.glb in it; returns its row of the manifest."""
+    """Make one object and write its folder; returns its row of the manifest."""
+    from mam_pipeline.world import Style, draw_style, make_object
+    from mam_pipeline.world.object import generator
+
+    style = Style() if plain else draw_style(generator(name, seed, stream=1))
+    return write_object(make_object(name, seed, replace(style, textures=textures)), out)
+
+
+def write_object(made: WorldObject, out: Path) -> list[object]:
+    """One asset folder in `out` with static.glb in it; returns its row of the manifest."""
     import numpy as np
 
     from mam_pipeline.asset.writer import write_asset
     from mam_pipeline.meshio import save_glb
-    from mam_pipeline.world import Style, draw_style, make_object, split_of
-    from mam_pipeline.world.object import generator
+    from mam_pipeline.world import split_of
 
-    style = Style() if plain else draw_style(generator(name, seed, stream=1))
-    made = make_object(name, seed, replace(style, textures=textures))
     folder = out / made.name
     loose = out / f".{made.name}.static.glb"
     # the file keeps the object's own axes and unit: nothing is turned on the way
@@ -97,7 +106,7 @@ def _write(name: str, seed: int, out: Path, textures: bool, plain: bool) -> list
     replace(asset.card, seconds={}).save(folder)
     shutil.move(loose, folder / "static.glb")
     return [
-        made.name, name, seed, split_of(name, seed), len(made.articulation.links),
-        len(made.articulation.joints), len(made.static.faces), int(made.style.fused),
-        made.style.unit, int(made.style.y_up), digest,
+        made.name, made.category, made.seed, split_of(made.category, made.seed),
+        len(made.articulation.links), len(made.articulation.joints), len(made.static.faces),
+        int(made.style.fused), made.style.unit, int(made.style.y_up), digest,
     ]  # fmt: skip

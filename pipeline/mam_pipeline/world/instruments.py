@@ -100,7 +100,7 @@ def music_box(b: Builder) -> None:
     d, w, h = b.uniform(0.08, 0.14), b.uniform(0.1, 0.18), b.uniform(0.05, 0.09)
     b.size(d, w, h)
     b.theme(b.choice(("wood", "wood", "paint")))
-    g = max(b.gap, 0.0008)
+    g = max(min(b.gap, 0.005 * b.diagonal), 0.0008)
     b.shell("base", (0, -w / 2, 0), (d, w / 2, h), 0.006, "+z", "body", "solid")
     b.box("base", (0.006, -w / 2 + 0.006, 0.45 * h), (d - 0.006, w / 2 - 0.006, 0.5 * h), "fabric")
     lidded = b.chance(0.7)

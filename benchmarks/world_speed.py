@@ -1,0 +1,75 @@
+"""Measures how fast the procedural world makes objects, per category and in total.
+
+    OMP_NUM_THREADS=1 python benchmarks/world_speed.py [--seeds 4] [--only safe oven] [--write]
+
+Times are processor seconds of one core (a busy machine does not change them), without textures
+and without fused meshes, which cost about a second each. `made` is the exact object with its
+static mesh, as training draws it; with --write, `written` adds what `mam-sim generate
+--no-textures` puts on the disk: the static GLB, the URDF with its meshes, and the card.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from mam_pipeline.world import CATEGORIES, draw_style, make_object
+from mam_pipeline.world.object import generator
+from mam_sim.verbs.generate import write_object
+
+
+def main() -> None:
+    """Print one line per category, then the totals."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=4)
+    parser.add_argument("--start", type=int, default=0)
+    parser.add_argument("--only", nargs="*", default=[])
+    parser.add_argument("--write", action="store_true")
+    args = parser.parse_args()
+    made, written = [], []
+    make_object("safe", 0)  # imports are not counted
+    for name in args.only or list(CATEGORIES):
+        times = np.array(
+            [one(name, seed, args.write) for seed in range(args.start, args.start + args.seeds)]
+        )
+        made.append(times[:, 0])
+        written.append(times[:, 1])
+        line = f"{name:<24} {1 / times[:, 0].mean():7.1f} made/s"
+        line += f" {1 / times[:, 1].mean():7.1f} written/s" if args.write else ""
+        print(line, flush=True)
+    text = f"{len(made)} categories, {np.size(made)} objects: {rate(made)}"
+    print(text + (f"; written: {rate(written)}" if args.write else ""))
+
+
+def one(name: str, seed: int, write: bool) -> tuple[float, float]:
+    """Seconds to make one object with its static mesh, and to write it as well."""
+    style = replace(draw_style(generator(name, seed, stream=1)), fused=False, textures=False)
+    began = time.process_time()
+    object_ = make_object(name, seed, style)
+    faces = len(object_.static.faces)
+    made = time.process_time() - began
+    assert faces > 0
+    if not write:
+        return made, made
+    with tempfile.TemporaryDirectory() as folder:
+        began = time.process_time()
+        write_object(object_, Path(folder))
+        return made, made + time.process_time() - began
+
+
+def rate(times: list[np.ndarray]) -> str:
+    """Objects a second on one core and, at twice that, on two; the slowest and fastest kinds."""
+    every = np.concatenate(times)
+    per_kind = 1 / np.array([t.mean() for t in times])
+    one_core = 1 / every.mean()
+    return (f"{one_core:.1f} objects/s on one core, {2 * one_core:.1f} on two "
+            f"(categories from {per_kind.min():.1f} to {per_kind.max():.1f} on one)")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
