@@ -157,7 +157,7 @@ def stapler(b: Builder) -> None:
     mag = part(b, "lever", "magazine")
     up = 0.12
     pivot = np.array([x, 0, z])
-    b.cylinder(mag, (x, -0.38 * w, z), (x, 0.38 * w, z), 0.005, None, "metal")
+    b.cylinder(mag, (x, -0.44 * w, z), (x, 0.44 * w, z), 0.005, None, "metal")
     with b.moved(pivot, (0, 1, 0), up):
         b.box(mag, (-0.85 * l, -0.25 * w, -0.006), (0.01, 0.25 * w, 0.004), "metal")
         b.box(mag, (-0.87 * l, -0.2 * w, -0.008), (-0.85 * l, 0.2 * w, 0.004), "dark")
