@@ -86,6 +86,7 @@ def holds(
             out += _variants(robot, g, "grip", (*tilts, *steep))
         if goal.task == "close":
             out += _variants(robot, _pushing(model, goal, g), "push", tilts, extra=0.5)
+    out = _weighed(model, goal, out)
     fits = [h for h in (fitting(model, goal, robot, hold) for hold in out) if h is not None]
     if out and not fits:
         raise PlacementError(
@@ -104,6 +105,19 @@ def holds(
             else f"{name}: joint {goal.joint!r} can only be pushed, and not in that direction"
         )
     return fits
+
+
+def _weighed(model: ObjectModel, goal: JointGoal, rows: list[Hold]) -> list[Hold]:
+    """Holds near a hinge cost more: the same door asks for more force there."""
+    if goal.subtype == "slide" or not rows:
+        return rows
+    q = np.array([goal.q_start, goal.q_start + 0.02 * (goal.q_goal - goal.q_start)])
+    motion = model.motion(goal.joint, q, {})
+    points = np.stack([h.grasp.position for h in rows])
+    where = np.einsum("kij,nj->kni", motion[:, :3, :3], points) + motion[:, None, :3, 3]
+    travel = np.linalg.norm(where[1] - where[0], axis=1)
+    share = travel / max(float(travel.max()), 1e-12)
+    return [replace(h, cost=h.cost + 0.8 * (1 - float(s))) for h, s in zip(rows, share)]
 
 
 def fitting(model: ObjectModel, goal: JointGoal, robot: RobotSpec, hold: Hold) -> Hold | None:

@@ -96,16 +96,15 @@ class ObjectModel:
         return lower, upper
 
     def grasps(self, joint: str) -> list[CardGrasp]:
-        """The joint's grasps, most confident first, scaled; where it has none, those of the
-        joints that it carries (a door is opened by the knob on it)."""
+        """The joint's grasps, most confident first, scaled, and after them those of the joints
+        that it carries (a door is opened by the knob on it)."""
         found = [g for g in self.asset.card.grasps if g.joint == joint]
-        if not any(g.kind != "push" for g in found):
-            carried = set(self.moving_links(joint))
-            found += [
-                replace(g, joint=joint, confidence=0.8 * g.confidence)
-                for g in self.asset.card.grasps
-                if g.joint != joint and g.link in carried and g.kind in ("handle", "knob")
-            ]
+        carried = set(self.moving_links(joint))
+        found += [
+            replace(g, joint=joint, confidence=0.7 * g.confidence)
+            for g in self.asset.card.grasps
+            if g.joint != joint and g.link in carried and g.kind in ("handle", "knob", "edge")
+        ]
         s = self.scale
         rows = [
             replace(g, position=[s * v for v in g.position], width=g.width * s, depth=g.depth * s)

@@ -69,7 +69,8 @@ def surface_holds(model: ObjectModel, goal: JointGoal, robot: RobotSpec) -> list
     rest = np.linalg.inv(model.motion(goal.joint, np.array([goal.q_start]), {})[0])
     found: list[Hold] = []
     for kind, make in (("pinch", _pinches), ("hook", _hooks), ("push", _pushes)):
-        rows = sorted(make(model, goal, robot, skin), key=lambda h: h.cost)
+        rows = make(model, goal, robot, skin)
+        rows = sorted(_roomy(model, robot, skin, rows), key=lambda h: h.cost)
         kept: list[Hold] = []
         for hold in _spread(rows, 3 * KEEP[kind]):
             fits = fitting(model, goal, robot, _moved(hold, rest))
@@ -192,6 +193,21 @@ def _pushes(model: ObjectModel, goal: JointGoal, robot: RobotSpec, skin: Skin) -
         extra = 0.3 + 0.8 * (1 - float(skin.lever[i])) + 0.4 * (1 - float(behind[i]))
         out += push_variants(robot, grasp, extra)
     return out
+
+
+def _roomy(model: ObjectModel, robot: RobotSpec, skin: Skin, rows: list[Hold]) -> list[Hold]:
+    """Those whose hand, seen as a few points, is outside the object: thousands at little cost."""
+    if not rows:
+        return []
+    opened = robot.closed if rows[0].mode == "push" else robot.opening(0.6 * robot.max_width)
+    fingers, palm = robot.hand_surface(opened)
+    few = [p[:: max(1, len(p) // 12)] for p in (fingers[fingers[:, 2] < -0.005], palm) if len(p)]
+    hand = np.concatenate(few)
+    tools = np.stack([h.tool for h in rows])
+    points = np.einsum("nij,pj->npi", tools[:, :3, :3], hand) + tools[:, None, :3, 3]
+    depth = model.depth(points.reshape(-1, 3), skin.start).reshape(len(rows), -1)
+    free = depth.max(axis=1) < 0.006
+    return [h for h, ok in zip(rows, free) if ok]
 
 
 def _card(

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
+from mam_envs.vulkan import vulkan_ok
 from mam_pipeline.errors import InputError
 from mam_policies.collect import CollectConfig, collect
 from mam_policies.lerobot_dataset import load_dataset
@@ -59,3 +63,38 @@ def test_a_foreign_folder_is_left_alone(drawer: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is not empty"):
         collect(CollectConfig(asset=str(drawer), episodes=1), tmp_path)
     assert (tmp_path / "thesis.txt").read_text() == "mine"
+
+
+@pytest.mark.slow
+def test_kill_9_loses_at_most_the_running_attempt(drawer: Path, tmp_path: Path) -> None:
+    # slow: a second process imports the simulator
+    out = tmp_path / "demos"
+    command = [sys.executable, "-m", "mam_sim.cli", "collect", str(drawer), "--out", str(out)]
+    running = subprocess.Popen([*command, "--episodes", "50", "--quiet"])
+    attempts = out / "attempts"
+    until = time.monotonic() + 600
+    while len(list(attempts.glob("0*.json"))) < 2:
+        assert running.poll() is None and time.monotonic() < until
+        time.sleep(0.05)
+    running.kill()  # SIGKILL
+    running.wait()
+    finished = sorted(attempts.glob("0*.json"))
+    before = [f.read_bytes() for f in finished]
+    wanted = 1 + sum(json.loads(text)["success"] for text in before)
+    more = collect(CollectConfig(asset=str(drawer), episodes=wanted), out)
+    assert more.resumed == len(finished) and more.episodes == wanted
+    assert [f.read_bytes() for f in finished] == before
+    assert load_dataset(more.dataset).num_episodes == wanted
+
+
+@pytest.mark.display
+@pytest.mark.slow
+@pytest.mark.skipif(not vulkan_ok(), reason="no Vulkan device to render with")
+def test_videos_go_into_the_dataset(drawer: Path, tmp_path: Path) -> None:
+    # slow: every control step is rendered on the CPU
+    world = {"cameras": {"front": {"width": 32, "height": 24}}, "wall": False}
+    config = CollectConfig(asset=str(drawer), episodes=1, video=True, env={"world": world})
+    made = collect(config, tmp_path / "demos")
+    data = load_dataset(made.dataset)
+    assert data.features["observation.images.front"]["shape"] == (24, 32, 3)
+    assert data[len(data) // 2]["observation.images.front"].shape == (3, 24, 32)

@@ -27,12 +27,17 @@ from mam_pipeline.types import FloatArray
 TILTS = (0, 15, 30, 45, 60)
 CLOSE_STEPS = 6
 SETTLE_STEPS = 25
+RELEASE_STEPS = 14
 HAND_SPEED = 0.012
 """Metres per control step (20 Hz) at which the hand drags the part."""
 PUSH_SPEED = 0.007
 """The same where it only pushes: what is struck runs ahead, and is not moved by contact then."""
 LONGEST = 90
 """Control steps that a way may take, whatever its length."""
+GIVE = 0.006
+"""Metres that a pulling arm stays behind its target."""
+SHORT = 0.06
+"""Ways of fewer metres than this at the hand may be lost in that give."""
 PAUSE_STEPS = 4
 """Control steps in which the arm catches up with its target before it pushes."""
 
@@ -51,7 +56,7 @@ class Plan:
         path: the arm path it times.
         arm: (T, n) joint targets, radians.
         gripper: (T,) gripper commands.
-        phase: (T,) names: move, approach, close, follow, settle.
+        phase: (T,) names: move, approach, close, follow, settle, release.
         expected: (T,) joint value of the object that should be reached by then.
     """
 
@@ -156,10 +161,18 @@ def time_path(robot: RobotSpec, now: Situation, path: ArmPath) -> Plan:
     gentle = 1.0 if pushing else 0.25
     arm, values = _timed_with(path.follow, path.q, 0.5 * robot.step, least, gentle)
     add(arm, closed, "follow", values)
-    add(np.repeat(path.follow[-1:], SETTLE_STEPS, axis=0), closed, "settle", float(path.q[-1]))
+    settle = SETTLE_STEPS if now.goal.tolerance == 0.0 else SETTLE_STEPS // 3
+    add(np.repeat(path.follow[-1:], settle, axis=0), closed, "settle", float(path.q[-1]))
     return Plan(
         path, np.concatenate(rows), np.array(grip), tuple(names), np.array(expected)
     )
+
+
+def hand_travel(now: Situation, path: ArmPath) -> float:
+    """Metres that the hand travels per unit of joint motion."""
+    ends = tool_path(now.model, now.goal, path.hold, path.q[[0, len(path.q) // 2]])[:, :3, 3]
+    moved = abs(float(path.q[len(path.q) // 2] - path.q[0]))
+    return float(np.linalg.norm(ends[1] - ends[0])) / max(moved, 1e-9)
 
 
 def correction(now: Situation, done: Plan) -> Plan | None:
@@ -172,9 +185,14 @@ def correction(now: Situation, done: Plan) -> Plan | None:
     way = goal.q_goal - goal.q_start
     lacks = goal.q_goal - now.q
     near = abs(lacks) <= 0.7 * goal.tolerance if goal.tolerance else lacks * way <= 0.0
-    if near or (now.q - goal.q_start) * way < 0.1 * way * way:
+    lever = hand_travel(now, path)
+    short = abs(way) * lever < SHORT  # the arm's own give may be as long
+    if near:
+        return _release(robot, done) if done.gripper[-1] != hold_opening(robot, path.hold) else None
+    if not short and (now.q - goal.q_start) * way < 0.1 * way * way:
         return None
-    extra = lacks if goal.tolerance else lacks + 0.08 * way
+    give = 0.0 if goal.tolerance else max(0.08 * abs(way), GIVE / max(lever, 1e-6))
+    extra = lacks + np.sign(way) * give
     begin = float(done.expected[-1])
     values = begin + np.linspace(0.0, 1.0, 7)[1:] * extra
     into = np.linalg.inv(now.base) @ now.world_asset
@@ -201,6 +219,19 @@ def correction(now: Situation, done: Plan) -> Plan | None:
         np.full(count, done.gripper[-1]),
         (("follow",) * len(steps)) + (("settle",) * len(still)),
         np.concatenate([expected, np.full(len(still), expected[-1])]),
+    )
+
+
+def _release(robot: RobotSpec, done: Plan) -> Plan | None:
+    """Open the hand where it is: a squeezed knob trembles, and is still once it is let go."""
+    if done.path.hold.mode == "push":
+        return None
+    return Plan(
+        done.path,
+        np.repeat(done.arm[-1:], RELEASE_STEPS, axis=0),
+        np.full(RELEASE_STEPS, hold_opening(robot, done.path.hold)),
+        ("release",) * RELEASE_STEPS,
+        np.repeat(done.expected[-1:], RELEASE_STEPS),
     )
 
 

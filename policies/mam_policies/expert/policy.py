@@ -11,7 +11,7 @@ from mam_envs.env import OperateJointEnv, Situation
 from mam_envs.reach import Hold
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import FloatArray
-from mam_policies.expert.plan import Plan, PlanningError, correction, plan
+from mam_policies.expert.plan import Plan, PlanningError, correction, hand_travel, plan
 
 MODES = ("pd_joint_pos", "pd_joint_delta_pos", "pd_joint_target_delta_pos")
 RETREAT_STEPS = 14
@@ -19,6 +19,8 @@ CORRECTIONS = 3
 """Times that a hand which has come to its end goes on by what the joint still lacks."""
 SLIP = 0.3
 """Share of the whole way that the joint may lag behind the hand before it counts as slipped."""
+SLIP_LENGTH = 0.03
+"""Metres at the hand below which a lag is the arm's give, not a slip."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,8 @@ class Expert:
     Usage: `expert.reset()` after `env.reset(...)`, then `env.step(expert.act())`.
 
     Attributes:
-        phase: name of what it does now (move, approach, close, follow, settle, retreat, done).
+        phase: name of what it does now (move, approach, close, follow, settle,
+            release, retreat, done).
         target: (n,) arm joint target of the last action, radians.
     """
 
@@ -135,8 +138,9 @@ class Expert:
 
     def _slipped(self, now: Situation) -> bool:
         way = now.goal.q_goal - self.plan.path.q[0]
-        behind = (self.plan.expected[self.at] - now.q) / (way if abs(way) > 1e-9 else 1e-9)
-        return bool(behind > SLIP)
+        lag = self.plan.expected[self.at] - now.q
+        behind = lag / (way if abs(way) > 1e-9 else 1e-9)
+        return bool(behind > SLIP) and abs(lag) * hand_travel(now, self.plan.path) > SLIP_LENGTH
 
     def _may_retry(self) -> bool:
         return len(self.plans) < self.attempts
