@@ -24,6 +24,7 @@ Motion = Literal["revolute", "prismatic"]
 START = 0.0025  # path before which a crossing is a contact at rest, of the diagonal
 COINCIDENT = 0.0002  # closer than this, two surfaces are one, of the diagonal
 CHORD = np.deg2rad(6.0)  # longest arc replaced by its chord: 0.14 % of the radius off
+_BATCH = 24  # lines swept at once
 DEEP = 0.004  # depth behind a crossed surface that counts as blocked, of the diagonal
 
 
@@ -90,6 +91,30 @@ def motion_points(
     turn = cos * np.eye(3) + sin * k + (1.0 - cos) * np.outer(axis, axis)  # Rodrigues
     out = (points - origin) @ turn.transpose(0, 2, 1)
     out += origin
+    return np.asarray(out)
+
+
+def _cross_matrices(axes: FloatArray) -> FloatArray:
+    """Matrices (L, 3, 3) that multiply by the vector product with each axis."""
+    out = np.zeros((len(axes), 3, 3))
+    for i, j, k, sign in ((0, 1, 2, -1), (0, 2, 1, 1), (1, 2, 0, -1)):
+        out[:, i, j], out[:, j, i] = sign * axes[:, k], -sign * axes[:, k]
+    return out
+
+
+def _circles(
+    axes: FloatArray, origins: FloatArray, points: FloatArray, angles: FloatArray
+) -> FloatArray:
+    """Points (S, 3) turned about L lines by angles (m,): (m, L, S, 3)."""
+    arm = points - origins[:, None]
+    along = np.einsum("lsk,lk->ls", arm, axes)[..., None] * axes[:, None]
+    radial = arm - along
+    tangent = np.einsum("lij,lsj->lsi", _cross_matrices(axes), radial)
+    middle = origins[:, None] + along
+    cos, sin = np.cos(angles)[:, None, None, None], np.sin(angles)[:, None, None, None]
+    out = cos * radial
+    out += sin * tangent
+    out += middle
     return np.asarray(out)
 
 
@@ -261,6 +286,52 @@ class SweepScene:
             if d.shape[1]:
                 worst = np.maximum(worst, d.max(axis=1))
         return SweepResult(wanted, np.minimum(blocked, 1.0), worst, share, gap)
+
+    def blocked_many(
+        self, motion: Motion, axes: FloatArray, origins: FloatArray, values: FloatArray
+    ) -> FloatArray:
+        """The `blocked` of many sweeps at once: about five times as fast as one after the other.
+
+        Args:
+            axes: (L, 3) unit directions; origins: (L, 3) points on them (ignored by slides).
+            values: (n,) joint values of revolute lines, the same for all, or (L, n) of slides.
+
+        Returns:
+            (L, n) as in `SweepResult.blocked`.
+        """
+        count = len(axes)
+        if count == 0:
+            return np.zeros((0, np.shape(values)[-1]))
+        if count > _BATCH:  # what fits the processor's cache is twice as fast
+            cuts = range(0, count, _BATCH)
+            return np.concatenate([
+                self.blocked_many(
+                    motion, axes[i : i + _BATCH], origins[i : i + _BATCH],
+                    values if motion == "revolute" else values[i : i + _BATCH],
+                ) for i in cuts
+            ])  # fmt: skip
+        if motion == "revolute":
+            q, index = _substeps(motion, np.asarray(values, dtype=np.float64), self._chord)
+            path = _circles(axes, origins, self.points, q)
+            back = _circles(axes, origins, self.static_points, -q)
+        else:
+            each = np.concatenate([np.zeros((count, 1)), values], axis=1).T
+            shift = (each[:, :, None] * axes)[:, :, None, :]
+            path, back = self.points + shift, self.static_points - shift
+            index = np.arange(len(each) - 1, dtype=np.int64)
+        steps, mine, theirs = len(path), len(self.points), len(self.static_points)
+        flat = path.reshape(steps, count * mine, 3)
+        depth = self._crossings(flat, self.static_scene, index).reshape(-1, count, mine)
+        depth[:, :, self._grazing] = 0.0
+        if len(self._touch):
+            moved = path[index + 1][:, :, self._touch] - self.points[self._touch]
+            pushed = np.einsum("nlsk,sk->nls", moved, self._into)
+            depth[:, :, self._touch] = np.maximum(depth[:, :, self._touch], pushed)
+        other = self._crossings(back.reshape(steps, count * theirs, 3), self.part_scene, index)
+        deep = DEEP * self.diagonal
+        hit = np.logical_or.accumulate(depth > deep, axis=0).sum(axis=2) / max(mine, 1)
+        other_hit = np.logical_or.accumulate(other.reshape(-1, count, theirs) > deep, axis=0)
+        return np.minimum(hit + other_hit.sum(axis=2) * self._static_weight, 1.0).T
 
     def _crossings(self, path: FloatArray, scene: RayScene, index: IntArray) -> FloatArray:
         """Deepest crossing so far (m, S) at the asked steps `index` (m,) of paths (n + 1, S, 3)."""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mam_pipeline.geometry.boxes import Box, aligned_box, minimal_box, principal_axes
 from mam_pipeline.geometry.frames import ObjectFrame
-from mam_pipeline.geometry.sampling import unit
+from mam_pipeline.geometry.raycast import RayScene
+from mam_pipeline.geometry.sampling import thin_out, unit
 from mam_pipeline.geometry.sweep import ContactSet, SweepScene
 from mam_pipeline.types import FloatArray, IntArray, Mesh
 
@@ -39,10 +41,12 @@ class PartContext:
         box: the part's box: along the object's axes, or the least one if that is much tighter.
         aligned: box along the object's axes.
         contact: contact set at gap + 0.003 diagonals.
-        exposure: (6,) share of the part's samples that see the outside along +x +y +z -x -y -z
-            of the *part box* axes.
+        clearance: (6, S) free way of every sample along +x +y +z -x -y -z of the *part box* axes
+            until something static, in diagonals; infinite where nothing lies ahead.
         front: (3,) unit direction the part shows to the outside.
         handle: what sticks out in front.
+        others: boxes of the other movable parts along this part's box axes, (n, 2, 3) low and
+            high; None when they are not known.
     """
 
     scene: SweepScene
@@ -50,9 +54,37 @@ class PartContext:
     box: Box
     aligned: Box
     contact: ContactSet
-    exposure: FloatArray
+    clearance: FloatArray
     front: FloatArray
     handle: Handle
+    others: FloatArray | None = None
+
+    @property
+    def exposure(self) -> FloatArray:
+        """(6,) share of the part's samples that see the outside along the box directions."""
+        return np.asarray((~np.isfinite(self.clearance)).mean(axis=1))
+
+    @property
+    def rise(self) -> FloatArray:
+        """(3,) the box axis across the front that is most upright, else the longer one."""
+        across = [k for k in range(3) if abs(float(self.box.axes[k] @ self.front)) < 0.5]
+        up = [abs(float(self.box.axes[k] @ self.frame.up)) for k in across]
+        k = across[int(np.argmax(up))]
+        if max(up) < 0.3:
+            k = across[int(np.argmax(self.box.half[across]))]
+        axis = self.box.axes[k]
+        return np.asarray(-axis if float(axis @ self.frame.up) < 0 else axis)
+
+    def towards(self, direction: FloatArray) -> int:
+        """Row of `clearance` whose direction is nearest to the given one."""
+        share = self.box.axes @ direction
+        k = int(np.argmax(np.abs(share)))
+        return k if share[k] > 0 else k + 3
+
+    def half_along(self, direction: FloatArray) -> float:
+        """Half extent of the part's box along a direction, never zero."""
+        reach = float(np.abs(self.box.axes @ direction) @ self.box.half)
+        return max(reach, 1e-5 * self.diagonal)
 
     @property
     def diagonal(self) -> float:
@@ -67,50 +99,65 @@ def part_context(
     frame: ObjectFrame,
     *,
     parent_faces: IntArray | None = None,
+    others: Sequence[IntArray] | None = None,
     seed: int = 0,
-    samples: int = 300,
-    static_samples: int = 500,
+    samples: int = 110,
+    static_samples: int = 170,
 ) -> PartContext:
     """Measure a part.
 
     Args:
         part_faces: of the moving part with everything it carries. static_faces: all that does
             not move with it. parent_faces: where contact is looked for (default: static).
+        others: faces of each of the other movable parts, if they are known.
     """
     scene = SweepScene(
         mesh, part_faces, static_faces,
-        samples=samples, static_samples=static_samples, contact_samples=2000, seed=seed,
-        chord=np.deg2rad(10.0),
+        samples=samples, static_samples=static_samples, contact_samples=900, seed=seed,
+        chord=np.deg2rad(15.0),
     )  # fmt: skip
     vertices = mesh.vertices[np.unique(mesh.faces[part_faces])]
     aligned = aligned_box(vertices, frame.axes)
-    least = minimal_box(vertices)
+    least = minimal_box(vertices, directions=10)
     turned = np.degrees(np.arccos(np.clip(np.abs(least.axes @ frame.axes.T).max(axis=1), 0, 1)))
     box = least if least.volume < 0.8 * aligned.volume and turned.max() > 6.0 else aligned
-    if parent_faces is None or len(parent_faces) == len(static_faces):
-        contact = scene.contact()
-    else:
-        contact = SweepScene(
-            mesh, part_faces, parent_faces, samples=1, static_samples=1,
-            contact_samples=2000, seed=seed,
-        ).contact()  # fmt: skip
-    exposure = _exposure(scene, box, frame)
-    front = _front(box, exposure, frame, scene)
+    whole = parent_faces is None or len(parent_faces) in (0, len(static_faces))
+    contact = scene.contact() if whole else _contact(scene, mesh, parent_faces)
+    clearance = _clearance(scene, box)
+    front = _front(box, (~np.isfinite(clearance)).mean(axis=1), frame, scene)
+    boxes = None
+    if others is not None:
+        found = [mesh.vertices[np.unique(mesh.faces[f])] @ box.axes.T for f in others if len(f)]
+        boxes = np.array([[v.min(axis=0), v.max(axis=0)] for v in found]).reshape(-1, 2, 3)
     return PartContext(
-        scene, frame, box, aligned, contact, exposure, front, _handle(scene, box, front)
+        scene, frame, box, aligned, contact, clearance, front, _handle(scene, box, front), boxes
     )
 
 
-def _exposure(scene: SweepScene, box: Box, frame: ObjectFrame) -> FloatArray:
-    """Share of samples whose ray along each box direction meets nothing static."""
-    directions = np.concatenate([box.axes, -box.axes]) * frame.diagonal
-    out = np.zeros(6)
-    for k, d in enumerate(directions):
-        hits = scene.static_scene.first_hits(
-            scene.points + 0.002 * d, np.broadcast_to(d, scene.points.shape)
-        )
-        out[k] = float((~np.isfinite(hits.t)).mean())
-    return out
+def _contact(scene: SweepScene, mesh: Mesh, parent_faces: IntArray) -> ContactSet:
+    """Contact with the parent only, at gap + 0.003 diagonals."""
+    near = RayScene(mesh.vertices, mesh.faces[parent_faces]).closest(scene.dense.points)
+    gap = float(near.distance.min(initial=np.inf))
+    tau = gap + 0.003 * scene.diagonal
+    mask = near.distance < tau
+    keep = np.flatnonzero(mask)[thin_out(int(mask.sum()), 2000)]
+    return ContactSet(
+        scene.dense.points[keep], near.points[keep], near.normals[keep], gap, tau,
+        float(mask.mean()) if len(mask) else 0.0,
+    )  # fmt: skip
+
+
+def _clearance(scene: SweepScene, box: Box) -> FloatArray:
+    """Free way (6, S) of the samples along the box directions, in diagonals.
+
+    Rays start a little behind the sample, so that what touches it counts as being at no distance.
+    """
+    directions = np.concatenate([box.axes, -box.axes]) * scene.diagonal
+    n = len(scene.points)
+    back = 0.002
+    origins = (scene.points[None] - back * directions[:, None]).reshape(-1, 3)
+    hits = scene.static_scene.first_hits(origins, np.repeat(directions, n, axis=0))
+    return np.asarray(np.maximum(hits.t.reshape(6, n) - back, 0.0))
 
 
 def _front(box: Box, exposure: FloatArray, frame: ObjectFrame, scene: SweepScene) -> FloatArray:
@@ -209,7 +256,7 @@ def revolute_lines(context: PartContext, axis: FloatArray) -> list[FloatArray]:
         spots.append(flat[flat[:, k] >= flat[:, k].max() - cut].mean(axis=0))
     keep: list[FloatArray] = []
     for s in spots:
-        if all(np.linalg.norm(s - other) > 0.006 * context.diagonal for other in keep):
+        if all(np.linalg.norm(s - other) > 0.009 * context.diagonal for other in keep):
             keep.append(s)
     height = float(context.box.center @ axis) * axis
     return [s[0] * cross[0] + s[1] * cross[1] + height for s in keep]

@@ -1,7 +1,7 @@
 """Scores of joint hypotheses: a learned model when its weights are there, hand-set rules otherwise.
 
-Three questions, each answered from the features of `joints.features`: does the part move and by
-which kind of joint (from the part and the best hypothesis of each kind); which line; which slide.
+Each question is answered from the features of `joints.features`: which line, which slide; does the
+part move; and if it does, does it slide (both from the part and the best hypotheses of each kind).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from mam_pipeline.errors import ConfigError
 from mam_pipeline.joints.features import LINE_NAMES, PART_NAMES, SLIDE_NAMES, Hypothesis
 from mam_pipeline.types import FloatArray
 
@@ -30,7 +31,7 @@ def rule_line_scores(lines: FloatArray) -> FloatArray:
     hinge_score = (
         -1.2 * (col["free_60"] + col["free_90"])
         - 2.0 * (np.minimum(col["line_part"], 0.2) + np.minimum(col["line_static"], 0.2)) * 5
-        - 1.0 * np.minimum(col["other_gap"], 0.1) * 5
+        - 1.0 * np.minimum(col["near_gap"], 0.1) * 5
         + 0.5 * np.clip(col["handle_far"], 0, 1)
         + 0.5 * np.minimum(col["off_axis"], 1.0)
         + 0.3 * col["up"]
@@ -52,11 +53,16 @@ def rule_slide_scores(slides: FloatArray) -> FloatArray:
     )  # fmt: skip
 
 
-_LEAST = ("free_30", "free_60", "free_90", "line_part", "line_static", "other_gap", "spin_match",
-          "contact_mean", "contact_centred", "free_0", "free_2", "free_4", "contact_normal",
-          "leaves_object")  # fmt: skip
-_MOST = ("other_30", "other_90", "handle_far", "along_share", "contact_near", "contact_span",
-         "other_0", "other_2", "free_exposure", "free_front", "handle_along")  # fmt: skip
+_LEAST = (
+    "free_30", "free_60", "free_90", "line_part", "line_static", "near_gap", "spin_match",
+    "contact_mean", "contact_centred", "free_0", "free_2", "free_4", "contact_normal",
+    "leaves_object", "static_max",
+)  # fmt: skip
+_MOST = (
+    "other_30", "other_90", "handle_far", "along_share", "contact_near", "contact_span",
+    "other_0", "other_2", "free_exposure", "free_front", "handle_along", "keep", "keep_other",
+    "snug_more", "snug_less", "far_gap",
+)  # fmt: skip
 
 
 def model_rows(part: FloatArray, rows: FloatArray, names: Sequence[str]) -> FloatArray:
@@ -77,16 +83,27 @@ def model_rows(part: FloatArray, rows: FloatArray, names: Sequence[str]) -> Floa
 
 def kind_features(part: FloatArray, hypotheses: Sequence[Hypothesis], lines: FloatArray,
                   slides: FloatArray) -> FloatArray:  # fmt: skip
-    """One row: the part, then the two best lines and slides by their scores (n,)."""
+    """One row: the part, the two best lines and slides by their scores (n,), and what the freest
+    line and slide leave blocked."""
     row = [part]
-    for revolute, scores, width in ((True, lines, len(LINE_NAMES)),
-                                    (False, slides, len(SLIDE_NAMES))):  # fmt: skip
-        rows = [h.features for h in hypotheses if h.revolute == revolute]
+    least = []
+    for revolute, scores, names in ((True, lines, LINE_NAMES), (False, slides, SLIDE_NAMES)):
+        rows = np.array([h.features for h in hypotheses if h.revolute == revolute])
+        rows = rows.reshape(-1, len(names))
         order = np.argsort(-scores, kind="stable")[:2]
         for k in range(2):
-            row.append(rows[order[k]] if k < len(order) else np.full(width, np.nan))
-        row.append(np.sort(scores)[::-1][:1] if len(scores) else np.array([np.nan]))
-    return np.concatenate(row)
+            row.append(rows[order[k]] if k < len(order) else np.full(len(names), np.nan))
+        top = np.sort(scores)[::-1]
+        row.append(np.array([top[0] if len(top) else np.nan,
+                             top[0] - top[1] if len(top) > 1 else np.nan]))  # fmt: skip
+        half = 4 if revolute else 5  # columns that start with free_ and other_
+        free, other = rows[:, :half].mean(axis=1), rows[:, half : 2 * half].mean(axis=1)
+        least += [free.min(initial=1.0), (other - free).max(initial=-1.0)]
+    least.append(min((float(h.features[_MATCH]) for h in hypotheses if h.revolute), default=1.0))
+    return np.concatenate([*row, np.array(least)])
+
+
+_MATCH = LINE_NAMES.index("spin_match")
 
 
 def rule_kind(part: FloatArray, lines: FloatArray, slides: FloatArray) -> FloatArray:
@@ -102,21 +119,39 @@ def rule_kind(part: FloatArray, lines: FloatArray, slides: FloatArray) -> FloatA
     return np.asarray(out / out.sum())
 
 
+class Bag:
+    """Boosters trained on different draws of the same data; their mean is steadier than any."""
+
+    def __init__(self, boosters: Sequence[Any]) -> None:
+        self.boosters = tuple(boosters)
+
+    def predict(self, rows: FloatArray, **options: Any) -> FloatArray:
+        """Mean prediction (n,) for rows (n, d); options as of LightGBM's own `predict`."""
+        found = [np.asarray(b.predict(rows, **options)) for b in self.boosters]
+        return np.asarray(np.mean(found, axis=0))
+
+    def num_feature(self) -> int:
+        """How many columns the boosters were trained on."""
+        return int(self.boosters[0].num_feature())
+
+
 @dataclass(frozen=True)
 class Model:
-    """The learned boosters and their temperatures.
+    """The learned bags of boosters and their temperatures.
 
-    Besides the three rankings: does the positive side open (`*_side`), how far from rest to open
-    and back to closed (`*_open`, `*_back`), and does a revolute joint turn without end. Those may
-    be None when the training data held too few cases.
+    Besides the rankings: does the part move, does it slide if it moves, does the positive side open
+    (`*_side`), how far from rest to open and back to closed (`*_open`, `*_back`), and does a
+    revolute joint turn without end. The last may be None when the training data held too few cases.
     """
 
     line: Any
     slide: Any
-    kind: Any
+    moves: Any
+    slides: Any
     line_temperature: float
     slide_temperature: float
-    kind_temperature: float
+    moves_temperature: float
+    slides_temperature: float
     line_side: Any
     slide_side: Any
     line_open: Any
@@ -128,22 +163,38 @@ class Model:
 
 @lru_cache(maxsize=1)
 def learned() -> Model | None:
-    """The packaged model, or None when the package carries no weights."""
+    """The packaged model, or None when the package was built without weights.
+
+    Raises:
+        ConfigError: the weights were made for other features than the code computes.
+    """
     file = resources.files("mam_pipeline.joints") / WEIGHTS
     if not file.is_file():
         return None
+    return unpack(json.loads(gzip.decompress(file.read_bytes())))
+
+
+def unpack(data: dict[str, Any]) -> Model:
+    """A model from plain data, as `train_ranker` packs it.
+
+    Raises:
+        ConfigError: the weights were made for other features than the code computes.
+    """
     import lightgbm
 
-    data = json.loads(gzip.decompress(file.read_bytes()))
-    names = (list(LINE_NAMES), list(SLIDE_NAMES), list(PART_NAMES))
-    if (data["line_names"], data["slide_names"], data["part_names"]) != tuple(names):
-        return None  # made for other features; the rules still hold
+    names = {"line_names": LINE_NAMES, "slide_names": SLIDE_NAMES, "part_names": PART_NAMES}
+    for key, expected in names.items():
+        if tuple(data.get(key, ())) != tuple(expected):
+            raise ConfigError(
+                f"the joint ranker's weights were made for other features ({key} differ); "
+                "train again: python -m mam_pipeline.joints.train_ranker"
+            )
     values: dict[str, Any] = {}
     for field in fields(Model):
         value = data[field.name]
-        values[field.name] = (
-            lightgbm.Booster(model_str=value) if isinstance(value, str) else value
-        )
+        if isinstance(value, list):
+            value = Bag([lightgbm.Booster(model_str=text) for text in value])
+        values[field.name] = value
     return Model(**values)
 
 
@@ -174,26 +225,33 @@ def softmax(scores: FloatArray, temperature: float = 1.0) -> FloatArray:
 def rank(part: FloatArray, hypotheses: Sequence[Hypothesis], *, rules: bool = False) -> Ranking:
     """Rank one part's hypotheses with the learned model, or with the rules if asked for."""
     lines = np.array([h.features for h in hypotheses if h.revolute]).reshape(-1, len(LINE_NAMES))
-    slides = np.array([h.features for h in hypotheses if not h.revolute])
-    slides = slides.reshape(-1, len(SLIDE_NAMES))
+    ways = np.array([h.features for h in hypotheses if not h.revolute])
+    ways = ways.reshape(-1, len(SLIDE_NAMES))
     model = None if rules else learned()
     if model is None:
-        a, b = rule_line_scores(lines), rule_slide_scores(slides)
+        a, b = rule_line_scores(lines), rule_slide_scores(ways)
         return Ranking(rule_kind(part, a, b), softmax(a, 0.15), softmax(b, 0.15),
                        np.ones(len(a)), np.ones(len(b)))  # fmt: skip
     line_rows = model_rows(part, lines, LINE_NAMES)
-    slide_rows = model_rows(part, slides, SLIDE_NAMES)
+    slide_rows = model_rows(part, ways, SLIDE_NAMES)
     a = model.line.predict(line_rows, num_threads=1) if len(lines) else np.zeros(0)
-    b = model.slide.predict(slide_rows, num_threads=1) if len(slides) else np.zeros(0)
+    b = model.slide.predict(slide_rows, num_threads=1) if len(ways) else np.zeros(0)
     row = kind_features(part, hypotheses, a, b)
-    raw = np.asarray(model.kind.predict(row[None], raw_score=True, num_threads=1))[0]
+    moves = _odds(model.moves, row, model.moves_temperature)
+    slides = _odds(model.slides, row, model.slides_temperature)
     return Ranking(
-        softmax(raw, model.kind_temperature),
+        np.array([1.0 - moves, moves * slides, moves * (1.0 - slides)]),
         softmax(a, model.line_temperature),
         softmax(b, model.slide_temperature),
-        _side(model.line_side, lines),
-        _side(model.slide_side, slides),
+        _side(model.line_side, part, lines),
+        _side(model.slide_side, part, ways),
     )
+
+
+def _odds(booster: Any, row: FloatArray, temperature: float) -> float:
+    """Probability from a binary booster's margin at a temperature."""
+    margin = float(booster.predict(row[None], raw_score=True, num_threads=1)[0])
+    return float(1.0 / (1.0 + np.exp(-margin / temperature)))
 
 
 NEAR = 0.05  # parallel lines closer than this (of the diagonal) are the same answer to the model
@@ -232,11 +290,12 @@ def settle(hypotheses: Sequence[Hypothesis], p: FloatArray, diagonal: float) -> 
     return out
 
 
-def _side(booster: Any, rows: FloatArray) -> FloatArray:
+def _side(booster: Any, part: FloatArray, rows: FloatArray) -> FloatArray:
     """+1 or -1 (n,): keep or turn the opening direction of each hypothesis."""
     if booster is None or not len(rows):
         return np.ones(len(rows))
-    return np.where(np.asarray(booster.predict(rows, num_threads=1)) >= 0.5, 1.0, -1.0)
+    wide = np.concatenate([rows, np.broadcast_to(part, (len(rows), len(part)))], axis=1)
+    return np.where(np.asarray(booster.predict(wide, num_threads=1)) >= 0.5, 1.0, -1.0)
 
 
 @dataclass(frozen=True)

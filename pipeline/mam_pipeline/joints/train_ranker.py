@@ -16,6 +16,7 @@ import json
 import sys
 import time
 import warnings
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,20 +26,29 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from mam_pipeline.joints.features import LINE_NAMES, PART_NAMES, SLIDE_NAMES
-from mam_pipeline.joints.ranker import WEIGHTS, kind_features, model_rows, softmax
+from mam_pipeline.joints.ranker import WEIGHTS, Bag, kind_features, model_rows, softmax
 from mam_pipeline.joints.training_data import Example, cached_examples
 from mam_pipeline.types import FloatArray
 
 COMMON = {"verbosity": -1, "num_threads": 1, "seed": 0, "deterministic": True,
-          "force_row_wise": True, "feature_fraction": 0.5, "bagging_fraction": 0.7,
-          "bagging_freq": 1, "min_data_in_leaf": 20, "lambda_l2": 5.0}  # fmt: skip
-RANK = {**COMMON, "objective": "lambdarank", "num_leaves": 15, "learning_rate": 0.05,
+          "force_row_wise": True, "feature_fraction": 0.4, "bagging_fraction": 0.7,
+          "bagging_freq": 1, "min_data_in_leaf": 20, "lambda_l2": 5.0, "max_bin": 63}  # fmt: skip
+RANK = {**COMMON, "objective": "lambdarank", "num_leaves": 15, "learning_rate": 0.06,
         "lambdarank_truncation_level": 5, "label_gain": [0, 1, 3]}  # fmt: skip
-KIND = {**COMMON, "objective": "multiclass", "num_class": 3, "num_leaves": 15,
-        "learning_rate": 0.05, "feature_fraction": 0.3}  # fmt: skip
+KIND = {**COMMON, "objective": "binary", "num_leaves": 7, "learning_rate": 0.05,
+        "feature_fraction": 0.3}  # fmt: skip
 BINARY = {**COMMON, "objective": "binary", "num_leaves": 7, "learning_rate": 0.05}
 REACH = {**COMMON, "objective": "l1", "num_leaves": 7, "learning_rate": 0.05}
-FOLDS = 5
+FOLDS = 3
+BAGS = 3
+ROUNDS = {"line": 160, "slide": 100, "moves": 160, "slides": 160}
+
+
+def weights(data: Sequence[Example]) -> FloatArray:
+    """(n,) weight of each example: categories with many joints count less than in proportion."""
+    count = Counter(e.category for e in data)
+    w = np.array([count[e.category] ** -0.5 for e in data])
+    return np.asarray(w / max(w.mean(), 1e-12))
 
 
 def rows_of(example: Example, revolute: bool) -> tuple[FloatArray, FloatArray]:
@@ -49,59 +59,81 @@ def rows_of(example: Example, revolute: bool) -> tuple[FloatArray, FloatArray]:
     return model_rows(example.part, rows, names), example.grade[keep].astype(np.float64)
 
 
-def fit_ranker(data: Sequence[Example], revolute: bool, rounds: int) -> lgb.Booster:
+def bagged(parameters: dict[str, Any], data: lgb.Dataset, rounds: int, bags: int = BAGS) -> Bag:
+    """`bags` boosters that differ in their draws of rows and columns."""
+    data.params = dict(parameters)
+    draws = [{**parameters, "bagging_seed": k, "feature_fraction_seed": k} for k in range(bags)]
+    return Bag([lgb.train(draw, data, rounds) for draw in draws])
+
+
+def fit_ranker(data: Sequence[Example], revolute: bool, rounds: int, bags: int = BAGS) -> Bag:
     """Listwise ranker over the hypotheses of every moving part of the right kind."""
-    pairs = [rows_of(e, revolute) for e in data if e.kind == (2 if revolute else 1)]
-    pairs = [p for p in pairs if p[1].max(initial=0) > 0]
+    chosen = [e for e in data if e.kind == (2 if revolute else 1) and e.grade.max(initial=0) > 0]
+    pairs = [rows_of(e, revolute) for e in chosen]
     x = np.concatenate([p[0] for p in pairs])
     y = np.concatenate([p[1] for p in pairs])
-    return lgb.train(RANK, lgb.Dataset(x, y, group=[len(p[1]) for p in pairs]), rounds)
+    group = [len(p[1]) for p in pairs]
+    data_set = lgb.Dataset(x, y, group=group, weight=np.repeat(weights(chosen), group))
+    return bagged(RANK, data_set, rounds, bags)
 
 
-def kind_rows(
-    data: Sequence[Example], line: lgb.Booster, slide: lgb.Booster
-) -> tuple[FloatArray, FloatArray]:
-    """Rows of the kind model (n, d) and kinds (n,)."""
-    rows = []
-    for e in data:
-        a = np.asarray(line.predict(rows_of(e, True)[0], num_threads=1))
-        b = np.asarray(slide.predict(rows_of(e, False)[0], num_threads=1))
-        rows.append(kind_features(e.part, e.hypotheses, a, b))
-    return np.array(rows), np.array([e.kind for e in data])
+def kind_rows(data: Sequence[Example], line: Bag, slide: Bag) -> FloatArray:
+    """Rows (n, d) of the models of kind, from the scores of two rankers."""
+    found = []
+    for revolute, booster in ((True, line), (False, slide)):
+        rows = [rows_of(e, revolute)[0] for e in data]
+        cuts = np.cumsum([len(r) for r in rows])[:-1]
+        scores = np.asarray(booster.predict(np.concatenate(rows), num_threads=1))
+        found.append(np.split(scores, cuts))
+    return np.array([
+        kind_features(e.part, e.hypotheses, a, b) for e, a, b in zip(data, *found)
+    ])  # fmt: skip
 
 
-def fit_kind(data: Sequence[Example], rounds: int) -> lgb.Booster:
-    """Kind model on out-of-fold scores, so that it sees the rankers as they will be in use."""
+def fit_kinds(data: Sequence[Example]) -> tuple[Bag, Bag]:
+    """Does it move; does it slide. On out-of-fold scores, as the rankers will be met in use."""
     names = sorted({e.name for e in data})
     fold = {n: i % FOLDS for i, n in enumerate(np.random.default_rng(0).permutation(names))}
-    xs, ys = [], []
+    xs: list[FloatArray] = []
+    order: list[Example] = []
     for k in range(FOLDS):
         inside = [e for e in data if fold[e.name] != k]
         left = [e for e in data if fold[e.name] == k]
         if not left:
             continue
-        x, y = kind_rows(left, fit_ranker(inside, True, 80), fit_ranker(inside, False, 60))
-        xs.append(x)
-        ys.append(y)
-    return lgb.train(KIND, lgb.Dataset(np.concatenate(xs), np.concatenate(ys)), rounds)
+        lines, slides = fit_ranker(inside, True, 80, 1), fit_ranker(inside, False, 60, 1)
+        xs.append(kind_rows(left, lines, slides))
+        order += left
+    x = np.concatenate(xs)
+    kind = np.array([e.kind for e in order])
+    moves = bagged(
+        KIND, lgb.Dataset(x, (kind > 0).astype(float), weight=weights(order)), ROUNDS["moves"]
+    )
+    moving = np.flatnonzero(kind > 0)
+    few = [order[i] for i in moving]
+    target = (kind[moving] == 1).astype(float)
+    slide = bagged(
+        KIND, lgb.Dataset(x[moving], target, weight=weights(few)), ROUNDS["slides"]
+    )
+    return moves, slide
 
 
-def fit_side(data: Sequence[Example], revolute: bool, rounds: int) -> lgb.Booster | None:
+def fit_side(data: Sequence[Example], revolute: bool, rounds: int) -> Bag | None:
     """Is the hypothesis's positive side the opening side? On hypotheses near the truth."""
     x, y = [], []
     for e in data:
         for h, opens in zip(e.hypotheses, e.opens):
             if h.revolute == revolute and opens != 0:
-                x.append(h.features)
+                x.append(np.concatenate([h.features, e.part]))
                 y.append(float(opens > 0))
     if len(y) < 100 or min(np.mean(y), 1 - np.mean(y)) < 0.005:
         return None
-    return lgb.train(BINARY, lgb.Dataset(np.array(x), np.array(y)), rounds)
+    return bagged(BINARY, lgb.Dataset(np.array(x), np.array(y)), rounds)
 
 
 def fit_reach(
     data: Sequence[Example], revolute: bool, column: int, rounds: int
-) -> lgb.Booster | None:
+) -> Bag | None:
     """Travel from rest to open (column 0) or to closed (1), on the part's right hypotheses."""
     x, y = [], []
     for e in data:
@@ -113,10 +145,10 @@ def fit_reach(
                 y.append(min(float(e.reach[column]), 6.0))
     if len(y) < 100:
         return None
-    return lgb.train(REACH, lgb.Dataset(np.array(x), np.array(y)), rounds)
+    return bagged(REACH, lgb.Dataset(np.array(x), np.array(y)), rounds, 1)
 
 
-def fit_endless(data: Sequence[Example], rounds: int) -> lgb.Booster | None:
+def fit_endless(data: Sequence[Example], rounds: int) -> Bag | None:
     """Is a revolute joint endless? On the part's right lines."""
     x, y = [], []
     for e in data:
@@ -126,7 +158,7 @@ def fit_endless(data: Sequence[Example], rounds: int) -> lgb.Booster | None:
                 y.append(float(not np.isfinite(e.reach).all()))
     if len(y) < 100 or not 0.0 < float(np.mean(y)) < 1.0:
         return None
-    return lgb.train(BINARY, lgb.Dataset(np.array(x), np.array(y)), rounds)
+    return bagged(BINARY, lgb.Dataset(np.array(x), np.array(y)), rounds)
 
 
 def temperature(cases: Iterable[tuple[FloatArray, FloatArray]]) -> float:
@@ -140,14 +172,27 @@ def temperature(cases: Iterable[tuple[FloatArray, FloatArray]]) -> float:
     return float(np.exp(minimize_scalar(loss, bounds=(-3.0, 3.0), method="bounded").x))
 
 
+def _binary_temperature(booster: Bag, x: FloatArray, y: FloatArray) -> float:
+    """The same for a binary booster's margins."""
+    raw = np.asarray(booster.predict(x, raw_score=True, num_threads=1))
+    return temperature((np.array([0.0, m]), np.array([1.0 - t, t])) for m, t in zip(raw, y))
+
+
+def _texts(bag: Bag | None) -> list[str] | None:
+    """The boosters of a bag in LightGBM's text format."""
+    return None if bag is None else [b.model_to_string() for b in bag.boosters]
+
+
 def fit(train: Sequence[Example], check: Sequence[Example]) -> dict[str, Any]:
-    """Fit everything; `check` (validation split) sets the temperatures."""
-    line, slide = fit_ranker(train, True, 160), fit_ranker(train, False, 100)
-    kind = fit_kind(train, 160)
+    """Fit everything; `check` (held-back objects) sets the temperatures."""
+    line = fit_ranker(train, True, ROUNDS["line"])
+    slide = fit_ranker(train, False, ROUNDS["slide"])
+    moves, slides = fit_kinds(train)
     out: dict[str, Any] = {
-        "line": line.model_to_string(), "slide": slide.model_to_string(),
-        "kind": kind.model_to_string(), "line_names": list(LINE_NAMES),
-        "slide_names": list(SLIDE_NAMES), "part_names": list(PART_NAMES),
+        "line": _texts(line), "slide": _texts(slide), "moves": _texts(moves),
+        "slides": _texts(slides),
+        "line_names": list(LINE_NAMES), "slide_names": list(SLIDE_NAMES),
+        "part_names": list(PART_NAMES),
     }  # fmt: skip
     for name, booster, revolute in (("line", line, True), ("slide", slide, False)):
         cases = [rows_of(e, revolute) for e in check if e.kind == (2 if revolute else 1)]
@@ -155,15 +200,17 @@ def fit(train: Sequence[Example], check: Sequence[Example]) -> dict[str, Any]:
             (np.asarray(booster.predict(x, num_threads=1)), y) for x, y in cases if y.max() > 0
         )
         side = fit_side(train, revolute, 60)
-        out[f"{name}_side"] = None if side is None else side.model_to_string()
+        out[f"{name}_side"] = _texts(side)
         for column, word in enumerate(("open", "back")):
             reach = fit_reach(train, revolute, column, 80)
-            out[f"{name}_{word}"] = None if reach is None else reach.model_to_string()
+            out[f"{name}_{word}"] = _texts(reach)
     endless = fit_endless(train, 60)
-    out["endless"] = None if endless is None else endless.model_to_string()
-    x, y = kind_rows(check, line, slide)
-    raw = np.asarray(kind.predict(x, raw_score=True, num_threads=1))
-    out["kind_temperature"] = temperature((r, np.eye(3)[int(k)]) for r, k in zip(raw, y))
+    out["endless"] = _texts(endless)
+    x, kind = kind_rows(check, line, slide), np.array([e.kind for e in check])
+    out["moves_temperature"] = _binary_temperature(moves, x, (kind > 0).astype(float))
+    out["slides_temperature"] = _binary_temperature(
+        slides, x[kind > 0], (kind[kind > 0] == 1).astype(float)
+    )
     return out
 
 
@@ -197,13 +244,21 @@ def report(data: Sequence[Example]) -> dict[str, float]:
 
 
 def order(split: str, count: int) -> Iterator[tuple[str, int]]:
-    """(category, seed) of a split: one object of every category, then the next of every one."""
+    """(name, seed) of a split: one object of every category, then the next of every one.
+
+    Abstract mechanisms join the training split, three of each kind per round.
+    """
+    from mam_pipeline.reason.corpus import abstract_kinds
     from mam_pipeline.world import CATEGORIES
     from mam_pipeline.world.splits import split_of
 
-    seeds = range(20 + 20 * count // max(len(CATEGORIES), 1))
-    pairs = ((n, s) for s in seeds for n in CATEGORIES if split_of(n, s) == split)
-    return itertools.islice(pairs, count)
+    def endless() -> Iterator[tuple[str, int]]:
+        for seed in itertools.count():
+            yield from ((n, seed) for n in CATEGORIES if split_of(n, seed) == split)
+            if split == "train":
+                yield from ((n, 3 * seed + k) for n in sorted(abstract_kinds()) for k in range(3))
+
+    return itertools.islice(endless(), count)
 
 
 def collect(split: str, count: int, cache: Path, budget: float) -> list[Example]:

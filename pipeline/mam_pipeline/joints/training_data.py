@@ -1,8 +1,8 @@
 """Features and exact labels of generated objects, from which the joint ranker is trained.
 
-Only objects of `mam_pipeline.world` are used: never a benchmark. Three sorts of parts per object:
-movable parts as they are, primitives of the base (they do not move), and small pieces of movable
-parts taken alone, such as a handle without its door (they do not move against the rest either).
+Only objects of `mam_pipeline.world` and the reasoner's abstract mechanisms are used: never a
+benchmark. Parts come as they are, as an imperfect grouping would hand them over (a handle lost, a
+neighbour swallowed), and as pieces that do not move at all.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from mam_pipeline.geometry.boxes import angle_between
-from mam_pipeline.geometry.frames import estimate_frame
+from mam_pipeline.geometry.frames import ObjectFrame, estimate_frame
 from mam_pipeline.geometry.sampling import face_geometry, unit
 from mam_pipeline.joints.context import part_context
 from mam_pipeline.joints.features import Hypothesis, enumerate_hypotheses, part_features
-from mam_pipeline.types import Articulation, FloatArray, IntArray, Joint
+from mam_pipeline.types import Articulation, FloatArray, IntArray, Joint, Mesh
 
 AXIS_OK = 0.1
 PIVOT_OK = 0.03
+OTHERS_KNOWN = 0.65  # share of examples that know their siblings: a reasoner may ask without
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,12 @@ class Example:
     """One part with its hypotheses and what is true of them.
 
     Attributes:
-        name: object; category: its kind. kind: index into ranker.KINDS.
+        name: object; category: its kind; fused: whether the mesh is one skin. variant: "true",
+            "less" (pieces lost), "more" (pieces of others swallowed) or "still".
+        kind: index into ranker.KINDS. subtype: of the true joint, or "fixed".
         part: row of PART_NAMES. hypotheses: with features.
-        grade: (h,) 0 wrong, 1 near, 2 right; all 0 for parts that do not move.
+        axis_error: (h,) folded angle to the true axis, radians; pivot_error: (h,) mean distance of
+            the true line in diagonals (0 for slides). Both infinite where the kind is wrong.
         opens: (h,) +1 if the hypothesis's positive side is the truth's opening side, -1 if not, 0
             where that is unknown.
         reach: (2,) truth's travel from rest to open and to closed: radians, or share of the part's
@@ -41,13 +44,23 @@ class Example:
 
     name: str
     category: str
+    fused: bool
+    variant: str
     kind: int
     subtype: str
     part: FloatArray
     hypotheses: list[Hypothesis]
-    grade: IntArray
+    axis_error: FloatArray
+    pivot_error: FloatArray
     opens: IntArray
     reach: FloatArray
+
+    @property
+    def grade(self) -> IntArray:
+        """(h,) 0 wrong, 1 near, 2 right; all 0 for parts that do not move."""
+        near = (self.axis_error < AXIS_OK) & (self.pivot_error < PIVOT_OK)
+        right = near & (self.axis_error < 0.06) & (self.pivot_error < 0.4 * PIVOT_OK)
+        return near.astype(np.int64) + right
 
 
 def line_error(points: FloatArray, truth: Joint, axis: FloatArray, origin: FloatArray) -> float:
@@ -61,60 +74,118 @@ def line_error(points: FloatArray, truth: Joint, axis: FloatArray, origin: Float
 
 
 def examples(
-    truth: Articulation, name: str, category: str, seed: int, per_object: int = 3
-) -> Iterator[Example]:
-    """Examples of one object: up to `per_object` movable parts and one that does not."""
+    truth: Articulation, name: str, category: str, seed: int, *, fused: bool = False,
+    per_object: int = 2, spoiled: float = 0.45, still: float = 0.4,
+) -> Iterator[Example]:  # fmt: skip
+    """Examples of one object.
+
+    Args:
+        per_object: most movable parts taken. spoiled, still: chances of one imperfect part and of
+            one piece that does not move.
+    """
     rng = np.random.default_rng(seed)
-    mesh, label = truth.mesh, truth.face_link
-    frame = estimate_frame(mesh)
-    moving = [j for j in truth.joints if j.type != "fixed" and (label == j.child).any()]
-    if len(moving) > per_object:
-        moving = [moving[i] for i in np.sort(rng.choice(len(moving), per_object, replace=False))]
+    frame = estimate_frame(truth.mesh)
+    joints = _pick(truth, rng, per_object)
+    for joint in joints:
+        faces = np.flatnonzero(np.isin(truth.face_link, _with_descendants(truth, joint.child)))
+        found = _example(truth, frame, joint, faces, "true", rng)
+        if found is not None:
+            yield _named(found, name, category, fused)
+    with_spoiled, with_still = bool(joints) and rng.random() < spoiled, rng.random() < still
+    if not (with_spoiled or with_still):
+        return
+    labels = _pieces(truth.mesh)
+    if with_spoiled:
+        joint = joints[int(rng.integers(len(joints)))]
+        spoil = _spoiled(truth, joint, labels, rng)
+        if spoil is not None:
+            found = _example(truth, frame, joint, spoil[1], spoil[0], rng)
+            if found is not None:
+                yield _named(found, name, category, fused)
+    if with_still:
+        for faces in _still_pieces(truth, labels, rng, 1):
+            found = _example(truth, frame, None, faces, "still", rng)
+            if found is not None:
+                yield _named(found, name, category, fused)
+
+
+def _named(found: Example, name: str, category: str, fused: bool) -> Example:
+    return replace(found, name=name, category=category, fused=fused)
+
+
+def _pick(truth: Articulation, rng: np.random.Generator, count: int) -> list[Joint]:
+    """Up to `count` moving joints, one of every subtype first."""
+    label = truth.face_link
+    moving = [j for j in truth.joints if j.type != "fixed" and (label == j.child).sum() > 2]
+    moving = [moving[i] for i in rng.permutation(len(moving))]
+    first: dict[str, Joint] = {}
     for joint in moving:
-        group = _with_descendants(truth, joint.child)
-        mask = np.isin(label, group)
-        parent = np.flatnonzero(np.isin(label, _with_fixed(truth, joint.parent)) & ~mask)
-        faces, static = np.flatnonzero(mask), np.flatnonzero(~mask)
-        if not len(static):
-            continue
-        context = part_context(
-            mesh, faces, static, frame, parent_faces=parent if len(parent) else static, seed=seed
+        first.setdefault(joint.subtype, joint)
+    chosen = list(first.values()) + [j for j in moving if first[j.subtype] is not j]
+    return chosen[: max(count, 1)]
+
+
+def _example(
+    truth: Articulation, frame: ObjectFrame, joint: Joint | None, faces: IntArray, variant: str,
+    rng: np.random.Generator,
+) -> Example | None:  # fmt: skip
+    """Measure one part; None if nothing stands still around it."""
+    mesh, label = truth.mesh, truth.face_link
+    mask = np.zeros(len(mesh.faces), dtype=bool)
+    mask[faces] = True
+    static = np.flatnonzero(~mask)
+    if not len(static) or not len(faces):
+        return None
+    parent = static
+    own: list[int] = []
+    if joint is not None:
+        own = _with_descendants(truth, joint.child)
+        held = np.flatnonzero(np.isin(label, _with_fixed(truth, joint.parent)) & ~mask)
+        parent = held if len(held) else static
+    others = None
+    if rng.random() < OTHERS_KNOWN:
+        others = [
+            np.flatnonzero((label == j.child) & ~mask) for j in truth.joints
+            if j.type != "fixed" and j.child not in own and rng.random() < 0.9
+        ]  # fmt: skip
+    context = part_context(mesh, faces, static, frame, parent_faces=parent, others=others)
+    hypotheses = enumerate_hypotheses(context)
+    part = part_features(context)
+    none = np.full(len(hypotheses), np.inf)
+    if joint is None:
+        zero = np.zeros(len(hypotheses), dtype=np.int64)
+        return Example(
+            "", "", False, variant, 0, "fixed", part, hypotheses, none, none, zero, np.zeros(2)
         )
-        hypotheses = enumerate_hypotheses(context)
-        grade, opens = _labels(joint, hypotheses, context.scene.points, mesh.diagonal)
-        kind = 1 if joint.type == "prismatic" else 2
-        yield Example(name, category, kind, joint.subtype, part_features(context), hypotheses,
-                      grade, opens, _reach(joint, context.scene.points))  # fmt: skip
-    for faces in _still_pieces(truth, rng, 1):
-        static = np.setdiff1d(np.arange(len(mesh.faces)), faces, assume_unique=True)
-        if not len(static):
-            continue
-        context = part_context(mesh, faces, static, frame, seed=seed)
-        hypotheses = enumerate_hypotheses(context)
-        none = np.zeros(len(hypotheses), dtype=np.int64)
-        yield Example(name, category, 0, "fixed", part_features(context), hypotheses, none, none,
-                      np.zeros(2))  # fmt: skip
+    points = context.scene.points
+    axis, pivot, opens = _labels(joint, hypotheses, points, mesh.diagonal)
+    kind = 1 if joint.type == "prismatic" else 2
+    return Example(
+        "", "", False, variant, kind, joint.subtype, part, hypotheses, axis, pivot, opens,
+        _reach(joint, points),
+    )  # fmt: skip
 
 
 def _labels(
     joint: Joint, hypotheses: list[Hypothesis], points: FloatArray, diagonal: float
-) -> tuple[IntArray, IntArray]:
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Axis error, pivot error and opening side of every hypothesis."""
     slide = joint.type == "prismatic"
-    grade = np.zeros(len(hypotheses), dtype=np.int64)
+    axis, pivot = np.full(len(hypotheses), np.inf), np.full(len(hypotheses), np.inf)
     opens = np.zeros(len(hypotheses), dtype=np.int64)
+    direction = unit(joint.axis)
     towards = joint.open if joint.open != 0.0 else -joint.closed
     for i, h in enumerate(hypotheses):
         if h.revolute == slide:
             continue
-        turn = angle_between(h.axis, joint.axis)
-        if turn > AXIS_OK:
+        axis[i] = np.arccos(np.clip(abs(float(h.axis @ direction)), 0.0, 1.0))
+        if axis[i] < 0.5:  # beyond, nobody asks how far
+            pivot[i] = 0.0 if slide else line_error(points, joint, h.axis, h.origin) / diagonal
+        if axis[i] > AXIS_OK or pivot[i] > 2 * PIVOT_OK:
             continue
-        far = 0.0 if slide else line_error(points, joint, h.axis, h.origin) / diagonal
-        if far < PIVOT_OK:
-            grade[i] = 2 if far < 0.4 * PIVOT_OK and turn < 0.06 else 1
-        if far < 2 * PIVOT_OK and np.isfinite(towards) and towards != 0.0:
+        if np.isfinite(towards) and towards != 0.0:
             opens[i] = int(np.sign(float(h.axis @ joint.axis) * towards))
-    return grade, opens
+    return axis, pivot, opens
 
 
 def _reach(joint: Joint, points: FloatArray) -> FloatArray:
@@ -144,11 +215,50 @@ def _with_fixed(truth: Articulation, link: int) -> list[int]:
     return out
 
 
-def _still_pieces(truth: Articulation, rng: np.random.Generator, count: int) -> Iterator[IntArray]:
-    """Face sets that are no movable part: primitives of the base, small pieces of moving parts."""
+def _pieces(mesh: Mesh) -> IntArray:
+    """(F,) primitive of every face, as the segmenter cuts them."""
     from mam_pipeline.segment.geometric import GeometricSegmenter
 
-    labels = GeometricSegmenter().segment(truth.mesh).labels
+    return np.asarray(GeometricSegmenter().segment(mesh).labels)
+
+
+def _spoiled(
+    truth: Articulation, joint: Joint, labels: IntArray, rng: np.random.Generator
+) -> tuple[str, IntArray] | None:
+    """A part as an imperfect grouping gives it: "less" or "more" of it, still mostly itself."""
+    mesh = truth.mesh
+    mask = np.isin(truth.face_link, _with_descendants(truth, joint.child))
+    area = face_geometry(mesh.vertices, mesh.faces)[1]
+    inside = np.bincount(labels[mask], area[mask], minlength=labels.max() + 1)
+    whole = np.bincount(labels, area, minlength=labels.max() + 1)
+    total = float(area[mask].sum())
+    mine = np.flatnonzero(inside > 0.5 * whole)
+    if rng.random() < 0.5 and len(mine) > 1:
+        budget, lost = 0.4 * total, []
+        for p in rng.permutation(mine):
+            if inside[p] < budget and len(lost) < max(1, len(mine) // 2):
+                lost.append(p)
+                budget -= inside[p]
+        if lost:
+            return "less", np.flatnonzero(mask & ~np.isin(labels, lost))
+    corners = mesh.vertices[mesh.faces[mask]].reshape(-1, 3)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    centres = mesh.vertices[mesh.faces].mean(axis=1)
+    gap = np.linalg.norm(np.maximum(np.maximum(low - centres, centres - high), 0.0), axis=1)
+    far = np.full(len(whole), np.inf)
+    np.minimum.at(far, labels, gap)
+    near = np.flatnonzero((inside < 0.5 * whole) & (whole < 0.6 * total) & (whole > 0.01 * total)
+                          & (far < 0.05 * mesh.diagonal))  # fmt: skip
+    if not len(near):
+        return None
+    taken = rng.permutation(near)[: int(rng.integers(1, 3))]
+    return "more", np.flatnonzero(mask | np.isin(labels, taken))
+
+
+def _still_pieces(
+    truth: Articulation, labels: IntArray, rng: np.random.Generator, count: int
+) -> Iterator[IntArray]:
+    """Face sets that are no movable part: primitives of the base, small pieces of moving parts."""
     area = face_geometry(truth.mesh.vertices, truth.mesh.faces)[1]
     share = np.bincount(labels, area) / max(area.sum(), 1e-300)
     link = truth.face_link
@@ -169,21 +279,37 @@ def _still_pieces(truth: Articulation, rng: np.random.Generator, count: int) -> 
     yield from found
 
 
-def cached_examples(name: str, seed: int, cache: Path) -> list[Example]:
-    """Examples of one generated object, kept in a cache folder.
+def make_examples(name: str, seed: int, fused_share: int = 8) -> list[Example]:
+    """Examples of one generated object: a category of the world or an abstract kind.
 
-    Fused styles are replaced by the same object unfused: fusing costs seconds per object, and the
-    hypotheses come from the same boxes and contacts.
+    Fusing costs seconds, so of the objects whose style is fused only one in `fused_share` is.
     """
+    from mam_pipeline.reason.corpus import abstract_kinds
     from mam_pipeline.world import make_object
+    from mam_pipeline.world.kit import Builder
+    from mam_pipeline.world.object import finish, generator
+    from mam_pipeline.world.style import draw_style
 
+    if name in abstract_kinds():
+        builder = Builder(generator(name, seed), draw_style(generator(name, seed, 1), fused=0.05))
+        abstract_kinds()[name](builder)
+        made = finish(builder, name, seed)
+    else:
+        style = draw_style(generator(name, seed, stream=1))
+        if style.fused and generator(name, seed, stream=9).integers(fused_share):
+            style = replace(style, fused=False)
+        made = make_object(name, seed, style)
+    return list(examples(made.truth(), made.name, name, seed, fused=made.style.fused))
+
+
+def cached_examples(name: str, seed: int, cache: Path) -> list[Example]:
+    """Examples of one generated object, kept in a cache folder."""
     file = cache / f"{name}_{seed:06d}.pkl"
     if file.is_file():
         return list(pickle.loads(file.read_bytes()))
-    made = make_object(name, seed)
-    if made.style.fused:
-        made = make_object(name, seed, replace(made.style, fused=False))
-    found = list(examples(made.truth(), made.name, name, seed))
+    found = make_examples(name, seed)
     cache.mkdir(parents=True, exist_ok=True)
-    file.write_bytes(pickle.dumps(found))
+    temporary = file.with_suffix(".part")
+    temporary.write_bytes(pickle.dumps(found))
+    temporary.rename(file)
     return found
