@@ -15,6 +15,7 @@ from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.formats.gltf import read_gltf
+from mam_pipeline.meshio import load_mesh, save_glb, save_obj
 from mam_pipeline.types import Articulation, Joint, Link, Material, Mesh
 
 PNG = b"\x89PNG\r\n\x1a\n not really, but bytes are bytes"
@@ -112,6 +113,70 @@ def test_texture_bytes_and_uvs_are_the_source_s(tmp_path: Path) -> None:
     got = np.concatenate(found).reshape(-1, 6)
     order = [np.lexsort(x.T) for x in (got, expected.reshape(-1, 6))]
     np.testing.assert_array_equal(got[order[0]], expected.reshape(-1, 6)[order[1]])
+
+
+def two_materials_and_colours(kind: str) -> Articulation:
+    """The cabinet with two pictures and a plain colour, or with a colour at every vertex."""
+    truth = cabinet()
+    random = np.random.default_rng(5)
+    other = b"\xff\xd8\xff\xe0 as good as a JPEG"
+    materials = (
+        truth.mesh.materials[0],
+        Material("steel", (0.5, 0.5, 0.5, 1), other, "jpeg"),
+        Material("plain", (0.2, 0.4, 0.6, 1.0)),
+    )
+    which = np.repeat(random.integers(0, 3, len(truth.mesh.faces) // 12), 12)
+    if kind == "colours":
+        colors = random.integers(0, 256, (len(truth.mesh.vertices), 4)).astype(np.uint8)
+        mesh = replace(truth.mesh, uv=None, materials=(Material("m"),), colors=colors)
+    else:
+        mesh = replace(truth.mesh, materials=materials, face_material=which)
+    return replace(truth, mesh=mesh)
+
+
+@pytest.mark.parametrize("kind", ["obj", "glb", "colours"])
+def test_appearance_of_a_file_comes_through_unchanged(tmp_path: Path, kind: str) -> None:
+    """Face by face: corner positions find the source's UVs, image bytes and colours again."""
+    made = two_materials_and_colours(kind)
+    file = tmp_path / ("source.obj" if kind == "obj" else "source.glb")
+    (save_obj if kind == "obj" else save_glb)(made.mesh, file)
+    source = load_mesh(file, up="z" if kind == "obj" else "y", scale=1.0).mesh
+    centre = {tuple(c): i for i, c in enumerate(_middles(source).round(5).tolist())}
+    near = _middles(made.mesh) + source.bounds[0] - made.mesh.bounds[0]
+    index = [_find(centre, c) for c in near.round(5).tolist()]
+    links = tuple(replace(k, faces=np.sort(np.array(index)[k.faces])) for k in made.links)
+    asset = write_asset(replace(made, mesh=source, links=links), tmp_path / "a", name="a")
+    for i, link in enumerate(links):
+        origin = next((np.array(j.origin) for j in made.joints if j.child == i), np.zeros(3))
+        files = sorted((asset.folder / "visual").glob(f"*{link.name}.glb"))
+        seen = 0
+        for visual in files:
+            content = read_gltf(visual)
+            for piece in content.pieces:
+                middles = piece.vertices[piece.faces].mean(axis=1) + origin
+                for face, middle in enumerate(middles.round(5).tolist()):
+                    at = _find(centre, middle)
+                    seen += 1
+                    corners, old = piece.faces[face], source.faces[at]
+                    if kind == "colours":
+                        np.testing.assert_array_equal(piece.colors[corners], source.colors[old])
+                        continue
+                    was = source.materials[source.face_material[at]]
+                    now = content.materials[piece.material]
+                    assert now.image == was.image
+                    np.testing.assert_allclose(now.base_color, was.base_color, atol=1e-6)
+                    if was.image is not None:
+                        np.testing.assert_array_equal(piece.uv[corners], source.uv[old])
+        assert seen == len(link.faces)
+
+
+def _middles(mesh: Mesh) -> np.ndarray:
+    return mesh.vertices[mesh.faces].mean(axis=1)
+
+
+def _find(known: dict[tuple[float, ...], int], middle: list[float]) -> int:
+    spots = np.array(list(known))
+    return list(known.values())[int(((spots - middle) ** 2).sum(axis=1).argmin())]
 
 
 def test_folder_can_move_and_card_reads_back(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from mam_pipeline.asset.dynamics import carried_links
 from mam_pipeline.asset.surface import hull_of
-from mam_pipeline.types import Articulation, CollisionShape, FloatArray, IntArray, joint_motion
+from mam_pipeline.types import Articulation, CollisionShape, FloatArray, IntArray, Joint
 
 GAP = 0.0005
 """Room left between such pieces, as a share of the diagonal."""
@@ -54,11 +54,10 @@ def keep_apart(
         pairs = [(i, k) for i in carried for k in others if frozenset((i, k)) not in joined]
         if not pairs:
             continue
-        low = joint.lower if np.isfinite(joint.lower) else -np.pi
-        high = joint.upper if np.isfinite(joint.upper) else np.pi
-        for q in [0.0, *np.linspace(low, high, _POSES)]:
-            motion = joint_motion(joint.type, joint.axis, joint.origin, float(q))
+        for values in _poses(articulation, joint):
+            frames = articulation.link_poses(values)
             for i, k in pairs:
+                motion = np.linalg.inv(frames[k]) @ frames[i]
                 pieces[i] = _planed(pieces[i], pieces[k], motion, room)
     return {
         link.name: [_shape(p) if p.planed else p.shape for p in own]
@@ -66,10 +65,22 @@ def keep_apart(
     }
 
 
+def _poses(articulation: Articulation, joint: Joint) -> list[dict[str, float]]:
+    """Joint values along the joint's range; the others are at rest, then closed."""
+    closed = {j.name: j.closed for j in articulation.joints if np.isfinite(j.closed)}
+    low = joint.lower if np.isfinite(joint.lower) else -np.pi
+    high = joint.upper if np.isfinite(joint.upper) else np.pi
+    bases = [dict.fromkeys(closed, 0.0)]
+    if any(abs(v) > 1e-9 for name, v in closed.items() if name != joint.name):
+        bases.append(closed)
+    along = [0.0, *np.linspace(low, high, _POSES)]
+    return [{**base, joint.name: float(q)} for base in bases for q in along]
+
+
 def _planed(
     mine: list[_Piece], theirs: list[_Piece], motion: FloatArray, room: float
 ) -> list[_Piece]:
-    """Pieces of one link, moved by `motion` (4, 4), cut back from those of another."""
+    """Pieces of one link, moved by `motion` (4, 4) in the other's frame, cut back from its own."""
     turn, shift = motion[:3, :3], motion[:3, 3]
     out = []
     for piece in mine:

@@ -67,13 +67,17 @@ def gravity_load(
 ) -> tuple[float, float, float]:
     """Largest gravity force along the joint over its range, moved inertia, and lever arm.
 
+    Where the part hangs on another that tilts, the largest over all directions is taken.
+
     Returns:
         (load, inertia, arm): N m, kg m2 and m for rotations; N, kg and 1 for slides.
     """
     links = carried_links(articulation, joint)
     mass = sum(inertials[i].mass for i in links)
+    tilts = _tilts(articulation, joint)
     if joint.type == "prismatic":
-        return mass * GRAVITY * abs(float(joint.axis[2])), mass, 1.0
+        share = 1.0 if tilts else abs(float(joint.axis[2]))
+        return mass * GRAVITY * share, mass, 1.0
     inertia, moment = 0.0, np.zeros(3)
     for i in links:
         body = inertials[i]
@@ -82,6 +86,9 @@ def gravity_load(
         turned = float(joint.axis @ body.inertia @ joint.axis)
         inertia += turned + body.mass * float(across @ across)
         moment += body.mass * r
+    if tilts:
+        across = moment - (moment @ joint.axis) * joint.axis
+        return GRAVITY * float(np.linalg.norm(across)), inertia, _arm(articulation, joint, links)
     low = joint.lower if np.isfinite(joint.lower) else -np.pi
     high = joint.upper if np.isfinite(joint.upper) else np.pi
     down = np.array([0.0, 0.0, -GRAVITY])
@@ -90,6 +97,16 @@ def gravity_load(
         turned_moment = _rotate(joint.axis, float(q), moment)
         load = max(load, abs(float(joint.axis @ np.cross(turned_moment, down))))
     return load, inertia, _arm(articulation, joint, links)
+
+
+def _tilts(articulation: Articulation, joint: Joint) -> bool:
+    """Whether a joint nearer to the base turns this one against gravity."""
+    above = articulation.joint_of(joint.parent)
+    while above is not None:
+        if above.type in ("revolute", "continuous") and abs(float(above.axis[2])) < 0.999:
+            return True
+        above = articulation.joint_of(above.parent)
+    return False
 
 
 def _joint(articulation: Articulation, joint: Joint, inertials: Sequence[Inertial]) -> Joint:

@@ -81,10 +81,10 @@ def motion_points(
 class PartPaths:
     """A part, its surroundings, and samples of both that follow the part's motion."""
 
-    def __init__(self, mesh: Mesh, part: IntArray, static: IntArray) -> None:
+    def __init__(self, mesh: Mesh, part: IntArray, static: IntArray, seed: int = 0) -> None:
         """Prepare from face indices of the moving part and of everything else.
 
-        `close` holds those of everything else that the part can reach.
+        `close` holds those of everything else that the part can reach; `seed` is of the samples.
         """
         v = mesh.vertices
         self.diagonal = max(mesh.diagonal, 1e-12)
@@ -96,11 +96,11 @@ class PartPaths:
         self.part_scene = RayScene(v, mesh.faces[part])
         self.static_scene = RayScene(v, mesh.faces[close])
         self.solid = _solid(mesh, static)
-        found = sample_surface(v, mesh.faces[part], SAMPLES)
+        found = sample_surface(v, mesh.faces[part], SAMPLES, seed)
         inside = self.solid.contains(found.points)
         self.points, self.normals = found.points[~inside], found.normals[~inside]
         self.area = max(found.area, 1e-12)
-        around = sample_surface(v, mesh.faces[close], 4 * STATIC_SAMPLES, 1)
+        around = sample_surface(v, mesh.faces[close], 4 * STATIC_SAMPLES, seed + 1)
         nearby = (around.points > self.low - margin) & (around.points < self.high + margin)
         spots = around.points[nearby.all(axis=1)]
         keep = np.linspace(0, max(len(spots) - 1, 0), min(len(spots), STATIC_SAMPLES)).astype(int)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -60,16 +61,18 @@ class Usual:
 @dataclass(frozen=True)
 class Surroundings:
     """A part and what it may run into: `scene` for contact and curves, `paths` for the check's
-    rule of penetration."""
+    rule of penetration, `again` the same with other samples."""
 
     scene: SweepScene
     paths: PartPaths
+    again: Callable[[], PartPaths]
 
     @staticmethod
     def of(mesh: Mesh, part: IntArray, static: IntArray, seed: int = 0) -> Surroundings:
         """From the face indices of the part, with all that it carries, and of what stands still."""
         scene = SweepScene(mesh, part, static, static_samples=1500, seed=seed)
-        return Surroundings(scene, PartPaths(mesh, part, static))
+        again = cache(lambda: PartPaths(mesh, part, static, 100))
+        return Surroundings(scene, PartPaths(mesh, part, static), again)
 
     def free(
         self, motion: Motion, axis: FloatArray, origin: FloatArray, end: float
@@ -78,7 +81,11 @@ class Surroundings:
         limit = THRESHOLDS.penetration_share, THRESHOLDS.penetration_area
         rule = Rule(IN_HAND * limit[0] * self.paths.diagonal, IN_HAND * limit[1])
         free, found = self.paths.free_range(motion, axis, origin, end, rule)
-        return (end if found.value is None else BACK_OFF * free), found
+        if found.value is None:
+            return end, found
+        if free != 0.0:  # where exactly a collision begins depends on the samples
+            free = self.again().free_range(motion, axis, origin, free, rule)[0]
+        return BACK_OFF * free, found
 
 
 @dataclass(frozen=True)
