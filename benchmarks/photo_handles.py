@@ -1,9 +1,11 @@
-"""Trains the photo stage's handle classifier on synthetic photos with exact truth.
+"""Trains the photo stage's handle classifiers on synthetic photos with exact truth.
 
-Writes pipeline/mam_pipeline/photo/handle_model.txt (LightGBM, text). The photos are those of
-`bench-photo` with seeds from 100 on, so that the benchmark's own seeds (0 on) stay unseen.
+Writes, into pipeline/mam_pipeline/photo/, handle_model.txt (a patch alone: 28 numbers) and
+handle_context.txt (its place between the nearest lines too: 39 numbers), both LightGBM as text.
+The photos are those of `bench-photo` with seeds from 100 on, so that the benchmark's own seeds
+(0 on) stay unseen; each front is also read mirrored, darker or lighter, smaller and noisier.
 
-Usage: python benchmarks/photo_handles.py [--first 100] [--count 60] [--out FILE]
+Usage: python benchmarks/photo_handles.py [--first 100] [--count 60] [--width 480] [--only context]
 """
 
 from __future__ import annotations
@@ -11,22 +13,26 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import cv2
 import lightgbm
 import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.photo.camera import apply_homography, quad_homography
-from mam_pipeline.photo.handles import Blob, find_blobs
+from mam_pipeline.photo.handles import BASIC, Blob, find_blobs
 from mam_pipeline.photo.image import make_photo
 from mam_pipeline.photo.measure import rectify
 from mam_pipeline.photo.score import rect_quad
 from mam_pipeline.photo.seams import find_seams
 from mam_pipeline.photo.synthetic import LEVELS, synthesise
+from mam_pipeline.photo.truth import PhotoTruth
 
 Array = NDArray[np.float64]
-MODEL = Path(__file__).parent.parent / "pipeline/mam_pipeline/photo/handle_model.txt"
+FOLDER = Path(__file__).parent.parent / "pipeline/mam_pipeline/photo"
+COLUMNS = {"handle_model.txt": list(BASIC), "handle_context.txt": list(range(39))}
+VARIANTS = 2  # readings of each photo
 PARAMS = {
-    "objective": "binary", "num_leaves": 15, "learning_rate": 0.05, "min_data_in_leaf": 40,
+    "objective": "binary", "num_leaves": 15, "learning_rate": 0.05, "min_data_in_leaf": 30,
     "feature_fraction": 0.6, "bagging_fraction": 0.7, "bagging_freq": 1, "lambda_l2": 5,
     "verbose": -1, "num_threads": 1, "seed": 0,
 }  # fmt: skip
@@ -51,11 +57,12 @@ def label(blob: Blob, handles: list[Array]) -> int:
     return best
 
 
-def samples(seed: int, level: str) -> tuple[Array, Array]:
-    """Candidate features and labels of one photo, its front slightly misplaced on purpose."""
-    image, truth = synthesise(seed, level)
+def samples(
+    image: NDArray[np.uint8], truth: PhotoTruth, seed: int, variant: int
+) -> tuple[Array, Array]:
+    """Candidate features (n, 39) and labels of one photo, its front misplaced a little."""
     photo = make_photo(image)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng([seed, variant] if variant else seed)
     quad = truth.front * photo.scale
     quad = quad + rng.normal(0, 0.008 * np.linalg.norm(quad[0] - quad[2]), (4, 2))
     w, _, h = truth.size
@@ -66,11 +73,28 @@ def samples(seed: int, level: str) -> tuple[Array, Array]:
         for p in truth.panels
         for k in p.handles
     ]
-    blobs = find_blobs(front, find_seams(front), keep=400, separate=False)
+    if variant:
+        front, handles = varied(front, handles, rng)
+    blobs = find_blobs(front, find_seams(front), keep=2000, separate=False)
     if not blobs:
-        return np.zeros((0, 28)), np.zeros(0)
+        return np.zeros((0, 39)), np.zeros(0)
     y = np.array([label(b, handles) for b in blobs])
     return np.array([b.features for b in blobs])[y >= 0], y[y >= 0]
+
+
+def varied(
+    front: NDArray[np.uint8], handles: list[Array], rng: np.random.Generator
+) -> tuple[NDArray[np.uint8], list[Array]]:
+    """Another exposure, mirrored half the time, smaller, with noise."""
+    gamma = float(np.exp(rng.normal(0, 0.35)))
+    image = (255 * (front / 255.0) ** gamma).astype(np.uint8)
+    if rng.random() < 0.5:
+        image = np.ascontiguousarray(image[:, ::-1])
+        handles = [np.stack([image.shape[1] - q[:, 0], q[:, 1]], 1) for q in handles]
+    k = float(rng.uniform(0.7, 1.0))
+    small = cv2.resize(image, None, fx=k, fy=k, interpolation=cv2.INTER_AREA)
+    noisy = small + rng.normal(0, rng.uniform(0, 3), small.shape)
+    return np.clip(noisy, 0, 255).astype(np.uint8), [q * k for q in handles]
 
 
 def main() -> None:
@@ -78,15 +102,27 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--first", type=int, default=100)
     parser.add_argument("--count", type=int, default=60)
-    parser.add_argument("--out", type=Path, default=MODEL)
+    parser.add_argument("--width", type=int, default=480)
+    parser.add_argument("--only", choices=["model", "context"])
+    parser.add_argument("--out", type=Path, default=FOLDER)
     args = parser.parse_args()
-    seeds = range(args.first, args.first + args.count)
-    data = [samples(seed, level) for seed in seeds for level in LEVELS]
+    data = []
+    for seed in range(args.first, args.first + args.count):
+        for level in LEVELS:
+            image, truth = synthesise(seed, level, args.width)
+            data += [samples(image, truth, seed, variant) for variant in range(VARIANTS)]
+        print(f"photo {seed}", flush=True)
+    data = [d for d in data if len(d[1])]
     x = np.concatenate([a for a, _ in data])
     y = np.concatenate([b for _, b in data])
-    model = lightgbm.train(PARAMS, lightgbm.Dataset(x, y), 150)
-    model.save_model(str(args.out))
-    print(f"{len(y)} candidates, {y.mean():.1%} handles -> {args.out}")
+    # a pattern with hundreds of candidates is still one photo
+    weight = np.concatenate([np.full(len(b), len(b) ** -0.5) for _, b in data])
+    for name, columns in COLUMNS.items():
+        if args.only and args.only not in name:
+            continue
+        table = lightgbm.Dataset(x[:, columns], y, weight=weight / weight.mean())
+        lightgbm.train(PARAMS, table, 200).save_model(str(args.out / name))
+        print(f"{len(y)} candidates, {y.mean():.1%} handles -> {args.out / name}")
 
 
 if __name__ == "__main__":

@@ -55,7 +55,7 @@ def _head(asset: Asset) -> str:
 
 def _photo(asset: Asset) -> str:
     folder = asset.folder / "stages" / "0_photo"
-    shown = [*folder.glob("a_photo.jpg"), *folder.glob("overlay.png"), *folder.glob("front.png")]
+    shown = [p for n in ("a_photo", "overlay", "front") for p in folder.glob(f"{n}.*")]
     if not shown:
         return ""
     opened = _png(_views(asset, 1.0, views=((-35.0, 20.0),))[0])

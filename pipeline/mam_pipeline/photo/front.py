@@ -14,10 +14,11 @@ from mam_pipeline.photo.layout import cells_of_layout
 from mam_pipeline.photo.options import Layout
 from mam_pipeline.photo.panel import Panel
 from mam_pipeline.photo.partition import Leaf, best_partition
+from mam_pipeline.photo.repeat import handles_by_repetition
 from mam_pipeline.photo.seams import find_seams
 
 Array = NDArray[np.float64]
-HANDLE_THRESHOLD = 0.5
+HANDLE_THRESHOLD = 0.35
 
 
 @dataclass(frozen=True)
@@ -47,14 +48,20 @@ def read_front(
     blobs = find_blobs(image, seams)
     size = (image.shape[1], image.shape[0])
     if layout is not None:
+        cells = cells_of_layout(seams, blobs, layout)
+        repeated = handles_by_repetition([box for _, box in cells], blobs)
         given = [
-            _given_panel(kind, box, blobs, image, metres_per_pixel)
-            for kind, box in cells_of_layout(seams, blobs, layout)
+            _given_panel(kind, box, blobs, image, metres_per_pixel, repeated.get(k))
+            for k, (kind, box) in enumerate(cells)
         ]
         return FrontReading(image, tuple(complete(given, blobs, size, True)), 1.0, 1.0)
     partition = best_partition(seams, blobs)
     leaves = [leaf for leaf in partition.leaves if leaf.kind == "panel"]
-    panels = [panel_of(leaf, blobs, image, metres_per_pixel) for leaf in leaves]
+    repeated = handles_by_repetition([leaf.box for leaf in leaves], blobs)
+    panels = [
+        panel_of(leaf, blobs, image, metres_per_pixel, repeated.get(k))
+        for k, leaf in enumerate(leaves)
+    ]
     panels.sort(key=lambda p: (round(p.box[1] / 20), p.box[0]))
     panels = complete(panels, blobs, size)
     panels = _with_round_door(image, panels, category)
@@ -67,12 +74,12 @@ def _given_panel(
     blobs: list[Blob],
     image: NDArray[np.uint8],
     scale: float,
+    repeated: Blob | None = None,
 ) -> Panel:
     """A panel that the user named: only its handle and hinge are to be found."""
     x0, y0, x1, y1 = box
     inside = [b for b in blobs if x0 < b.center[0] < x1 and y0 < b.center[1] < y1]
-    inside = sorted((b for b in inside if b.score > HANDLE_THRESHOLD), key=lambda b: -b.score)
-    handles = _choose_handles(inside, box)
+    handles = _choose_handles(_likely(inside, repeated), box)
     side = None
     if kind == "door":
         side = classify(box, handles, image, scale)[1] or "left"
@@ -99,15 +106,29 @@ def _with_round_door(
     return [virtual_grasp(door)]
 
 
-def panel_of(leaf: Leaf, blobs: list[Blob], image: NDArray[np.uint8], scale: float) -> Panel:
-    """Turn a leaf into a panel with its best handle(s), kind and hinge."""
-    mine = sorted((blobs[i] for i in leaf.handles), key=lambda b: -b.score)
-    mine = [b for b in mine if b.score > HANDLE_THRESHOLD]
-    chosen = _choose_handles(mine, leaf.box)
+def panel_of(
+    leaf: Leaf,
+    blobs: list[Blob],
+    image: NDArray[np.uint8],
+    scale: float,
+    repeated: Blob | None = None,
+) -> Panel:
+    """Turn a leaf into a panel with its best handle(s), kind and hinge.
+
+    Args:
+        repeated: the handle that like panels show too, if any; it goes before all others.
+    """
+    chosen = _choose_handles(_likely([blobs[i] for i in leaf.handles], repeated), leaf.box)
     kind, side, sure = classify(leaf.box, chosen, image, scale)
     support = float(np.mean(leaf.sides))
     confidence = float(np.clip(0.9 * support + (0.15 if chosen else -0.1), 0.05, 0.98))
     return Panel(tuple(float(v) for v in leaf.box), kind, side, chosen, confidence, sure)  # type: ignore[arg-type]
+
+
+def _likely(blobs: list[Blob], repeated: Blob | None) -> list[Blob]:
+    """Candidates that may be handles, likeliest first; the repeated one leads."""
+    good = sorted((b for b in blobs if b.score > HANDLE_THRESHOLD), key=lambda b: -b.score)
+    return good if repeated is None else [repeated, *(b for b in good if b.box != repeated.box)]
 
 
 def _choose_handles(mine: list[Blob], box: tuple[int, int, int, int]) -> tuple[Blob, ...]:

@@ -52,6 +52,9 @@ class Style:
     plinth: float = 0.0
     handle_size: float = 0.12
     vertical_bars: bool = True
+    handle_share: float = 0.0  # > 0: bars take this share of their panel's side, however long
+    handle_thick: float = 0.012
+    handle_high: float | None = None  # of doors: share of the height, from the bottom
 
 
 @dataclass(frozen=True)
@@ -73,21 +76,30 @@ def random_style(rng: np.random.Generator, category: str) -> Style:
             handle="bar" if category != "washing_machine" else "none",
             handle_size=float(rng.uniform(0.25, 0.5)),
             plinth=0.06 if category == "dishwasher" else 0.0,
+            handle_thick=float(rng.uniform(0.012, 0.03)),
         )  # fmt: skip
+    handle = str(
+        rng.choice(
+            ["knob", "bar", "cup", "ring", "square", "arch", "drop", "none"],
+            p=[0.24, 0.28, 0.09, 0.07, 0.08, 0.12, 0.08, 0.04],
+        )
+    )
+    long = handle == "bar" and rng.random() < 0.4
     return Style(
         board=float(rng.uniform(0.016, 0.03)),
         frame=float(rng.choice([0.0, rng.uniform(0.015, 0.05)])),
         gap=float(rng.uniform(0.0025, 0.005)),
         inset=bool(rng.random() < 0.5),
         panel=str(rng.choice(["slab", "shaker", "raised", "ornament"], p=[0.45, 0.28, 0.17, 0.1])),
-        handle=str(
-            rng.choice(["knob", "bar", "cup", "ring", "none"], p=[0.38, 0.38, 0.1, 0.1, 0.04])
-        ),
+        handle=handle,
         overhang=float(rng.choice([0.0, rng.uniform(0.005, 0.03)])),
         legs=float(rng.uniform(0.06, 0.22)) if pick < 0.35 else 0.0,
         plinth=float(rng.uniform(0.04, 0.1)) if 0.35 <= pick < 0.6 else 0.0,
-        handle_size=float(rng.uniform(0.08, 0.18)),
+        handle_size=float(rng.uniform(0.08, 0.2)),
         vertical_bars=bool(rng.random() < 0.85),
+        handle_share=float(rng.uniform(0.35, 0.9)) if long else 0.0,
+        handle_thick=float(rng.uniform(0.008, 0.022)),
+        handle_high=float(rng.uniform(0.3, 0.85)) if rng.random() < 0.6 else None,
     )  # fmt: skip
 
 
@@ -236,8 +248,13 @@ def random_surfaces(rng: np.random.Generator, category: str) -> dict[str, Surfac
         inlay = Surface(kind, panel.color, tint, scale=float(rng.uniform(0.7, 1.6)))  # type: ignore[arg-type]
     metal = METALS[int(rng.integers(len(METALS)))]
     handle = Surface("plain", metal, gloss=0.5)
-    if rng.random() < 0.25:
-        handle = replace(panel, gloss=0.1, color=tuple(0.85 * c for c in panel.color))  # type: ignore[arg-type]
+    pick = rng.random()
+    if pick < 0.25:  # the panel's own colour: little but shading tells it
+        tone = float(rng.uniform(0.6, 0.95))
+        handle = replace(panel, gloss=0.1, color=tuple(min(1.0, tone * c) for c in panel.color))  # type: ignore[arg-type]
+    elif pick < 0.4:
+        a, b = WOODS[int(rng.integers(len(WOODS)))]
+        handle = Surface("wood", a, b, grain=1, gloss=0.05)
     return {
         "body": body, "panel": panel, "top": top, "inlay": inlay, "handle": handle,
         "dark": Surface("plain", (0.01, 0.01, 0.012), gloss=0.25),

@@ -17,6 +17,7 @@ MAX_PIXELS = 120_000_000
 KEEP_SIDE = 2400  # textures are cut from a picture of at most this side
 WORK_SIDE = 800  # geometry is found at this size
 MIN_SIDE = 48
+MAX_ASPECT = 6.0
 STANDARD_ASPECTS = (3 / 2, 4 / 3, 16 / 9)
 
 
@@ -52,6 +53,8 @@ def read_photo(path: Path) -> Photo:
     """
     if not path.is_file():
         raise InputError(f"no photo at {path}")
+    if path.stat().st_size == 0:
+        raise InputError(f"{path.name} is empty (0 bytes)")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -67,13 +70,15 @@ def read_photo(path: Path) -> Photo:
                 else:
                     full = file.size
                 focal35 = _focal35(file)
-                image = ImageOps.exif_transpose(file) or file
-                image.load()
+                file.load()
+                image = ImageOps.exif_transpose(_reduced(file)) or file
                 rgb, alpha = _to_rgb(image)
     except InputError:
         raise
     except UnidentifiedImageError as error:
-        raise InputError(f"{path.name} is not a picture that can be read") from error
+        raise InputError(
+            f"{path.name} is not a picture that can be read{_what_it_is(path)}"
+        ) from error
     except Exception as error:  # Pillow raises many kinds on broken files
         raise InputError(f"{path.name} cannot be read as a picture: {error}") from error
     if min(rgb.shape[:2]) < MIN_SIDE:
@@ -81,7 +86,47 @@ def read_photo(path: Path) -> Photo:
             f"{path.name} is {rgb.shape[1]}x{rgb.shape[0]} pixels; "
             f"at least {MIN_SIDE} on each side are needed"
         )
+    if max(full) > MAX_ASPECT * min(full):
+        raise InputError(
+            f"{path.name} is {full[0]}x{full[1]} pixels: too narrow to show an object; "
+            f"the long side may be at most {MAX_ASPECT:g} times the short one"
+        )
     return make_photo(rgb, alpha, focal35, max(full))
+
+
+def _reduced(image: Image.Image) -> Image.Image:
+    """A very large picture brought near KEEP_SIDE before it is converted: conversions copy it.
+
+    Deep greys are thinned out, other modes are averaged; EXIF stays with the picture.
+    """
+    factor = max(image.size) // KEEP_SIDE
+    if factor < 2:
+        return image
+    exif = image.info.get("exif")
+    if image.mode.startswith("I") or image.mode == "F":
+        small = Image.fromarray(np.asarray(image)[::factor, ::factor])
+    else:
+        if image.mode == "P":
+            image = image.convert("RGBA" if "transparency" in image.info else "RGB")
+        elif image.mode == "1":
+            image = image.convert("L")
+        small = image.reduce(factor)
+    if exif:
+        small.info["exif"] = exif
+    return small
+
+
+def _what_it_is(path: Path) -> str:
+    """A word on common files that are taken for pictures."""
+    with path.open("rb") as file:
+        head = file.read(32)
+    if head[4:8] == b"ftyp" and head[8:12] in (b"heic", b"heix", b"mif1", b"hevc", b"avif"):
+        return ": it is a HEIC or AVIF file; convert it to JPEG or PNG"
+    if head.startswith(b"%PDF"):
+        return ": it is a PDF file; export the page as PNG"
+    if b"\0" not in head and all(c >= 9 for c in head):
+        return ": it holds text"
+    return ""
 
 
 def make_photo(

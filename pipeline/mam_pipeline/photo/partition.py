@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.photo.handles import Blob
+from mam_pipeline.photo.mouldings import moulding_credit
 from mam_pipeline.photo.seams import Seams
 
 Array = NDArray[np.float64]
@@ -48,6 +49,8 @@ class Weights:
     frame: float = -0.06
     lost_handle: float = -0.45
     thin: float = 0.075
+    moulding: float = 1.0
+    whole: float = -0.3  # a front frame around one panel is likelier than a moulding of it
 
 
 class _Regions:
@@ -99,6 +102,7 @@ class _Regions:
             + across[:, :, :, None] + across[:, :, None, :]
         )  # fmt: skip
         panel = panel + 0.5 * (side - 0.8)
+        panel = panel + (1 - many) * self._mouldings()  # one panel has one handle or a pair
         small = (np.minimum(w4 / self.w, 1e9) < 0.1) | (h4 / self.h < 0.05)
         panel = panel - 0.6 * small
         ratio = np.abs(np.log(np.maximum(w4, 1) / np.maximum(h4, 1)))
@@ -110,6 +114,19 @@ class _Regions:
         bad = (w4 <= 0) | (h4 <= 0)
         leaf = np.where(bad, -99.0, np.maximum(panel, frame))
         return leaf, (panel >= frame).astype(np.int8)
+
+    def _mouldings(self) -> Array:
+        """Credit of every region for the lines of a moulding within it."""
+        k = self.weights
+        credit = moulding_credit(
+            self.xs, self.ys, self.column, self.row, lambda s, share: _cut_value(s, share, k)
+        )
+        left, right = np.arange(len(self.xs)) == 0, np.arange(len(self.xs)) == len(self.xs) - 1
+        top, bottom = np.arange(len(self.ys)) == 0, np.arange(len(self.ys)) == len(self.ys) - 1
+        touched = (left[:, None].astype(int) + right[None])[:, :, None, None] + (
+            top[:, None].astype(int) + bottom[None]
+        )
+        return k.moulding * credit + k.whole * ((touched >= 4) & (credit > 0))
 
     def _pairs(self, blobs: list[Blob], xs: Array, ys: Array) -> Array:
         """Probability that a region holds exactly a mirror-symmetric pair of like handles."""

@@ -194,8 +194,10 @@ def _handles(scene, cell, r, face, style, ids):  # type: ignore[no-untyped-def]
         return []
     out = []
     size = min(style.handle_size, 0.6 * w if cell.kind == "drawer" else 0.5 * h)
+    if style.handle_share:
+        size = style.handle_share * (w if cell.kind == "drawer" else min(h, 1.2))
     if cell.kind == "drawer":
-        count = 2 if w > 0.75 and w > 2.5 * h else 1
+        count = 2 if w > 0.75 and w > 2.5 * h and not style.handle_share else 1
         spots = [
             ((k + 0.5) / count if count == 1 else 0.22 + 0.56 * k, 0.5 if h < 0.3 else 0.62)
             for k in range(count)
@@ -208,6 +210,9 @@ def _handles(scene, cell, r, face, style, ids):  # type: ignore[no-untyped-def]
         edge = min(0.045, 0.15 * w)
         u = 1 - edge / w if cell.hinge_side == "left" else edge / w
         high = (0.5 if h < 0.9 else 0.45) if style.handle != "knob" else 0.55
+        if style.handle_high is not None:
+            reach = 0.5 * size / h if style.vertical_bars else 0.0
+            high = float(np.clip(style.handle_high, reach + 0.03, 0.97 - reach))
         vertical = style.vertical_bars
         if not vertical and style.handle in ("bar", "cup"):
             size = min(size, 0.4 * w)
@@ -241,9 +246,44 @@ def _handle(scene, style, s, t, size, vertical, face, surface):  # type: ignore[
             q1 = point(face - 0.01, -(s + r * np.cos(a1)), t - 0.01 + r * np.sin(a1))
             scene.tube(q0, q1, 0.003, 0.003, surface, 6)
         return (s - r - 0.003, t - 0.01 - r - 0.003, s + r + 0.003, t + 0.024)
-    thin = 0.006
+    if kind == "square":  # a plate or a pyramid with a rim
+        r = min(0.02, 0.12 * size + 0.008)
+        scene.box(point(face - 0.006, -(s - r), t - r), point(face, -(s + r), t + r), surface)
+        k = 0.6 * r
+        scene.box(
+            point(face - 0.02, -(s - k), t - k), point(face - 0.006, -(s + k), t + k), surface
+        )
+        return (s - r, t - r, s + r, t + r)
+    if kind == "drop":  # a rosette with a hanging drop
+        r = 0.012
+        scene.tube(point(face - 0.008, -s, t), point(face, -s, t), 0.7 * r, r, surface)
+        low = t - min(0.06, 0.4 * size)
+        end = point(face - 0.02, -s, low + 0.008)
+        scene.tube(point(face - 0.012, -s, t), end, 0.003, 0.008, surface, 8)
+        scene.ellipsoid(point(face - 0.02, -s, low + 0.008), (0.008, 0.008, 0.012), surface)
+        return (s - r, low - 0.004, s + r, t + r)
+    thin = style.handle_thick / 2
     half = size / 2
     ds, dt = (thin, half) if vertical else (half, thin)
+    if kind == "arch":  # a bow on two rosettes
+        n = 8
+        a = np.linspace(-1, 1, n + 1)
+        bow = 0.008 + 0.026 * (1 - np.abs(a) ** 2.5)
+        for k in range(n):
+            ends = [
+                point(
+                    face - bow[i],
+                    -(s if vertical else s + a[i] * half),
+                    t + a[i] * half if vertical else t,
+                )
+                for i in (k, k + 1)
+            ]
+            scene.tube(ends[0], ends[1], thin * 0.8, thin * 0.8, surface, 8)
+        for sign in (-1.0, 1.0):
+            c, e = (s, t + sign * half) if vertical else (s + sign * half, t)
+            scene.tube(point(face - 0.01, -c, e), point(face, -c, e), thin, 1.5 * thin, surface, 10)
+        w, h = (1.5 * thin, half + thin) if vertical else (half + thin, 1.5 * thin)
+        return (s - w, t - h, s + w, t + h)
     scene.box(
         point(face - 0.034, -(s - ds), t - dt), point(face - 0.024, -(s + ds), t + dt), surface
     )

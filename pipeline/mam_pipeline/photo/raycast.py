@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-import cv2
 import numpy as np
 import open3d as o3d  # its stubs know few overloads
 from numpy.typing import NDArray
@@ -180,35 +179,65 @@ def render(
     faces = np.concatenate(scene.faces)
     owner = np.concatenate(scene.surface_of)
     tracer.add_triangles(_tensor(vertices.astype(np.float32)), _tensor(faces.astype(np.uint32)))
-    h, w = camera.height * supersample, camera.width * supersample
-    out = np.tile(np.asarray(background), (h * w, 1))
-    rows = max(1, 400_000 // w)
-    for top in range(0, h, rows):
-        y, x = np.mgrid[top : min(top + rows, h), 0:w]
-        pixel = np.stack([x.ravel() + 0.5, y.ravel() + 0.5], 1) / supersample
-        part = slice(top * w, top * w + len(pixel))
-        out[part] = _shade(scene, tracer, owner, camera, light, pixel, out[part], rng)
-    small = cv2.resize(
-        out.reshape(h, w, 3), (camera.width, camera.height), interpolation=cv2.INTER_AREA
-    )
-    srgb = np.clip(small, 0, 1) ** (1 / 2.2)
+    h, w = camera.height, camera.width
+    sky = np.asarray(background, dtype=float)
+    y, x = np.mgrid[0:h, 0:w]
+    centre = np.stack([x.ravel() + 0.5, y.ravel() + 0.5], 1)
+
+    def shade(pixel: Array, shadows: int, skies: int) -> tuple[Array, NDArray[np.int64]]:
+        colors, ids = [], []
+        for part in np.array_split(pixel, max(1, len(pixel) // 300_000)):
+            color, of = _shade(
+                scene, tracer, owner, camera, light, part, sky, rng, shadows, skies
+            )  # fmt: skip
+            colors.append(color)
+            ids.append(of)
+        return np.concatenate(colors), np.concatenate(ids)
+
+    color, ids = shade(centre, 2, 3)
+    if supersample > 1:  # edges only: the rest is smooth enough with one sample
+        edge = np.flatnonzero(_edges(color.reshape(h, w, 3), ids.reshape(h, w)))
+        k = (np.arange(supersample) + 0.5) / supersample - 0.5
+        total = np.zeros((len(edge), 3))
+        for dy in k:
+            for dx in k:
+                total += shade(centre[edge] + [dx, dy], 1, 1)[0]
+        color[edge] = total / supersample**2
+    srgb = np.clip(color.reshape(h, w, 3), 0, 1) ** (1 / 2.2)
     return (srgb * 255 + 0.5).astype(np.uint8)
 
 
-def _shade(scene, tracer, owner, camera, light, pixel, out, rng) -> Array:  # type: ignore[no-untyped-def]
+def _edges(color: Array, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(h, w) pixels at an outline or a strong step of colour."""
+    step = np.zeros(ids.shape, bool)
+    for axis in (0, 1):
+        jump = np.abs(np.diff(np.sqrt(np.clip(color, 0, 1)), axis=axis)).max(axis=2) > 0.09
+        jump |= np.diff(ids, axis=axis) != 0
+        one = (slice(1, None), slice(None)) if axis == 0 else (slice(None), slice(1, None))
+        two = (slice(None, -1), slice(None)) if axis == 0 else (slice(None), slice(None, -1))
+        step[one] |= jump
+        step[two] |= jump
+    return step
+
+
+def _shade(scene, tracer, owner, camera, light, pixel, sky, rng, shadows, skies):  # type: ignore[no-untyped-def]
+    """((n, 3) linear colour, (n,) which surface and orientation) at (n, 2) pixel positions."""
     origin, direction = camera.rays(pixel)
+    out = np.tile(sky, (len(pixel), 1))
+    ids = np.full(len(pixel), -1)
     hit = tracer.cast_rays(
         _tensor(np.hstack([np.tile(origin, (len(pixel), 1)), direction]).astype(np.float32))
     )
     t = hit["t_hit"].numpy().astype(np.float64)
     seen = np.isfinite(t)
     if not seen.any():
-        return out
+        return out, ids
     d = direction[seen]
     p = origin + d * t[seen, None]
     normal = hit["primitive_normals"].numpy().astype(np.float64)[seen]
     normal *= -np.sign((normal * d).sum(1))[:, None]
     which = owner[hit["primitive_ids"].numpy()[seen].astype(np.int64)]
+    ids[seen] = which * 27 + (np.round(normal) + 1).astype(int) @ [9, 3, 1]
     color = np.zeros((len(p), 3))
     gloss = np.zeros(len(p))
     for index in np.unique(which):
@@ -216,22 +245,26 @@ def _shade(scene, tracer, owner, camera, light, pixel, out, rng) -> Array:  # ty
         color[of] = albedo(scene.surfaces[index], p[of], normal[of])
         gloss[of] = scene.surfaces[index].gloss
     to_light = np.asarray(light.direction) / np.linalg.norm(light.direction)
-    sun = to_light + light.softness * rng.standard_normal(p.shape)
-    sun /= np.linalg.norm(sun, axis=1)[:, None]
     start = p + 1e-4 * normal
-    lambert = np.clip((normal * sun).sum(1), 0, None)
-    lit = ~_blocked(tracer, start, sun, 6.0)
+    key = np.zeros(len(p))
+    spark = np.zeros(len(p))
+    for _ in range(shadows):
+        sun = to_light + light.softness * rng.standard_normal(p.shape)
+        sun /= np.linalg.norm(sun, axis=1)[:, None]
+        lambert = np.clip((normal * sun).sum(1), 0, None)
+        lit = ~_blocked(tracer, start, sun, 6.0)
+        half = sun - d
+        half /= np.linalg.norm(half, axis=1)[:, None] + 1e-9
+        key += lambert * lit / shadows
+        spark += np.clip((half * normal).sum(1), 0, 1) ** 40 * lit * 2.0 / shadows
     open_sky = np.zeros(len(p))
-    for _ in range(2):
+    for _ in range(skies):
         around = normal + _sphere(rng, len(p))
         around /= np.linalg.norm(around, axis=1)[:, None] + 1e-9
-        open_sky += np.clip(_distance(tracer, start, around) / 0.35, 0.12, 1.0) ** 0.5 / 2
-    shade = light.key * lambert * lit + light.ambient * open_sky * (0.85 + 0.15 * normal[:, 2])
-    half = sun - d
-    half /= np.linalg.norm(half, axis=1)[:, None] + 1e-9
-    spark = gloss * np.clip((half * normal).sum(1), 0, 1) ** 40 * lit * 2.0
-    out[seen] = color * shade[:, None] * np.asarray(light.tint) + spark[:, None]
-    return out
+        open_sky += np.clip(_distance(tracer, start, around) / 0.35, 0.12, 1.0) ** 0.5 / skies
+    shade = light.key * key + light.ambient * open_sky * (0.85 + 0.15 * normal[:, 2])
+    out[seen] = color * shade[:, None] * np.asarray(light.tint) + (gloss * spark)[:, None]
+    return out, ids
 
 
 def _tensor(array: Any) -> Any:

@@ -99,6 +99,7 @@ def reconstruct_photo(
         "front_quad": (np.asarray(found.quad) / photo.scale).round(1).tolist(),
         "panels": [_panel_row(p, found.reading) for p in found.reading.panels],
     }  # fmt: skip
+    pictures["a_photo"] = photo.small
     return Reconstruction(
         mesh, hints, judged.words, summarise(found.reading, sizes), assumed, pictures, details
     )

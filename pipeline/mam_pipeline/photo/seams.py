@@ -44,8 +44,11 @@ def _widen(response: Array, reach: int, axis: int) -> Array:
     return ndimage.maximum_filter1d(response, 2 * reach + 1, axis=axis)
 
 
-def seam_response(lab: Array, axis: int) -> Array:
-    """Evidence 0..1 for lines across `axis` (1: vertical lines), from steps and dark grooves."""
+def seam_response(lab: Array, axis: int) -> tuple[Array, Array]:
+    """Evidence 0..1 for lines across `axis` (1: vertical lines), from steps and dark grooves.
+
+    Also the same before it is cut off at 1, up to 4: where two lines are close the stronger shows.
+    """
     along = 1 - axis
     soft = ndimage.gaussian_filter1d(lab, 1.0, axis=axis)
     soft = ndimage.uniform_filter1d(soft, 5, axis=along)
@@ -61,10 +64,11 @@ def seam_response(lab: Array, axis: int) -> Array:
     value = np.maximum(step, 1.6 * groove) - 0.5 * other
     noise = np.percentile(value[value > 0], 70) if (value > 0).any() else 0.0
     level = np.clip(1.5 * noise + 1.5, 2.6, 10.0)  # what grain and noise reach is no seam
-    graded = np.clip((value - 0.35 * level) / (0.65 * level), 0.0, 1.0)
+    strength = np.clip((value - 0.35 * level) / (0.65 * level), 0.0, 4.0)
+    graded = np.minimum(strength, 1.0)
     # a seam goes on: bridge short breaks, drop short bits
     graded = ndimage.grey_closing(graded, size=(1, 13) if along == 1 else (13, 1))
-    return ndimage.uniform_filter1d(graded, 9, axis=along)
+    return ndimage.uniform_filter1d(graded, 9, axis=along), strength
 
 
 def calm_share(vertical: Array, horizontal: Array) -> Array:
@@ -109,32 +113,45 @@ def line_response(rgb: NDArray[np.uint8]) -> tuple[Array, Array]:
     return out[0].astype(np.float64), out[1].astype(np.float64)
 
 
-def candidates(response: Array, axis: int, keep: int = 18) -> NDArray[np.int64]:
+def candidates(
+    response: Array, strength: Array, axis: int, keep: int = 18
+) -> NDArray[np.int64]:
     """Positions along `axis` of lines with long support somewhere, borders included."""
     size = response.shape[axis]
     along = 1 - axis
     wide = _widen(response, 1, axis=axis)
     length = response.shape[along]
     score = np.zeros(size)
+    power = np.zeros(size)
     for share, weight in ((1.0, 1.2), (0.5, 1.0), (0.3, 0.9), (0.18, 0.75)):
         n = max(5, int(share * length))
         run = ndimage.uniform_filter1d(wide, n, axis=along, mode="constant")
         score = np.maximum(score, weight * run.max(axis=along))
+        run = ndimage.uniform_filter1d(strength, n, axis=along, mode="constant")
+        power = np.maximum(power, weight * run.max(axis=along))
+    # a wide moulding answers with a plateau: its middle stands for it, not each of its pixels
     score = ndimage.gaussian_filter1d(score, 0.8)
-    peak = score == ndimage.maximum_filter1d(score, 5)
+    order_by = score + 0.3 * ndimage.gaussian_filter1d(power, 1.0)
+    apart = max(5, round(0.013 * size))
     margin = max(3, round(0.012 * size))
-    peak[:margin] = peak[-margin:] = False
-    where = np.flatnonzero(peak & (score > 0.4))
-    where = where[np.argsort(-score[where], kind="stable")][:keep]
-    return np.concatenate([[0], np.sort(where), [size]]).astype(np.int64)
+    order_by[:margin] = order_by[size - margin :] = 0.0
+    chosen: list[int] = []
+    for i in np.argsort(-order_by, kind="stable"):
+        if score[i] <= 0.4 or len(chosen) == keep or order_by[i] == 0.0:
+            break
+        if all(abs(int(i) - c) >= apart for c in chosen):
+            chosen.append(int(i))
+    return np.array([0, *sorted(chosen), size], dtype=np.int64)
 
 
 def find_seams(rgb: NDArray[np.uint8]) -> Seams:
     """Seam maps and candidate lines of a rectified front (h, w, 3)."""
     lab = cv2.cvtColor(rgb.astype(np.float32) / 255.0, cv2.COLOR_RGB2LAB).astype(np.float64)
-    vertical, horizontal = seam_response(lab, 1), seam_response(lab, 0)
+    (vertical, strong_v), (horizontal, strong_h) = seam_response(lab, 1), seam_response(lab, 0)
     lines_v, lines_h = line_response(rgb)
     calm = calm_share(vertical, horizontal)
     vertical = np.maximum(vertical, lines_v) * calm
     horizontal = np.maximum(horizontal, lines_h) * calm
-    return Seams(vertical, horizontal, candidates(vertical, 1), candidates(horizontal, 0), calm)
+    xs = candidates(vertical, strong_v * calm, 1)
+    ys = candidates(horizontal, strong_h * calm, 0)
+    return Seams(vertical, horizontal, xs, ys, calm)
