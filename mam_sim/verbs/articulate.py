@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,8 +13,11 @@ import tyro
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import ConfigError, MamSimError
 from mam_pipeline.make import MakeConfig, kind_of, make_asset
+from mam_pipeline.models.ledger import Ledger, one_ledger
+from mam_pipeline.models.settings import given
 from mam_pipeline.stages import EngineConfig
 from mam_sim.console import Screen
+from mam_sim.verbs.flags import ModelFlags
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,9 @@ class EngineFlags:
     solver: str = "auto"
     reconstructor: str = "auto"
     seed: int = 0
+    retexture: dict[str, str] = field(default_factory=dict)
+    """New appearance of parts by Hunyuan3D-Paint, their triangles unchanged: PART PICTURE, or PART
+    and words, of which an image endpoint first makes a picture."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,7 @@ def articulate(
     engine: Annotated[EngineFlags, tyro.conf.OmitArgPrefixes] = EngineFlags(),
     size: Annotated[ScaleFlags, tyro.conf.OmitArgPrefixes] = ScaleFlags(),
     photo: Annotated[PhotoFlags, tyro.conf.OmitArgPrefixes] = PhotoFlags(),
+    models: Annotated[ModelFlags, tyro.conf.OmitArgPrefixes] = ModelFlags(),  # noqa: B008
     quiet: bool = False,
     json: bool = False,
 ) -> int:
@@ -85,13 +92,16 @@ def articulate(
         engine: backends.
         size: scale and up axis.
         photo: help for a photo.
+        models: models outside mam-sim.
         quiet: print nothing but errors.
         json: print the asset card as JSON.
     """
     screen = Screen(quiet or json)
     names = ["read", "segment", "prior", "reason", "joints", "asset", "report"]
     with screen.stages(names) as bar:
-        asset = build(source, out, make_config(hints, interiors, engine, size, photo), bar)
+        config = make_config(hints, interiors, engine, size, photo)
+        with given(models.settings()), one_ledger() as ledger:
+            asset = build(source, out, config, bar)
         bar("report")
         from mam_sim.report import write_report
 
@@ -99,6 +109,7 @@ def articulate(
     if json:
         screen.json(asdict(asset.card))
     describe(screen, asset)
+    tell_cost(screen, ledger)
     screen.say(f"report: {asset.folder / 'report.html'}")
     screen.say(f"next:   mam-sim check {out}")
     return 0
@@ -135,7 +146,14 @@ def make_config(
         reconstructor=engine.reconstructor,
         photo=options,
         interiors=interiors,
+        retexture=dict(engine.retexture),
     )
+
+
+def tell_cost(screen: Screen, ledger: Ledger) -> None:
+    """Say what asking a model cost, where one was asked."""
+    if ledger.summary():
+        screen.say(f"asked:  {ledger.summary()}")
 
 
 def build(source: Path, out: Path, config: MakeConfig, bar: Any) -> Asset:

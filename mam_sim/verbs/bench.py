@@ -18,9 +18,12 @@ from mam_pipeline.bench.table import (
     rows_table,
     summarise,
 )
-from mam_pipeline.errors import ConfigError
+from mam_pipeline.errors import ConfigError, HintNeeded
+from mam_pipeline.models.ledger import one_ledger
+from mam_pipeline.models.settings import given
 from mam_pipeline.stages import EngineConfig
 from mam_sim.console import Screen
+from mam_sim.verbs.flags import ModelFlags
 
 
 def bench(
@@ -37,6 +40,7 @@ def bench(
     prior: str = "auto",
     reasoner: str = "auto",
     solver: str = "auto",
+    models: Annotated[ModelFlags, tyro.conf.OmitArgPrefixes] = ModelFlags(),  # noqa: B008
     seed: int = 0,
     quiet: bool = False,
     json: bool = False,
@@ -54,8 +58,10 @@ def bench(
         noise: with --fuse, displacement of the surface as a share of the diagonal.
         segmenter: backend that cuts primitives.
         prior: backend that probes motion; none leaves it out.
-        reasoner: backend that finds parts.
+        reasoner: backend that finds parts; file and vlm keep their answers, so that a run can be
+            repeated without asking again.
         solver: backend that estimates joints: embedded, init, lm, nelder-mead.
+        models: models outside mam-sim; each object's questions lie in a folder of its name.
         seed: of everything random.
         quiet: no progress bar.
         json: print the result as JSON instead of tables.
@@ -65,7 +71,10 @@ def bench(
     if limit is not None and limit < 1:
         raise ConfigError(f"--limit must be at least 1, got {limit}")
     engine = EngineConfig(segmenter, prior, reasoner, solver, seed)
-    config = BenchConfig(engine, fuse=fuse, noise=noise, execute=exec)
+    if reasoner == "vlm" and jobs > 1:
+        raise ConfigError("--reasoner vlm needs --jobs 1: the cost cap is kept in one process")
+    settings = tuple(sorted(models.settings().items()))
+    config = BenchConfig(engine, fuse=fuse, noise=noise, execute=exec, settings=settings)
     tasks = find_tasks(dataset, only, limit)
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -79,13 +88,20 @@ def bench(
             mark = "kept" if reused else f"{record.seconds:.1f} s"
             bar.update(line, advance=1, description=f"{record.id} {record.scores.miou:.2f} {mark}")
 
-        records = run_bench(tasks, config, log, jobs, done)
+        with given(models.settings()), one_ledger() as ledger:
+            records = run_bench(tasks, config, log, jobs, done)
+    waiting = [r for r in records if r.status == "asked"]
+    if waiting:
+        more = f"{len(waiting)} of {len(records)} objects wait for an answer"
+        raise HintNeeded(f"{more}; first: {waiting[0].why}")
     data = as_json(records, dataset, config)
     if out is not None:
         out.write_text(json_module.dumps(data, indent=1) + "\n", encoding="utf-8")
     if json:
         screen.json(data)
         return 0
+    if ledger.summary():
+        screen.say(f"asked: {ledger.summary()}")
     screen.out.width = max(screen.out.width, 136)  # the table must not lose digits in a pipe
     screen.out.print(objects_table(records))
     screen.out.print(rows_table(by_category(records), "categories"))

@@ -45,7 +45,8 @@ def doctor(json: bool = False) -> int:
         json: print the findings as JSON.
     """
     screen = Screen()
-    findings = [*_python(), *_packages(), *_system(), *_gpu(), *_backends(), *_keys()]
+    findings = [*_python(), *_packages(), *_system(), *_gpu(), *_backends(), *_models()]
+    findings += _keys()
     if json:
         screen.json([asdict(f) for f in findings])
     else:
@@ -57,7 +58,10 @@ def doctor(json: bool = False) -> int:
             mark = "ok " if f.ok else ("NO " if f.needed else "-  ")
             screen.say(f"  {mark}{f.name:<24} {f.state}")
             if not f.ok and f.fix:
-                screen.say(f"      fix: {f.fix}")
+                first, *more = f.fix.splitlines()
+                screen.say(f"      fix: {first}")
+                for line in more:
+                    screen.say(f"           {line}")
     return int(any(f.needed and not f.ok for f in findings))
 
 
@@ -178,6 +182,18 @@ def _backends() -> list[Finding]:
             except Exception as error:  # a third party's plug-in may be broken
                 state = f"broken: {error}"
             out.append(Finding("backends", f"{role} {name}", state, ok, fix=fix))
+    return out
+
+
+def _models() -> list[Finding]:
+    from mam_pipeline.models.catalogue import ENDPOINT, MODELS, find
+
+    out = []
+    for model in (*MODELS, ENDPOINT):
+        found = find(model)
+        state = f"{found.text}; {model.flag}; licence: {model.licence}"
+        fix = "\n".join((*model.commands, f"see {model.page}"))
+        out.append(Finding("models", model.name, state, found.ok, fix=fix))
     return out
 
 

@@ -9,6 +9,8 @@ from typing import Annotated, Any
 import tyro
 
 from mam_pipeline.asset.card import Asset
+from mam_pipeline.models.ledger import one_ledger
+from mam_pipeline.models.settings import given
 from mam_sim.console import Screen
 from mam_sim.verbs.articulate import (
     EngineFlags,
@@ -17,7 +19,9 @@ from mam_sim.verbs.articulate import (
     build,
     describe,
     make_config,
+    tell_cost,
 )
+from mam_sim.verbs.flags import ModelFlags
 
 ENV_ID = "mam_envs:OperateJoint-v1"
 
@@ -32,6 +36,7 @@ def make_env(
     engine: Annotated[EngineFlags, tyro.conf.OmitArgPrefixes] = EngineFlags(),  # noqa: B008
     size: Annotated[ScaleFlags, tyro.conf.OmitArgPrefixes] = ScaleFlags(),  # noqa: B008
     photo: Annotated[PhotoFlags, tyro.conf.OmitArgPrefixes] = PhotoFlags(),  # noqa: B008
+    models: Annotated[ModelFlags, tyro.conf.OmitArgPrefixes] = ModelFlags(),  # noqa: B008
     quiet: bool = False,
     json: bool = False,
 ) -> int:
@@ -46,6 +51,7 @@ def make_env(
         engine: backends.
         size: scale and up axis.
         photo: help for a photo.
+        models: models outside mam-sim.
         quiet: print nothing but errors.
         json: print the asset card as JSON.
     """
@@ -53,7 +59,9 @@ def make_env(
     target = out if out is not None else Path(f"{source.stem}-asset")
     stages = ["read", "segment", "prior", "reason", "joints", "asset", "check"]
     with screen.stages([*stages, "environment", "report"]) as bar:
-        asset = build(source, target, make_config(hints, interiors, engine, size, photo), bar)
+        config = make_config(hints, interiors, engine, size, photo)
+        with given(models.settings()), one_ledger() as ledger:
+            asset = build(source, target, config, bar)
         bar("check")
         asset = _checked(asset)
         bar("environment")
@@ -66,6 +74,7 @@ def make_env(
     if json:
         screen.json(asdict(asset.card))
     describe(screen, asset)
+    tell_cost(screen, ledger)
     verdict = asset.card.checks.get("executability", {})
     if verdict.get("passed"):
         screen.say("check:  passes")

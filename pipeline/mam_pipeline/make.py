@@ -24,6 +24,7 @@ from mam_pipeline import backends, stage_files
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.hints import Hints, load_hints, save_hints
+from mam_pipeline.models import settings
 from mam_pipeline.prior.masks import save_masks
 from mam_pipeline.stages import Engine, EngineConfig, OnStage, front_yaw, moved
 from mam_pipeline.types import Articulation, FloatArray, Mesh
@@ -45,6 +46,7 @@ class MakeConfig:
     reconstructor: str = "auto"
     photo: Mapping[str, Any] = field(default_factory=dict)
     interiors: bool = True
+    retexture: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,7 @@ def make_asset(
         MamSimError: one of its subclasses; `out` is then as it was before.
     """
     from mam_pipeline.asset.writer import replace_folder, write_asset
+    from mam_pipeline.models.retexture import repainted
 
     kind = kind_of(source)
     out = out.resolve()
@@ -119,6 +122,8 @@ def make_asset(
         yaw = front_yaw(articulation) if kind == "mesh" else np.eye(4)
         articulation = moved(articulation, yaw)
         tell("asset")
+        if config.retexture:
+            articulation, used["retexturer"] = repainted(articulation, config.retexture)
         started = time.perf_counter()
         asset = write_asset(
             articulation,
@@ -218,7 +223,7 @@ def _engine(
     )
     prior, key_prior = keeper.run(
         "2_prior",
-        [key, names.prior, seed, hints_key],
+        [key, names.prior, settings.identity("prior", names.prior), seed, hints_key],
         lambda: engine.observe(mesh, primitives, hints),
         stage_files.PRIOR,
     )
@@ -226,7 +231,10 @@ def _engine(
         save_masks(prior, mesh, stages / "2_prior" / "masks.npz")
     tree, key = keeper.run(
         "3_parts",
-        [key, key_prior, names.reasoner, seed, hints_key],
+        [
+            *(key, key_prior, names.reasoner, settings.identity("reasoner", names.reasoner)),
+            *(seed, hints_key),
+        ],
         lambda: engine.reason(mesh, primitives, prior, hints),
         stage_files.TREE,
     )

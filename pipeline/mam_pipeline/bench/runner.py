@@ -285,11 +285,9 @@ def task_key(task: Task, config: BenchConfig) -> str:
     """Digest of the object's files, the config, the engine's code and a folder's answers."""
     digest = hashlib.sha256(repr((task, config)).encode())
     digest.update(engine_digest().encode())
-    with settings.given(dict(config.settings)):
-        questions = settings.folder("MAM_SIM_QUESTIONS")
-    if config.engine.reasoner == "file" and questions is not None:
-        for answer in sorted((questions / task.id).rglob("answer.json")):
-            digest.update(answer.read_bytes())
+    with settings.given({**dict(config.settings), settings.SUBJECT: task.id}):
+        for role in ("prior", "reasoner"):
+            digest.update(settings.identity(role, getattr(config.engine, role)).encode())
     path = Path(task.source)
     if task.seed < 0 and path.is_file():
         digest.update(path.read_bytes())

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -19,19 +20,21 @@ from mam_pipeline.models.pictures import Picture
 from mam_pipeline.prior.masks import mask_colors
 from mam_pipeline.types import IntArray, Mesh, Primitives
 
+SIZE = 512  # pixels a side of a picture
+FIRST_LOOK = 256  # pixels a side of the views that decide what is numbered
+TWO = (views.CORNERS[0], views.CORNERS[2])
 MOST_IDS = 90
-PLAIN_SIGHT = 150  # pixels in its best view with which a piece counts as seen from outside
-BARELY = 25  # pixels in all pictures below which a piece gets no number
+PLAIN_SIGHT = 150 / 512**2  # of its best view, with which a piece counts as seen from outside
+BARELY = 25 / 512**2  # of one view, over all pictures, below which a piece gets no number
 
 Labelled = tuple[tuple[str, Picture], ...]
 
 
 @dataclass(frozen=True)
 class Album:
-    """Everything cast once for one object.
+    """What is numbered in the pictures of one object; the pictures are cast when they are needed.
 
     Attributes:
-        outside: ten views. apart: two views of the pieces pulled apart.
         stands_for: (P,) the numbered primitive that stands for each one in the pictures: hidden
             specks are asked about through their nearest neighbour, and at most MOST_IDS are shown.
         hidden: numbered primitives that no outside view shows well.
@@ -39,9 +42,6 @@ class Album:
 
     mesh: Mesh
     primitives: Primitives
-    outside: tuple[views.View, ...]
-    apart: tuple[views.View, ...]
-    inside: tuple[views.View, ...]
     stands_for: IntArray
     hidden: tuple[int, ...]
 
@@ -55,23 +55,42 @@ class Album:
         """The numbers that are shown."""
         return [int(i) for i in np.unique(self.stands_for)]
 
+    @cached_property
+    def outside(self) -> list[views.View]:
+        """Ten views from the corners, the sides, above and below."""
+        return views.look(self.mesh, size=SIZE, tight=True)
 
-def cast(mesh: Mesh, primitives: Primitives, size: int = 512) -> Album:
-    """Look at the object from all sides, pulled apart and inside."""
-    outside = views.look(mesh, size=size, tight=True)
+    @cached_property
+    def apart(self) -> list[views.View]:
+        """Two views of the pieces pulled apart."""
+        loose = pictures.exploded(self.mesh, self.primitives.labels)
+        return views.look(loose, TWO, SIZE, tight=True)
+
+    @cached_property
+    def inside(self) -> list[views.View]:
+        """Two views of the hidden pieces alone, with the cameras of the whole."""
+        if not self.hidden:
+            return []
+        shown = np.isin(self.labels, self.hidden)
+        return views.look(self.mesh, TWO, SIZE, tight=True, only=shown)
+
+
+def cast(mesh: Mesh, primitives: Primitives) -> Album:
+    """Look at the object from all sides and pulled apart, in small, to see what can be seen."""
+    outside = views.look(mesh, size=FIRST_LOOK, tight=True)
     loose = pictures.exploded(mesh, primitives.labels)
-    both = (views.CORNERS[0], views.CORNERS[2])
-    apart = views.look(loose, both, size, tight=True)
-    stands_for = _representatives(mesh, primitives, (*outside, *apart))
+    apart = views.look(loose, TWO, FIRST_LOOK, tight=True)
+    seen = _seen((*outside, *apart), primitives)
+    lost = np.flatnonzero(seen < BARELY * FIRST_LOOK**2)
+    if len(lost):  # what is in the middle of a closed body is not freed by pulling apart
+        only = np.isin(primitives.labels, lost)
+        seen += _seen(views.look(mesh, TWO, FIRST_LOOK, tight=True, only=only), primitives)
+    stands_for = _representatives(mesh, primitives, seen)
     labels = stands_for[primitives.labels]
     best = np.max([_pixels(v, labels, primitives.count) for v in outside], axis=0)
     ids = np.unique(stands_for)
-    hidden = ids[best[ids] < PLAIN_SIGHT]
-    inside: list[views.View] = []
-    if len(hidden):
-        inside = views.look(mesh, both, size, tight=True, only=np.isin(labels, hidden))
-    found = tuple(int(i) for i in hidden)
-    return Album(mesh, primitives, tuple(outside), tuple(apart), tuple(inside), stands_for, found)
+    hidden = ids[best[ids] < PLAIN_SIGHT * FIRST_LOOK**2]
+    return Album(mesh, primitives, stands_for, tuple(int(i) for i in hidden))
 
 
 def of_pieces(album: Album, kinematic: IntArray | None) -> Labelled:
@@ -97,7 +116,7 @@ def of_parts(album: Album, part: IntArray) -> Labelled:
     labels = part[album.primitives.labels]
     tags = [int(i) for i in np.unique(part)]
     loose = pictures.exploded(album.mesh, labels)
-    apart = views.look(loose, (views.CORNERS[0], views.CORNERS[2]), 512, tight=True)
+    apart = views.look(loose, TWO, SIZE, tight=True)
     return (
         ("object", whole(album)),
         *_outside(album, labels, colors, tags),
@@ -108,7 +127,7 @@ def of_parts(album: Album, part: IntArray) -> Labelled:
 def whole(album: Album) -> Picture:
     """The object as it is, from four corners."""
     own = pictures.own_colors(album.mesh)
-    return pictures.sheet([pictures.plain(v, own) for v in album.outside[:4]], 2, 1024)
+    return pictures.sheet([pictures.plain(v, own) for v in album.outside[:4]], 2)
 
 
 def masks(album: Album, kinematic: IntArray) -> Picture:
@@ -120,7 +139,7 @@ def masks(album: Album, kinematic: IntArray) -> Picture:
 
 
 def facts(album: Album, labels: IntArray) -> str:
-    """One line per label of the faces: its place in percent of the longest side, what it touches."""
+    """One line per label: where it lies, in percent of the longest side, and what it touches."""
     mesh = album.mesh
     low, high = mesh.bounds
     scale = 100.0 / float((high - low).max())
@@ -138,12 +157,12 @@ def facts(album: Album, labels: IntArray) -> str:
     return "\n".join(rows)
 
 
-def direction_name(view: views.View) -> str:
-    """Where a camera stands, in words: "from -x and +y, above"."""
-    a = np.radians(view.azimuth)
+def direction_name(azimuth: float, elevation: float) -> str:
+    """Where a camera stands, in words: "from -x and +y, from above"."""
+    a = np.radians(azimuth)
     place = (-np.cos(a), -np.sin(a))
     sides = [f"{'+' if v > 0 else '-'}{n}" for v, n in zip(place, "xy") if abs(v) > 0.2]
-    height = ", from above" if view.elevation > 50 else ", from below" if view.elevation < 0 else ""
+    height = ", from above" if elevation > 50 else ", from below" if elevation < 0 else ""
     return f"from {' and '.join(sides)}{height}"
 
 
@@ -155,7 +174,7 @@ def _outside(album: Album, labels: IntArray, colors: Picture, tags: Sequence[int
 
 
 def _hidden(album: Album, labels: IntArray, colors: Picture) -> Labelled:
-    if not album.inside:
+    if not album.hidden:
         return ()
     shells = (album.outside[0], album.outside[2])
     rows = [
@@ -176,11 +195,14 @@ def _pixels(view: views.View, labels: IntArray, count: int) -> IntArray:
     return np.bincount(shown[shown >= 0], minlength=count)
 
 
-def _representatives(
-    mesh: Mesh, primitives: Primitives, seen: Sequence[views.View]
-) -> IntArray:
-    pixels = np.sum([_pixels(v, primitives.labels, primitives.count) for v in seen], axis=0)
-    visible = np.flatnonzero(pixels >= BARELY)
+def _seen(cast: Sequence[views.View], primitives: Primitives) -> IntArray:
+    """(P,) pixels of every primitive over all views."""
+    counts = [_pixels(v, primitives.labels, primitives.count) for v in cast]
+    return np.asarray(np.sum(counts, axis=0))
+
+
+def _representatives(mesh: Mesh, primitives: Primitives, pixels: IntArray) -> IntArray:
+    visible = np.flatnonzero(pixels >= BARELY * FIRST_LOOK**2)
     visible = visible[np.argsort(-pixels[visible], kind="stable")][:MOST_IDS]
     if not len(visible):
         visible = np.array([int(pixels.argmax())])

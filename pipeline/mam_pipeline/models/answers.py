@@ -52,9 +52,7 @@ def tree_of(
             PartNode(
                 name=group.name,
                 kind=group.kind,
-                primitives=tuple(
-                    int(p) for p in np.flatnonzero(np.isin(stands_for, group.pieces))
-                ),
+                primitives=tuple(int(p) for p in np.flatnonzero(np.isin(stands_for, group.pieces))),
                 parent=-1 if mount is None else index[mount.parent],
                 subtype="fixed" if mount is None else mount.motion,
                 confidence=group.confidence * (1.0 if mount is None else mount.confidence),

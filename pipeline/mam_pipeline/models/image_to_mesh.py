@@ -7,14 +7,17 @@ reconstructor fits to the same photo, and its parts hints travel along where tha
 from __future__ import annotations
 
 import base64
+import io
 import tempfile
 import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import requests
+from PIL import Image
 
 from mam_pipeline.backends import Availability, Reconstruction
 from mam_pipeline.errors import BackendError, InputError, MamSimError
@@ -22,6 +25,7 @@ from mam_pipeline.hints import Hints
 from mam_pipeline.meshio import load_mesh
 from mam_pipeline.models import external, settings
 
+TRUSTED = 0.5  # of a mask with which the background is taken away
 TENCENT = "Tencent community licence: not in the EU, the UK and South Korea, outputs included"
 
 
@@ -49,7 +53,7 @@ class HunyuanReconstructor:
         if found is None or found.url is None:
             raise BackendError(f"{self.variable} is not set; see: mam-sim doctor")
         request = {
-            "image": base64.b64encode(photo.read_bytes()).decode(),
+            "image": base64.b64encode(_png(cut_out(photo, options))).decode(),
             "texture": False,
             "seed": int(options.get("seed", 0)),
             "octree_resolution": 256,
@@ -76,13 +80,10 @@ class _RunnerReconstructor:
 
     def reconstruct(self, photo: Path, options: Mapping[str, Any]) -> Reconstruction:
         """Photo to mesh; raises BackendError where the runner fails."""
-        from PIL import Image, ImageOps
-
         with tempfile.TemporaryDirectory(prefix="mam-photo-") as scratch:
             inbox, outbox = Path(scratch, "in"), Path(scratch, "out")
             inbox.mkdir()
-            with Image.open(photo) as image:
-                ImageOps.exif_transpose(image).convert("RGBA").save(inbox / "image.png")
+            cut_out(photo, options).save(inbox / "image.png")
             request = {"image": "image.png", "seed": int(options.get("seed", 0))}
             external.call(self.variable, "reconstruct", request, inbox, outbox)
             for suffix in (".glb", ".obj"):
@@ -104,6 +105,37 @@ class TripoSgReconstructor(_RunnerReconstructor):
 
     variable, name, page = "MAM_SIM_TRIPOSG", "triposg", "docs/models.md"
     licence = "MIT; RMBG-1.4, if used, has BRIA's terms"
+
+
+def cut_out(photo: Path, options: Mapping[str, Any]) -> Image.Image:
+    """The photo with everything but the object transparent, as RGBA.
+
+    The object is what the picture's own alpha, the user's mask, or the first of our own masks says;
+    where none of them is trustworthy the picture stays whole, and the model's own matting decides.
+    """
+    from mam_pipeline.photo.image import read_photo
+    from mam_pipeline.photo.mask import find_masks
+
+    picture = read_photo(photo)
+    bbox, user = options.get("bbox"), options.get("mask")
+    small = None if bbox is None else tuple(v * picture.scale for v in bbox)
+    best = max(find_masks(picture, None if user is None else Path(user), small), key=_trust)
+    h, w = picture.rgb.shape[:2]
+    alpha = cv2.resize(best.mask.astype(np.float32), (w, h), interpolation=cv2.INTER_LINEAR)
+    if best.trust < TRUSTED:
+        alpha = np.ones((h, w), dtype=np.float32)
+    opaque = np.clip(alpha * 255, 0, 255).astype(np.uint8)
+    return Image.fromarray(np.dstack([picture.rgb, opaque]))
+
+
+def _trust(mask: Any) -> float:
+    return float(mask.trust)
+
+
+def _png(image: Image.Image) -> bytes:
+    out = io.BytesIO()
+    image.save(out, format="PNG")
+    return out.getvalue()
 
 
 def ask_server(url: str, request: Mapping[str, Any]) -> bytes:

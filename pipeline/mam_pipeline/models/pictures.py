@@ -1,4 +1,4 @@
-"""Painting what the cameras saw: pieces in distinct colours, tags that never cover each other, sheets.
+"""Painting what the cameras saw: pieces in distinct colours, tags that cover nothing, sheets.
 
 A tag never hides what it names: on a piece too small for it, it stands beside, on background where
 there is any, tied to the piece by a line that ends in a dot.
@@ -6,10 +6,10 @@ there is any, tied to the piece by a line that ends in a dot.
 
 from __future__ import annotations
 
-import colorsys
 import io
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import cv2
 import numpy as np
@@ -164,13 +164,25 @@ def overlap(a: Box, b: Box) -> bool:
     return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
-def distinct_colors(count: int, first: int = 0) -> Picture:
-    """(count, 3) RGB colours far from each other in hue and lightness, the same on every run."""
-    rows = [
-        colorsys.hls_to_rgb((i * 0.61803398875) % 1, (0.50, 0.68, 0.80)[i % 3], 0.75)
-        for i in range(first, first + max(count, 1))
-    ]
-    return (np.asarray(rows) * 255).astype(np.uint8)
+def distinct_colors(count: int) -> Picture:
+    """(count, 3) RGB colours, each as far as can be from those before it, the same on every run."""
+    return np.resize(_palette(), (max(count, 1), 3))
+
+
+@cache
+def _palette(count: int = 128) -> Picture:
+    """Farthest-point selection in Lab among saturated colours that are neither dark nor grey."""
+    levels = np.arange(15, 256, 20, dtype=np.uint8)
+    grid = np.stack(np.meshgrid(levels, levels, levels), axis=-1).reshape(-1, 3)
+    lab = cv2.cvtColor(grid[None].astype(np.float32) / 255.0, cv2.COLOR_RGB2LAB)[0]
+    keep = (np.ptp(grid.astype(int), axis=1) > 70) & (lab[:, 0] > 46) & (lab[:, 0] < 88)
+    grid, lab = grid[keep], lab[keep]
+    chosen = [int(np.linalg.norm(grid - np.array([215, 60, 60]), axis=1).argmin())]
+    nearest = np.full(len(grid), np.inf)
+    while len(chosen) < count:
+        nearest = np.minimum(nearest, np.linalg.norm(lab - lab[chosen[-1]], axis=1))
+        chosen.append(int(nearest.argmax()))
+    return grid[chosen]
 
 
 def sheet(pictures: Sequence[Picture], columns: int, limit: int = 2048) -> Picture:
@@ -193,7 +205,7 @@ def sheet(pictures: Sequence[Picture], columns: int, limit: int = 2048) -> Pictu
 def png(picture: Picture) -> bytes:
     """PNG bytes of a picture."""
     buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, format="PNG", optimize=True)
+    Image.fromarray(picture).save(buffer, format="PNG")
     return buffer.getvalue()
 
 

@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import base64
+import os
 import tempfile
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from mam_pipeline import backends
 from mam_pipeline.backends import Availability, Retexturer
-from mam_pipeline.errors import BackendError, InputError
+from mam_pipeline.errors import BackendError, ConfigError, InputError
 from mam_pipeline.formats.soup import join
 from mam_pipeline.meshio import read_file, save_glb
 from mam_pipeline.models import settings
 from mam_pipeline.models.image_to_mesh import TENCENT, HunyuanReconstructor, ask_server
 from mam_pipeline.types import Articulation, Mesh
+
+# the painter looks at +Z with Y up, our front faces -X with Z up
+PAINTER_T_ASSET = np.array(
+    [[0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
 
 
 class HunyuanRetexturer:
@@ -38,7 +46,8 @@ class HunyuanRetexturer:
             raise BackendError(f"{HunyuanReconstructor.variable} is not set; see: mam-sim doctor")
         with tempfile.TemporaryDirectory(prefix="mam-paint-") as scratch:
             sent, came = Path(scratch, "part.glb"), Path(scratch, "painted.glb")
-            save_glb(replace(mesh, uv=None, colors=None), sent)
+            bare = Mesh(mesh.vertices, mesh.faces).transformed(PAINTER_T_ASSET)
+            save_glb(bare, sent, up="z")  # turned already; one material keeps the order of faces
             request = {
                 "mesh": base64.b64encode(sent.read_bytes()).decode(),
                 "image": base64.b64encode(picture.read_bytes()).decode(),
@@ -50,7 +59,8 @@ class HunyuanRetexturer:
                 content = read_file(came)
             except InputError as error:
                 raise BackendError(f"the painted part cannot be read: {error}") from error
-        return adopt(mesh, join(content.pieces, content.materials))
+        painted = join(content.pieces, content.materials)
+        return adopt(mesh, painted.transformed(PAINTER_T_ASSET.T))
 
 
 def adopt(mesh: Mesh, painted: Mesh) -> Mesh:
@@ -82,6 +92,65 @@ def adopt(mesh: Mesh, painted: Mesh) -> Mesh:
     )
 
 
+def repainted(
+    articulation: Articulation, wishes: Mapping[str, str], backend: str = "auto"
+) -> tuple[Articulation, str]:
+    """Paint parts as a person wishes; returns the backend's name too.
+
+    Args:
+        wishes: link name -> a picture's path, or words of which an image endpoint makes one.
+
+    Raises:
+        ConfigError: no link of that name. BackendError: no painter, or it failed.
+    """
+    names = [link.name for link in articulation.links]
+    for name in wishes:
+        if name not in names:
+            raise ConfigError(f"--retexture: no part {name!r}; there are {', '.join(names)}")
+    used, retexturer = backends.load("retexturer", backend)
+    with tempfile.TemporaryDirectory(prefix="mam-wish-") as scratch:
+        for i, (name, wish) in enumerate(wishes.items()):
+            picture = Path(wish).expanduser()
+            if not picture.is_file():
+                picture = Path(scratch, f"{i}.png")
+                picture.write_bytes(imagined(f"{wish}, surface of a {name.replace('_', ' ')}"))
+            articulation = retexture_links(articulation, retexturer, picture, (name,))
+    return articulation, used
+
+
+def imagined(words: str) -> bytes:
+    """A picture of a material by words, from the OpenAI-compatible image endpoint that is set up.
+
+    Raises:
+        BackendError: no endpoint, or it failed.
+    """
+    if not (os.environ.get("OPENAI_API_KEY") or settings.text("OPENAI_BASE_URL")):
+        raise BackendError(
+            f"there is no picture {words.split(',')[0]!r}, and to make one of words needs an "
+            "image endpoint: OPENAI_API_KEY, or --vlm-url"
+        )
+    try:
+        import openai
+    except ImportError as error:
+        raise BackendError("an image endpoint needs: pip install 'mam-sim[vlm]'") from error
+    client = openai.OpenAI(
+        api_key=os.environ.get("OPENAI_API_KEY") or "none",
+        base_url=settings.text("OPENAI_BASE_URL") or None,
+        timeout=settings.number("MAM_SIM_TIMEOUT", 900),
+    )
+    prompt = f"{words}. Evenly lit, seen from the front, on a white background."
+    try:
+        made = client.images.generate(
+            model=settings.text("MAM_SIM_IMAGE_MODEL", "gpt-image-1"), prompt=prompt, n=1
+        )
+    except openai.OpenAIError as error:
+        raise BackendError(f"the image endpoint failed: {error}") from error
+    data = made.data[0].b64_json if made.data else None
+    if not data:
+        raise BackendError("the image endpoint sent no picture (b64_json)")
+    return base64.b64decode(data)
+
+
 def retexture_links(
     articulation: Articulation, retexturer: Retexturer, picture: Path, links: tuple[str, ...]
 ) -> Articulation:
@@ -95,7 +164,8 @@ def retexture_links(
     pieces = []
     for i, link in enumerate(articulation.links):
         part = mesh.submesh(owner == i)
-        pieces.append(retexturer.retexture(part, picture) if link.name in links else part)
+        paint = link.name in links and len(part.faces)
+        pieces.append(retexturer.retexture(part, picture) if paint else part)
     joined = _concatenate(pieces)
     sizes = np.cumsum([0, *[len(p.faces) for p in pieces]])
     new_links = tuple(
@@ -125,10 +195,15 @@ def _concatenate(parts: list[Mesh]) -> Mesh:
         uv = np.concatenate(
             [np.zeros((len(p.vertices), 2), np.float32) if p.uv is None else p.uv for p in parts]
         )
+    colors = None
+    if any(p.colors is not None for p in parts):
+        white = [np.full((len(p.vertices), 4), 255, np.uint8) for p in parts]
+        colors = np.concatenate([w if p.colors is None else p.colors for p, w in zip(parts, white)])
     return Mesh(
         np.concatenate([p.vertices for p in parts]),
         np.concatenate(faces),
         tuple(m for p in parts for m in p.materials),
         np.concatenate(owners),
         uv,
+        colors,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shlex
 from collections.abc import Iterator, Mapping
@@ -21,7 +22,9 @@ DOCS = {
     "MAM_SIM_TRIPOSG": "command or http(s) URL of a TripoSG runner (docs/models.md)",
     "MAM_SIM_TIMEOUT": "seconds that one call of an external model may take (default 900)",
     "MAM_SIM_VLM_MODEL": "name of the vision-language model (default gpt-4o)",
-    "MAM_SIM_VLM_IMAGES": "most images that the endpoint takes in one question (default 12)",
+    "MAM_SIM_VLM_IMAGES": "most images that the endpoint takes in one question (default 16)",
+    "MAM_SIM_VLM_PRICE": "US dollars per million tokens in,out where we do not know them",
+    "MAM_SIM_IMAGE_MODEL": "model that makes a picture of words for --retexture",
     "MAM_SIM_MAX_COST": "US dollars that one run may spend on questions (default 1.00)",
     "MAM_SIM_VLM_CACHE": "folder of answers, by content (default ~/.cache/mam-sim/answers)",
     "MAM_SIM_QUESTIONS": "folder for the file reasoner's questions and answers",
@@ -37,7 +40,7 @@ class Runner:
     command: tuple[str, ...] = ()
 
 
-_GIVEN: ContextVar[Mapping[str, str]] = ContextVar("mam_sim_settings", default={})
+_GIVEN: ContextVar[Mapping[str, str] | None] = ContextVar("mam_sim_settings", default=None)
 SUBJECT = "MAM_SIM_SUBJECT"
 
 
@@ -45,7 +48,7 @@ SUBJECT = "MAM_SIM_SUBJECT"
 def given(values: Mapping[str, str | None]) -> Iterator[None]:
     """Settings that go before the environment's while the block runs; None leaves one as it is."""
     known = {name: value for name, value in values.items() if value is not None}
-    token = _GIVEN.set({**_GIVEN.get(), **known})
+    token = _GIVEN.set({**(_GIVEN.get() or {}), **known})
     try:
         yield
     finally:
@@ -54,7 +57,22 @@ def given(values: Mapping[str, str | None]) -> Iterator[None]:
 
 def text(variable: str, default: str = "") -> str:
     """A setting: what was `given`, or the environment's."""
-    return (_GIVEN.get().get(variable) or os.environ.get(variable, "")).strip() or default
+    return ((_GIVEN.get() or {}).get(variable) or os.environ.get(variable, "")).strip() or default
+
+
+def identity(role: str, name: str) -> str:
+    """What besides its name decides a backend's answers: the model, or the files it reads."""
+    if (role, name) == ("reasoner", "vlm"):
+        return f"{text('MAM_SIM_VLM_MODEL', 'gpt-4o')} {text('OPENAI_BASE_URL')}"
+    where = {("reasoner", "file"): "MAM_SIM_QUESTIONS", ("prior", "file"): "MAM_SIM_PRIOR_FILE"}
+    place = folder(where[role, name]) if (role, name) in where else None
+    if place is None:
+        return ""
+    names = ("answer.json", "masks.npz")
+    digest = hashlib.sha256()
+    for file in sorted(p for p in (place / text(SUBJECT)).rglob("*") if p.name in names):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
 
 
 def runner(variable: str) -> Runner | None:

@@ -75,7 +75,8 @@ class FilePrior:
         Raises:
             ConfigError: the file is missing or has another shape.
         """
-        file = (settings.folder("MAM_SIM_PRIOR_FILE") or Path()) / "masks.npz"
+        file = (settings.folder("MAM_SIM_PRIOR_FILE") or Path()) / settings.text(settings.SUBJECT)
+        file = file / "masks.npz"
         try:
             kept = load_masks(file)
         except (OSError, KeyError, ValueError) as error:

@@ -113,7 +113,9 @@ class OpenAITransport:
             arguments["max_completion_tokens"] = MOST_TOKENS
         try:
             answer = self.client.chat.completions.create(
-                model=self.model, messages=messages, **arguments  # type: ignore[call-overload]
+                model=self.model,
+                messages=messages,
+                **arguments,  # type: ignore[call-overload]
             )
         except openai.BadRequestError as error:
             refused = next((k for k in _SOFT if k in arguments and k in str(error)), None)

@@ -21,7 +21,7 @@ from pydantic import BaseModel, ValidationError
 from mam_pipeline.backends import Availability, KinematicPrior
 from mam_pipeline.errors import BackendError, ConfigError
 from mam_pipeline.models import album as albums
-from mam_pipeline.models import answers, questions, settings
+from mam_pipeline.models import answers, questions, settings, views
 from mam_pipeline.models.transports import FileTransport, OpenAITransport, Question, Transport
 from mam_pipeline.types import IntArray, KinematicTree, Mesh, Primitives
 
@@ -114,9 +114,9 @@ def grouping_question(album: albums.Album, prior: KinematicPrior | None) -> Ques
         kinematic = prior.labels
     text = questions.GROUPING.format(
         ids=", ".join(map(str, album.ids)),
-        views=_views(album, "its numbered pieces"),
+        views=_views("its numbered pieces"),
         measured="" if kinematic is None else questions.MEASURED,
-        inside=questions.INSIDE if album.inside else "",
+        inside=questions.INSIDE if album.hidden else "",
         facts=albums.facts(album, album.labels),
     )
     return Question(
@@ -143,7 +143,7 @@ def mounting_question(album: albums.Album, groups: list[questions.Group]) -> Que
         "2_tree",
         questions.SYSTEM,
         questions.TREE.format(
-            parts=listing, views=_views(album, "its parts"), facts=albums.facts(album, labels)
+            parts=listing, views=_views("its parts"), facts=albums.facts(album, labels)
         ),
         partial(albums.of_parts, album, part),
         questions.Mounting.model_json_schema(),
@@ -214,10 +214,8 @@ def _parse(text: str, shape: type[Answer]) -> tuple[Answer | None, str]:
         return None, f"{first['msg']} at {where or 'the top'}"
 
 
-def _views(album: albums.Album, what: str) -> str:
-    stands = "; ".join(
-        f"view_{i} {albums.direction_name(v)}" for i, v in enumerate(album.outside)
-    )
+def _views(what: str) -> str:
+    stands = "; ".join(f"view_{i} {albums.direction_name(*v)}" for i, v in enumerate(views.AROUND))
     return f"the views show {what} ({stands})"
 
 

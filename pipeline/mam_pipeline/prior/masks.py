@@ -182,7 +182,7 @@ def load_masks(path: Path) -> MaskFile:
         azimuth, elevation = (np.asarray(data[k], dtype=float) for k in ("azimuth", "elevation"))
         fov = float(data["fov"]) if "fov" in data else float(views.FOV)
         distance = float(data["distance"]) if "distance" in data else None
-        labels = np.asarray(data["labels"] if "labels" in data else [], dtype=np.int64)
+        labels = np.asarray(data.get("labels", []), dtype=np.int64)
     if masks.ndim != 3 or masks.shape[1] != masks.shape[2]:
         raise ValueError(f"masks of shape {masks.shape}, not (N, H, H)")
     if azimuth.shape != (len(masks),) or elevation.shape != (len(masks),):

@@ -1,0 +1,85 @@
+"""The vision-language path with recorded answers beside the embedded reasoner, object by object.
+
+python benchmarks/vlm_against_embedded.py [--dataset ../shared/bench/dev] [--out FILE.json]
+
+The answers lie in tests/pipeline/answers, one folder per object: what was asked, what was answered
+from the pictures alone, and the pieces that were shown. Both reasoners get those pieces, the same
+prior and the same solver; `--prior` chooses the prior of both.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+
+from mam_pipeline.bench.dataset import GroundTruth, list_objects, read_object
+from mam_pipeline.errors import MamSimError
+from mam_pipeline.metrics import Scores, score
+from mam_pipeline.models import settings
+from mam_pipeline.stages import Engine, EngineConfig
+from mam_pipeline.types import Primitives
+
+ANSWERS = Path(__file__).resolve().parent.parent / "tests" / "pipeline" / "answers"
+COLUMNS = ("miou", "count", "type_error", "axis", "pivot")
+
+
+def compare(folder: Path, truth: GroundTruth, prior: str) -> dict[str, Scores]:
+    """Scores of one object by both reasoners; `folder` holds its answers and pieces."""
+    with np.load(folder / "pieces.npz") as data:
+        primitives = Primitives(data["labels"].astype(np.int64))
+    out = {}
+    for reasoner in ("file", "embedded"):
+        engine = Engine(EngineConfig("geometric", prior, reasoner, "embedded"))
+        with settings.given({"MAM_SIM_QUESTIONS": str(folder.parent), settings.SUBJECT: truth.id}):
+            try:
+                found = engine.observe(truth.mesh, primitives)
+                tree = engine.reason(truth.mesh, primitives, found)
+                out[reasoner] = score(engine.solve(truth.mesh, primitives, tree), truth)
+            except MamSimError as error:
+                print(f"{truth.id}, {reasoner}: {error}")
+                out[reasoner] = score(None, truth)
+    return out
+
+
+def line(name: str, scores: Sequence[Scores]) -> str:
+    """One Markdown row of means; pivot over the objects that have one."""
+    cells = []
+    for column in COLUMNS:
+        known = [v for s in scores if (v := getattr(s, column)) is not None]
+        cells.append(f"{np.mean(known):.2f}" if known else "")
+    return f"| {name} | {len(scores)} | {' | '.join(cells)} |"
+
+
+def main() -> None:
+    """Score every object that has answers and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--dataset", default="../shared/bench/dev")
+    parser.add_argument("--answers", type=Path, default=ANSWERS)
+    parser.add_argument("--prior", default="embedded")
+    parser.add_argument("--out", type=Path)
+    args = parser.parse_args()
+    rows: dict[str, dict[str, Scores]] = {}
+    print(f"| object, reasoner | n | {' | '.join(COLUMNS)} |\n|---|---|{'---|' * len(COLUMNS)}")
+    for name, category, urdf in list_objects(args.dataset):
+        if not (args.answers / name / "pieces.npz").is_file():
+            continue
+        rows[name] = compare(args.answers / name, read_object(urdf, name, category), args.prior)
+        for reasoner, label in (("file", "recorded answers"), ("embedded", "embedded")):
+            print(line(f"{name}, {label}", [rows[name][reasoner]]), flush=True)
+    for reasoner, label in (("file", "recorded answers"), ("embedded", "embedded")):
+        print(line(f"**all, {label}**", [r[reasoner] for r in rows.values()]))
+    if args.out is not None:
+        plain = {
+            name: {k: asdict(replace(s, joints=())) for k, s in row.items()}
+            for name, row in rows.items()
+        }
+        args.out.write_text(json.dumps(plain, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,242 @@
+"""Photo-to-mesh servers and runners, and the painter, against stand-ins with their faults."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from mam_pipeline.errors import BackendError, ConfigError
+from mam_pipeline.models.image_to_mesh import TripoSrReconstructor, ask_server, cut_out
+from mam_pipeline.models.retexture import adopt, repainted
+from mam_pipeline.types import Articulation, Joint, Link, Mesh, Primitives
+
+GLB = trimesh.creation.box().export(file_type="glb")
+Answer = Callable[[str, bytes], tuple[int, str, bytes]]
+Boxes = tuple[Mesh, Primitives]
+
+
+def _server(
+    statuses: list[dict[str, Any]], send: tuple[int, Any] = (200, {"uid": "ab-1"})
+) -> Answer:
+    left = iter(statuses)
+    last: dict[str, Any] = {}
+
+    def answer(path: str, body: bytes) -> tuple[int, str, bytes]:
+        nonlocal last
+        if path == "/send":
+            return send[0], "application/json", json.dumps(send[1]).encode()
+        assert path == "/status/ab-1"
+        last = next(left, last)
+        return 200, "application/json", json.dumps(last).encode()
+
+    return answer
+
+
+def _done(model: bytes) -> dict[str, Any]:
+    return {"status": "completed", "model_base64": base64.b64encode(model).decode()}
+
+
+def test_both_dialects_are_polled(
+    serve: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MAM_SIM_TIMEOUT", "9")
+    url = serve(_server([{"status": "processing"}, {"status": "texturing"}, _done(GLB)]))
+    assert ask_server(url, {"image": "x"}) == GLB
+
+
+def _hang(*_: object) -> tuple[int, str, bytes]:
+    time.sleep(4)
+    return 200, "application/json", b"{}"
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (_server([], (404, {"text": "NETWORK ERROR", "error_code": 1})), "404: NETWORK ERROR"),
+        (_server([{"status": "processing"}]), "was not done within 1 s"),
+        (_server([{"status": "error", "message": "OOM"}]), "failed: OOM"),
+        (_server([], (200, {"uid": "../../x"})), "gave no job number"),
+        (_server([{"status": "completed", "model_base64": "AAAA"}]), "no GLB"),
+        (_server([{"status": "completed", "model_base64": "%%"}]), "no base64"),
+        (_server([{"status": "completed"}]), "no GLB"),
+        (_server([_done(GLB[:200])]), "half a GLB"),
+        (lambda *_: (200, "text/html", b"<html>"), "gave no job number"),
+        (lambda *_: (500, "text/plain", b"Internal Server Error"), "500: Internal"),
+        (_hang, "gave no answer in time"),
+    ],
+)
+def test_server_faults_are_named(
+    serve: Callable[..., str], monkeypatch: pytest.MonkeyPatch, answer: Answer, message: str
+) -> None:
+    monkeypatch.setenv("MAM_SIM_TIMEOUT", "1")
+    with pytest.raises(BackendError) as caught:
+        ask_server(serve(answer), {"image": "x"})
+    assert message in str(caught.value)
+
+
+def test_a_server_that_is_not_there() -> None:
+    with pytest.raises(BackendError, match="cannot be reached"):
+        ask_server("http://127.0.0.1:9", {})
+
+
+@pytest.mark.parametrize(
+    ("code", "message"),
+    [
+        ("pass", "wrote no mesh.glb"),
+        ("(out / 'mesh.glb').write_bytes(b'glTF')", "unusable mesh"),
+        ("sys.stderr.write('torch.OutOfMemoryError'); sys.exit(1)", "OutOfMemoryError"),
+    ],
+)
+def test_runner_faults_are_named(
+    script: Callable[[str], str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    code: str,
+    message: str,
+) -> None:
+    photo = tmp_path / "photo.png"
+    Image.new("RGB", (64, 64), "white").save(photo)
+    monkeypatch.setenv("MAM_SIM_TRIPOSR", script(code))
+    with pytest.raises(BackendError) as caught:
+        TripoSrReconstructor().reconstruct(photo, {})
+    assert message in str(caught.value)
+
+
+def test_a_runner_makes_a_mesh_of_the_asked_height(
+    script: Callable[[str], str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    photo = tmp_path / "photo.png"
+    Image.new("RGB", (64, 64), "white").save(photo)
+    (tmp_path / "box.glb").write_bytes(GLB)
+    source = str(tmp_path / "box.glb")
+    code = f"(out / 'mesh.glb').write_bytes(pathlib.Path({source!r}).read_bytes())"
+    monkeypatch.setenv("MAM_SIM_TRIPOSR", script(code))
+    made = TripoSrReconstructor().reconstruct(photo, {"height": 0.5})
+    assert np.ptp(made.mesh.bounds[:, 2]) == pytest.approx(0.5)
+
+
+def test_the_object_is_cut_out_of_its_photo(tmp_path: Path) -> None:
+    picture = np.full((200, 300, 3), 235, dtype=np.uint8)
+    picture[60:150, 100:200] = (120, 60, 30)
+    photo = tmp_path / "photo.png"
+    Image.fromarray(picture).save(photo)
+    alpha = np.asarray(cut_out(photo, {}))[..., 3]
+    assert alpha.shape == (200, 300)
+    assert alpha[70:140, 110:190].min() > 200 and alpha[:40].max() < 50
+    mask = np.zeros((200, 300), dtype=np.uint8)
+    mask[:, 150:] = 255
+    Image.fromarray(mask).save(tmp_path / "mask.png")
+    alpha = np.asarray(cut_out(photo, {"mask": tmp_path / "mask.png"}))[..., 3]
+    assert alpha[:, :140].max() == 0 and alpha[:, 160:].min() == 255
+
+
+def test_painted_parts_keep_their_triangles(boxes: Boxes) -> None:
+    mesh, _ = boxes
+    corners = mesh.faces.reshape(-1)
+    painted = Mesh(
+        mesh.vertices[corners] * 3 + 1,
+        np.arange(len(corners)).reshape(-1, 3),
+        uv=np.random.default_rng(0).random((len(corners), 2)),
+    )
+    result = adopt(mesh, painted)
+    np.testing.assert_array_equal(result.vertices[result.faces], mesh.vertices[mesh.faces])
+    assert result.uv is not None and painted.uv is not None
+    np.testing.assert_array_equal(result.uv, painted.uv)
+    with pytest.raises(BackendError, match="triangles for"):
+        adopt(mesh, painted.submesh(np.arange(10)))
+    shuffled = painted.submesh(np.random.default_rng(1).permutation(len(painted.faces)))
+    with pytest.raises(BackendError, match="moved triangles"):
+        adopt(mesh, shuffled)
+
+
+class Painter:
+    """A Hunyuan3D-2 server with --enable_tex and an image endpoint, both in one."""
+
+    def __init__(self) -> None:
+        self.painted: list[bytes] = []
+        self.prompts: list[str] = []
+        self.model = b""
+
+    def __call__(self, path: str, body: bytes) -> tuple[int, str, bytes]:
+        kind = "application/json"
+        if path == "/v1/images/generations":
+            self.prompts.append(json.loads(body)["prompt"])
+            picture = base64.b64encode(_png()).decode()
+            return 200, kind, json.dumps({"created": 0, "data": [{"b64_json": picture}]}).encode()
+        if path == "/send":
+            request = json.loads(body)
+            assert request["texture"] and set(request) == {"mesh", "image", "texture", "seed"}
+            sent = base64.b64decode(request["mesh"])
+            self.painted.append(base64.b64decode(request["image"]))
+            part = trimesh.load(io.BytesIO(sent), file_type="glb", force="mesh", process=False)
+            self.bounds = part.bounds
+            part.unmerge_vertices()  # as an unwrapping painter does
+            uv = np.random.default_rng(0).random((len(part.vertices), 2))
+            material = trimesh.visual.material.PBRMaterial(
+                baseColorTexture=Image.new("RGB", (8, 8), "brown")
+            )
+            part.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+            self.model = part.export(file_type="glb")
+            return 200, kind, b'{"uid": "a1"}'
+        return 200, kind, json.dumps(_done(self.model)).encode()
+
+
+def _png() -> bytes:
+    out = io.BytesIO()
+    Image.new("RGB", (8, 8), "brown").save(out, format="PNG")
+    return out.getvalue()
+
+
+def test_one_part_is_repainted_by_picture_or_words(
+    serve: Callable[..., str], monkeypatch: pytest.MonkeyPatch, boxes: Boxes, tmp_path: Path
+) -> None:
+    pytest.importorskip("openai", reason="the vlm extra is not installed")
+    mesh, primitives = boxes
+    links = tuple(
+        Link(name, name, np.flatnonzero(primitives.labels == i))
+        for i, name in enumerate(("body", "door", "knob"))
+    )
+    joints = tuple(
+        Joint(f"j{i}", "fixed", "fixed", 0, i, np.array([0, 0, 1.0]), np.zeros(3), 0, 0)
+        for i in (1, 2)
+    )
+    before = Articulation(mesh, links, joints)
+    painter = Painter()
+    url = serve(painter)
+    picture = tmp_path / "wood.png"
+    picture.write_bytes(_png())
+    monkeypatch.delenv("OPENAI_BASE_URL", raising=False)
+    monkeypatch.delenv("OPENAI_API_KEY", raising=False)
+    monkeypatch.delenv("MAM_SIM_HUNYUAN3D", raising=False)
+    with pytest.raises(ConfigError, match="no part 'lid'; there are body, door, knob"):
+        repainted(before, {"lid": str(picture)})
+    with pytest.raises(BackendError, match="no retexturer is available"):
+        repainted(before, {"door": str(picture)})
+    monkeypatch.setenv("MAM_SIM_HUNYUAN3D", url)
+    with pytest.raises(BackendError, match="image endpoint"):
+        repainted(before, {"door": "walnut"})
+    monkeypatch.setenv("OPENAI_BASE_URL", url + "/v1")
+    after, used = repainted(before, {"door": str(picture), "knob": "brushed brass"})
+    assert used == "hunyuan3d" and painter.painted == [_png(), _png()]
+    assert len(painter.prompts) == 1 and "brushed brass" in painter.prompts[0]
+    for one, two in zip(before.links, after.links):
+        np.testing.assert_allclose(
+            after.mesh.vertices[after.mesh.faces[two.faces]],
+            mesh.vertices[mesh.faces[one.faces]],
+        )
+    low, high = painter.bounds  # upright, and its front towards the painter
+    np.testing.assert_allclose(high - low, (0.05, 0.05, 0.04), atol=1e-6)
+    assert after.mesh.face_material is not None
+    textured = [m.image is not None for m in after.mesh.materials]
+    kinds = [textured[after.mesh.face_material[link.faces[0]]] for link in after.links]
+    assert kinds == [False, True, True]

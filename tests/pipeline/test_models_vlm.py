@@ -1,0 +1,324 @@
+"""Asking a vision-language model: answers, faults, money and secrets."""
+
+from __future__ import annotations
+
+import base64
+import json
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from mam_pipeline import backends
+from mam_pipeline.backends import KinematicPrior
+from mam_pipeline.errors import BackendError, ConfigError, HintNeeded
+from mam_pipeline.models import album, questions, settings
+from mam_pipeline.models.answers import on_side, weigh
+from mam_pipeline.models.ledger import Ledger, one_ledger, price_of
+from mam_pipeline.models.vlm import FileReasoner, VlmReasoner
+from mam_pipeline.types import JointCandidate, Mesh, Primitives
+
+Boxes = tuple[Mesh, Primitives]
+Start = Callable[[list[tuple[int, str]]], Any]
+Plain = dict[str, Any]
+
+
+@pytest.fixture(autouse=True)
+def _small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(album, "SIZE", 96)  # large ones are looked at in test_models_pictures
+
+
+@pytest.fixture
+def good(grouping: Plain, mounting: Plain) -> list[tuple[int, str]]:
+    return [(200, json.dumps(grouping)), (200, json.dumps(mounting))]
+
+
+def _pictures(request: Plain) -> list[Plain]:
+    return [c for c in request["messages"][1]["content"] if c["type"] == "image_url"]
+
+
+def test_two_questions_make_a_tree_and_the_cache_repeats_it(
+    endpoint: Start, tmp_path: Path, boxes: Boxes, good: list[tuple[int, str]]
+) -> None:
+    server = endpoint(good)
+    tree = VlmReasoner().reason(*boxes, None)
+    assert [n.name for n in tree.nodes] == ["body", "door"]
+    assert tree.nodes[1].primitives == (1, 2) and tree.nodes[1].subtype == "hinge"
+    first = server.asked[0]
+    assert first["temperature"] == 0 and first["response_format"]["type"] == "json_schema"
+    assert len(_pictures(first)) == 12  # the object, ten views, the pieces apart
+    again = VlmReasoner().reason(*boxes, None)
+    assert len(server.asked) == 2 and again.nodes[1].name == "door"
+    assert tree.nodes[0].evidence["ledger"]["tokens_in"] == 2000
+    kept = "".join(p.read_text() for p in (tmp_path / "answers").iterdir())
+    assert "sk-secret" not in kept
+
+
+def test_masks_lie_beside_the_pictures(
+    endpoint: Start, boxes: Boxes, good: list[tuple[int, str]]
+) -> None:
+    server = endpoint(good)
+    prior = backends.load("prior", "embedded")[1].observe(*boxes)
+    VlmReasoner().reason(*boxes, prior)
+    content = server.asked[0]["messages"][1]["content"]
+    labels = [c["text"] for c in content[1:] if c["type"] == "text"]
+    assert "measured" in labels and "'measured' repeats those views" in content[0]["text"]
+
+
+def test_the_answer_decides_the_line_and_the_way_it_opens(
+    endpoint: Start,
+    boxes: Boxes,
+    grouping: Plain,
+    mounting: Plain,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    mesh, primitives = boxes
+    keep = primitives.labels < 2  # without its knob the door could hang on either side
+    plain = mesh.submesh(keep), Primitives(primitives.labels[keep])
+    grouping["parts"][1]["pieces"] = [1]
+    for side, sign in (("-y", -1.0), ("+y", 1.0)):
+        mounting["mounts"][0]["side"] = side
+        endpoint([(200, json.dumps(grouping)), (200, json.dumps(mounting))])
+        monkeypatch.setenv("MAM_SIM_VLM_CACHE", str(tmp_path / side))
+        best = VlmReasoner().reason(*plain, None).nodes[1].candidates[0]
+        assert abs(best.axis[2]) > 0.99 and np.sign(best.origin[1]) == sign
+        free_end = np.array([-0.215, 0.0, 0.3]) - best.origin
+        assert np.cross(best.axis, free_end)[0] < 0  # opens towards -x, as told
+
+
+def test_lines_are_weighed_by_how_sure_the_answer_is(mounting: Plain) -> None:
+    up, across = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
+    lines = [
+        JointCandidate("hinge", across, np.zeros(3), -0.1),
+        JointCandidate("hinge", up, np.array([0.0, -0.4, 0.0]), -1.5),
+        JointCandidate("slide", up, np.zeros(3), 0.0),
+    ]
+    box = np.array([[-0.01, -0.4, -0.3], [0.01, 0.4, 0.3]])
+    mount = questions.Mount.model_validate(mounting["mounts"][0])
+    assert weigh(lines, mount, box)[0].axis[2] != 0
+    unsure = mount.model_copy(update={"confidence": 0.5})
+    assert weigh(lines, unsure, box)[0].axis[1] == 1
+    assert [c.subtype for c in weigh(lines, mount, box)] == ["hinge", "hinge"]
+    assert on_side(lines[1], "-y", box) and not on_side(lines[1], "+y", box)
+    assert on_side(lines[0], "middle", box)
+
+
+@pytest.mark.parametrize(
+    ("faulty", "said"),
+    [
+        ("no json", "Invalid JSON"),
+        ('{"parts": [{"name": "bo', "Invalid JSON"),
+        ({"pieces": [0, 1]}, "pieces [2] are in no part"),
+        ({"pieces": [0, 1, 2, 7]}, "pieces [7] do not exist"),
+        ({"pieces": [0, 1, 2, 2]}, "pieces [2] are used more than once"),
+        ({"pieces": [0, 1, 2], "is_base": False}, "exactly one part must be the base"),
+    ],
+)
+def test_a_faulty_answer_is_asked_again_with_the_fault(
+    endpoint: Start,
+    boxes: Boxes,
+    grouping: Plain,
+    good: list[tuple[int, str]],
+    faulty: str | Plain,
+    said: str,
+) -> None:
+    if isinstance(faulty, dict):
+        faulty = json.dumps({"parts": [{**grouping["parts"][0], **faulty}]})
+    server = endpoint([(200, faulty), *good])
+    assert len(VlmReasoner().reason(*boxes, None).nodes) == 2
+    assert said in server.asked[1]["messages"][-1]["content"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"name": "../../etc/passwd"},
+        {"name": "a" * 4000},
+        {"kind": "<script>alert(1)</script>"},
+        {"pieces": list(range(1_000_000))},
+        {"pieces": [-1]},
+        {"pieces": [1e99]},
+        {"confidence": "NaN"},
+        {"code": "import os"},
+        None,
+    ],
+)
+def test_malicious_answers_are_refused_by_the_schema(
+    endpoint: Start, boxes: Boxes, grouping: Plain, change: Plain | None
+) -> None:
+    parts = [] if change is None else [{**grouping["parts"][0], **change}]
+    server = endpoint([(200, json.dumps({"parts": parts}))])
+    with pytest.raises(BackendError, match="no usable answer to 1_grouping after 2 repairs"):
+        VlmReasoner().reason(*boxes, None)
+    assert len(server.asked) == 3
+    sent_back = json.dumps(server.asked[-1]["messages"][2:])
+    assert len(sent_back) < 20_000  # a huge answer is not sent back whole
+
+
+def test_a_contradiction_is_challenged_once(
+    endpoint: Start, boxes: Boxes, grouping: Plain, good: list[tuple[int, str]]
+) -> None:
+    prior = KinematicPrior(np.array([0.0, 0.01, 0.01]), np.eye(3))
+    server = endpoint([(200, json.dumps(grouping)), *good])
+    VlmReasoner().reason(*boxes, prior)
+    assert len(server.asked) == 3
+    assert "unable to move" in server.asked[1]["messages"][-1]["content"]
+
+
+def test_one_rigid_part_needs_no_second_question(
+    endpoint: Start, boxes: Boxes, grouping: Plain
+) -> None:
+    whole = {"parts": [{**grouping["parts"][0], "pieces": [0, 1, 2]}]}
+    server = endpoint([(200, json.dumps(whole))])
+    tree = VlmReasoner().reason(*boxes, None)
+    assert len(tree.nodes) == 1 and len(server.asked) == 1
+    assert "one rigid part" in tree.nodes[0].evidence["nothing_movable"]
+
+
+@pytest.mark.parametrize("field", ["response_format", "temperature", "max_tokens"])
+def test_endpoints_that_take_less_are_asked_with_less(
+    endpoint: Start, boxes: Boxes, good: list[tuple[int, str]], field: str
+) -> None:
+    server = endpoint([(400, f"Unsupported parameter: {field}"), *good])
+    assert len(VlmReasoner().reason(*boxes, None).nodes) == 2
+    assert field in server.asked[0] and field not in server.asked[1]
+
+
+@pytest.mark.parametrize(
+    ("status", "text", "message"),
+    [(401, "bad key", "bad key"), (404, "no such model", "no such model"), (400, "no", "refused")],
+)
+def test_hard_errors_are_named_and_the_key_is_not(
+    endpoint: Start,
+    boxes: Boxes,
+    caplog: pytest.LogCaptureFixture,
+    capfd: pytest.CaptureFixture[str],
+    status: int,
+    text: str,
+    message: str,
+) -> None:
+    caplog.set_level(logging.INFO)
+    endpoint([(status, text)])
+    with pytest.raises(BackendError, match=message) as caught:
+        VlmReasoner().reason(*boxes, None)
+    said = capfd.readouterr()
+    for place in (str(caught.value), repr(caught.value.__cause__), caplog.text, *said):
+        assert "sk-secret" not in place and "data:image" not in place
+        assert "Group the numbered" not in place
+
+
+def test_an_empty_answer_is_an_error(endpoint: Start, boxes: Boxes) -> None:
+    endpoint([(200, "")])
+    with pytest.raises(BackendError, match="empty answer"):
+        VlmReasoner().reason(*boxes, None)
+
+
+def test_busy_endpoints_are_tried_again(
+    endpoint: Start, boxes: Boxes, good: list[tuple[int, str]]
+) -> None:
+    server = endpoint([(429, "slow down"), (503, "busy"), *good])
+    assert len(VlmReasoner().reason(*boxes, None).nodes) == 2
+    assert len(server.asked) == 4
+
+
+def test_an_endpoint_that_never_answers(
+    serve: Callable[..., str], monkeypatch: pytest.MonkeyPatch, boxes: Boxes
+) -> None:
+    import time
+
+    openai = pytest.importorskip("openai", reason="the vlm extra is not installed")
+
+    def hang(*_: object) -> tuple[int, str, bytes]:
+        time.sleep(2)
+        return 200, "application/json", b"{}"
+
+    monkeypatch.setenv("OPENAI_BASE_URL", serve(hang))
+    monkeypatch.setenv("MAM_SIM_TIMEOUT", "0.1")
+    monkeypatch.setattr(openai._base_client, "INITIAL_RETRY_DELAY", 0.01)
+    monkeypatch.setattr(openai._base_client, "MAX_RETRY_DELAY", 0.02)
+    with pytest.raises(BackendError, match="timed out"):
+        VlmReasoner().reason(*boxes, None)
+
+
+def test_spending_stops_before_the_cap(
+    endpoint: Start, boxes: Boxes, monkeypatch: pytest.MonkeyPatch, good: list[tuple[int, str]]
+) -> None:
+    server = endpoint(good)
+    with (
+        pytest.raises(BackendError, match=r"passes the cap of \$0.00"),
+        settings.given({"MAM_SIM_MAX_COST": "0.003"}),
+    ):
+        VlmReasoner().reason(*boxes, None)
+    assert not server.asked
+    monkeypatch.setenv("MAM_SIM_VLM_MODEL", "a-local-model")
+    with one_ledger() as ledger:
+        VlmReasoner().reason(*boxes, None)
+    assert ledger.questions == 2 and "unknown" in ledger.summary()
+    monkeypatch.setenv("MAM_SIM_VLM_PRICE", "5,20")
+    assert price_of("a-local-model") == (5.0, 20.0)
+    monkeypatch.setenv("MAM_SIM_VLM_PRICE", "cheap")
+    with pytest.raises(ConfigError, match="two numbers"):
+        price_of("a-local-model")
+
+
+def test_one_ledger_holds_for_many_objects() -> None:
+    with one_ledger() as ledger, settings.given({"MAM_SIM_VLM_PRICE": None}):
+        ledger.book("gpt-4o", {"in": 1_000_000, "out": 0})
+        assert ledger.cost == pytest.approx(2.5)
+        with pytest.raises(BackendError, match=r"cost \$2.500"):
+            ledger.allow((2.5, 10.0), 1000)
+    assert Ledger(1.0).summary() == ""
+    assert price_of("gpt-4o-mini-2024") == (0.15, 0.6)
+
+
+def test_few_images_are_combined(
+    endpoint: Start, boxes: Boxes, monkeypatch: pytest.MonkeyPatch, good: list[tuple[int, str]]
+) -> None:
+    server = endpoint(good)
+    monkeypatch.setenv("MAM_SIM_VLM_IMAGES", "1")
+    VlmReasoner().reason(*boxes, None)
+    shown = _pictures(server.asked[0])
+    assert len(shown) == 1
+    data = np.frombuffer(base64.b64decode(shown[0]["image_url"]["url"].split(",")[1]), np.uint8)
+    assert max(cv2.imdecode(data, cv2.IMREAD_COLOR).shape) <= 2048
+
+
+def test_questions_in_files(tmp_path: Path, boxes: Boxes, grouping: Plain, mounting: Plain) -> None:
+    with pytest.raises(ConfigError, match="--questions"):
+        FileReasoner().reason(*boxes, None)
+    with settings.given({"MAM_SIM_QUESTIONS": str(tmp_path), settings.SUBJECT: "box"}):
+        with pytest.raises(HintNeeded, match="answer the question in"):
+            FileReasoner().reason(*boxes, None)
+        first, second = tmp_path / "box" / "1_grouping", tmp_path / "box" / "2_tree"
+        assert (first / "view_0.png").is_file() and (first / "apart.png").is_file()
+        assert "0, 1, 2" in (first / "question.md").read_text()
+        (first / "answer.json").write_text(json.dumps({"parts": grouping["parts"][:1]}))
+        with pytest.raises(HintNeeded, match="1_grouping-2"):
+            FileReasoner().reason(*boxes, None)
+        again = tmp_path / "box" / "1_grouping-2"
+        assert "pieces [1, 2] are in no part" in (again / "question.md").read_text()
+        (again / "answer.json").write_text(json.dumps(grouping))
+        with pytest.raises(HintNeeded, match="2_tree"):
+            FileReasoner().reason(*boxes, None)
+        (second / "answer.json").write_text(json.dumps(mounting))
+        assert FileReasoner().reason(*boxes, None).nodes[1].subtype == "hinge"
+        mesh, primitives = boxes
+        other = Primitives(np.minimum(primitives.labels, 1))
+        with pytest.raises(BackendError, match="about other pieces"):
+            FileReasoner().reason(mesh, other, None)
+
+
+def test_mountings_that_are_no_tree_are_named(mounting: Plain) -> None:
+    row = mounting["mounts"][0]
+    loop = questions.Mounting.model_validate(
+        {"mounts": [{**row, "name": "a", "parent": "b"}, {**row, "name": "b", "parent": "a"}]}
+    )
+    assert "mounted on itself" in questions.faults_of_mounting(loop, ["base", "a", "b"], "base")
+    stray = questions.Mounting.model_validate({"mounts": [{**row, "parent": "nowhere"}]})
+    said = questions.faults_of_mounting(stray, ["base", "door", "lid"], "base")
+    assert "no mounting for ['lid']" in said and "parents ['nowhere'] are no parts" in said
