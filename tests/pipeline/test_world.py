@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +15,8 @@ import pytest
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import CollisionShape, FloatArray, joint_motion
 from mam_pipeline.world import CATEGORIES, Style, WorldObject, make_object, shapes
+from mam_pipeline.world.fuse_style import FEWEST, MOST
+from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.object import generator
 from mam_pipeline.world.splits import (
     SPLITS,
@@ -20,6 +27,7 @@ from mam_pipeline.world.splits import (
     split_of,
 )
 from mam_pipeline.world.style import draw_style
+from mam_pipeline.world.surround import swept_boxes
 
 NAMES = list(CATEGORIES)
 
@@ -92,9 +100,9 @@ def test_every_category_is_sound(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_no_joint_runs_into_the_rest(name: str) -> None:
+def test_no_joint_runs_into_the_rest(name: str, made: WorldObject | None = None) -> None:
     """Sampled surface of what moves against the exact convex pieces of what does not."""
-    made = make_object(name, 3, Style())
+    made = made or make_object(name, 3, Style())
     names = [link.name for link in made.articulation.links]
     allowed = 0.005 * made.articulation.mesh.diagonal
     for joint in made.articulation.joints:
@@ -112,19 +120,34 @@ def test_no_joint_runs_into_the_rest(name: str) -> None:
             assert share < 0.01, f"{joint.name} at {value:.2f}: {deeper.max():.4f} m deep"
 
 
-@pytest.mark.parametrize("name", ["safe", "storage_mixed", "oven"])
-def test_same_seed_same_bytes(name: str) -> None:
-    first, second = make_object(name, 11), make_object(name, 11)
-    for a, b in (
-        (first.static, second.static),
-        (first.articulation.mesh, second.articulation.mesh),
-    ):
-        assert a.vertices.tobytes() == b.vertices.tobytes()
-        assert a.faces.tobytes() == b.faces.tobytes()
-        assert a.materials == b.materials
-    assert first.style == second.style
-    other = make_object(name, 12).articulation.mesh
-    assert other.vertices.tobytes() != first.articulation.mesh.vertices.tobytes()
+def _digest(seed: int) -> str:
+    """Of every byte of one object of every category: exact mesh, file, materials, collision."""
+    total = sha256()
+    for name in CATEGORIES:
+        style = replace(draw_style(generator(name, seed, stream=1)), fused=False, textures=True)
+        made = make_object(name, seed, style)
+        for mesh in (made.articulation.mesh, made.static):
+            total.update(mesh.vertices.tobytes() + mesh.faces.tobytes())
+            total.update(repr(mesh.group_names).encode())
+            for material in mesh.materials:
+                total.update(repr(material.base_color).encode() + (material.image or b""))
+        for joint in made.articulation.joints:
+            total.update(repr(joint).encode())
+        total.update(repr(sorted(made.collision.items())).encode())
+    return total.hexdigest()
+
+
+def test_same_seed_same_bytes_in_every_process() -> None:
+    """All categories, once here and once in a process whose sets and dicts hash otherwise."""
+    here = _digest(11)
+    code = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import test_world as t"
+    out = subprocess.run(
+        [sys.executable, "-c", f"{code}; print(t._digest(11))"],
+        env={**os.environ, "PYTHONHASHSEED": "4711"}, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert out.stdout.strip() == here
+    one, other = make_object("safe", 11).articulation, make_object("safe", 12).articulation
+    assert one.mesh.vertices.tobytes() != other.mesh.vertices.tobytes()
 
 
 def test_file_transform_and_truth_lie_on_each_other() -> None:
@@ -167,6 +190,7 @@ def test_partly_open_source_shifts_the_limits_only() -> None:
     {"double_sided": True}, {"unshared": True}, {"components": "split"}, {"components": "welded"},
     {"sheets": True}, {"open_shells": True}, {"drawer_boxes": False}, {"fasteners": True},
     {"tessellation": "coarse"}, {"tessellation": "dense"}, {"nodes": "object"}, {"textures": True},
+    {"setting": "board"}, {"decoys": 3},
 ])  # fmt: skip
 def test_each_switch_changes_the_file_and_keeps_the_joints(switch: dict) -> None:
     name = "oven" if "tessellation" in switch else "nightstand"
@@ -205,6 +229,52 @@ def test_fused_is_closed_and_labelled() -> None:
     np.testing.assert_allclose(
         mesh.bounds, made.articulation.mesh.bounds, atol=0.03 * mesh.diagonal
     )
+
+
+@pytest.mark.parametrize(("name", "resolution"), [("pen", 96), ("toaster", 192)])
+def test_fused_meshes_have_the_face_count_of_scans(name: str, resolution: int) -> None:
+    style = Style(fused=True, fuse_resolution=resolution)
+    assert FEWEST <= len(make_object(name, 801274, style).static.faces) <= MOST
+
+
+@pytest.mark.parametrize("setting", ["board", "table", "wall", "corner", "niche"])
+def test_settings_belong_to_the_base_and_stay_clear(setting: str) -> None:
+    for name in ("cabinet_two_door", "station_lever", "box_with_lid"):
+        plain = make_object(name, 5, Style())
+        made = make_object(name, 5, Style(setting=setting, decoys=4))  # type: ignore[arg-type]
+        assert [j.name for j in made.articulation.joints] == [
+            j.name for j in plain.articulation.joints
+        ]
+        mesh, link = made.articulation.mesh, made.articulation.face_link
+        assert len(mesh.faces[link == 0]) > (plain.articulation.face_link == 0).sum()
+        assert (link > 0).sum() == (plain.articulation.face_link > 0).sum()
+        assert mesh.bounds[0][2] == pytest.approx(0.0, abs=1e-6)
+        test_no_joint_runs_into_the_rest(name, made)
+
+
+def test_swept_boxes_hold_every_pose() -> None:
+    b = Builder(generator("robot_arm", 3), Style())
+    CATEGORIES["robot_arm"].builder()(b)
+    boxes = swept_boxes(b)
+    low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+    made = make_object("robot_arm", 3, Style()).articulation
+    rng = np.random.default_rng(0)
+    moving = made.mesh.faces[made.face_link > 0]
+    links = made.face_link[made.face_link > 0]
+    for _ in range(20):
+        q = {j.name: rng.uniform(max(j.lower, -3.2), min(j.upper, 3.2)) for j in made.joints}
+        pose = made.link_poses(q)[links]
+        points = made.mesh.vertices[moving[:, 0]]
+        points = np.einsum("nij,nj->ni", pose[:, :3, :3], points) + pose[:, :3, 3]
+        assert (points >= low - 1e-6).all() and (points <= high + 1e-6).all()
+
+
+def test_overlapping_boxes_grow_by_no_more_than_asked() -> None:
+    plain = make_object("box_cabinet", 1, Style())
+    other = make_object("box_cabinet", 1, Style(overlap=0.005))
+    grown = np.abs(other.static.vertices - plain.static.vertices)
+    assert 0 < grown.max() <= 0.005 * plain.static.diagonal + 1e-9
+    assert (other.static.faces == plain.static.faces).all()
 
 
 def test_shapes_are_closed_and_outward() -> None:

@@ -20,7 +20,8 @@ from mam_pipeline.world.style import Style
 
 FAMILIES = (
     "electronics", "vessels", "bins", "controls", "plumbing", "panels", "desk", "instruments",
-    "boxes", "luggage", "vehicles", "carts", "seats", "tools", "pocket", "machines",
+    "boxes", "luggage", "vehicles", "carts", "seats", "tools", "pocket", "machines", "stations",
+    "primitive", "gadgets", "hangings",
 )  # fmt: skip
 NAMES = [name for name, c in categories().items() if c.family in FAMILIES]
 DEEPER = 0.005  # of the diagonal: what executability allows beyond the rest pose
@@ -36,7 +37,7 @@ def build(name: str, seed: int) -> Builder:
 
 
 def test_there_are_many_categories() -> None:
-    assert len(NAMES) >= 55
+    assert len(NAMES) >= 90
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -71,15 +72,6 @@ def test_parts_move_through_their_range_without_collision(name: str) -> None:
             depth, at = deepest(b, joint)
             link = b.links[joint.child][0]
             assert depth < DEEPER, f"{name} {seed}: {link} at {at:.3f} goes {depth:.2%} into a part"
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_same_seed_same_bytes(name: str) -> None:
-    one, two = build(name, 7), build(name, 7)
-    assert len(one.pieces) == len(two.pieces)
-    for p, q in zip(one.pieces, two.pieces):
-        assert p.shape.vertices.tobytes() == q.shape.vertices.tobytes()
-        assert p.shape.faces.tobytes() == q.shape.faces.tobytes()
 
 
 @dataclass

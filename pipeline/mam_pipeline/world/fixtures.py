@@ -235,12 +235,11 @@ def crank(b: Builder, s: float) -> None:
 def pull(b: Builder, s: float) -> None:
     """A rod with a knob, a ring or a bar that is drawn out of its bushing."""
     key, g = part(b, "handle", "pull"), _slack(b, s)
-    r, h = s * b.uniform(0.08, 0.2), s * b.uniform(0.05, 0.5)
+    r, h = s * b.uniform(0.08, 0.2), s * b.uniform(0.25, 0.9)
     b.tube("base", (0, 0, 0), (0, 0, h), r + 0.5 * g + 0.6 * r, r + 0.5 * g, "metal")
-    travel = s * b.uniform(0.2, 0.8)
+    travel = h * b.uniform(0.4, 0.85)
     z = h + s * b.uniform(0.05, 0.4)
-    # the rod reaches into the body as far as it comes out
-    b.cylinder(key, (0, 0, -0.7 * travel), (0, 0, z + 0.2 * r), r, None, "metal")
+    b.cylinder(key, (0, 0, 0.02 * s), (0, 0, z + 0.2 * r), r, None, "metal")
     kind, paint = b.choice(("ball", "disc", "bar", "ring")), b.choice(PAINTS)
     if kind == "ball":
         b.sphere(key, (0, 0, z + 2 * r), 2.2 * r, paint, "handle")

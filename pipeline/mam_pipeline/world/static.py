@@ -120,6 +120,7 @@ def _overlapped(soup: Soup, share: float, rng: np.random.Generator) -> Soup:
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(low, owner, soup.vertices)
     np.maximum.at(high, owner, soup.vertices)
+    low[np.isinf(low)], high[np.isinf(high)] = 0.0, 0.0  # pieces that another style has removed
     at_corner = np.minimum(soup.vertices - low[owner], high[owner] - soup.vertices) < 1e-9
     upright = np.array(soup.piece_is_box)
     upright[owner[~at_corner.all(axis=1)]] = False
