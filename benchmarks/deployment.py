@@ -45,7 +45,7 @@ def measure(run: Path, faults: Faults, episodes: int) -> dict[str, Any]:
             state = body.reset(HELD_OUT + k)
             converter.reset()
             while not (body.outcome.success or body.outcome.truncated):
-                state = body.step(converter.act(state[None])[0])
+                state = body.step(converter.act(state[None].astype(float))[0])
             good += body.outcome.success
     body.close()
     low, high = wilson(good, episodes)

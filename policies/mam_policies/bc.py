@@ -338,8 +338,8 @@ def _write(file: Path, found: Demonstration | str) -> None:
     if isinstance(found, str):
         np.savez_compressed(temporary, obs=np.zeros(0), actions=np.zeros(0), reason=found)
     else:
-        arrays = {"obs": found.obs, "actions": found.actions}
-        np.savez_compressed(temporary, **arrays, success=found.success, reason="")
+        arrays: dict[str, Any] = asdict(found)
+        np.savez_compressed(temporary, **arrays, reason="")
     temporary.replace(file)
 
 

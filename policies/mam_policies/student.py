@@ -10,6 +10,7 @@ the privileged state stands in for them: quick on a CPU, but no policy for a rea
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -152,14 +153,17 @@ def train_policy(
     command = [sys.executable, "-m", "lerobot.scripts.lerobot_train"]
     if step.is_file():
         command += [f"--config_path={policy / 'train_config.json'}", "--resume=true"]
+        command += [f"--steps={config.steps}"]
     else:
         shutil.rmtree(folder, ignore_errors=True)
         command += _arguments(dataset, config, folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
     said: list[str] = []
+    around = {k: v for k, v in os.environ.items() if k != "HF_HUB_OFFLINE" or not config.download}
     with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace"
-    ) as process:
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
+        env=around,
+    ) as process:  # fmt: skip
         for line in process.stdout or ():
             said = [*said[-30:], line.rstrip()]
             found = re.search(r"step:([\d.]+)([KM]?) .*loss:([\d.]+)", line)
@@ -295,7 +299,7 @@ def _student_round(
         if not file.is_file():
             student = student or Student(policy, base, mapping_of(base, joints))
             seed = config.seed * 1_000_003 + 100_000 * number + i
-            rows = _shadow(env, student, seed)
+            rows: dict[str, Any] = _shadow(env, student, seed)
             np.savez_compressed(file.with_suffix(".part.npz"), **rows)
             file.with_suffix(".part.npz").replace(file)
         progress(f"round {number}", (i + 1) / config.round_episodes, f"{i + 1} episodes")
@@ -348,13 +352,13 @@ def _joined(out: Path, rounds: int) -> Path:
                 for k in frames[0]
                 if k.startswith(IMAGE)
             }
-            columns = [
+            state, action, secret = (
                 np.stack([np.asarray(f[k]) for f in frames])
                 for k in ("observation.state", "action", "observation.environment_state")
-            ]
+            )
             good = bool(frames[-1]["next.success"])
             rewards = np.array([float(f["next.reward"]) for f in frames], dtype=np.float32)
-            yield Track(*columns, pictures, good, task), rewards
+            yield Track(state, action, secret, pictures, good, task), rewards
 
     def new() -> Iterator[tuple[Track, NDArray[np.float32]]]:
         for file in sorted(out.glob("round_*/[0-9]*[0-9].npz")):
