@@ -40,6 +40,12 @@ def cover(b: Builder, link: str, radius: float, z: float, thick: float, dome: fl
         )
 
 
+def _lifts(b: Builder, lid: str) -> None:
+    """A lid that is lifted off: clear of its vessel by its own height, and a little more."""
+    tall = float(np.ptp(b.bounds_of(lid)[:, 2]))
+    b.slide(lid, "base", (0, 0, 1), 0.0, b.uniform(2.05, 2.4) * tall)
+
+
 def kettle(b: Builder) -> None:
     """A kettle: a hinged or lifting lid, a rocker switch at the handle, often a base plate."""
     r, h = b.uniform(0.065, 0.09), b.uniform(0.14, 0.22)
@@ -77,7 +83,7 @@ def kettle(b: Builder) -> None:
         b.cylinder(lid, (top, -0.015, z), (top, 0.015, z), 0.004, None, "metal")
         b.hinge(lid, "base", (top, 0, z), (0, 1, 0), 0, b.uniform(1.2, 1.65), opens=(0, 0, 1))
     else:
-        b.slide(lid, "base", (0, 0, 1), 0, b.uniform(0.11, 0.18))
+        _lifts(b, lid)
     if z0 and b.chance(0.8):
         switch = part(b, "switch")
         x = 1.05 * r + 0.012
@@ -182,7 +188,7 @@ def pot(b: Builder) -> None:
             opens=(0, 0, 1),
         )
     else:
-        b.slide(lid, "base", (0, 0, 1), 0, b.uniform(0.8, 1.2) * r + 0.08)
+        _lifts(b, lid)
 
 
 def bottle(b: Builder) -> None:
@@ -334,7 +340,7 @@ def jar(b: Builder) -> None:
             "handle",
         )
         b.cylinder(lid, (0, 0, z), (0, 0, z + 0.22 * r + 0.004), 0.08 * r, None, "metal")
-        b.slide(lid, "base", (0, 0, 1), 0, b.uniform(1.0, 1.3) * (0.8 * r + 0.05))
+        _lifts(b, lid)
     else:
         with b.moved((0, 0, z)):
             b.lathe(lid, [(0.9 * r, 0), (0.9 * r, 0.006), (0.7 * r, 0.012), (0, 0.014)], "glass")
