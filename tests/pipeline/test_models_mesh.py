@@ -54,6 +54,14 @@ def test_both_dialects_are_polled(
     assert ask_server(url, {"image": "x"}) == GLB
 
 
+def _photo(folder: Path) -> Path:
+    """A brown board before a light wall."""
+    picture = np.full((200, 300, 3), 235, dtype=np.uint8)
+    picture[60:150, 100:200] = (120, 60, 30)
+    Image.fromarray(picture).save(folder / "photo.png")
+    return folder / "photo.png"
+
+
 def _hang(*_: object) -> tuple[int, str, bytes]:
     time.sleep(4)
     return 200, "application/json", b"{}"
@@ -104,8 +112,7 @@ def test_runner_faults_are_named(
     code: str,
     message: str,
 ) -> None:
-    photo = tmp_path / "photo.png"
-    Image.new("RGB", (64, 64), "white").save(photo)
+    photo = _photo(tmp_path)
     monkeypatch.setenv("MAM_SIM_TRIPOSR", script(code))
     with pytest.raises(BackendError) as caught:
         TripoSrReconstructor().reconstruct(photo, {})
@@ -115,8 +122,7 @@ def test_runner_faults_are_named(
 def test_a_runner_makes_a_mesh_of_the_asked_height(
     script: Callable[[str], str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    photo = tmp_path / "photo.png"
-    Image.new("RGB", (64, 64), "white").save(photo)
+    photo = _photo(tmp_path)
     (tmp_path / "box.glb").write_bytes(GLB)
     source = str(tmp_path / "box.glb")
     code = f"(out / 'mesh.glb').write_bytes(pathlib.Path({source!r}).read_bytes())"
@@ -126,10 +132,7 @@ def test_a_runner_makes_a_mesh_of_the_asked_height(
 
 
 def test_the_object_is_cut_out_of_its_photo(tmp_path: Path) -> None:
-    picture = np.full((200, 300, 3), 235, dtype=np.uint8)
-    picture[60:150, 100:200] = (120, 60, 30)
-    photo = tmp_path / "photo.png"
-    Image.fromarray(picture).save(photo)
+    photo = _photo(tmp_path)
     alpha = np.asarray(cut_out(photo, {}))[..., 3]
     assert alpha.shape == (200, 300)
     assert alpha[70:140, 110:190].min() > 200 and alpha[:40].max() < 50

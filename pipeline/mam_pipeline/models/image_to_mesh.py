@@ -25,7 +25,6 @@ from mam_pipeline.hints import Hints
 from mam_pipeline.meshio import load_mesh
 from mam_pipeline.models import external, settings
 
-TRUSTED = 0.5  # of a mask with which the background is taken away
 TENCENT = "Tencent community licence: not in the EU, the UK and South Korea, outputs included"
 
 
@@ -110,26 +109,26 @@ class TripoSgReconstructor(_RunnerReconstructor):
 def cut_out(photo: Path, options: Mapping[str, Any]) -> Image.Image:
     """The photo with everything but the object transparent, as RGBA.
 
-    The object is what the picture's own alpha, the user's mask, or the first of our own masks says;
-    where none of them is trustworthy the picture stays whole, and the model's own matting decides.
+    The object is what the user's mask, the picture's own alpha, or a plain backdrop says; with none
+    of them the picture stays whole, and the model's own matting decides.
     """
     from mam_pipeline.photo.image import read_photo
-    from mam_pipeline.photo.mask import find_masks
+    from mam_pipeline.photo.mask import find_masks, plain_backdrop
 
     picture = read_photo(photo)
-    bbox, user = options.get("bbox"), options.get("mask")
-    small = None if bbox is None else tuple(v * picture.scale for v in bbox)
-    best = max(find_masks(picture, None if user is None else Path(user), small), key=_trust)
+    user = options.get("mask")
+    mask: Any
+    alone = picture.alpha is not None and 0.01 < (picture.alpha > 0.5).mean() < 0.99
+    if user is not None or alone:
+        mask = find_masks(picture, None if user is None else Path(user))[0].mask
+    else:
+        mask = plain_backdrop(picture.small)
     h, w = picture.rgb.shape[:2]
-    alpha = cv2.resize(best.mask.astype(np.float32), (w, h), interpolation=cv2.INTER_LINEAR)
-    if best.trust < TRUSTED:
-        alpha = np.ones((h, w), dtype=np.float32)
+    if mask is None or not 0.02 < np.mean(mask) < 0.98:
+        mask = np.ones((h, w))
+    alpha = cv2.resize(np.asarray(mask, np.float32), (w, h), interpolation=cv2.INTER_LINEAR)
     opaque = np.clip(alpha * 255, 0, 255).astype(np.uint8)
     return Image.fromarray(np.dstack([picture.rgb, opaque]))
-
-
-def _trust(mask: Any) -> float:
-    return float(mask.trust)
 
 
 def _png(image: Image.Image) -> bytes:

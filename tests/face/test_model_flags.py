@@ -1,0 +1,134 @@
+"""Flags for models outside mam-sim on make-env, articulate and bench."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from mam_pipeline.bench.runner import BenchConfig, Task, run_bench, task_key
+from mam_pipeline.models import settings
+from mam_pipeline.models.catalogue import ENDPOINT, MODELS, find
+from mam_pipeline.stages import EngineConfig
+from mam_sim.cli import main
+from mam_sim.verbs.flags import ModelFlags
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> Path:
+    """A cabinet with a door in front and a knob on it, as a mesh file."""
+    at = trimesh.transformations.translation_matrix
+    scene = trimesh.Scene(
+        [
+            trimesh.creation.box((0.4, 0.5, 0.6), at((0, 0, 0.3))),
+            trimesh.creation.box((0.02, 0.46, 0.5), at((-0.215, 0, 0.3))),
+            trimesh.creation.box((0.04, 0.05, 0.05), at((-0.245, 0.18, 0.3))),
+        ]
+    )
+    path = tmp_path / "box.stl"
+    scene.to_geometry().export(path)
+    return path
+
+
+def test_flags_go_before_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MAM_SIM_MAX_COST", "9")
+    flags = ModelFlags(max_cost=0.25, vlm_model="m", questions=Path("asked"))
+    with settings.given(flags.settings()):
+        assert settings.number("MAM_SIM_MAX_COST", 1.0) == 0.25
+        assert settings.text("MAM_SIM_VLM_MODEL") == "m"
+        assert settings.folder("MAM_SIM_QUESTIONS") == Path("asked")
+        with settings.given({"MAM_SIM_VLM_MODEL": None}):
+            assert settings.text("MAM_SIM_VLM_MODEL") == "m"
+    assert settings.number("MAM_SIM_MAX_COST", 1.0) == 9
+    assert ModelFlags().settings() == {}
+
+
+@pytest.mark.parametrize("verb", ["make-env", "articulate", "bench"])
+def test_help_names_them(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([verb, "--help"]) == 0
+    said = capsys.readouterr().out
+    for flag in ("--max-cost", "--questions", "--vlm-url", "--vlm-model", "--prior-file"):
+        assert flag in said
+    assert ("--retexture" in said) == (verb != "bench")
+
+
+def test_articulate_asks_in_a_folder_and_goes_on_when_answered(
+    box: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked, out = tmp_path / "asked", tmp_path / "asset"
+    command = ["articulate", str(box), "--up", "z", "--out", str(out), "--quiet"]
+    command += ["--reasoner", "file", "--questions", str(asked)]
+    assert main(command) == 3
+    assert "1_grouping" in capsys.readouterr().err and not out.exists()
+    text = (asked / "1_grouping" / "question.md").read_text()
+    rows = [line for line in text.splitlines() if line[:1].isdigit() and ": x " in line]
+    assert len(rows) == 3  # the body, the door and the knob
+    spans = [[float(v) for v in r.split("x ")[1].split(",")[0].split("..")] for r in rows]
+    body = int(np.argmax([b - a for a, b in spans]))
+    pieces = [i for i in range(3) if i != body]
+    base = {"name": "body", "kind": "body", "is_base": True, "pieces": [body], "confidence": 0.9}
+    door = {"name": "door", "kind": "door", "is_base": False, "pieces": pieces, "confidence": 0.9}
+    (asked / "1_grouping" / "answer.json").write_text(json.dumps({"parts": [base, door]}))
+    assert main(command) == 3
+    mount = {
+        "name": "door", "parent": "body", "motion": "hinge", "confidence": 0.9,
+        "second_best": "slide", "axis": "z", "side": "-y", "opens": "-x",
+    }  # fmt: skip
+    (asked / "2_tree" / "answer.json").write_text(json.dumps({"mounts": [mount]}))
+    assert main(command) == 0
+    card = json.loads((out / "asset.json").read_text())
+    assert [j["name"] for j in card["joints"]] == ["door_joint"]
+    assert card["joints"][0]["subtype"] == "hinge"
+    assert (out / "stages" / "2_prior" / "masks.npz").is_file()
+    assert "Kinematic masks" in (out / "report.html").read_text()
+
+
+def test_bench_keeps_no_record_of_an_object_that_waits(tmp_path: Path) -> None:
+    task = Task("drawer_1", "drawer_unit", "generated:test", 1)
+    from mam_pipeline.world.splits import iterate
+
+    category, seed = next(iter(iterate("validation", 1)))
+    task = Task(f"{category}_{seed}", category, "generated:validation", seed)
+    engine = EngineConfig("geometric", "none", "file", "init")
+    pairs = (("MAM_SIM_QUESTIONS", str(tmp_path / "asked")),)
+    config = BenchConfig(engine, execute=False, settings=pairs)
+    log = tmp_path / "log.jsonl"
+    before = task_key(task, config)
+    record = run_bench([task], config, log)[0]
+    assert record.status == "asked" and not log.exists()
+    question = tmp_path / "asked" / task.id / "1_grouping"
+    assert (question / "question.md").is_file()
+    (question / "answer.json").write_text("{}")
+    assert task_key(task, config) != before
+
+
+def test_bench_keeps_the_cap_in_one_process(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "generated:test", "--reasoner", "vlm", "--jobs", "2"]) == 2
+    assert "--jobs 1" in capsys.readouterr().err
+
+
+def test_doctor_tells_how_to_get_each_model(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for model in (*MODELS, ENDPOINT):
+        monkeypatch.delenv(model.variable, raising=False)
+        assert model.licence and model.commands and (ROOT / model.page).is_file()
+    monkeypatch.delenv("OPENAI_API_KEY", raising=False)
+    assert not any(find(model).ok for model in (*MODELS, ENDPOINT))
+    p3sam = MODELS[0]
+    monkeypatch.setenv("MAM_SIM_P3SAM", "/nowhere/python run.py")
+    assert "no such executable" in find(p3sam).text
+    monkeypatch.setenv("MAM_SIM_P3SAM", "python3 /nowhere/run.py")
+    assert "no such file" in find(p3sam).text
+    monkeypatch.setenv("MAM_SIM_P3SAM", "python3")
+    monkeypatch.setenv("P3SAM_HOME", str(tmp_path))
+    assert find(p3sam).ok and "version unknown" in find(p3sam).text
+    monkeypatch.setenv("MAM_SIM_P3SAM", "http://127.0.0.1:9")
+    assert "does not answer" in find(p3sam).text
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-secret")
+    assert "sk-secret" not in find(ENDPOINT).text
