@@ -21,6 +21,8 @@ SLACK = 0.003
 """Metres that the hand's surface points may dip into the object where it takes hold."""
 SHALLOW = 0.006
 """Least depth (m) of a recessed pull or rim that fingers hold on to."""
+BOARD_TILT = 25
+"""Degrees that the fingers may be tilted against a board's faces."""
 LAGS = (1.0, 0.6, 0.25)
 
 
@@ -82,8 +84,7 @@ def holds(
         flat = g.kind == "rim" and g.depth < min(SHALLOW, 0.5 * g.width)
         shallow += flat
         if g.width <= robot.max_width - 0.004 and not flat:
-            steep = (75, 90) if g.kind == "rim" else ()
-            out += _variants(robot, g, "grip", (*tilts, *steep))
+            out += _variants(robot, g, "grip", tilts)
         if goal.task == "close":
             out += _variants(robot, _pushing(model, goal, g), "push", tilts, extra=0.5)
     out = _weighed(model, goal, out)
@@ -211,7 +212,9 @@ def _variants(
     signs = [s * t for t in tilts if t for s in (1, -1)]
     turns += [(closing, t) for t in signs]
     if mode == "push" or g.kind in ("handle", "edge", "rim"):
-        turns += [(bar, t) for t in signs]
+        # a board between the fingers bears little of this; a round bar does
+        most = BOARD_TILT if g.kind in ("edge", "rim") else 90
+        turns += [(bar, t) for t in signs if abs(t) <= most]
     rolls = (0, 180) if mode == "grip" else (0, 90, 180, 270)
     ahead = robot.tip_ahead if mode == "push" else max(0.0, robot.tip_ahead - g.depth)
     out = []
