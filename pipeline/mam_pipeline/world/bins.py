@@ -23,16 +23,8 @@ def bucket(b: Builder) -> None:
     b.torus("base", (0, 0, h), (0, 0, 1), r, 0.004, "trim")
     if b.chance(0.5):
         k = 0.65
-        b.torus(
-            "base",
-            (0, 0, k * h),
-            (0, 0, 1),
-            low + k * (r - low) + 0.001,
-            0.0025,
-            "body",
-            "decor",
-            False,
-        )
+        b.torus("base", (0, 0, k * h), (0, 0, 1), low + k * (r - low) + 0.001, 0.0025, "body",
+                "decor", False)  # fmt: skip
     thick = b.uniform(0.002, 0.004)
     z, out = 0.93 * h, r + 0.014
     for s in (-1, 1):
@@ -40,25 +32,10 @@ def bucket(b: Builder) -> None:
     handle = part(b, "handle", "bail")
     bail(b, handle, (0, 0, z), out, b.uniform(0.95, 1.1) * out, thick, b.chance(0.6))
     for s in (-1, 1):
-        b.cylinder(
-            handle,
-            (0, s * (r - 0.004), z),
-            (0, s * (out + thick), z),
-            1.6 * thick,
-            None,
-            "metal",
-            "handle",
-        )
-    b.hinge(
-        handle,
-        "base",
-        (0, 0, z),
-        (0, 1, 0),
-        -1.4,
-        1.4,
-        rest=b.choice((0.0, 0.0, 1.3, -1.0)),
-        closed=0.0,
-    )
+        b.cylinder(handle, (0, s * (r - 0.004), z), (0, s * (out + thick), z), 1.6 * thick, None,
+                   "metal", "handle")  # fmt: skip
+    b.hinge(handle, "base", (0, 0, z), (0, 1, 0), -1.4, 1.4, rest=b.choice((0.0, 0.0, 1.3, -1.0)),
+            closed=0.0)  # fmt: skip
 
 
 def pedal_bin(b: Builder) -> None:
@@ -96,22 +73,10 @@ def pedal_bin(b: Builder) -> None:
     b.box(
         pedal, (-1.28 * r, -pw / 2, zp - 0.002), (-0.79 * r, pw / 2, zp + 0.002), "metal", "handle"
     )
-    b.box(
-        pedal,
-        (-1.3 * r, -0.6 * pw, zp - 0.003),
-        (-1.08 * r, 0.6 * pw, zp + 0.005),
-        "rubber",
-        "handle",
-    )
-    b.hinge(
-        pedal,
-        "base",
-        (-0.78 * r, 0, zp),
-        (0, 1, 0),
-        0,
-        min(0.2, 0.015 / (0.55 * r)),
-        opens=(0, 0, -1),
-    )
+    b.box(pedal, (-1.3 * r, -0.6 * pw, zp - 0.003), (-1.08 * r, 0.6 * pw, zp + 0.005), "rubber",
+          "handle")  # fmt: skip
+    b.hinge(pedal, "base", (-0.78 * r, 0, zp), (0, 1, 0), 0, min(0.2, 0.015 / (0.55 * r)),
+            opens=(0, 0, -1))  # fmt: skip
 
 
 def swing_bin(b: Builder) -> None:
@@ -136,22 +101,10 @@ def swing_bin(b: Builder) -> None:
         b.box(
             "base", (d / 2 - 0.006, -w / 2 + 0.009, k), (d / 2, w / 2 - 0.009, k + 0.1 * h), "trim"
         )
-        b.box(
-            "base",
-            (-d / 2, -w / 2 + 0.009, k),
-            (-d / 2 + 0.006, w / 2 - 0.009, k + 0.1 * h),
-            "trim",
-        )
-        bar(
-            b,
-            "base",
-            (d / 2, 0, k + 0.1 * h),
-            (0.003, 0, h - 0.002),
-            w - 0.018,
-            t,
-            (h - k - 0.1 * h, 0, d / 2),
-            "trim",
-        )
+        b.box("base", (-d / 2, -w / 2 + 0.009, k), (-d / 2 + 0.006, w / 2 - 0.009, k + 0.1 * h),
+              "trim")  # fmt: skip
+        bar(b, "base", (d / 2, 0, k + 0.1 * h), (0.003, 0, h - 0.002), w - 0.018, t,
+            (h - k - 0.1 * h, 0, d / 2), "trim")  # fmt: skip
         low, high = np.array([-d / 2, 0, k + 0.1 * h]), np.array([-0.003, 0, h - 0.002])
         mid = 0.5 * (low + high)
         along = (high - low) / np.linalg.norm(high - low)
@@ -161,12 +114,8 @@ def swing_bin(b: Builder) -> None:
         rim = b.uniform(0.02, 0.05)
         for s in (-1, 1):
             b.box("base", (-d / 2, s * (w / 2 - rim), k), (d / 2, s * w / 2, k + 0.02), "trim")
-            b.box(
-                "base",
-                (s * (d / 2 - rim), -w / 2 + rim, k),
-                (s * d / 2, w / 2 - rim, k + 0.02),
-                "trim",
-            )
+            b.box("base", (s * (d / 2 - rim), -w / 2 + rim, k), (s * d / 2, w / 2 - rim, k + 0.02),
+                  "trim")  # fmt: skip
         mid, along, normal = (
             np.array([0, 0, k + 0.01]),
             np.array([1.0, 0, 0]),
@@ -182,8 +131,4 @@ def swing_bin(b: Builder) -> None:
     b.hinge(flap, "base", mid, (0, 1, 0), -limit, limit, closed=0.0)
 
 
-CATEGORIES = {
-    "bucket": bucket,
-    "pedal_bin": pedal_bin,
-    "swing_bin": swing_bin,
-}
+CATEGORIES = {"bucket": bucket, "pedal_bin": pedal_bin, "swing_bin": swing_bin}

@@ -10,13 +10,8 @@ from mam_pipeline.world.solids import part, profile, tray
 
 def clasp(b: Builder, link: str, y: float, z: float, x: float, size: float) -> None:
     """A fixed clasp plate on the front: it looks like a latch and does not move."""
-    b.box(
-        link,
-        (x - 0.2 * size, y - 0.5 * size, z),
-        (x + 0.001, y + 0.5 * size, z + size),
-        "metal",
-        "decor",
-    )
+    b.box(link, (x - 0.2 * size, y - 0.5 * size, z), (x + 0.001, y + 0.5 * size, z + size), "metal",
+          "decor")  # fmt: skip
 
 
 def carton(b: Builder) -> None:
@@ -25,16 +20,8 @@ def carton(b: Builder) -> None:
     b.size(d, w, h)
     b.theme("wood")
     t, g = b.uniform(0.002, 0.006), max(b.gap, 0.0015)
-    tray(
-        b,
-        "base",
-        (0, -w / 2, 0),
-        (d, w / 2, h),
-        t,
-        "z",
-        1,
-        b.choice(("wood", "wood", "skin", "body")),
-    )
+    tray(b, "base", (0, -w / 2, 0), (d, w / 2, h), t, "z", 1,
+         b.choice(("wood", "wood", "skin", "body")))  # fmt: skip
     paint = b.pieces[-1].material
     if b.chance(0.5):
         b.box("base", (-0.0005, -0.3 * w, 0.3 * h), (0, 0.1 * w, 0.7 * h), "light", "decor", False)
@@ -76,43 +63,24 @@ def sliding_box(b: Builder) -> None:
         inner = part(b, "drawer", "tray")
         e = t * 0.6 + g
         tray(b, inner, (0, -w / 2 + e, e), (d, w / 2 - e, h - e), t * 0.6, "z", 1, "light")
-        b.slide(
-            inner,
-            "base",
-            (-1, 0, 0),
-            0,
-            b.uniform(0.5, 0.85) * d,
-            rest=b.choice((0.0, 0.0, 0.3 * d)),
-        )
+        b.slide(inner, "base", (-1, 0, 0), 0, b.uniform(0.5, 0.85) * d,
+                rest=b.choice((0.0, 0.0, 0.3 * d)))  # fmt: skip
         return
     wall = h - 2.2 * t - 2 * g
     tray(b, "base", (0, -w / 2, 0), (d, w / 2, wall), 1.6 * t, "z", 1)
     top = t + 2 * g
     for s in (-1, 1):
         b.box("base", (0, s * (w / 2 - 0.7 * t), wall), (d, s * w / 2, wall + top), "body")
-        b.box(
-            "base",
-            (0, s * (w / 2 - 1.5 * t), wall + top),
-            (d, s * w / 2, wall + top + 0.8 * t),
-            "body",
-        )
-    b.box(
-        "base",
-        (d - 0.8 * t, -w / 2 + 1.5 * t, wall),
-        (d, w / 2 - 1.5 * t, wall + top + 0.8 * t),
-        "body",
-    )
+        b.box("base", (0, s * (w / 2 - 1.5 * t), wall + top), (d, s * w / 2, wall + top + 0.8 * t),
+              "body")  # fmt: skip
+    b.box("base", (d - 0.8 * t, -w / 2 + 1.5 * t, wall), (d, w / 2 - 1.5 * t, wall + top + 0.8 * t),
+          "body")  # fmt: skip
     lid = part(b, "lid")
     z = wall + g
     b.box(lid, (0, -w / 2 + 0.7 * t + g, z), (d - 0.8 * t - g, w / 2 - 0.7 * t - g, z + t), "front")
     if b.chance(0.6):
-        b.box(
-            lid,
-            (0.05 * d, -0.12 * w, z + t),
-            (0.09 * d, 0.12 * w, z + t + 0.6 * t),
-            "metal",
-            "handle",
-        )
+        b.box(lid, (0.05 * d, -0.12 * w, z + t), (0.09 * d, 0.12 * w, z + t + 0.6 * t), "metal",
+              "handle")  # fmt: skip
     b.slide(lid, "base", (-1, 0, 0), 0, b.uniform(0.5, 0.9) * d, rest=b.choice((0.0, 0.0, 0.4 * d)))
 
 
@@ -128,65 +96,32 @@ def toolbox(b: Builder) -> None:
     if b.chance(0.35):
         # two half lids that meet below a fixed bar handle
         for s in (-1, 1):
-            b.box(
-                "base",
-                (d / 2 - 0.012, s * (w / 2 - t), k),
-                (d / 2 + 0.012, s * w / 2, k + 0.08),
-                "metal",
-            )
-        b.cylinder(
-            "base",
-            (d / 2, -w / 2, k + 0.07),
-            (d / 2, w / 2, k + 0.07),
-            0.009,
-            None,
-            "wood",
-            "handle",
-        )
+            b.box("base", (d / 2 - 0.012, s * (w / 2 - t), k), (d / 2 + 0.012, s * w / 2, k + 0.08),
+                  "metal")  # fmt: skip
+        b.cylinder("base", (d / 2, -w / 2, k + 0.07), (d / 2, w / 2, k + 0.07), 0.009, None, "wood",
+                   "handle")  # fmt: skip
         for s, x in ((-1, 0.0), (1, d)):
             half = part(b, "lid", "half_lid")
             x0, x1 = sorted((x, d / 2 + s * g))
             b.box(half, (x0, -w / 2 + t + g, k + g), (x1, w / 2 - t - g, k + g + 0.012), paint)
-            b.hinge(
-                half,
-                "base",
-                (x, 0, k + g),
-                (0, 1, 0),
-                0,
-                b.uniform(1.5, 2.6),
-                opens=(0, 0, 1),
-                rest=b.choice((0.0, 0.0, 1.4)),
-            )
+            b.hinge(half, "base", (x, 0, k + g), (0, 1, 0), 0, b.uniform(1.5, 2.6), opens=(0, 0, 1),
+                    rest=b.choice((0.0, 0.0, 1.4)))  # fmt: skip
         return
     lid = part(b, "lid")
     sloped = b.chance(0.5)
     if sloped:
         c = 0.25 * d
-        profile(
-            b,
-            lid,
-            [(0, k + g), (d, k + g), (d, k + g + 0.02), (d - c, h), (c, h), (0, k + g + 0.02)],
-            -w / 2,
-            w / 2,
-            "y",
-            paint,
-        )
+        profile(b, lid,
+                [(0, k + g), (d, k + g), (d, k + g + 0.02), (d - c, h), (c, h), (0, k + g + 0.02)],
+                -w / 2, w / 2, "y", paint)  # fmt: skip
     else:
         tray(b, lid, (0, -w / 2, k + g), (d, w / 2, h), t, "z", -1, paint)
     b.cylinder(lid, (d, -0.4 * w, k + g / 2), (d, 0.4 * w, k + g / 2), 0.004, None, "metal")
     for s in (-1, 1):
         clasp(b, lid, s * 0.28 * w, k + g + 0.002, 0, 0.02)
         clasp(b, "base", s * 0.28 * w, k - 0.03, 0, 0.026)
-    b.hinge(
-        lid,
-        "base",
-        (d, 0, k + g / 2),
-        (0, 1, 0),
-        0,
-        b.uniform(1.3, 1.9),
-        opens=(0, 0, 1),
-        rest=b.choice((0.0, 0.0, 1.0)),
-    )
+    b.hinge(lid, "base", (d, 0, k + g / 2), (0, 1, 0), 0, b.uniform(1.3, 1.9), opens=(0, 0, 1),
+            rest=b.choice((0.0, 0.0, 1.0)))  # fmt: skip
     for s in (-1, 1):
         b.block(lid, (d / 2, s * 0.2 * w, h + 0.006), (0.02, 0.02, 0.014), "metal")
     y = 0.2 * w - 0.012
@@ -208,13 +143,8 @@ def toolbox(b: Builder) -> None:
         )
         b.hinge(handle, lid, (d / 2, 0, h + 0.008), (0, 1, 0), -1.3, 1.3, closed=0.0)
     else:
-        b.sweep(
-            lid,
-            [(d / 2, -y, h), (d / 2, -y, h + 0.045), (d / 2, y, h + 0.045), (d / 2, y, h)],
-            0.007,
-            "dark",
-            "handle",
-        )
+        b.sweep(lid, [(d / 2, -y, h), (d / 2, -y, h + 0.045), (d / 2, y, h + 0.045), (d / 2, y, h)],
+                0.007, "dark", "handle")  # fmt: skip
 
 
 def chest(b: Builder) -> None:
@@ -249,62 +179,26 @@ def chest(b: Builder) -> None:
             ring = np.stack(
                 [d / 2 + (d / 2 + 0.003) * np.cos(theta), z + (rise + 0.003) * np.sin(theta)], 1
             )
-            profile(
-                b,
-                lid,
-                np.concatenate([ring, outer[::-1]]),
-                y - 0.02,
-                y + 0.02,
-                "y",
-                "metal",
-                "decor",
-            )
+            profile(b, lid, np.concatenate([ring, outer[::-1]]), y - 0.02, y + 0.02, "y", "metal",
+                    "decor")  # fmt: skip
     clasp(b, "base", 0, k - 0.06, 0, 0.055)
     b.cylinder(lid, (d, -0.35 * w, k + g / 2), (d, 0.35 * w, k + g / 2), 0.006, None, "metal")
-    b.hinge(
-        lid,
-        "base",
-        (d, 0, k + g / 2),
-        (0, 1, 0),
-        0,
-        b.uniform(1.3, 1.9),
-        opens=(0, 0, 1),
-        rest=b.choice((0.0, 0.0, 1.2)),
-    )
+    b.hinge(lid, "base", (d, 0, k + g / 2), (0, 1, 0), 0, b.uniform(1.3, 1.9), opens=(0, 0, 1),
+            rest=b.choice((0.0, 0.0, 1.2)))  # fmt: skip
     if b.chance(0.6):
         for s in (-1, 1):
             y, zc, r = s * w / 2, 0.7 * k, min(0.05, 0.2 * d)
             b.block("base", (d / 2, y + s * 0.004, zc), (0.03, 0.01, 0.02), "metal")
             if b.chance(0.5):
                 ring_link = part(b, "handle", "ring")
-                b.torus(
-                    ring_link,
-                    (d / 2, y + s * 0.016, zc - r),
-                    (0, 1, 0),
-                    r,
-                    0.005,
-                    "metal",
-                    "handle",
-                )
-                b.hinge(
-                    ring_link,
-                    "base",
-                    (d / 2, y + s * 0.016, zc),
-                    (1, 0, 0),
-                    0,
-                    1.3,
-                    opens=(0, s, 0),
-                    tip=(d / 2, y + s * 0.016, zc - 2 * r),
-                )
+                b.torus(ring_link, (d / 2, y + s * 0.016, zc - r), (0, 1, 0), r, 0.005, "metal",
+                        "handle")  # fmt: skip
+                b.hinge(ring_link, "base", (d / 2, y + s * 0.016, zc), (1, 0, 0), 0, 1.3,
+                        opens=(0, s, 0), tip=(d / 2, y + s * 0.016, zc - 2 * r))  # fmt: skip
             else:
                 b.torus(
                     "base", (d / 2, y + s * 0.01, zc - r), (0, 1, 0), r, 0.005, "metal", "handle"
                 )
 
 
-CATEGORIES = {
-    "carton": carton,
-    "sliding_box": sliding_box,
-    "toolbox": toolbox,
-    "chest": chest,
-}
+CATEGORIES = {"carton": carton, "sliding_box": sliding_box, "toolbox": toolbox, "chest": chest}

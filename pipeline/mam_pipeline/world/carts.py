@@ -26,36 +26,14 @@ def caster(
     for s in (-1, 1):
         y0 = y + s * (w / 2 + 0.1 * r)
         box_y = sorted((y0, y0 + s * 0.12 * r))
-        b.box(
-            fork,
-            (x - 0.3 * r, box_y[0], z0 - 0.2 * r),
-            (x + 0.3 * r, box_y[1], z0 - 0.15 * r),
-            "metal",
-        )
-        bar(
-            b,
-            fork,
-            (x, y0 + s * 0.06 * r, z0 - 0.17 * r),
-            (x + trail, y0 + s * 0.06 * r, zc),
-            0.5 * r,
-            0.12 * r,
-            (0, 1, 0),
-            "metal",
-        )
-    b.box(
-        fork,
-        (x - 0.3 * r, y - w / 2 - 0.22 * r, z0 - 0.22 * r),
-        (x + 0.3 * r, y + w / 2 + 0.22 * r, z0 - 0.12 * r),
-        "metal",
-    )
-    b.cylinder(
-        fork,
-        (x + trail, y - w / 2 - 0.24 * r, zc),
-        (x + trail, y + w / 2 + 0.24 * r, zc),
-        0.12 * r,
-        None,
-        "metal",
-    )
+        b.box(fork, (x - 0.3 * r, box_y[0], z0 - 0.2 * r), (x + 0.3 * r, box_y[1], z0 - 0.15 * r),
+              "metal")  # fmt: skip
+        bar(b, fork, (x, y0 + s * 0.06 * r, z0 - 0.17 * r), (x + trail, y0 + s * 0.06 * r, zc),
+            0.5 * r, 0.12 * r, (0, 1, 0), "metal")  # fmt: skip
+    b.box(fork, (x - 0.3 * r, y - w / 2 - 0.22 * r, z0 - 0.22 * r),
+          (x + 0.3 * r, y + w / 2 + 0.22 * r, z0 - 0.12 * r), "metal")  # fmt: skip
+    b.cylinder(fork, (x + trail, y - w / 2 - 0.24 * r, zc), (x + trail, y + w / 2 + 0.24 * r, zc),
+               0.12 * r, None, "metal")  # fmt: skip
     if swivel:
         b.spin(fork, parent, (x, y, z), (0, 0, 1))
     roll = part(b, "wheel")
@@ -84,14 +62,8 @@ def cart(b: Builder) -> None:
         for x, swivel in ((0.12 * l, True), (0.88 * l, b.chance(0.5))):
             for s in (-1, 1):
                 if not swivel:
-                    b.cylinder(
-                        "base",
-                        (x, s * 0.4 * w, same),
-                        (x, s * 0.4 * w, z + 0.001),
-                        0.6 * r,
-                        None,
-                        "metal",
-                    )
+                    b.cylinder("base", (x, s * 0.4 * w, same), (x, s * 0.4 * w, z + 0.001), 0.6 * r,
+                               None, "metal")  # fmt: skip
                 caster(b, (x, s * 0.4 * w, z if swivel else same), r, swivel)
         rounded(b, "base", (0, -w / 2, z), (l, w / 2, z + 0.03), 0.03)
         high = b.uniform(0.6, 0.95)
@@ -102,14 +74,8 @@ def cart(b: Builder) -> None:
                 tray(b, "base", (0, -w / 2, zz), (l, w / 2, zz + 0.05), 0.006, "z", 1)
             for x in (0.02, l - 0.02):
                 for s in (-1, 1):
-                    b.cylinder(
-                        "base",
-                        (x, s * (w / 2 - 0.02), z),
-                        (x, s * (w / 2 - 0.02), high),
-                        0.012,
-                        None,
-                        "metal",
-                    )
+                    b.cylinder("base", (x, s * (w / 2 - 0.02), z), (x, s * (w / 2 - 0.02), high),
+                               0.012, None, "metal")  # fmt: skip
         b.sweep(
             "base",
             [
@@ -132,14 +98,8 @@ def cart(b: Builder) -> None:
     style = b.choice(("disc", "tyre", "spoke", "cast"))
     g = 0.006
     for x in (0.18 * l, 0.82 * l) if b.chance(0.75) else (0.5 * l,):
-        b.cylinder(
-            "base",
-            (x, -w / 2 - g - 0.5 * ww, r),
-            (x, w / 2 + g + 0.5 * ww, r),
-            0.1 * r,
-            None,
-            "dark",
-        )
+        b.cylinder("base", (x, -w / 2 - g - 0.5 * ww, r), (x, w / 2 + g + 0.5 * ww, r), 0.1 * r,
+                   None, "dark")  # fmt: skip
         b.box("base", (x - 0.3 * r, -w / 2, 0.8 * r), (x + 0.3 * r, w / 2, r + 0.03), "trim")
         for s in (-1, 1):
             roll = part(b, "wheel")
@@ -150,27 +110,15 @@ def cart(b: Builder) -> None:
         pole = part(b, "handle", "drawbar")
         z = r + 0.02
         for s in (-1, 1):
-            b.box(
-                "base",
-                (-0.04, s * 0.04 - 0.008, z - 0.02),
-                (0.001, s * 0.04 + 0.008, z + 0.015),
-                "metal",
-            )
+            b.box("base", (-0.04, s * 0.04 - 0.008, z - 0.02), (0.001, s * 0.04 + 0.008, z + 0.015),
+                  "metal")  # fmt: skip
         b.cylinder(pole, (-0.025, -0.03, z), (-0.025, 0.03, z), 0.012, None, "metal")
         b.cylinder(pole, (-0.025, 0, z), (-0.5, 0, z + 0.15), 0.012, None, "metal")
         b.cylinder(
             pole, (-0.5, -0.08, z + 0.15), (-0.5, 0.08, z + 0.15), 0.014, None, "rubber", "handle"
         )
-        b.hinge(
-            pole,
-            "base",
-            (-0.025, 0, z),
-            (0, 1, 0),
-            0,
-            b.uniform(0.7, 1.1),
-            opens=(0, 0, 1),
-            tip=(-0.5, 0, z),
-        )
+        b.hinge(pole, "base", (-0.025, 0, z), (0, 1, 0), 0, b.uniform(0.7, 1.1), opens=(0, 0, 1),
+                tip=(-0.5, 0, z))  # fmt: skip
     else:
         b.sweep(
             "base",
@@ -193,27 +141,14 @@ def wheelbarrow(b: Builder) -> None:
     b.theme(b.choice(("paint", "steel", "dark")))
     l = b.uniform(0.6, 0.8)
     z = 0.3
-    wedge(
-        b,
-        "base",
-        (0.24, -0.25 * w, 0.1 + l, 0.25 * w),
-        (0.2, -0.27 * w, 0.13 + l, 0.27 * w),
-        z,
-        z + 0.02,
-    )
+    wedge(b, "base", (0.24, -0.25 * w, 0.1 + l, 0.25 * w), (0.2, -0.27 * w, 0.13 + l, 0.27 * w), z,
+          z + 0.02)  # fmt: skip
     # four sloping walls of the tray
     low, high = (0.22, 0.12 + l, 0.26 * w), (0.0, 0.2 + l, 0.5 * w)
     top = z + b.uniform(0.2, 0.28)
     for s in (-1, 1):
-        bar(
-            b,
-            "base",
-            ((low[0] + low[1]) / 2, s * low[2], z + 0.01),
-            ((high[0] + high[1]) / 2, s * high[2], top),
-            0.92 * l,
-            0.006,
-            (0, -s, 0.8),
-        )
+        bar(b, "base", ((low[0] + low[1]) / 2, s * low[2], z + 0.01),
+            ((high[0] + high[1]) / 2, s * high[2], top), 0.92 * l, 0.006, (0, -s, 0.8))  # fmt: skip
     bar(b, "base", (low[0], 0, z + 0.01), (high[0], 0, top), 0.8 * w, 0.006, (1, 0, 0.8))
     bar(b, "base", (low[1], 0, z + 0.01), (high[1], 0, top), 0.8 * w, 0.006, (-1, 0, 0.5))
     twin = b.chance(0.2)
@@ -232,15 +167,8 @@ def wheelbarrow(b: Builder) -> None:
             0.016,
             "metal",
         )
-        b.cylinder(
-            "base",
-            (l + 0.55, s * 0.28 * w, z + 0.2),
-            (l + 0.72, s * 0.28 * w, z + 0.2),
-            0.021,
-            None,
-            "rubber",
-            "handle",
-        )
+        b.cylinder("base", (l + 0.55, s * 0.28 * w, z + 0.2), (l + 0.72, s * 0.28 * w, z + 0.2),
+                   0.021, None, "rubber", "handle")  # fmt: skip
         b.sweep(
             "base",
             [
@@ -287,48 +215,21 @@ def stroller(b: Builder) -> None:
         b.cylinder("base", (back, s * w / 2, rr), (back, yy, rr), 0.01, None, "metal")
         wheel(b, roll, (back, yy, rr), (0, 1, 0), rr, 0.035, style)
         b.spin(roll, "base", (back, yy, rr), (0, 1, 0))
-    b.cylinder(
-        "base",
-        (l + 0.16, -w / 2 + 0.04, 1.02),
-        (l + 0.16, w / 2 - 0.04, 1.02),
-        0.016,
-        None,
-        "rubber",
-        "handle",
-    )
+    b.cylinder("base", (l + 0.16, -w / 2 + 0.04, 1.02), (l + 0.16, w / 2 - 0.04, 1.02), 0.016, None,
+               "rubber", "handle")  # fmt: skip
     swivel = b.chance(0.6)
     z = caster_height(b, rf, swivel)
     for s in (-1, 1):
         y = s * (w / 2 - 0.04)
-        b.cylinder(
-            "base",
-            (front + 0.02, y, z - 0.002),
-            (front + 0.02, y, 2 * rf + 0.09),
-            0.016,
-            None,
-            "metal",
-        )
+        b.cylinder("base", (front + 0.02, y, z - 0.002), (front + 0.02, y, 2 * rf + 0.09), 0.016,
+                   None, "metal")  # fmt: skip
         caster(b, (front + 0.02, y, z), rf, swivel)
     half = w / 2 - 0.065
     b.box("base", (0.15 * l, -half, seat_z), (0.62 * l, half, seat_z + 0.03), "fabric")
-    bar(
-        b,
-        "base",
-        (0.62 * l, 0, seat_z + 0.01),
-        (0.85 * l, 0, seat_z + 0.45),
-        2 * half,
-        0.03,
-        (-1, 0, 0.4),
-        "fabric",
-    )
-    b.cylinder(
-        "base",
-        (0.35 * l, -w / 2 + 0.04, seat_z),
-        (0.35 * l, w / 2 - 0.04, seat_z),
-        0.01,
-        None,
-        "metal",
-    )
+    bar(b, "base", (0.62 * l, 0, seat_z + 0.01), (0.85 * l, 0, seat_z + 0.45), 2 * half, 0.03,
+        (-1, 0, 0.4), "fabric")  # fmt: skip
+    b.cylinder("base", (0.35 * l, -w / 2 + 0.04, seat_z), (0.35 * l, w / 2 - 0.04, seat_z), 0.01,
+               None, "metal")  # fmt: skip
     if b.chance(0.75):
         hood = part(b, "canopy")
         c = (0.62 * l, 0, seat_z + 0.36)
@@ -350,8 +251,4 @@ def stroller(b: Builder) -> None:
         b.hinge(hood, "base", c, (0, 1, 0), -0.5, 0.25, closed=0.0)
 
 
-CATEGORIES = {
-    "cart": cart,
-    "wheelbarrow": wheelbarrow,
-    "stroller": stroller,
-}
+CATEGORIES = {"cart": cart, "wheelbarrow": wheelbarrow, "stroller": stroller}

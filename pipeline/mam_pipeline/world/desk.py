@@ -46,14 +46,8 @@ def lamp(b: Builder) -> None:
     b.cylinder(lower, p0 - (0, pin, 0), p0 + (0, pin, 0), 0.3 * q, None, "metal")
     twin = b.chance(0.4)
     for s in (-1, 1) if twin else (0,):
-        b.cylinder(
-            lower,
-            p0 + (0, s * 0.6 * t, 0),
-            p1 + (0, s * 0.6 * t, 0),
-            0.004 if not twin else 0.0025,
-            None,
-            "metal",
-        )
+        b.cylinder(lower, p0 + (0, s * 0.6 * t, 0), p1 + (0, s * 0.6 * t, 0),
+                   0.004 if not twin else 0.0025, None, "metal")  # fmt: skip
     b.cylinder(lower, p1 - (0, t, 0), p1 + (0, t, 0), 0.9 * q, None, "dark")
     b.hinge(lower, foot, p0, (0, 1, 0), -0.9 - a1, 0.9 - a1, closed=0.0)
     if b.chance(0.85):
@@ -61,15 +55,8 @@ def lamp(b: Builder) -> None:
         side = t + g + 0.004
         b.cylinder(upper, p1 + (0, t + g, 0), p1 + (0, t + g + 0.008, 0), 0.9 * q, None, "dark")
         b.cylinder(upper, p1 + (0, side, 0), p2 + (0, side, 0), 0.004, None, "metal")
-        b.cylinder(
-            upper,
-            p1 + (0, t + g + 0.007, 0),
-            p1 + (0, t + g + 0.02, 0),
-            0.5 * q,
-            None,
-            "metal",
-            "handle",
-        )
+        b.cylinder(upper, p1 + (0, t + g + 0.007, 0), p1 + (0, t + g + 0.02, 0), 0.5 * q, None,
+                   "metal", "handle")  # fmt: skip
         b.hinge(upper, lower, p1, (0, 1, 0), -0.5, 0.7, closed=0.0)
         p2 = p2 + (0, side, 0)
     else:
@@ -122,12 +109,8 @@ def fan(b: Builder) -> None:
     x = 0.5 * d
     b.cylinder("base", (x + 0.06, 0, 0.02), (x + 0.06, 0, zc - 0.06), 0.015, None, "metal")
     for s in (-1, 1):
-        b.box(
-            "base",
-            (x + 0.045, s * (0.042 + g), zc - 0.06),
-            (x + 0.075, s * (0.05 + g), zc + 0.015),
-            "metal",
-        )
+        b.box("base", (x + 0.045, s * (0.042 + g), zc - 0.06),
+              (x + 0.075, s * (0.05 + g), zc + 0.015), "metal")  # fmt: skip
     b.box("base", (x + 0.045, -0.05 - g, zc - 0.068), (x + 0.075, 0.05 + g, zc - 0.06), "metal")
     head = part(b, "head")
     motor = d / 2 + 0.02
@@ -166,15 +149,8 @@ def fan(b: Builder) -> None:
             b.moved((0, 0, 0), (1, 0, 0), 0.35),
         ):
             wide = min(0.24 * r, 0.3 * d / np.sin(0.35))
-            rounded(
-                b,
-                blades,
-                (0.1 * r, -wide, -0.002),
-                (0.78 * r, wide, 0.002),
-                0.8 * wide,
-                "z",
-                "accent",
-            )
+            rounded(b, blades, (0.1 * r, -wide, -0.002), (0.78 * r, wide, 0.002), 0.8 * wide, "z",
+                    "accent")  # fmt: skip
     b.spin(blades, head, (0, 0, zc), (1, 0, 0))
     b.hinge(head, "base", (x + 0.06, 0, zc), (0, 1, 0), -0.15, 0.35, closed=0.0)
 
@@ -184,11 +160,8 @@ def globe(b: Builder) -> None:
     r = b.uniform(0.08, 0.2)
     tilt = b.choice((0.41, 0.41, 0.0, 0.3))
     b.size(2.4 * r, 2.4 * r, 3 * r)
-    b.lathe(
-        "base",
-        [(0.7 * r, 0), (0.65 * r, 0.1 * r), (0.12 * r, 0.2 * r)],
-        b.choice(("wood", "metal", "dark")),
-    )
+    b.lathe("base", [(0.7 * r, 0), (0.65 * r, 0.1 * r), (0.12 * r, 0.2 * r)],
+            b.choice(("wood", "metal", "dark")))  # fmt: skip
     ring = 1.12 * r
     zc = 0.2 * r + b.uniform(0.1, 0.4) * r + ring
     b.cylinder("base", (0, 0, 0.15 * r), (0, 0, zc - ring), 0.06 * r, None, "metal")
@@ -227,14 +200,8 @@ def clock(b: Builder) -> None:
         b.tube("base", (0, 0, z), (-0.012, 0, z), 1.12 * r, 1.0 * r, "trim")
         if b.chance(0.5):
             for s in (-1, 1):
-                b.cylinder(
-                    "base",
-                    (t / 2, s * 0.6 * r, 0.01 * r),
-                    (t / 2, s * 0.5 * r, z - 0.8 * r),
-                    0.05 * r,
-                    None,
-                    "trim",
-                )
+                b.cylinder("base", (t / 2, s * 0.6 * r, 0.01 * r),
+                           (t / 2, s * 0.5 * r, z - 0.8 * r), 0.05 * r, None, "trim")  # fmt: skip
                 b.sphere("base", (t / 2, s * 0.6 * r, z + 1.05 * r), 0.25 * r, "metal")
         else:
             b.box("base", (0, -0.5 * r, 0), (t, 0.5 * r, 0.3 * r), "body")
@@ -246,14 +213,8 @@ def clock(b: Builder) -> None:
     for k in range(marks):
         a = k * TAU / marks
         with b.facing((-0.001, 0, z), (-1, 0, 0)), b.moved((0, 0, 0), (0, 0, 1), a):
-            b.box(
-                "base",
-                (0.8 * r, -0.02 * r, 0),
-                (0.93 * r, 0.02 * r, 0.0008),
-                "dark",
-                "decor",
-                False,
-            )
+            b.box("base", (0.8 * r, -0.02 * r, 0), (0.93 * r, 0.02 * r, 0.0008), "dark", "decor",
+                  False)  # fmt: skip
     b.cylinder("base", (0, 0, z), (-0.0105, 0, z), 0.02 * r, None, "metal")
     names = (("hour_hand", 0.5, 0.035), ("minute_hand", 0.78, 0.025), ("second_hand", 0.85, 0.008))
     for k, (name, length, width) in enumerate(names[: b.integer(2, 3)]):
@@ -261,21 +222,11 @@ def clock(b: Builder) -> None:
         hand = part(b, "hand", name)
         a = b.uniform(0, TAU)
         with b.facing((x, 0, z), (-1, 0, 0)), b.moved((0, 0, 0), (0, 0, 1), a):
-            b.box(
-                hand,
-                (-0.12 * r, -width * r, 0),
-                (length * r, width * r, 0.0012),
-                "red" if k == 2 else "dark",
-                "handle",
-            )
+            b.box(hand, (-0.12 * r, -width * r, 0), (length * r, width * r, 0.0012),
+                  "red" if k == 2 else "dark", "handle")  # fmt: skip
             b.cylinder(hand, (0, 0, 0), (0, 0, 0.0015), 0.05 * r, None, "dark", "handle")
         b.spin(hand, "base", (x, 0, z), (-1, 0, 0))
     settle(b)
 
 
-CATEGORIES = {
-    "lamp": lamp,
-    "fan": fan,
-    "globe": globe,
-    "clock": clock,
-}
+CATEGORIES = {"lamp": lamp, "fan": fan, "globe": globe, "clock": clock}

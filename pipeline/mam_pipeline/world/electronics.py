@@ -26,14 +26,9 @@ def _keys(
         while k < columns:
             n = wide if r == 0 and k == columns // 2 - wide // 2 else 1
             x = low[0] + r * dx
-            b.box(
-                "base",
-                (x + 0.08 * dx, y + 0.08 * dy, z),
-                (x + 0.92 * dx, y + (n - 0.08) * dy, z + rise),
-                "dark",
-                "decor",
-                False,
-            )
+            b.box("base", (x + 0.08 * dx, y + 0.08 * dy, z),
+                  (x + 0.92 * dx, y + (n - 0.08) * dy, z + rise), "dark", "decor",
+                  False)  # fmt: skip
             y, k = y + n * dy, k + n
             if k > columns:
                 break
@@ -57,14 +52,8 @@ def laptop(b: Builder) -> None:
     z = h + gap
     rounded(b, lid, (0, -w / 2, z), (d, w / 2, z + t), r)
     m = b.uniform(0.02, 0.07) * d
-    b.box(
-        lid,
-        (m, -w / 2 + m, z - 0.0002),
-        (d - 1.5 * m, w / 2 - m, z + 0.3 * t),
-        "screen",
-        "decor",
-        False,
-    )
+    b.box(lid, (m, -w / 2 + m, z - 0.0002), (d - 1.5 * m, w / 2 - m, z + 0.3 * t), "screen",
+          "decor", False)  # fmt: skip
     if b.chance(0.5):
         b.disc(lid, (d / 2, 0, z + t), (0, 0, 1), 0.06 * d, 0.0004, "metal", "decor", False)
     spans = b.choice(
@@ -72,16 +61,8 @@ def laptop(b: Builder) -> None:
     )
     for y0, y1 in spans:
         b.cylinder(lid, (d, y0 * w, h + gap / 2), (d, y1 * w, h + gap / 2), rad, None, "dark")
-    b.hinge(
-        lid,
-        "base",
-        (d, 0, h + gap / 2),
-        (0, 1, 0),
-        0.0,
-        b.uniform(1.9, 2.6),
-        opens=(0, 0, 1),
-        rest=b.choice((0.0, 1.2, 1.57, 1.75, 1.85)),
-    )
+    b.hinge(lid, "base", (d, 0, h + gap / 2), (0, 1, 0), 0.0, b.uniform(1.9, 2.6), opens=(0, 0, 1),
+            rest=b.choice((0.0, 1.2, 1.57, 1.75, 1.85)))  # fmt: skip
 
 
 def phone(b: Builder) -> None:
@@ -103,68 +84,30 @@ def phone(b: Builder) -> None:
     for i in range(rows):
         for j in range(columns):
             x, y = 0.06 * l + i * dx, -0.42 * w + j * dy
-            b.box(
-                "base",
-                (x + 0.1 * dx, y + 0.1 * dy, t),
-                (x + 0.85 * dx, y + 0.9 * dy, t + 0.0004),
-                "light",
-                "decor",
-                False,
-            )
+            b.box("base", (x + 0.1 * dx, y + 0.1 * dy, t),
+                  (x + 0.85 * dx, y + 0.9 * dy, t + 0.0004), "light", "decor", False)  # fmt: skip
     z = t + gap
     lid = part(b, "lid", "screen")
     if flip:
         rounded(b, lid, (0, -w / 2, z), (l - 0.9 * t, w / 2, z + t), r)
         b.box(lid, (l - 1.2 * t, -0.28 * w, z), (l - 0.3 * t, 0.28 * w, z + 0.7 * t), "body")
-        b.box(
-            lid,
-            (0.1 * l, -0.4 * w, z - 0.0003),
-            (0.75 * l, 0.4 * w, z + 0.2 * t),
-            "screen",
-            "decor",
-            False,
-        )
+        b.box(lid, (0.1 * l, -0.4 * w, z - 0.0003), (0.75 * l, 0.4 * w, z + 0.2 * t), "screen",
+              "decor", False)  # fmt: skip
         if b.chance(0.6):
-            b.box(
-                lid,
-                (0.3 * l, -0.25 * w, z + t),
-                (0.6 * l, 0.25 * w, z + t + 0.0003),
-                "screen",
-                "decor",
-                False,
-            )
+            b.box(lid, (0.3 * l, -0.25 * w, z + t), (0.6 * l, 0.25 * w, z + t + 0.0003), "screen",
+                  "decor", False)  # fmt: skip
         b.cylinder(
             lid, (l, -0.28 * w, z - gap / 2), (l, 0.28 * w, z - gap / 2), 0.8 * t, None, "dark"
         )
         for s in (-1, 1):
-            b.cylinder(
-                "base",
-                (l, s * 0.3 * w, z - gap / 2),
-                (l, s * 0.5 * w, z - gap / 2),
-                0.8 * t,
-                None,
-                "trim",
-            )
-        b.hinge(
-            lid,
-            "base",
-            (l, 0, z - gap / 2),
-            (0, 1, 0),
-            0,
-            b.uniform(2.4, 2.9),
-            opens=(0, 0, 1),
-            rest=b.choice((0.0, 0.0, 2.2)),
-        )
+            b.cylinder("base", (l, s * 0.3 * w, z - gap / 2), (l, s * 0.5 * w, z - gap / 2),
+                       0.8 * t, None, "trim")  # fmt: skip
+        b.hinge(lid, "base", (l, 0, z - gap / 2), (0, 1, 0), 0, b.uniform(2.4, 2.9),
+                opens=(0, 0, 1), rest=b.choice((0.0, 0.0, 2.2)))  # fmt: skip
     else:
         rounded(b, lid, (0, -w / 2, z), (l, w / 2, z + t), r)
-        b.box(
-            lid,
-            (0.08 * l, -0.44 * w, z + t),
-            (0.8 * l, 0.44 * w, z + t + 0.0003),
-            "screen",
-            "decor",
-            False,
-        )
+        b.box(lid, (0.08 * l, -0.44 * w, z + t), (0.8 * l, 0.44 * w, z + t + 0.0003), "screen",
+              "decor", False)  # fmt: skip
         b.disc(lid, (0.04 * l, 0, z + t), (0, 0, 1), 0.02 * l, 0.0006, "trim", "decor", False)
         b.slide(lid, "base", (1, 0, 0), 0, b.uniform(0.4, 0.5) * l, rest=b.choice((0.0, 0.03)))
 
@@ -195,12 +138,8 @@ def keyboard(b: Builder) -> None:
     for (x, y), k in zip(centres, moving):
         link = part(b, "button", "key") if k else "base"
         z = 0.35 * h + travel + 0.001 if k else h - 0.001
-        b.box(
-            link,
-            (x - size / 2, y - size / 2, z),
-            (x + size / 2, y + size / 2, h + rise),
-            b.choice(("front", "light", "accent"), p=(0.8, 0.15, 0.05)),
-        )
+        b.box(link, (x - size / 2, y - size / 2, z), (x + size / 2, y + size / 2, h + rise),
+              b.choice(("front", "light", "accent"), p=(0.8, 0.15, 0.05)))  # fmt: skip
         if k:
             b.slide(link, "base", (0, 0, -1), 0, travel)
 
@@ -263,41 +202,20 @@ def camera(b: Builder) -> None:
     b.tube(ring, (-0.2 * length, y, z), (-0.92 * length, y, z), r, 0.88 * r, "rubber", "handle")
     for t in np.arange(12) * np.pi / 6:
         c, s = y + 1.0 * r * np.cos(t), z + 1.0 * r * np.sin(t)
-        b.cylinder(
-            ring,
-            (-0.35 * length, c, s),
-            (-0.75 * length, c, s),
-            0.06 * r,
-            None,
-            "dark",
-            "handle",
-            False,
-        )
+        b.cylinder(ring, (-0.35 * length, c, s), (-0.75 * length, c, s), 0.06 * r, None, "dark",
+                   "handle", False)  # fmt: skip
     b.spin(ring, "base", (0, y, z), (1, 0, 0), 0.0, b.uniform(1.0, 3.0))
     shutter = part(b, "button", "shutter")
     b.cylinder(
         "base", (0.3 * d, -0.38 * w, h), (0.3 * d, -0.38 * w, h + 0.003), 0.16 * d, None, "metal"
     )
-    b.cylinder(
-        shutter,
-        (0.3 * d, -0.38 * w, h + 0.0032),
-        (0.3 * d, -0.38 * w, h + 0.0062),
-        0.11 * d,
-        None,
-        "metal",
-    )
+    b.cylinder(shutter, (0.3 * d, -0.38 * w, h + 0.0032), (0.3 * d, -0.38 * w, h + 0.0062),
+               0.11 * d, None, "metal")  # fmt: skip
     b.slide(shutter, "base", (0, 0, -1), 0, 0.0008)
     for k in range(b.integer(0, 2)):
         knob = part(b, "dial")
-        dial(
-            b,
-            knob,
-            (0.5 * d, (0.27 + 0.14 * k) * w, h + b.gap * 0.2),
-            (0, 0, 1),
-            min(0.25 * d, 0.06 * w),
-            0.1 * h,
-            "flute",
-        )
+        dial(b, knob, (0.5 * d, (0.27 + 0.14 * k) * w, h + b.gap * 0.2), (0, 0, 1),
+             min(0.25 * d, 0.06 * w), 0.1 * h, "flute")  # fmt: skip
         b.spin(knob, "base", (0.5 * d, (0.27 + 0.14 * k) * w, h), (0, 0, 1))
 
 
@@ -316,37 +234,19 @@ def _usb_stick(b: Builder, style: str, w: float, l: float, t: float, plug: float
     pw, pt = 0.6 * w, min(0.0045, 0.55 * t)
     if style == "slide":
         gap = 0.0005
-        pierced(
-            b,
-            "base",
-            (0, -w / 2, 0.65 * t),
-            (l, w / 2, t),
-            [(0.2 * l, -0.12 * w, 0.2 * l + plug + 0.3 * l, 0.12 * w)],
-        )
+        pierced(b, "base", (0, -w / 2, 0.65 * t), (l, w / 2, t),
+                [(0.2 * l, -0.12 * w, 0.2 * l + plug + 0.3 * l, 0.12 * w)])  # fmt: skip
         b.box("base", (0, -w / 2, 0), (l, w / 2, 0.15 * t), "body")
         for s in (-1, 1):
             b.box("base", (0, s * 0.36 * w, 0.15 * t), (l, s * w / 2, 0.65 * t), "body")
         b.box("base", (0, -0.36 * w, 0.15 * t), (0.08 * l, 0.36 * w, 0.65 * t), "body")
         slider = part(b, "slider")
-        b.box(
-            slider,
-            (0.12 * l, -0.34 * w, 0.15 * t + gap),
-            (l - plug - 0.001, 0.34 * w, 0.65 * t - gap),
-            "trim",
-        )
-        b.box(
-            slider,
-            (l - plug - 0.001, -pw / 2, 0.4 * t - 0.2 * t),
-            (l - 0.001, pw / 2, 0.4 * t + 0.18 * t),
-            "metal",
-        )
-        b.box(
-            slider,
-            (0.21 * l, -0.1 * w, 0.65 * t - gap),
-            (0.36 * l, 0.1 * w, 1.2 * t),
-            "accent",
-            "handle",
-        )
+        b.box(slider, (0.12 * l, -0.34 * w, 0.15 * t + gap),
+              (l - plug - 0.001, 0.34 * w, 0.65 * t - gap), "trim")  # fmt: skip
+        b.box(slider, (l - plug - 0.001, -pw / 2, 0.4 * t - 0.2 * t),
+              (l - 0.001, pw / 2, 0.4 * t + 0.18 * t), "metal")  # fmt: skip
+        b.box(slider, (0.21 * l, -0.1 * w, 0.65 * t - gap), (0.36 * l, 0.1 * w, 1.2 * t), "accent",
+              "handle")  # fmt: skip
         b.slide(slider, "base", (1, 0, 0), 0, min(plug, 0.3 * l), rest=b.choice((0.0, 0.006)))
         return
     rounded(b, "base", (0, -w / 2, 0), (l, w / 2, t), b.choice((0.001, 0.3 * w)))
@@ -368,14 +268,8 @@ def _usb_stick(b: Builder, style: str, w: float, l: float, t: float, plug: float
         e, g = 0.0008, 0.0004
         x0 = 0.16 * l
         for z in (-g - e, t + g):
-            rounded(
-                b,
-                cover,
-                (x0 - w / 2, -w / 2, z),
-                (l + plug, w / 2, z + e),
-                0.45 * w,
-                material="metal",
-            )
+            rounded(b, cover, (x0 - w / 2, -w / 2, z), (l + plug, w / 2, z + e), 0.45 * w,
+                    material="metal")  # fmt: skip
         b.box(cover, (l + plug, -w / 2, -g - e), (l + plug + 0.001, w / 2, t + g + e), "metal")
         b.cylinder(cover, (x0, 0, -g - e), (x0, 0, t + g + e), 0.16 * w, None, "metal")
         b.hinge(cover, "base", (x0, 0, 0), (0, 0, 1), 0, np.pi, rest=b.choice((0.0, 0.0, 1.2)))

@@ -17,17 +17,8 @@ def safe(b: Builder) -> None:
     w, d, h = b.uniform(0.28, 0.6), b.uniform(0.25, 0.55), b.uniform(0.25, 0.9)
     b.size(w, d, h)
     front = b.uniform(0.03, 0.05)
-    m = c.Manner(
-        b.uniform(0.025, 0.045),
-        front,
-        b.chance(0.6),
-        "none",
-        "none",
-        0.12,
-        "slab",
-        "slab",
-        float(np.radians(b.choice([90, 110]))),
-    )
+    m = c.Manner(b.uniform(0.025, 0.045), front, b.chance(0.6), "none", "none", 0.12, "slab",
+                 "slab", float(np.radians(b.choice([90, 110]))))  # fmt: skip
     low = b.choice([0.0, 0.02])
     if low:
         b.feet("base", (0, -w / 2), (d, w / 2), low, "round", "dark")
@@ -74,15 +65,8 @@ def _spokes(b: Builder, door: str, at: tuple[float, float, float], radius: float
         b.cylinder(wheel, (0, 0, g), (0, 0, 0.05), 0.2 * radius, None, "metal")
         for k in range(n):
             u = np.array([np.cos(2 * np.pi * k / n), np.sin(2 * np.pi * k / n), 0])
-            b.rod(
-                wheel,
-                0.1 * radius * u + [0, 0, 0.04],
-                radius * u + [0, 0, 0.04],
-                0.08 * radius,
-                None,
-                "metal",
-                "handle",
-            )
+            b.rod(wheel, 0.1 * radius * u + [0, 0, 0.04], radius * u + [0, 0, 0.04], 0.08 * radius,
+                  None, "metal", "handle")  # fmt: skip
             b.sphere(wheel, radius * u + [0, 0, 0.04], 0.13 * radius, "dark", "handle")
         if b.chance(0.4):
             b.torus(wheel, (0, 0, 0.04), (0, 0, 1), 0.85 * radius, 0.07 * radius, "metal", "handle")
@@ -112,17 +96,10 @@ def _pad(b: Builder, door: str, at: tuple[float, float, float], size: float) -> 
     b.block(door, (x - 0.003, y, z), (0.006, size, 1.25 * size), "dark", "decor")
     for i in range(rows):
         for j in range(3):
-            b.button(
-                door,
-                (x - 0.006, y + (j - 1) * 0.28 * size, z + (i - (rows - 1) / 2) * 0.28 * size),
-                (-1, 0, 0),
-                0.2 * size,
-                0.18 * size,
-                0.0015,
-                "light",
-                "key",
-                bezel=False,
-            )
+            b.button(door,
+                     (x - 0.006, y + (j - 1) * 0.28 * size, z + (i - (rows - 1) / 2) * 0.28 * size),
+                     (-1, 0, 0), 0.2 * size, 0.18 * size, 0.0015, "light", "key",
+                     bezel=False)  # fmt: skip
 
 
 def box_with_lid(b: Builder) -> None:
@@ -133,13 +110,8 @@ def box_with_lid(b: Builder) -> None:
     b.shell("base", (0, -w / 2, 0), (d, w / 2, h), t, "+z")
     if b.chance(0.3):
         for z in (0.15 * h, 0.85 * h):
-            b.box(
-                "base",
-                (-0.004, -w / 2 + t, z - 0.02 * h),
-                (0, w / 2 - t, z + 0.02 * h),
-                "metal",
-                "decor",
-            )
+            b.box("base", (-0.004, -w / 2 + t, z - 0.02 * h), (0, w / 2 - t, z + 0.02 * h), "metal",
+                  "decor")  # fmt: skip
     lid = b.link("lid", "lid")
     kind = b.choice(["flat", "deep", "arched", "overhang"])
     z = h + g
@@ -278,30 +250,17 @@ def _tank(b: Builder, x0: float, x1: float, width: float, z: float, tall: float)
         lever = b.link("lever", "lever")
         g = max(b.gap * 0.2, 0.0005)
         b.rod(lever, (x0 - g, y, at), (x0 - 0.02, y, at), 0.012, None, "metal")
-        b.box(
-            lever,
-            (x0 - 0.026, y - 0.08, at - 0.007),
-            (x0 - 0.016, y, at + 0.007),
-            "metal",
-            "handle",
-        )
+        b.box(lever, (x0 - 0.026, y - 0.08, at - 0.007), (x0 - 0.016, y, at + 0.007), "metal",
+              "handle")  # fmt: skip
         b.hinge(lever, "base", (x0, y, at), (1, 0, 0), 0.0, np.radians(30), opens=(0, 0, -1))
         b.grasp(lever, "push", (x0 - 0.02, y - 0.07, at + 0.007), (0, 0, -1), (1, 0, 0), 0.0)
         return
     count = 1 if kind == "button" else 2
     for k in range(count):
         y = 0.0 if count == 1 else (k - 0.5) * 0.035
-        b.button(
-            "base",
-            (middle, y, top),
-            (0, 0, 1),
-            0.05 if count == 1 else 0.03,
-            0.05 if count == 1 else 0.03,
-            0.004,
-            "metal",
-            "flush",
-            "round" if count == 1 else "square",
-        )
+        b.button("base", (middle, y, top), (0, 0, 1), 0.05 if count == 1 else 0.03,
+                 0.05 if count == 1 else 0.03, 0.004, "metal", "flush",
+                 "round" if count == 1 else "square")  # fmt: skip
 
 
 def printer(b: Builder) -> None:
@@ -315,11 +274,8 @@ def printer(b: Builder) -> None:
     b.shell("base", (0, -w / 2, 0), (d, w / 2, z1), t, "-x", role="solid")
     b.box("base", (0.45 * d, -w / 2, z1), (d, w / 2, z1 + slot_h))
     for s in (-1, 1):
-        b.box(
-            "base",
-            (0, min(s * w / 2, s * 0.42 * w), z1),
-            (0.45 * d, max(s * w / 2, s * 0.42 * w), z1 + slot_h),
-        )
+        b.box("base", (0, min(s * w / 2, s * 0.42 * w), z1),
+              (0.45 * d, max(s * w / 2, s * 0.42 * w), z1 + slot_h))  # fmt: skip
     scan = 0.09 * h if b.chance(0.8) else 0.0
     top = h - scan - g
     b.box("base", (0, -w / 2, z1 + slot_h), (d, w / 2, top))
@@ -329,47 +285,22 @@ def printer(b: Builder) -> None:
     b.drawer_box(
         tray, (0.006, -y1 + 0.003, t + max(g, 0.001)), (0.88 * d, y1 - 0.003, z1 - t - 0.01), 0.004
     )
-    b.handle(
-        tray,
-        (-0.01, 0, 0.5 * z1),
-        (-1, 0, 0),
-        (0, 1, 0),
-        0.12,
-        b.choice(["recessed", "cup", "none"]),
-    )
+    b.handle(tray, (-0.01, 0, 0.5 * z1), (-1, 0, 0), (0, 1, 0), 0.12,
+             b.choice(["recessed", "cup", "none"]))  # fmt: skip
     b.slide(tray, "base", (-1, 0, 0), 0.0, b.uniform(0.5, 0.75) * d)
     b.box("base", (0.02, -0.4 * w, z1), (0.44 * d, 0.4 * w, z1 + 0.004), "light", "content")
     if scan:
         lid = b.link("lid", "lid")
         b.box(lid, (0.01, -w / 2 + 0.004, h - scan), (d - 0.01, w / 2 - 0.004, h), "front")
-        b.hinge(
-            lid,
-            "base",
-            (d - 0.01, 0, h - scan),
-            (0, 1, 0),
-            0.0,
-            np.radians(b.choice([60, 75, 90])),
-            opens=(0, 0, 1),
-        )
+        b.hinge(lid, "base", (d - 0.01, 0, h - scan), (0, 1, 0), 0.0,
+                np.radians(b.choice([60, 75, 90])), opens=(0, 0, 1))  # fmt: skip
     z = z1 + slot_h + 0.5 * (top - z1 - slot_h)
     size = min(0.35 * (top - z1 - slot_h), 0.016)
     b.block("base", (-0.001, 0, z), (0.002, 0.12, 1.6 * size), "screen", "decor")
     for k in range(b.integer(1, 6)):
-        b.button(
-            "base",
-            (0, -0.1 - 0.026 * k if k < 3 else 0.1 + 0.026 * (k - 3), z),
-            (-1, 0, 0),
-            size,
-            size,
-            0.002,
-            b.choice(["light", "accent", "green"]),
-            shape=b.choice(["round", "square"]),
-        )
+        b.button("base", (0, -0.1 - 0.026 * k if k < 3 else 0.1 + 0.026 * (k - 3), z), (-1, 0, 0),
+                 size, size, 0.002, b.choice(["light", "accent", "green"]),
+                 shape=b.choice(["round", "square"]))  # fmt: skip
 
 
-CATEGORIES = {
-    "safe": safe,
-    "box_with_lid": box_with_lid,
-    "toilet": toilet,
-    "printer": printer,
-}
+CATEGORIES = {"safe": safe, "box_with_lid": box_with_lid, "toilet": toilet, "printer": printer}

@@ -25,13 +25,8 @@ def turntable(b: Builder) -> None:
         else:
             b.cylinder(top, (0, 0, z), (0, 0, z + 0.015), r, None, "wood")
         if b.chance(0.4):
-            b.box(
-                top,
-                (-0.1 * r, 0.3 * r, z + 0.008),
-                (0.25 * r, 0.6 * r, z + 0.09),
-                "accent",
-                "content",
-            )
+            b.box(top, (-0.1 * r, 0.3 * r, z + 0.008), (0.25 * r, 0.6 * r, z + 0.09), "accent",
+                  "content")  # fmt: skip
         b.spin(top, "base", (0, 0, z), (0, 0, 1))
         return
     d, w, h = b.uniform(0.32, 0.38), b.uniform(0.4, 0.46), b.uniform(0.06, 0.12)
@@ -76,20 +71,10 @@ def turntable(b: Builder) -> None:
         b.box(lid, (0, -w / 2, z1 - with_wall), (d, w / 2, z1), "glass")
         b.box(lid, (0, -w / 2, z0), (with_wall, w / 2, z1 - with_wall), "glass")
         for s in (-1, 1):
-            b.box(
-                lid,
-                (with_wall, s * (w / 2 - with_wall), z0),
-                (d, s * w / 2, z1 - with_wall),
-                "glass",
-            )
-            b.cylinder(
-                lid,
-                (d + 0.004, s * 0.3 * w - 0.02, z0),
-                (d + 0.004, s * 0.3 * w + 0.02, z0),
-                0.005,
-                None,
-                "dark",
-            )
+            b.box(lid, (with_wall, s * (w / 2 - with_wall), z0), (d, s * w / 2, z1 - with_wall),
+                  "glass")  # fmt: skip
+            b.cylinder(lid, (d + 0.004, s * 0.3 * w - 0.02, z0),
+                       (d + 0.004, s * 0.3 * w + 0.02, z0), 0.005, None, "dark")  # fmt: skip
             b.block("base", (d + 0.004, s * 0.3 * w, h - 0.012), (0.012, 0.05, 0.02), "dark")
             b.block(lid, (d - 0.001, s * 0.3 * w, z0 + 0.008), (0.012, 0.03, 0.016), "glass")
         b.hinge(lid, "base", (d + 0.004, 0, z0), (0, 1, 0), 0, b.uniform(1.0, 1.4), opens=(0, 0, 1))
@@ -109,14 +94,8 @@ def music_box(b: Builder) -> None:
         figure = part(b, "figure")
         tall = 0.4 * h if lidded else b.uniform(0.05, 0.09)
         b.cylinder(figure, (0.5 * d, 0, z), (0.5 * d, 0, z + 0.004), 0.25 * d, None, "gold")
-        b.cylinder(
-            figure,
-            (0.5 * d, 0, z + 0.003),
-            (0.5 * d, 0, z + 0.7 * tall),
-            0.14 * d,
-            0.02 * d,
-            "accent",
-        )
+        b.cylinder(figure, (0.5 * d, 0, z + 0.003), (0.5 * d, 0, z + 0.7 * tall), 0.14 * d,
+                   0.02 * d, "accent")  # fmt: skip
         b.sphere(figure, (0.5 * d, 0, z + 0.8 * tall), min(0.06 * d, 0.15 * tall), "skin")
         b.spin(figure, "base", (0.5 * d, 0, z), (0, 0, 1))
     if lidded:
@@ -124,45 +103,20 @@ def music_box(b: Builder) -> None:
         z = h + g
         b.box(lid, (0, -w / 2, z), (d, w / 2, z + 0.008), "body")
         if b.chance(0.5):
-            b.box(
-                lid,
-                (0.012, -w / 2 + 0.012, z + 0.008),
-                (d - 0.012, w / 2 - 0.012, z + 0.012),
-                "trim",
-            )
+            b.box(lid, (0.012, -w / 2 + 0.012, z + 0.008), (d - 0.012, w / 2 - 0.012, z + 0.012),
+                  "trim")  # fmt: skip
         b.cylinder(lid, (d + 0.002, -0.35 * w, z), (d + 0.002, 0.35 * w, z), 0.0028, None, "gold")
         b.hinge(lid, "base", (d + 0.002, 0, z), (0, 1, 0), 0, b.uniform(1.4, 1.9), opens=(0, 0, 1))
     crank = part(b, "crank")
     y, zc = -w / 2, b.uniform(0.35, 0.6) * h
     arm = min(zc - 0.006, 0.035)
     b.cylinder("base", (0.5 * d, y, zc), (0.5 * d, y - 0.003, zc), 0.008, None, "gold")
-    b.cylinder(
-        crank,
-        (0.5 * d, y - 0.003 - g, zc),
-        (0.5 * d, y - 0.014 - g, zc),
-        0.003,
-        None,
-        "metal",
-        "handle",
-    )
-    b.cylinder(
-        crank,
-        (0.5 * d, y - 0.012 - g, zc),
-        (0.5 * d - arm, y - 0.012 - g, zc),
-        0.002,
-        None,
-        "metal",
-        "handle",
-    )
-    b.cylinder(
-        crank,
-        (0.5 * d - arm, y - 0.011 - g, zc),
-        (0.5 * d - arm, y - 0.03 - g, zc),
-        0.004,
-        None,
-        "wood",
-        "handle",
-    )
+    b.cylinder(crank, (0.5 * d, y - 0.003 - g, zc), (0.5 * d, y - 0.014 - g, zc), 0.003, None,
+               "metal", "handle")  # fmt: skip
+    b.cylinder(crank, (0.5 * d, y - 0.012 - g, zc), (0.5 * d - arm, y - 0.012 - g, zc), 0.002, None,
+               "metal", "handle")  # fmt: skip
+    b.cylinder(crank, (0.5 * d - arm, y - 0.011 - g, zc), (0.5 * d - arm, y - 0.03 - g, zc), 0.004,
+               None, "wood", "handle")  # fmt: skip
     b.spin(crank, "base", (0.5 * d, y, zc), (0, 1, 0))
 
 
@@ -196,14 +150,8 @@ def telescope(b: Builder) -> None:
     b.cylinder(tube, (-0.5 * l, 0, zc), (-0.495 * l, 0, zc), 0.9 * r, None, "glass")
     b.cylinder(tube, (0, -r - 0.006, zc), (0, r + 0.006, zc), 0.012, None, "metal")
     if b.chance(0.5):
-        b.cylinder(
-            tube,
-            (0.1 * l, 0.3 * r, zc + 1.35 * r),
-            (0.35 * l, 0.3 * r, zc + 1.35 * r),
-            0.25 * r,
-            None,
-            "dark",
-        )
+        b.cylinder(tube, (0.1 * l, 0.3 * r, zc + 1.35 * r), (0.35 * l, 0.3 * r, zc + 1.35 * r),
+                   0.25 * r, None, "dark")  # fmt: skip
         b.box(tube, (0.2 * l, 0.2 * r, zc + 0.9 * r), (0.23 * l, 0.4 * r, zc + 1.2 * r), "dark")
     b.hinge(tube, yoke, (0, 0, zc), (0, 1, 0), -0.25, 0.5, closed=0.0)
     if b.chance(0.7):
@@ -215,8 +163,4 @@ def telescope(b: Builder) -> None:
         b.cylinder(tube, (0.39 * l, 0, zc), (0.5 * l, 0, zc), 0.6 * r, None, "dark")
 
 
-CATEGORIES = {
-    "turntable": turntable,
-    "music_box": music_box,
-    "telescope": telescope,
-}
+CATEGORIES = {"turntable": turntable, "music_box": music_box, "telescope": telescope}

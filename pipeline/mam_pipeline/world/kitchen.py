@@ -1,4 +1,4 @@
-"""Kitchen appliances: cooling, washing up, cooking, toast and coffee."""
+"""Kitchen appliances: cooling, washing up and cooking."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from mam_pipeline.world import cabinetry as c
 from mam_pipeline.world.kit import Builder
 
 
-def _manner(b: Builder, board: float, front: float) -> c.Manner:
+def appliance_manner(b: Builder, board: float, front: float) -> c.Manner:
     """Appliance fronts: thick slabs, no wood handles."""
     handle = b.choice(["bar", "bow", "strip", "recessed", "none"], [0.45, 0.2, 0.15, 0.1, 0.1])
     return c.Manner(
@@ -17,7 +17,8 @@ def _manner(b: Builder, board: float, front: float) -> c.Manner:
     )  # fmt: skip
 
 
-def _appliance(b: Builder) -> None:
+def paint_appliance(b: Builder) -> None:
+    """White, steel, dark or painted enamel."""
     b.theme(b.choice(["white", "steel", "dark", "paint"], [0.4, 0.35, 0.15, 0.1]))
 
 
@@ -43,12 +44,12 @@ def flap(b: Builder, m: c.Manner, cell: c.Cell, name: str = "door", glass: bool 
 
 def fridge(b: Builder) -> None:
     """One door, freezer above or below, French doors over drawers, or side by side."""
-    _appliance(b)
+    paint_appliance(b)
     kind = b.choice(["one", "top", "bottom", "french", "side"])
     w = b.uniform(0.8, 0.95) if kind in ("french", "side") else b.uniform(0.45, 0.75)
     d, h = b.uniform(0.5, 0.7), b.uniform(0.8, 1.3) if kind == "one" else b.uniform(1.4, 1.9)
     b.size(w, d, h)
-    m = _manner(b, b.uniform(0.035, 0.06), b.uniform(0.04, 0.07))
+    m = appliance_manner(b, b.uniform(0.035, 0.06), b.uniform(0.04, 0.07))
     low = b.choice([0.0, 0.03, 0.05])
     if low:
         b.feet("base", (0.02, -w / 2), (d, w / 2), low, b.choice(["plinth", "round"]), inset=0.02)
@@ -84,10 +85,10 @@ def fridge(b: Builder) -> None:
 
 def freezer_upright(b: Builder) -> None:
     """One door with drawers behind it, the door standing open, or drawers in front."""
-    _appliance(b)
+    paint_appliance(b)
     w, d, h = b.uniform(0.5, 0.7), b.uniform(0.5, 0.65), b.uniform(0.8, 1.8)
     b.size(w, d, h)
-    m = _manner(b, b.uniform(0.04, 0.06), b.uniform(0.03, 0.05))
+    m = appliance_manner(b, b.uniform(0.04, 0.06), b.uniform(0.03, 0.05))
     m.opening = float(np.radians(115))
     cell = c.carcass(b, m, w, d, 0.0, h)
     nested = b.chance(0.6)
@@ -109,7 +110,7 @@ def freezer_upright(b: Builder) -> None:
 
 def freezer_chest(b: Builder) -> None:
     """A chest with one or two lids hinged at the back, or two sliding glass lids."""
-    _appliance(b)
+    paint_appliance(b)
     w, d, h = b.uniform(0.6, 1.6), b.uniform(0.5, 0.75), b.uniform(0.7, 0.95)
     b.size(w, d, h)
     t, g = b.uniform(0.05, 0.08), b.gap
@@ -133,23 +134,16 @@ def freezer_chest(b: Builder) -> None:
         b.box(lid, (-0.01, y0, h + g), (d, y1, h + g + thick), "front")
         b.handle(lid, (-0.01, (y0 + y1) / 2, h + g + 0.5 * thick), (-1, 0, 0), (0, 1, 0),
                  min(0.4 * (y1 - y0), 0.25), b.choice(["bar", "bow", "none", "strip"]))  # fmt: skip
-        b.hinge(
-            lid,
-            "base",
-            (d, 0, h + g + b.choice([0.0, min(thick, 0.014 * b.diagonal)])),
-            (0, 1, 0),
-            0.0,
-            np.radians(b.choice([60, 75, 85])),
-            opens=(0, 0, 1),
-        )
+        b.hinge(lid, "base", (d, 0, h + g + b.choice([0.0, min(thick, 0.014 * b.diagonal)])),
+                (0, 1, 0), 0.0, np.radians(b.choice([60, 75, 85])), opens=(0, 0, 1))  # fmt: skip
 
 
 def dishwasher(b: Builder) -> None:
     """A front hinged at its foot, sometimes open on its pulled racks, or drawers."""
-    _appliance(b)
+    paint_appliance(b)
     w, d, h = b.choice([0.45, 0.6, 0.6]), b.uniform(0.55, 0.62), b.uniform(0.8, 0.88)
     b.size(w, d, h)
-    m = _manner(b, 0.025, b.uniform(0.03, 0.06))
+    m = appliance_manner(b, 0.025, b.uniform(0.03, 0.06))
     toe = b.uniform(0.06, 0.12)
     b.feet("base", (0, -w / 2), (d, w / 2), toe, "plinth", "dark", inset=0.04)
     cell = c.carcass(b, m, w, d, toe, h)
@@ -201,10 +195,10 @@ def _buttons(b: Builder, low: list[float], high: list[float], count: int) -> Non
 
 def oven(b: Builder) -> None:
     """A cooker: flap with a window, knobs or buttons above, hob on top, maybe a drawer below."""
-    _appliance(b)
+    paint_appliance(b)
     w, d, h = b.uniform(0.5, 0.9), b.uniform(0.5, 0.65), b.uniform(0.55, 0.95)
     b.size(w, d, h)
-    m = _manner(b, b.uniform(0.02, 0.035), b.uniform(0.03, 0.05))
+    m = appliance_manner(b, b.uniform(0.02, 0.035), b.uniform(0.03, 0.05))
     m.handle = b.choice(["bar", "bow", "strip"])
     cell = c.carcass(b, m, w, d, 0.0, h)
     shares = [1.0, b.uniform(0.18, 0.28)]
@@ -225,16 +219,9 @@ def oven(b: Builder) -> None:
     shift = b.uniform(-0.2, 0.2) * (high[2] - low[2])
     for k in range(n):
         y = low[1] + w * (k + 0.5) / n
-        b.rotary(
-            "base",
-            (low[0], y, 0.5 * (low[2] + high[2]) + 0.3 * shift),
-            (-1, 0, 0),
-            size,
-            b.uniform(0.9, 1.4) * size,
-            b.choice(["dark", "metal", "dark"]),
-            f"knob_{k}",
-            turn,
-        )
+        b.rotary("base", (low[0], y, 0.5 * (low[2] + high[2]) + 0.3 * shift), (-1, 0, 0), size,
+                 b.uniform(0.9, 1.4) * size, b.choice(["dark", "metal", "dark"]), f"knob_{k}",
+                 turn)  # fmt: skip
     if b.chance(0.7):
         hob(b, w, d, h)
 
@@ -257,207 +244,10 @@ def hob(b: Builder, w: float, d: float, h: float) -> None:
                     b.block("base", (x, y, h + 0.03), size, "dark", "decor")
 
 
-def microwave(b: Builder) -> None:
-    """A side-hinged door beside a panel of buttons, or knobs."""
-    _appliance(b)
-    w, d, h = b.uniform(0.42, 0.6), b.uniform(0.3, 0.42), b.uniform(0.24, 0.36)
-    b.size(w, d, h)
-    m = _manner(b, 0.015, b.uniform(0.015, 0.03))
-    m.length, m.opening = 0.7 * h, float(np.radians(b.choice([90, 100, 110, 120])))
-    m.handle = b.choice(["bar", "bow", "strip", "none"])
-    cell = c.carcass(b, m, w, d, 0.012, h)
-    b.feet("base", (0, -w / 2), (d, w / 2), 0.012, "round", "dark", inset=0.02)
-    panel, rest = c.cut(
-        b, m, cell, d, "y", [b.uniform(0.22, 0.34), 1.0]
-    )  # the panel is on the right
-    door = c.door(b, m, rest, "left", front="slab")
-    low, high = c.front_box(b, m, rest)
-    b.box(door, (low[0] - 0.002, low[1] + 0.16 * w, low[2] + 0.15 * h),
-          (low[0], high[1] - 0.08 * w, high[2] - 0.15 * h), "screen", "decor")  # fmt: skip
-    b.disc(
-        "base",
-        (0.5 * d, (rest.y0 + rest.y1) / 2, rest.z0),
-        (0, 0, 1),
-        0.35 * min(d, rest.width),
-        0.008,
-        "glass",
-        "content",
-    )
-    low, high = c.front_box(b, m, panel)
-    b.panel("base", low, high, b.choice(["front", "dark"]))
-    y, pw = 0.5 * (low[1] + high[1]), high[1] - low[1]
-    b.block("base", (low[0] - 0.001, y, high[2] - 0.16 * h), (0.002, 0.75 * pw, 0.12 * h), "screen",
-            "decor")  # fmt: skip
-    if b.chance(0.4):
-        for k in range(2):
-            b.rotary(
-                "base",
-                (low[0], y, low[2] + (0.25 + 0.3 * k) * h),
-                (-1, 0, 0),
-                min(0.11 * h, 0.3 * pw),
-                0.02,
-                "metal",
-                f"knob_{k}",
-                np.radians(300),
-            )
-        return
-    columns, lines = b.integer(2, 3), b.integer(2, 5)
-    for i in range(lines):
-        for j in range(columns):
-            at = (low[0], low[1] + pw * (0.12 + 0.76 * (j + 0.5) / columns),
-                  low[2] + h * (0.06 + 0.6 * (i + 0.5) / lines))  # fmt: skip
-            b.button(
-                "base",
-                at,
-                (-1, 0, 0),
-                0.6 * 0.76 * pw / columns,
-                0.5 * 0.6 * h / lines,
-                0.002,
-                b.choice(["light", "light", "accent"]),
-                "button",
-                bezel=False,
-            )
-
-
-def toaster(b: Builder) -> None:
-    """Slots above, a lever at the narrow front, a browning knob, sometimes a crumb tray."""
-    b.theme(b.choice(["steel", "plastic", "white", "dark"]))
-    d, w, h = b.uniform(0.24, 0.36), b.uniform(0.15, 0.22), b.uniform(0.17, 0.22)
-    b.size(d, w, h)
-    t, foot = 0.012, 0.012
-    slots = b.integer(1, 2)
-    b.feet("base", (0, -w / 2), (d, w / 2), foot, "round", "dark", inset=0.01)
-    tray_h = 0.02
-    b.box("base", (0, -w / 2, foot + tray_h), (t, w / 2, h))
-    b.box("base", (d - t, -w / 2, foot), (d, w / 2, h))
-    for s in (-1, 1):
-        b.box(
-            "base",
-            (t, min(s * w / 2, s * (w / 2 - t)), foot),
-            (d - t, max(s * w / 2, s * (w / 2 - t)), h),
-        )
-        b.box("base", (0, min(s * w / 2, s * (w / 2 - t)), foot),
-              (t, max(s * w / 2, s * (w / 2 - t)), foot + tray_h))  # fmt: skip
-    b.box("base", (t, -w / 2 + t, foot + tray_h + 0.002), (d - t, w / 2 - t, foot + tray_h + 0.006),
-          "dark")  # fmt: skip
-    room = w - 2 * t
-    rail = 0.3 * room / (slots + 1)
-    width = (room - (slots + 1) * rail) / slots
-    for k in range(slots + 1):
-        y = -room / 2 + k * (rail + width)
-        b.box("base", (t, y, h - 0.02), (d - t, y + rail, h), "trim")
-    for x0, x1 in ((t, t + 0.03), (d - t - 0.03, d - t)):
-        b.box("base", (x0, -room / 2, h - 0.019), (x1, room / 2, h - 0.001), "trim")
-    levers = slots if slots == 2 and b.chance(0.4) else 1
-    for k in range(levers):
-        y = 0.0 if levers == 1 else (k - 0.5) * 0.5 * w
-        b.block("base", (-0.0006, y, 0.55 * h), (0.0012, 0.008, 0.5 * h), "dark", "decor")
-        lever = b.link(f"lever_{k}", "lever")
-        z = 0.78 * h
-        b.block(lever, (-0.014, y, z), (0.022, 0.035, 0.014), "dark")
-        b.slide(lever, "base", (0, 0, -1), 0.0, b.uniform(0.3, 0.42) * h)
-        b.grasp(lever, "push", (-0.014, y, z + 0.007), (0, 0, -1), (0, 1, 0), 0.0)
-    if b.chance(0.7):
-        side = b.choice([-1, 1]) * 0.28 * w
-        b.rotary(
-            "base",
-            (0, side if levers == 1 else 0.0, 0.3 * h),
-            (-1, 0, 0),
-            0.011,
-            0.012,
-            "dark",
-            turn=np.radians(270),
-        )
-    if b.chance(0.4):
-        for k in range(b.integer(1, 3)):
-            b.button("base", (0, -0.3 * w, 0.36 * h + 0.025 * k), (-1, 0, 0), 0.014, 0.01, 0.002)
-    if b.chance(0.4):
-        tray = b.link("crumb_tray", "drawer")
-        g = max(b.gap, 0.001)
-        b.box(
-            tray,
-            (-0.004, -w / 2 + t + g, foot + g),
-            (0.0, w / 2 - t - g, foot + tray_h - g),
-            "trim",
-        )
-        b.box(
-            tray,
-            (0.0, -w / 2 + t + g, foot + g),
-            (0.9 * d, w / 2 - t - g, foot + g + 0.003),
-            "metal",
-            "drawer_box",
-        )
-        b.slide(tray, "base", (-1, 0, 0), 0.0, 0.6 * d)
-
-
-def coffee_machine(b: Builder) -> None:
-    """A column with a head over a drip tray: buttons, a steam knob, a lid, a portafilter or pot."""
-    b.theme(b.choice(["steel", "dark", "plastic", "white"]))
-    d, w, h = b.uniform(0.25, 0.42), b.uniform(0.14, 0.32), b.uniform(0.28, 0.42)
-    b.size(d, w, h)
-    column, foot, head = 0.45 * d, b.uniform(0.04, 0.07), b.uniform(0.28, 0.38) * h
-    lid_t = 0.02
-    b.box("base", (d - column, -w / 2, foot), (d, w / 2, h - lid_t))
-    b.box("base", (0.04, -w / 2, h - head), (d - column, w / 2, h - lid_t))
-    t = 0.012
-    b.shell("base", (0, -w / 2, 0), (d, w / 2, foot), t, "-x,+z", role="solid")
-    g = max(b.gap, 0.001)
-    tray = b.link("drip_tray", "drawer")
-    b.shell(
-        tray,
-        (0, -w / 2 + t + g, t + g),
-        (d - column, w / 2 - t - g, foot - 0.006),
-        0.006,
-        "+z",
-        "dark",
-        "solid",
-    )
-    for k in range(5):
-        y = (k - 2) * 0.15 * w
-        b.block(
-            tray, (0.5 * (d - column), y, foot - 0.004), (d - column, 0.01, 0.004), "metal", "decor"
-        )
-    b.slide(tray, "base", (-1, 0, 0), 0.0, b.uniform(0.5, 0.8) * (d - column))
-    b.rod("base", (0.16 * d + 0.03, 0, h - head - 0.03), (0.16 * d + 0.03, 0, h - head), 0.02, None,
-          "metal")  # fmt: skip
-    face = (0.04, 0.0, h - 0.5 * head)
-    for k in range(b.integer(1, 4)):
-        b.button(
-            "base",
-            (face[0], (k - 1.5) * 0.17 * w, face[2]),
-            (-1, 0, 0),
-            0.09 * w,
-            0.09 * w,
-            0.002,
-            "light",
-            "button",
-            b.choice(["round", "square"]),
-        )
-    if b.chance(0.6):
-        s = b.choice([-1, 1])
-        b.rotary("base", (d - 0.5 * column, s * w / 2, 0.7 * h), (0, s, 0), 0.022, 0.03, "dark",
-                 turn=np.radians(300))  # fmt: skip
-    lid = b.link("lid", "lid")
-    b.box(lid, (d - column + g, -w / 2 + g, h - lid_t + g), (d - g, w / 2 - g, h), "front")
-    b.hinge(
-        lid,
-        "base",
-        (d - g, 0, h - lid_t + g),
-        (0, 1, 0),
-        0.0,
-        np.radians(b.choice([70, 90])),
-        opens=(0, 0, 1),
-    )
-    b.box("base", (0.04, -w / 2, h - lid_t), (d - column, w / 2, h), "trim")
-
-
 CATEGORIES = {
     "fridge": fridge,
     "freezer_upright": freezer_upright,
     "freezer_chest": freezer_chest,
     "dishwasher": dishwasher,
     "oven": oven,
-    "microwave": microwave,
-    "toaster": toaster,
-    "coffee_machine": coffee_machine,
 }

@@ -12,27 +12,16 @@ def _controls(b: Builder, x: float, width: float, low: float, high: float) -> No
     """A strip of controls facing -X: a programme knob, buttons, a display, a detergent drawer."""
     z, tall = 0.5 * (low + high), high - low
     if b.chance(0.85):
-        b.rotary(
-            "base",
-            (x, b.uniform(-0.1, 0.1) * width, z),
-            (-1, 0, 0),
-            0.3 * tall,
-            0.025,
-            b.choice(["metal", "dark", "light"]),
-            turn=b.choice([np.inf, np.radians(330)]),
-        )
+        b.rotary("base", (x, b.uniform(-0.1, 0.1) * width, z), (-1, 0, 0), 0.3 * tall, 0.025,
+                 b.choice(["metal", "dark", "light"]),
+                 turn=b.choice([np.inf, np.radians(330)]))  # fmt: skip
     for k in range(b.integer(0, 5)):
         y = -0.18 * width - k * 0.055 * width
         b.button("base", (x, y, z), (-1, 0, 0), 0.03 * width, 0.25 * tall, 0.003,
                  shape=b.choice(["round", "square"]))  # fmt: skip
     if b.chance(0.5):
-        b.block(
-            "base",
-            (x - 0.001, -0.28 * width, z + 0.32 * tall),
-            (0.002, 0.2 * width, 0.2 * tall),
-            "screen",
-            "decor",
-        )
+        b.block("base", (x - 0.001, -0.28 * width, z + 0.32 * tall),
+                (0.002, 0.2 * width, 0.2 * tall), "screen", "decor")  # fmt: skip
 
 
 def _plate_with_hole(b: Builder, x: float, t: float, width: float, low: float, high: float,
@@ -121,22 +110,11 @@ def _porthole(b: Builder, z: float, radius: float) -> None:
     side = b.choice([1, -1])
     hinge_y = side * (outer + 0.004)
     if b.chance(0.8):
-        b.block(
-            door,
-            (-g - 0.5 * thick, side * (outer - 0.005), z),
-            (thick, 0.022, 0.5 * radius),
-            "metal",
-        )
+        b.block(door, (-g - 0.5 * thick, side * (outer - 0.005), z), (thick, 0.022, 0.5 * radius),
+                "metal")  # fmt: skip
     at = (-g - thick, -side * (outer - 0.25 * rim), z)
-    b.handle(
-        door,
-        at,
-        (-1, 0, 0),
-        (0, 0, 1),
-        0.5 * radius,
-        b.choice(["none", "recessed", "bow", "bar"]),
-        "dark",
-    )
+    b.handle(door, at, (-1, 0, 0), (0, 0, 1), 0.5 * radius,
+             b.choice(["none", "recessed", "bow", "bar"]), "dark")  # fmt: skip
     b.hinge(door, "base", (-g - 0.3 * thick, hinge_y, z), (0, 0, 1), 0.0,
             np.radians(b.choice([90, 110, 120])), opens=(-1, 0, 0))  # fmt: skip
 
@@ -222,8 +200,4 @@ def dryer_drum(b: Builder) -> None:
             opens=(-1, 0, 0), rest=np.radians(b.uniform(70, 110)), ajar=False)  # fmt: skip
 
 
-CATEGORIES = {
-    "washer_front": washer_front,
-    "washer_top": washer_top,
-    "dryer": dryer_drum,
-}
+CATEGORIES = {"washer_front": washer_front, "washer_top": washer_top, "dryer": dryer_drum}

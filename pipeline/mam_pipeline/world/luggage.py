@@ -32,36 +32,17 @@ def _flat_case(b: Builder, w: float, d: float, h: float, brief: bool) -> None:
     lid = part(b, "lid")
     tray(b, lid, (0, -w / 2, k + g), (d, w / 2, h), t, "z", -1)
     for s in (-1, 1):
-        b.cylinder(
-            lid,
-            (d + 0.001, s * 0.3 * w - 0.03, k + g / 2),
-            (d + 0.001, s * 0.3 * w + 0.03, k + g / 2),
-            0.005,
-            None,
-            "metal",
-        )
+        b.cylinder(lid, (d + 0.001, s * 0.3 * w - 0.03, k + g / 2),
+                   (d + 0.001, s * 0.3 * w + 0.03, k + g / 2), 0.005, None, "metal")  # fmt: skip
         clasp(b, "base", s * 0.3 * w, k - 0.02, 0, 0.018)
         clasp(b, lid, s * 0.3 * w, k + g + 0.002, 0, 0.014)
         for e in (0.02, d - 0.05):
             if not brief:
-                b.box(
-                    lid,
-                    (e, s * (w / 2) - 0.001, k + 0.2 * (h - k)),
-                    (e + 0.03, s * (w / 2) + 0.001, h - 0.01),
-                    "trim",
-                    "decor",
-                    False,
-                )
-    b.hinge(
-        lid,
-        "base",
-        (d + 0.001, 0, k + g / 2),
-        (0, 1, 0),
-        0,
-        b.uniform(1.5, 2.2),
-        opens=(0, 0, 1),
-        rest=b.choice((0.0, 0.0, 1.5)),
-    )
+                b.box(lid, (e, s * (w / 2) - 0.001, k + 0.2 * (h - k)),
+                      (e + 0.03, s * (w / 2) + 0.001, h - 0.01), "trim", "decor",
+                      False)  # fmt: skip
+    b.hinge(lid, "base", (d + 0.001, 0, k + g / 2), (0, 1, 0), 0, b.uniform(1.5, 2.2),
+            opens=(0, 0, 1), rest=b.choice((0.0, 0.0, 1.5)))  # fmt: skip
     z = k - 0.03
     for s in (-1, 1):
         b.block("base", (-0.006, s * 0.065, z), (0.013, 0.014, 0.016), "metal")
@@ -83,13 +64,8 @@ def _flat_case(b: Builder, w: float, d: float, h: float, brief: bool) -> None:
         )
         b.hinge(grip, "base", (-0.007, 0, z), (0, 1, 0), 0, 1.2, opens=(0, 0, -1), closed=0.0)
     else:
-        b.sweep(
-            "base",
-            [(0, -0.06, z), (-0.035, -0.055, z), (-0.035, 0.055, z), (0, 0.06, z)],
-            0.006,
-            "dark",
-            "handle",
-        )
+        b.sweep("base", [(0, -0.06, z), (-0.035, -0.055, z), (-0.035, 0.055, z), (0, 0.06, z)],
+                0.006, "dark", "handle")  # fmt: skip
 
 
 def _trolley(b: Builder, w: float, d: float, h: float) -> None:
@@ -102,14 +78,8 @@ def _trolley(b: Builder, w: float, d: float, h: float) -> None:
     tray(b, lid, (0, -d / 2, z0), (k, d / 2, z0 + w), 0.005, "x", 1)
     for i in range(b.integer(2, 5)):
         y = (i - 1.5) * 0.2 * d
-        b.box(
-            lid,
-            (-0.003, y - 0.01, z0 + 0.1 * w),
-            (0, y + 0.01, z0 + 0.9 * w),
-            "trim",
-            "decor",
-            False,
-        )
+        b.box(lid, (-0.003, y - 0.01, z0 + 0.1 * w), (0, y + 0.01, z0 + 0.9 * w), "trim", "decor",
+              False)  # fmt: skip
     b.cylinder(
         lid, (k + g / 2, d / 2, z0 + 0.1 * w), (k + g / 2, d / 2, z0 + 0.9 * w), 0.004, None, "dark"
     )
@@ -129,29 +99,12 @@ def _trolley(b: Builder, w: float, d: float, h: float) -> None:
     pull = part(b, "handle", "pull")
     x, top = h + 0.012, z0 + w
     for s in (-1, 1):
-        b.tube(
-            "base",
-            (x, s * 0.25 * d, z0 + 0.1 * w),
-            (x, s * 0.25 * d, top - 0.01),
-            0.0115,
-            0.0085,
-            "dark",
-        )
-        b.cylinder(
-            pull,
-            (x, s * 0.25 * d, z0 + 0.2 * w),
-            (x, s * 0.25 * d, top + 0.015),
-            0.007,
-            None,
-            "metal",
-        )
-    b.box(
-        pull,
-        (x - 0.012, -0.28 * d, top + 0.012),
-        (x + 0.012, 0.28 * d, top + 0.032),
-        "dark",
-        "handle",
-    )
+        b.tube("base", (x, s * 0.25 * d, z0 + 0.1 * w), (x, s * 0.25 * d, top - 0.01), 0.0115,
+               0.0085, "dark")  # fmt: skip
+        b.cylinder(pull, (x, s * 0.25 * d, z0 + 0.2 * w), (x, s * 0.25 * d, top + 0.015), 0.007,
+                   None, "metal")  # fmt: skip
+    b.box(pull, (x - 0.012, -0.28 * d, top + 0.012), (x + 0.012, 0.28 * d, top + 0.032), "dark",
+          "handle")  # fmt: skip
     b.slide(pull, "base", (0, 0, 1), 0, b.uniform(0.4, 0.65) * w, rest=b.choice((0.0, 0.2 * w)))
 
 
@@ -165,15 +118,9 @@ def mailbox(b: Builder) -> None:
         b.size(w, h, d)
         b.shell("base", (0, -w / 2, 0), (d, w / 2, h), t, "-x", "body")
         zs = 0.8 * h
-        pierced(
-            b,
-            "base",
-            (-t, -w / 2, zs),
-            (0, w / 2, h),
-            [(-0.4 * w, zs + 0.3 * (h - zs), 0.4 * w, h - 0.2 * (h - zs))],
-            "x",
-            "front",
-        )
+        pierced(b, "base", (-t, -w / 2, zs), (0, w / 2, h),
+                [(-0.4 * w, zs + 0.3 * (h - zs), 0.4 * w, h - 0.2 * (h - zs))], "x",
+                "front")  # fmt: skip
         slot = part(b, "lid", "slot_flap")
         z1 = h - 0.15 * (h - zs)
         b.box(
@@ -232,27 +179,14 @@ def chute(b: Builder) -> None:
     depth = 0.5 * (z1 - z0)
     for s in (-1, 1):
         with b.facing((0, s * (y - g - 0.002) + 0.002, 0), (0, -1, 0), (1, 0, 0)):
-            b.extrude(
-                door,
-                [(0, z0 + 0.02), (depth, z1 - 0.3 * (z1 - z0)), (0, z1 - 0.3 * (z1 - z0))],
-                0.004,
-                "metal",
-            )
-    b.handle(
-        door,
-        (-t, 0, z1 - 0.05),
-        (-1, 0, 0),
-        (0, 1, 0),
-        b.uniform(0.12, 0.2),
-        b.choice(("bar", "bow", "cup")),
-    )
+            b.extrude(door,
+                      [(0, z0 + 0.02), (depth, z1 - 0.3 * (z1 - z0)), (0, z1 - 0.3 * (z1 - z0))],
+                      0.004, "metal")  # fmt: skip
+    b.handle(door, (-t, 0, z1 - 0.05), (-1, 0, 0), (0, 1, 0), b.uniform(0.12, 0.2),
+             b.choice(("bar", "bow", "cup")))  # fmt: skip
     b.hinge(door, "base", (-t / 2, 0, z0 + g), (0, 1, 0), 0, b.uniform(0.5, 0.8), opens=(-1, 0, 0))
     if b.chance(0.5):
         b.box("base", (-0.06, -w / 2, z1 + 0.03), (-t, w / 2, z1 + 0.04), "trim")
 
 
-CATEGORIES = {
-    "suitcase": suitcase,
-    "mailbox": mailbox,
-    "chute": chute,
-}
+CATEGORIES = {"suitcase": suitcase, "mailbox": mailbox, "chute": chute}

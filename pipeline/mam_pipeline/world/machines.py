@@ -22,12 +22,8 @@ def robot_arm(b: Builder) -> None:
     g = max(0.5 * b.gap, 0.001)
     if b.chance(0.5):
         b.box("base", (-1.8 * r, -1.8 * r, 0), (1.8 * r, 1.8 * r, 0.3 * r), "trim")
-        studs(
-            b,
-            [(s * 1.5 * r, t * 1.5 * r, 0.3 * r) for s in (-1, 1) for t in (-1, 1)],
-            (0, 0, 1),
-            0.12 * r,
-        )
+        studs(b, [(s * 1.5 * r, t * 1.5 * r, 0.3 * r) for s in (-1, 1) for t in (-1, 1)], (0, 0, 1),
+              0.12 * r)  # fmt: skip
     else:
         b.cylinder("base", (0, 0, 0), (0, 0, 0.3 * r), 1.9 * r, None, "trim")
     b.cylinder("base", (0, 0, 0.3 * r), (0, 0, 1.4 * r), 1.2 * r, r, "body")
@@ -53,26 +49,14 @@ def robot_arm(b: Builder) -> None:
         mid = offset + side * (2 * half + g)
         a, c = p + (0, mid, 0), q + (0, mid, 0)
         for end in (a, c):
-            b.cylinder(
-                link,
-                end - (0, half, 0),
-                end + (0, half, 0),
-                scale * r,
-                None,
-                b.choice(("body", "trim")),
-            )
+            b.cylinder(link, end - (0, half, 0), end + (0, half, 0), scale * r, None,
+                       b.choice(("body", "trim")))  # fmt: skip
         if b.chance(0.5):
             b.cylinder(link, a, c, 0.9 * half, None, "body")
         else:
             bar(b, link, a, c, 1.2 * scale * r, 1.6 * half, (0, 1, 0), "body")
-        b.cylinder(
-            link,
-            a - (0, side * (half + g), 0),
-            a - (0, side * 0.5 * half, 0),
-            0.4 * r,
-            None,
-            "dark",
-        )
+        b.cylinder(link, a - (0, side * (half + g), 0), a - (0, side * 0.5 * half, 0), 0.4 * r,
+                   None, "dark")  # fmt: skip
         b.hinge(link, parent, p, (0, 1, 0), *((-0.7, 0.7) if i == 0 else (-0.5, 0.6)), closed=0.0)
         parent, p, offset = link, q, mid
     e = np.array([np.sin(angle), 0, np.cos(angle)])
@@ -87,13 +71,8 @@ def robot_arm(b: Builder) -> None:
             for s in (-1, 1):
                 jaw = part(b, "finger")
                 x = sorted((s * 0.42 * r, s * 0.6 * r))
-                b.box(
-                    jaw,
-                    (x[0], -0.2 * r, 0.3 * r + 0.2 * g),
-                    (x[1], 0.2 * r, 1.2 * r),
-                    "dark",
-                    "handle",
-                )
+                b.box(jaw, (x[0], -0.2 * r, 0.3 * r + 0.2 * g), (x[1], 0.2 * r, 1.2 * r), "dark",
+                      "handle")  # fmt: skip
                 b.slide(jaw, hand, (-s, 0, 0), 0, 0.38 * r)
 
 
@@ -108,12 +87,8 @@ def sliding_gate(b: Builder) -> None:
     for y in (-w / 2 - post, w / 2):
         b.box("base", (0, y, 0), (post, y + post, h + 0.1), "stone")
         if b.chance(0.5):
-            b.box(
-                "base",
-                (-0.02, y - 0.02, h + 0.1),
-                (post + 0.02, y + post + 0.02, h + 0.15),
-                "stone",
-            )
+            b.box("base", (-0.02, y - 0.02, h + 0.1), (post + 0.02, y + post + 0.02, h + 0.15),
+                  "stone")  # fmt: skip
     x = post + g
     b.box("base", (0, -w / 2, 0), (x + t, w / 2, 0.012), "stone")
     side = b.choice((-1, 1))
@@ -136,14 +111,8 @@ def sliding_gate(b: Builder) -> None:
             b.cylinder(
                 leaf, (x - 0.004, y, 0.0125 + r), (x + t, y, 0.0125 + r), 0.2 * r, None, "metal"
             )
-            b.cylinder(
-                roll,
-                (x + 0.3 * t, y, 0.0125 + r),
-                (x + 0.7 * t, y, 0.0125 + r),
-                0.95 * r,
-                None,
-                "metal",
-            )
+            b.cylinder(roll, (x + 0.3 * t, y, 0.0125 + r), (x + 0.7 * t, y, 0.0125 + r), 0.95 * r,
+                       None, "metal")  # fmt: skip
             b.spin(roll, leaf, (x, y, 0.0125 + r), (1, 0, 0))
     y = -side * (w / 2 - 0.06)
     b.box(leaf, (x, y - 0.05, lift + 0.02), (x + t, y + 0.05, h - 0.02), "body")
@@ -166,22 +135,11 @@ def _fence(
     for i in range(1, n):
         y = y0 + i * (y1 - y0) / n
         if round_:
-            b.cylinder(
-                link,
-                (x + t / 2, y, z0 + 0.04),
-                (x + t / 2, y, z1 - 0.04),
-                0.01,
-                None,
-                "body",
-                sides=8,
-            )
+            b.cylinder(link, (x + t / 2, y, z0 + 0.04), (x + t / 2, y, z1 - 0.04), 0.01, None,
+                       "body", sides=8)  # fmt: skip
         else:
-            b.box(
-                link,
-                (x + 0.3 * t, y - 0.025, z0 + 0.04),
-                (x + 0.7 * t, y + 0.025, z1 - 0.04),
-                "front",
-            )
+            b.box(link, (x + 0.3 * t, y - 0.025, z0 + 0.04), (x + 0.7 * t, y + 0.025, z1 - 0.04),
+                  "front")  # fmt: skip
 
 
 def barrier(b: Builder) -> None:
@@ -199,15 +157,8 @@ def barrier(b: Builder) -> None:
         for i in range(n):
             t = i * TAU / n + np.pi / 6
             e = np.array([np.cos(t) * np.cos(tilt), np.sin(tilt), np.sin(t) * np.cos(tilt)])
-            b.cylinder(
-                arms,
-                np.array([x, 0.05, z]),
-                np.array([x, 0.05, z]) + r * e,
-                0.018,
-                None,
-                "metal",
-                "handle",
-            )
+            b.cylinder(arms, np.array([x, 0.05, z]), np.array([x, 0.05, z]) + r * e, 0.018, None,
+                       "metal", "handle")  # fmt: skip
         b.spin(arms, "base", (x, 0, z), (0, 1, 0))
         return
     l, h = b.uniform(1.8, 4.0), b.uniform(0.85, 1.1)
@@ -232,44 +183,20 @@ def barrier(b: Builder) -> None:
         if round_:
             b.cylinder(boom, (x - 0.025, y0, z), (x - 0.025, y1, z), thick, None, paint[i % 2])
         else:
-            b.box(
-                boom,
-                (x - 0.025 - 0.5 * thick, min(y0, y1), z - thick),
-                (x - 0.025 + 0.5 * thick, max(y0, y1), z + thick),
-                paint[i % 2],
-            )
+            b.box(boom, (x - 0.025 - 0.5 * thick, min(y0, y1), z - thick),
+                  (x - 0.025 + 0.5 * thick, max(y0, y1), z + thick), paint[i % 2])  # fmt: skip
     if b.chance(0.6):
-        b.box(
-            boom,
-            (x - 0.05, min(-side * 0.05, -side * 0.4), z - 0.06),
-            (x, max(-side * 0.05, -side * 0.4), z + 0.06),
-            "dark",
-        )
-    b.hinge(
-        boom,
-        "base",
-        (x, 0, z),
-        (1, 0, 0),
-        0,
-        b.uniform(1.3, 1.57),
-        opens=(0, 0, 1),
-        tip=(x, side * l, z),
-    )
+        b.box(boom, (x - 0.05, min(-side * 0.05, -side * 0.4), z - 0.06),
+              (x, max(-side * 0.05, -side * 0.4), z + 0.06), "dark")  # fmt: skip
+    b.hinge(boom, "base", (x, 0, z), (1, 0, 0), 0, b.uniform(1.3, 1.57), opens=(0, 0, 1),
+            tip=(x, side * l, z))  # fmt: skip
     if b.chance(0.6):
         y = side * (l - 0.2)
         for s in (-1, 1):
-            b.box(
-                "base",
-                (x - 0.025 + s * (thick + 0.03) - 0.008, y - 0.04, 0),
-                (x - 0.025 + s * (thick + 0.03) + 0.008, y + 0.04, z),
-                "metal",
-            )
-        b.box(
-            "base",
-            (x - 0.025 - thick - 0.03, y - 0.04, z - thick - 0.04),
-            (x - 0.025 + thick + 0.03, y + 0.04, z - thick - 0.01),
-            "rubber",
-        )
+            b.box("base", (x - 0.025 + s * (thick + 0.03) - 0.008, y - 0.04, 0),
+                  (x - 0.025 + s * (thick + 0.03) + 0.008, y + 0.04, z), "metal")  # fmt: skip
+        b.box("base", (x - 0.025 - thick - 0.03, y - 0.04, z - thick - 0.04),
+              (x - 0.025 + thick + 0.03, y + 0.04, z - thick - 0.01), "rubber")  # fmt: skip
 
 
 def crane(b: Builder) -> None:
@@ -290,24 +217,14 @@ def crane(b: Builder) -> None:
                 wheel(b, roll, (x, y, r), (0, 1, 0), r, 0.035 * k, b.choice(("disc", "tyre")))
                 b.spin(roll, "base", (x, y, r), (0, 1, 0))
             else:
-                b.cylinder(
-                    "base",
-                    (x, s * 0.14 * k, 0),
-                    (x, s * 0.14 * k, 0.03 * k),
-                    0.03 * k,
-                    None,
-                    "rubber",
-                )
+                b.cylinder("base", (x, s * 0.14 * k, 0), (x, s * 0.14 * k, 0.03 * k), 0.03 * k,
+                           None, "rubber")  # fmt: skip
     z = 0.08 * k
     mast = part(b, "mast")
     b.cylinder(mast, (0, 0, z + g), (0, 0, z + 0.05 * k), 0.16 * k, None, "trim")
     for s in (-1, 1):
-        b.box(
-            mast,
-            (-0.04 * k, s * 0.07 * k - 0.015 * k, z + 0.04 * k),
-            (0.04 * k, s * 0.07 * k + 0.015 * k, z + 0.3 * k),
-            "body",
-        )
+        b.box(mast, (-0.04 * k, s * 0.07 * k - 0.015 * k, z + 0.04 * k),
+              (0.04 * k, s * 0.07 * k + 0.015 * k, z + 0.3 * k), "body")  # fmt: skip
     b.spin(mast, "base", (0, 0, z), (0, 0, 1))
     p = np.array([0, 0, z + 0.26 * k])
     e = np.array([-np.cos(0.6), 0, np.sin(0.6)])
@@ -316,48 +233,22 @@ def crane(b: Builder) -> None:
     wide = 0.05 * k - g
     b.cylinder(jib, p - (0, wide, 0), p + (0, wide, 0), 0.03 * k, None, "metal")
     for s in (-1, 1):
-        b.cylinder(
-            jib,
-            p + (0, s * 0.7 * wide, 0),
-            p + l * e + (0, s * 0.3 * wide, 0),
-            0.012 * k,
-            None,
-            "accent",
-        )
+        b.cylinder(jib, p + (0, s * 0.7 * wide, 0), p + l * e + (0, s * 0.3 * wide, 0), 0.012 * k,
+                   None, "accent")  # fmt: skip
     for f in np.linspace(0.2, 0.95, b.integer(3, 7)):
         half = (0.7 - 0.4 * f) * wide
-        b.cylinder(
-            jib,
-            p + f * l * e - (0, half, 0),
-            p + f * l * e + (0, half, 0),
-            0.008 * k,
-            None,
-            "accent",
-        )
+        b.cylinder(jib, p + f * l * e - (0, half, 0), p + f * l * e + (0, half, 0), 0.008 * k, None,
+                   "accent")  # fmt: skip
     tip = p + l * e
     b.cylinder(jib, tip - (0, 0.02 * k, 0), tip + (0, 0.02 * k, 0), 0.02 * k, None, "metal")
     b.hinge(jib, mast, p, (0, 1, 0), -0.3, 0.5, closed=0.0)
     crank = part(b, "crank")
     c = np.array([0.0, 0.085 * k + g, z + 0.15 * k])
     b.cylinder(crank, c, c + (0, 0.03 * k, 0), 0.012 * k, None, "metal", "handle")
-    b.cylinder(
-        crank,
-        c + (0, 0.025 * k, 0),
-        c + (0.06 * k, 0.025 * k, 0),
-        0.008 * k,
-        None,
-        "metal",
-        "handle",
-    )
-    b.cylinder(
-        crank,
-        c + (0.06 * k, 0.02 * k, 0),
-        c + (0.06 * k, 0.07 * k, 0),
-        0.01 * k,
-        None,
-        "dark",
-        "handle",
-    )
+    b.cylinder(crank, c + (0, 0.025 * k, 0), c + (0.06 * k, 0.025 * k, 0), 0.008 * k, None, "metal",
+               "handle")  # fmt: skip
+    b.cylinder(crank, c + (0.06 * k, 0.02 * k, 0), c + (0.06 * k, 0.07 * k, 0), 0.01 * k, None,
+               "dark", "handle")  # fmt: skip
     b.spin(crank, mast, c, (0, 1, 0))
 
 

@@ -44,13 +44,8 @@ def dial(
         elif kind == "cross":
             b.lathe(link, [(0.35 * r, 0), (0.3 * r, h)], paint, "handle")
             for a, c in ((1, 0.25), (0.25, 1)):
-                b.box(
-                    link,
-                    (-a * r, -c * r * 0.8, 0.5 * h),
-                    (a * r, c * r * 0.8, 0.9 * h),
-                    paint,
-                    "handle",
-                )
+                b.box(link, (-a * r, -c * r * 0.8, 0.5 * h), (a * r, c * r * 0.8, 0.9 * h), paint,
+                      "handle")  # fmt: skip
         else:
             b.lathe(link, [(r, 0), (r, 0.85 * h), (0.9 * r, h)], paint, "handle")
             if kind == "flute":
@@ -88,27 +83,13 @@ def wheel(
                 b.vessel(link, side, 0.25 * r, "rubber", bottom=False)
         b.cylinder(link, (0, 0, -w), (0, 0, w), 0.16 * r, None, "metal")
         if kind in ("disc", "tyre"):
-            b.cylinder(
-                link,
-                (0, 0, -0.6 * w),
-                (0, 0, 0.6 * w),
-                0.73 * r,
-                None,
-                "metal" if kind == "tyre" else "accent",
-            )
+            b.cylinder(link, (0, 0, -0.6 * w), (0, 0, 0.6 * w), 0.73 * r, None,
+                       "metal" if kind == "tyre" else "accent")  # fmt: skip
             if kind == "tyre":
                 for t in np.arange(5) * TAU / 5:
                     c, s = 0.42 * r * np.cos(t), 0.42 * r * np.sin(t)
-                    b.cylinder(
-                        link,
-                        (c, s, -0.7 * w),
-                        (c, s, 0.7 * w),
-                        0.08 * r,
-                        None,
-                        "dark",
-                        "decor",
-                        False,
-                    )
+                    b.cylinder(link, (c, s, -0.7 * w), (c, s, 0.7 * w), 0.08 * r, None, "dark",
+                               "decor", False)  # fmt: skip
             return
         count = b.integer(5, 8) if kind == "cast" else b.integer(9, 14)
         thick = min(0.06 * r if kind == "cast" else 0.015 * r, 0.8 * w)
@@ -139,15 +120,8 @@ def bail(
     b.sweep(link, path, thick, "metal", "handle")
     if grip:
         c = np.asarray(centre, float) + (0, 0, height)
-        b.cylinder(
-            link,
-            c - (0, 0.3 * radius, 0),
-            c + (0, 0.3 * radius, 0),
-            2.2 * thick,
-            None,
-            "wood",
-            "handle",
-        )
+        b.cylinder(link, c - (0, 0.3 * radius, 0), c + (0, 0.3 * radius, 0), 2.2 * thick, None,
+                   "wood", "handle")  # fmt: skip
 
 
 def studs(

@@ -156,20 +156,12 @@ def _sash(b: Builder, link: str, low: list[float], high: list[float], rail: floa
     """A glazed frame facing -X, with glazing bars or not."""
     b.border(link, low, high, rail, "front")
     x = 0.5 * (low[0] + high[0])
-    b.panel(
-        link,
-        (x - 0.004, low[1] + rail, low[2] + rail),
-        (x + 0.004, high[1] - rail, high[2] - rail),
-        "glass",
-    )
+    b.panel(link, (x - 0.004, low[1] + rail, low[2] + rail),
+            (x + 0.004, high[1] - rail, high[2] - rail), "glass")  # fmt: skip
     if b.style.tessellation != "coarse" and high[2] - low[2] > 0.5:
         y = 0.5 * (low[1] + high[1])
-        b.box(
-            link,
-            (low[0] + 0.002, y - 0.01, low[2] + rail),
-            (x - 0.004, y + 0.01, high[2] - rail),
-            "front",
-        )
+        b.box(link, (low[0] + 0.002, y - 0.01, low[2] + rail),
+              (x - 0.004, y + 0.01, high[2] - rail), "front")  # fmt: skip
 
 
 def window_sash(b: Builder) -> None:
@@ -217,15 +209,8 @@ def window_casement(b: Builder) -> None:
         if awning:
             b.handle(wing, (0, 0.5 * (y0 + y1), low[2] + rail / 2), (-1, 0, 0), (0, 1, 0), 0.12,
                      b.choice(["bar", "bow", "none"]))  # fmt: skip
-            b.hinge(
-                wing,
-                "base",
-                (0, 0, high[2]),
-                (0, 1, 0),
-                0.0,
-                np.radians(b.choice([30, 45, 60])),
-                opens=(-1, 0, 0),
-            )
+            b.hinge(wing, "base", (0, 0, high[2]), (0, 1, 0), 0.0,
+                    np.radians(b.choice([30, 45, 60])), opens=(-1, 0, 0))  # fmt: skip
             continue
         y = (y0 if side > 0 else y1) + side * rail / 2
         if b.chance(0.6):
@@ -267,14 +252,9 @@ def window_sliding(b: Builder) -> None:
             continue
         way = 1 if k < count - 1 else -1
         if track == 0:
-            b.handle(
-                link,
-                (x, y + (rail / 2 if way > 0 else each - rail / 2), base + 0.5 * (h - base)),
-                (-1, 0, 0),
-                (0, 0, 1),
-                0.12,
-                b.choice(["none", "strip", "bar"]),
-            )
+            b.handle(link,
+                     (x, y + (rail / 2 if way > 0 else each - rail / 2), base + 0.5 * (h - base)),
+                     (-1, 0, 0), (0, 0, 1), 0.12, b.choice(["none", "strip", "bar"]))  # fmt: skip
         # of three panes the outer two share a track: they stop where they would meet
         room = each - rail * (1 if count == 2 else 2) - g
         b.slide(link, "base", (0, way, 0), 0.0, b.uniform(0.8, 0.98) * room,

@@ -53,15 +53,8 @@ def switch(b: Builder) -> None:
     pierced(b, "base", (0, -width / 2, 0), (t, width / 2, h), holes, "x", "front")
     deep = t + (0.03 if style == "toggle" else 0.012)
     if b.chance(0.7):
-        b.shell(
-            "base",
-            (t, -width / 2 + 0.008, 0.01),
-            (deep, width / 2 - 0.008, h - 0.01),
-            0.002,
-            "-x",
-            "dark",
-            "solid",
-        )
+        b.shell("base", (t, -width / 2 + 0.008, 0.01), (deep, width / 2 - 0.008, h - 0.01), 0.002,
+                "-x", "dark", "solid")  # fmt: skip
     for y, k in zip(ys, live):
         studs(b, [(0, y, zc + s * 0.42 * h) for s in (-1, 1)], (-1, 0, 0), 0.0025)
         if not k:
@@ -76,27 +69,15 @@ def switch(b: Builder) -> None:
             key = part(b, "switch", "toggle")
             b.sphere(key, (0.006, y, zc), 0.0055, "metal")
             tip = (0.006 - 0.022 * np.cos(0.35), y, zc - 0.022 * np.sin(0.35))
-            b.cylinder(
-                key,
-                (0.006, y, zc),
-                tip,
-                0.003,
-                0.0045,
-                b.choice(("metal", "light", "dark")),
-                "handle",
-            )
+            b.cylinder(key, (0.006, y, zc), tip, 0.003, 0.0045,
+                       b.choice(("metal", "light", "dark")), "handle")  # fmt: skip
             b.hinge(key, "base", (0.006, y, zc), (0, 1, 0), 0, 0.7, opens=(0, 0, 1), tip=tip)
         else:
             key = part(b, "slider")
             z0 = zc - 0.4 * kh
             b.cylinder(key, (0.6 * t, y, z0), (-0.012, y, z0), 0.0025, None, "metal")
-            b.block(
-                key,
-                (-0.008, y, z0),
-                (0.012, 0.014, 0.012),
-                b.choice(("light", "dark", "accent")),
-                "handle",
-            )
+            b.block(key, (-0.008, y, z0), (0.012, 0.014, 0.012),
+                    b.choice(("light", "dark", "accent")), "handle")  # fmt: skip
             b.slide(key, "base", (0, 0, 1), 0, 0.8 * kh)
 
 
@@ -163,14 +144,8 @@ def knob_panel(b: Builder) -> None:
     b.box("base", (-0.002, -w / 2 + 0.004, 0.004), (0, w / 2 - 0.004, h - 0.004), "front")
     z = b.choice((0.35, 0.5)) * h
     if z < 0.4 * h:
-        b.box(
-            "base",
-            (-0.004, -0.2 * w, 0.65 * h),
-            (-0.001, 0.2 * w, 0.9 * h),
-            "screen",
-            "decor",
-            False,
-        )
+        b.box("base", (-0.004, -0.2 * w, 0.65 * h), (-0.001, 0.2 * w, 0.9 * h), "screen", "decor",
+              False)  # fmt: skip
         studs(
             b, [(-0.002, 0.27 * w + k * 1.2 * r, 0.78 * h) for k in range(2)], (-1, 0, 0), 0.35 * r
         )
@@ -184,16 +159,8 @@ def knob_panel(b: Builder) -> None:
             dial(b, "base", (-0.002, y, z), (-1, 0, 0), 0.5 * r, 0.3 * r, "dome")
             continue
         knob = part(b, "knob")
-        dial(
-            b,
-            knob,
-            (-0.002 - max(b.gap, 0.0004), y, z),
-            (-1, 0, 0),
-            r,
-            b.uniform(0.9, 1.4) * r,
-            style,
-            paint,
-        )
+        dial(b, knob, (-0.002 - max(b.gap, 0.0004), y, z), (-1, 0, 0), r, b.uniform(0.9, 1.4) * r,
+             style, paint)  # fmt: skip
         limits = {} if endless else {"lower": 0.0, "upper": b.uniform(1.5, 4.7)}
         b.spin(knob, "base", (0, y, z), (1, 0, 0), **limits)
 
@@ -252,9 +219,4 @@ def hob(b: Builder) -> None:
         b.spin(knob, "base", foot, axis, 0, b.uniform(1.57, 4.7))
 
 
-CATEGORIES = {
-    "switch": switch,
-    "button_panel": button_panel,
-    "knob_panel": knob_panel,
-    "hob": hob,
-}
+CATEGORIES = {"switch": switch, "button_panel": button_panel, "knob_panel": knob_panel, "hob": hob}

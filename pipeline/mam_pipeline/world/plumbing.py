@@ -61,36 +61,13 @@ def faucet(b: Builder) -> None:
             z = 0.045 + max(b.gap, 0.0006)
             if style == "lever":
                 b.cylinder(handle, (0, y, z), (0, y, z + 0.025), 0.75 * r, None, "metal", "handle")
-                b.cylinder(
-                    handle,
-                    (0, y, z + 0.017),
-                    (0, y + s * 0.07, z + 0.026),
-                    0.006,
-                    0.004,
-                    "metal",
-                    "handle",
-                )
+                b.cylinder(handle, (0, y, z + 0.017), (0, y + s * 0.07, z + 0.026), 0.006, 0.004,
+                           "metal", "handle")  # fmt: skip
             else:
-                dial(
-                    b,
-                    handle,
-                    (0, y, z),
-                    (0, 0, 1),
-                    1.6 * r,
-                    0.035,
-                    "cross" if style == "cross" else "flute",
-                    "metal",
-                )
-            b.disc(
-                handle,
-                (0, y, z + (0.025 if style == "lever" else 0.031)),
-                (0, 0, 1),
-                0.25 * r,
-                0.006,
-                b.choice(("red", "green")),
-                "decor",
-                False,
-            )
+                dial(b, handle, (0, y, z), (0, 0, 1), 1.6 * r, 0.035,
+                     "cross" if style == "cross" else "flute", "metal")  # fmt: skip
+            b.disc(handle, (0, y, z + (0.025 if style == "lever" else 0.031)), (0, 0, 1), 0.25 * r,
+                   0.006, b.choice(("red", "green")), "decor", False)  # fmt: skip
             b.spin(handle, "base", (0, y, 0), (0, 0, s), 0, b.uniform(1.2, 2.0))
         return
     lever = part(b, "lever")
@@ -98,25 +75,10 @@ def faucet(b: Builder) -> None:
     b.cylinder("base", (0, side * 0.9 * r, z), (0, side * 1.8 * r, z), 0.6 * r, None, "metal")
     y = side * (1.8 * r + max(b.gap, 0.0006))
     b.cylinder(lever, (0, y, z), (0, y + side * 0.014, z), 0.62 * r, None, "metal", "handle")
-    b.cylinder(
-        lever,
-        (0, y + side * 0.008, z),
-        (0.0, y + side * 0.012, z + 0.075),
-        0.005,
-        0.004,
-        "metal",
-        "handle",
-    )
-    b.hinge(
-        lever,
-        "base",
-        (0, y, z),
-        (0, 1, 0),
-        0,
-        b.uniform(0.5, 1.0),
-        opens=(-1, 0, 0),
-        tip=(0, y, z + 0.07),
-    )
+    b.cylinder(lever, (0, y + side * 0.008, z), (0.0, y + side * 0.012, z + 0.075), 0.005, 0.004,
+               "metal", "handle")  # fmt: skip
+    b.hinge(lever, "base", (0, y, z), (0, 1, 0), 0, b.uniform(0.5, 1.0), opens=(-1, 0, 0),
+            tip=(0, y, z + 0.07))  # fmt: skip
 
 
 def valve(b: Builder) -> None:
@@ -133,28 +95,16 @@ def valve(b: Builder) -> None:
         else:
             b.cylinder("base", (0, 0, 0), (0, 0, 0.4 * r), d, None, "light")
         b.cylinder("base", (0, 0, 0.4 * r), (0, 0, 0.7 * r), 0.8 * r, None, "metal")
-        studs(
-            b,
-            [(s * 0.6 * d, t * 0.6 * d, 0.4 * r) for s in (-1, 1) for t in (-1, 1)],
-            (0, 0, 1),
-            0.12 * r,
-        )
+        studs(b, [(s * 0.6 * d, t * 0.6 * d, 0.4 * r) for s in (-1, 1) for t in (-1, 1)], (0, 0, 1),
+              0.12 * r)  # fmt: skip
         turn = part(b, "knob", "valve")
         z = 0.7 * r + max(b.gap, 0.0005)
         b.cylinder(turn, (0, 0, z), (0, 0, z + 1.2 * r), r, None, "accent", "handle")
         for k in range(n):
             t = k * TAU / n
             p = np.array([np.cos(t), np.sin(t), 0])
-            bar(
-                b,
-                turn,
-                (0.6 * r * p) + (0, 0, z + 0.6 * r),
-                2.3 * r * p + (0, 0, z + 0.6 * r),
-                0.7 * r,
-                1.1 * r,
-                material="accent",
-                role="handle",
-            )
+            bar(b, turn, (0.6 * r * p) + (0, 0, z + 0.6 * r), 2.3 * r * p + (0, 0, z + 0.6 * r),
+                0.7 * r, 1.1 * r, material="accent", role="handle")  # fmt: skip
         b.spin(turn, "base", (0, 0, z), (0, 0, 1))
         return
     zc = 1.5 * r
@@ -187,26 +137,10 @@ def valve(b: Builder) -> None:
         lever = part(b, "lever")
         z, l = top + max(b.gap, 0.0005), b.uniform(2.5, 4.5) * r
         b.cylinder(lever, (0, 0, z), (0, 0, z + 0.35 * r), 0.5 * r, None, "metal", "handle")
-        bar(
-            b,
-            lever,
-            (0, 0, z + 0.2 * r),
-            (0, l, z + 0.2 * r),
-            0.6 * r,
-            0.15 * r,
-            material="metal",
-            role="handle",
-        )
-        bar(
-            b,
-            lever,
-            (0, 0.45 * l, z + 0.2 * r),
-            (0, 1.02 * l, z + 0.2 * r),
-            0.7 * r,
-            0.3 * r,
-            material="red",
-            role="handle",
-        )
+        bar(b, lever, (0, 0, z + 0.2 * r), (0, l, z + 0.2 * r), 0.6 * r, 0.15 * r, material="metal",
+            role="handle")  # fmt: skip
+        bar(b, lever, (0, 0.45 * l, z + 0.2 * r), (0, 1.02 * l, z + 0.2 * r), 0.7 * r, 0.3 * r,
+            material="red", role="handle")  # fmt: skip
         b.hinge(lever, "base", (0, 0, z), (0, 0, 1), 0, np.pi / 2, rest=b.choice((0.0, 0.0, 1.57)))
 
 
@@ -226,15 +160,8 @@ def _hand_wheel(
         b.torus(link, (0, 0, thick), (0, 0, 1), radius, 0.6 * thick, paint, "handle")
         for t in np.arange(spokes) * TAU / spokes:
             d = np.array([np.cos(t), np.sin(t), 0.0])
-            b.cylinder(
-                link,
-                0.15 * radius * d + (0, 0, thick),
-                radius * d + (0, 0, thick),
-                0.4 * thick,
-                None,
-                paint,
-                "handle",
-            )
+            b.cylinder(link, 0.15 * radius * d + (0, 0, thick), radius * d + (0, 0, thick),
+                       0.4 * thick, None, paint, "handle")  # fmt: skip
 
 
 def hand_wheel(b: Builder) -> None:
@@ -250,12 +177,8 @@ def hand_wheel(b: Builder) -> None:
         x = 0.25 * r - 0.15 * r
     else:
         b.box("base", (0.25 * r, -0.9 * r, 0), (0.4 * r, 0.9 * r, 2.7 * r), "body")
-        studs(
-            b,
-            [(0.25 * r, s * 0.75 * r, q) for s in (-1, 1) for q in (0.2 * r, 2.5 * r)],
-            (-1, 0, 0),
-            0.06 * r,
-        )
+        studs(b, [(0.25 * r, s * 0.75 * r, q) for s in (-1, 1) for q in (0.2 * r, 2.5 * r)],
+              (-1, 0, 0), 0.06 * r)  # fmt: skip
         x = 0.1 * r
     b.cylinder("base", (0.3 * r, 0, z), (x, 0, z), 0.16 * r, None, "metal")
     turn = part(b, "wheel", "hand_wheel")
@@ -271,15 +194,8 @@ def hand_wheel(b: Builder) -> None:
         if b.chance(0.3):
             b.cylinder(turn, grip, end, 0.3 * t, None, "metal", "handle")
             sleeve = part(b, "handle", "grip")
-            b.tube(
-                sleeve,
-                (grip[0] - 0.8 * t, grip[1], z),
-                (end[0] + 0.002, grip[1], z),
-                t,
-                0.36 * t,
-                "wood",
-                "handle",
-            )
+            b.tube(sleeve, (grip[0] - 0.8 * t, grip[1], z), (end[0] + 0.002, grip[1], z), t,
+                   0.36 * t, "wood", "handle")  # fmt: skip
             b.spin(turn, "base", (x, 0, z), (1, 0, 0))
             b.spin(sleeve, turn, grip, (1, 0, 0))
             return
@@ -287,8 +203,4 @@ def hand_wheel(b: Builder) -> None:
     b.spin(turn, "base", (x, 0, z), (1, 0, 0))
 
 
-CATEGORIES = {
-    "faucet": faucet,
-    "valve": valve,
-    "hand_wheel": hand_wheel,
-}
+CATEGORIES = {"faucet": faucet, "valve": valve, "hand_wheel": hand_wheel}

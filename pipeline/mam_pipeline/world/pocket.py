@@ -35,28 +35,12 @@ def pen(b: Builder) -> None:
             cap = part(b, "lid", "cap")
             b.tube(cap, (0, 0, -0.01 * l), (0, 0, lo), r, 0.84 * r, "accent", "handle")
             b.cylinder(cap, (0, 0, -0.03 * l), (0, 0, -0.01 * l), r, None, "accent", "handle")
-            b.box(
-                cap,
-                (-0.2 * r, -1.5 * r, -0.02 * l),
-                (0.2 * r, -0.9 * r, 0.02 * l),
-                "metal",
-                "handle",
-            )
-            b.box(
-                cap,
-                (-0.25 * r, -1.5 * r, -0.02 * l),
-                (0.25 * r, -1.3 * r, 0.28 * l),
-                "metal",
-                "handle",
-            )
-            b.slide(
-                cap,
-                "base",
-                (0, 0, -1),
-                0,
-                b.uniform(0.26, 0.31) * l,
-                rest=b.choice((0.0, 0.0, 0.1 * l)),
-            )
+            b.box(cap, (-0.2 * r, -1.5 * r, -0.02 * l), (0.2 * r, -0.9 * r, 0.02 * l), "metal",
+                  "handle")  # fmt: skip
+            b.box(cap, (-0.25 * r, -1.5 * r, -0.02 * l), (0.25 * r, -1.3 * r, 0.28 * l), "metal",
+                  "handle")  # fmt: skip
+            b.slide(cap, "base", (0, 0, -1), 0, b.uniform(0.26, 0.31) * l,
+                    rest=b.choice((0.0, 0.0, 0.1 * l)))  # fmt: skip
             settle(b)
             return
         if style == "push":
@@ -70,13 +54,8 @@ def pen(b: Builder) -> None:
             b.cylinder("base", (0, 0, 0.18 * l), (0, 0, 0.55 * l), r, None, "body")
             clip, at = part(b, "barrel"), 0.95 * l
             b.cylinder(clip, (0, 0, 0.55 * l + g), (0, 0, l), r, 0.8 * r, "accent", "handle")
-            b.spin(
-                clip,
-                "base",
-                (0, 0, 0.55 * l),
-                (0, 0, 1),
-                *b.choice(((-np.inf, np.inf), (0.0, 3.1))),
-            )
+            b.spin(clip, "base", (0, 0, 0.55 * l), (0, 0, 1),
+                   *b.choice(((-np.inf, np.inf), (0.0, 3.1))))  # fmt: skip
         b.box(clip, (-0.2 * r, 0.7 * r, at - 0.02 * l), (0.2 * r, 1.5 * r, at), "metal", "handle")
         b.box(clip, (-0.25 * r, 1.3 * r, at - 0.25 * l), (0.25 * r, 1.5 * r, at), "metal", "handle")
     settle(b)
@@ -97,16 +76,8 @@ def lighter(b: Builder) -> None:
         r = 0.0007  # the barrel lies outside both
         p, q = (-0.3 * d, w / 2 + r, k + g / 2), (0.3 * d, w / 2 + r, k + g / 2)
         b.cylinder(lid, p, q, r, None, "metal")
-        b.hinge(
-            lid,
-            "base",
-            (0, w / 2 + r, k + g / 2),
-            (1, 0, 0),
-            0,
-            b.uniform(1.6, 2.3),
-            opens=(0, 0, 1),
-            rest=b.choice((0.0, 0.0, 1.55)),
-        )
+        b.hinge(lid, "base", (0, w / 2 + r, k + g / 2), (1, 0, 0), 0, b.uniform(1.6, 2.3),
+                opens=(0, 0, 1), rest=b.choice((0.0, 0.0, 1.55)))  # fmt: skip
         # inside the circle that the lid's far wall describes
         y, z = 0.5 * w + 0.005 - float(np.sqrt((w - 0.0015) ** 2 - 0.01**2)), k + 0.0052
         b.box("base", (-0.35 * d, y + 0.0052, k), (0.35 * d, 0.3 * w, k + 0.2 * h), "metal")
@@ -114,41 +85,23 @@ def lighter(b: Builder) -> None:
         b.box("base", (0.22 * d, y - 0.002, k), (0.35 * d, y + 0.002, z + 0.003), "metal")
     else:
         k = 0.78 * h
-        rounded(
-            b,
-            "base",
-            (-d / 2, -w / 2, 0),
-            (d / 2, w / 2, k),
-            0.45 * d,
-            material=b.choice(("body", "glass")),
-        )
+        rounded(b, "base", (-d / 2, -w / 2, 0), (d / 2, w / 2, k), 0.45 * d,
+                material=b.choice(("body", "glass")))  # fmt: skip
         b.box("base", (-0.42 * d, 0.005 - 0.12 * w, k), (0.42 * d, 0.42 * w, k + 0.16 * h), "metal")
         y, z = -0.12 * w, k + wheel_r + 0.0015
         for s in (-1, 1):
             ends = sorted((s * 0.26 * d, s * 0.38 * d))
             b.box("base", (ends[0], y - 0.003, k), (ends[1], 0.01 * w, z + 0.003), "metal")
         tab = part(b, "button", "tab")
-        b.box(
-            tab,
-            (-0.2 * d, -0.48 * w, k + 0.002),
-            (0.2 * d, y - wheel_r - 0.0006, k + 0.005),
-            "red",
-            "handle",
-        )
+        b.box(tab, (-0.2 * d, -0.48 * w, k + 0.002), (0.2 * d, y - wheel_r - 0.0006, k + 0.005),
+              "red", "handle")  # fmt: skip
         b.box(
             tab, (-0.2 * d, -0.48 * w, k + 0.0025), (0.2 * d, -0.4 * w, k + 0.006), "red", "handle"
         )
         b.slide(tab, "base", (0, 0, -1), 0, 0.0016)
     flint = part(b, "wheel", "flint_wheel")
-    b.cylinder(
-        flint,
-        (-0.2 * d, y, z),
-        (0.2 * d, y, z),
-        wheel_r if z - wheel_r > k else 0.9 * (z - k),
-        None,
-        "dark",
-        "handle",
-    )
+    b.cylinder(flint, (-0.2 * d, y, z), (0.2 * d, y, z),
+               wheel_r if z - wheel_r > k else 0.9 * (z - k), None, "dark", "handle")  # fmt: skip
     b.cylinder(flint, (-0.3 * d, y, z), (0.3 * d, y, z), 0.0008, None, "metal")
     b.spin(flint, "base", (0, y, z), (1, 0, 0))
 
@@ -176,14 +129,8 @@ def eyeglasses(b: Builder) -> None:
         b.cylinder(
             "base", (0, edge - s * 0.1 * w, top), (0.001, hinge_y, top), 1.2 * r, None, paint
         )
-        b.cylinder(
-            "base",
-            (0.001, hinge_y, top - 0.003),
-            (0.001, hinge_y, top + 0.003),
-            1.2 * r,
-            None,
-            "metal",
-        )
+        b.cylinder("base", (0.001, hinge_y, top - 0.003), (0.001, hinge_y, top + 0.003), 1.2 * r,
+                   None, "metal")  # fmt: skip
         temple = part(b, "temple")
         px = 0.001 + 2.45 * r
         pivot = (px, hinge_y - s * 0.4 * r, top)
@@ -246,17 +193,8 @@ def folding_knife(b: Builder) -> None:
         ]
         profile(b, blade, poly, z + g, z + g + t, "z", "metal")
         b.cylinder("base", (px, 0, z), (px, 0, z + t + 2 * g), 0.1 * w, None, "metal")
-        b.hinge(
-            blade,
-            "base",
-            (px, 0, z),
-            (0, 0, 1),
-            0,
-            b.uniform(2.6, 3.0),
-            opens=(0, 1, 0),
-            tip=(px + sgn * length, 0, z),
-            rest=b.choice((0.0, 0.0, 1.5, 2.6)),
-        )
+        b.hinge(blade, "base", (px, 0, z), (0, 0, 1), 0, b.uniform(2.6, 3.0), opens=(0, 1, 0),
+                tip=(px + sgn * length, 0, z), rest=b.choice((0.0, 0.0, 1.5, 2.6)))  # fmt: skip
         z += t + 2 * g
     studs(b, [(0.08 * l, 0, z), (0.92 * l, 0, z)], (0, 0, 1), 0.1 * w)
 

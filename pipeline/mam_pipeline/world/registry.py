@@ -18,6 +18,7 @@ FAMILIES: tuple[str, ...] = (
     "storage",
     "tables",
     "kitchen",
+    "counter",
     "laundry",
     "openings",
     "household",
@@ -39,6 +40,7 @@ FAMILIES: tuple[str, ...] = (
     "machines",
     "stations",
     "primitive",
+    "units",
     "gadgets",
     "hangings",
 )

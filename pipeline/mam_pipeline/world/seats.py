@@ -47,15 +47,8 @@ def office_chair(b: Builder) -> None:
     seat = part(b, "seat")
     zs = seat_z - 0.03 + g
     b.box(seat, (-0.1, -0.1, zs), (0.12, 0.1, zs + 0.025), "dark")
-    rounded(
-        b,
-        seat,
-        (-w / 2, -w / 2, zs + 0.025),
-        (w / 2, w / 2, zs + 0.025 + b.uniform(0.05, 0.08)),
-        0.08,
-        "z",
-        "fabric",
-    )
+    rounded(b, seat, (-w / 2, -w / 2, zs + 0.025),
+            (w / 2, w / 2, zs + 0.025 + b.uniform(0.05, 0.08)), 0.08, "z", "fabric")  # fmt: skip
     b.spin(seat, holder, (0, 0, zs), (0, 0, 1))
     if lifts:
         b.slide(holder, "base", (0, 0, 1), 0, 0.1)
@@ -65,31 +58,16 @@ def office_chair(b: Builder) -> None:
     x = w / 2 + 0.04
     if leans:
         for s in (-1, 1):
-            b.box(
-                seat,
-                (0.1, s * 0.045 - 0.008, zs),
-                (x + 0.025, s * 0.045 + 0.008, zs + 0.024),
-                "dark",
-            )
+            b.box(seat, (0.1, s * 0.045 - 0.008, zs), (x + 0.025, s * 0.045 + 0.008, zs + 0.024),
+                  "dark")  # fmt: skip
         b.cylinder(back, (x, -0.034, zs + 0.012), (x, 0.034, zs + 0.012), 0.012, None, "metal")
     else:
         b.box(seat, (0.1, -0.03, zs), (x + 0.02, 0.03, zs + 0.024), "dark")
     tall = b.uniform(0.35, 0.65)
-    b.sweep(
-        back,
-        [(x, 0, zs + 0.012), (x + 0.035, 0, zs + 0.06), (x + 0.035, 0, top + 0.5 * tall)],
-        0.014,
-        "dark",
-    )
-    rounded(
-        b,
-        back,
-        (x - 0.01, -0.45 * w, top + 0.1),
-        (x + 0.03, 0.45 * w, top + 0.1 + tall),
-        0.08,
-        "x",
-        "fabric",
-    )
+    b.sweep(back, [(x, 0, zs + 0.012), (x + 0.035, 0, zs + 0.06), (x + 0.035, 0, top + 0.5 * tall)],
+            0.014, "dark")  # fmt: skip
+    rounded(b, back, (x - 0.01, -0.45 * w, top + 0.1), (x + 0.03, 0.45 * w, top + 0.1 + tall), 0.08,
+            "x", "fabric")  # fmt: skip
     if leans:
         b.hinge(
             back, seat, (x, 0, zs + 0.012), (0, 1, 0), 0, b.uniform(0.25, 0.45), opens=(1, 0, 0)
@@ -97,20 +75,11 @@ def office_chair(b: Builder) -> None:
     if b.chance(0.5):
         for s in (-1, 1):
             y = s * (w / 2 + 0.03)
-            b.box(
-                seat,
-                (0.0, min(y, s * 0.4 * w), zs + 0.03),
-                (0.04, max(y, s * 0.4 * w), zs + 0.05),
-                "dark",
-            )
+            b.box(seat, (0.0, min(y, s * 0.4 * w), zs + 0.03),
+                  (0.04, max(y, s * 0.4 * w), zs + 0.05), "dark")  # fmt: skip
             b.box(seat, (0.0, y - 0.012, zs + 0.03), (0.04, y + 0.012, top + 0.2), "dark")
-            b.box(
-                seat,
-                (-0.12, y - 0.03, top + 0.2),
-                (0.14, y + 0.03, top + 0.225),
-                "rubber",
-                "handle",
-            )
+            b.box(seat, (-0.12, y - 0.03, top + 0.2), (0.14, y + 0.03, top + 0.225), "rubber",
+                  "handle")  # fmt: skip
 
 
 def folding_chair(b: Builder) -> None:
@@ -126,14 +95,8 @@ def folding_chair(b: Builder) -> None:
     along = (top - foot) / np.linalg.norm(top - foot)
     for s in (-1, 1):
         b.cylinder("base", foot + (0, s * y, 0), top + (0, s * y, 0), r, None, "metal")
-    b.cylinder(
-        "base",
-        foot + 0.12 * along + (0, -y, 0),
-        foot + 0.12 * along + (0, y, 0),
-        0.8 * r,
-        None,
-        "metal",
-    )
+    b.cylinder("base", foot + 0.12 * along + (0, -y, 0), foot + 0.12 * along + (0, y, 0), 0.8 * r,
+               None, "metal")  # fmt: skip
     slats = b.integer(1, 3)
     normal = np.array([-along[2], 0, along[0]])
     for i in range(slats):
@@ -151,41 +114,20 @@ def folding_chair(b: Builder) -> None:
             "base", pivot + (0, s * y, 0), pivot + (0, s * (inner - r), 0), 0.6 * r, None, "metal"
         )
     down = (ground - pivot) / np.linalg.norm(ground - pivot)
-    b.cylinder(
-        rear,
-        ground - 0.1 * down + (0, -inner, 0),
-        ground - 0.1 * down + (0, inner, 0),
-        0.8 * r,
-        None,
-        "metal",
-    )
+    b.cylinder(rear, ground - 0.1 * down + (0, -inner, 0), ground - 0.1 * down + (0, inner, 0),
+               0.8 * r, None, "metal")  # fmt: skip
     between = np.arccos(np.clip(down @ -along, -1, 1))
     b.hinge(rear, "base", pivot, (0, 1, 0), 0, between - 0.06, opens=(-1, 0, 0))
     seat = part(b, "seat")
     hinge_at = foot + (seat_z + 0.03) / along[2] * along
     width = inner - 1.6 * r - 0.004
-    rounded(
-        b,
-        seat,
-        (hinge_at[0] - b.uniform(0.3, 0.36), -width, hinge_at[2] - 0.008),
-        (hinge_at[0] + 0.05, width, hinge_at[2] + 0.01),
-        0.03,
-        "z",
-        b.choice(("front", "fabric", "wood")),
-    )
+    rounded(b, seat, (hinge_at[0] - b.uniform(0.3, 0.36), -width, hinge_at[2] - 0.008),
+            (hinge_at[0] + 0.05, width, hinge_at[2] + 0.01), 0.03, "z",
+            b.choice(("front", "fabric", "wood")))  # fmt: skip
     for s in (-1, 1):
-        b.cylinder(
-            "base",
-            hinge_at + (0, s * y, 0),
-            hinge_at + (0, s * (width - 0.01), 0),
-            0.5 * r,
-            None,
-            "metal",
-        )
+        b.cylinder("base", hinge_at + (0, s * y, 0), hinge_at + (0, s * (width - 0.01), 0), 0.5 * r,
+                   None, "metal")  # fmt: skip
     b.hinge(seat, "base", hinge_at, (0, 1, 0), 0, b.uniform(0.9, 1.1), opens=(0, 0, 1))
 
 
-CATEGORIES = {
-    "office_chair": office_chair,
-    "folding_chair": folding_chair,
-}
+CATEGORIES = {"office_chair": office_chair, "folding_chair": folding_chair}

@@ -45,39 +45,16 @@ def scissors(b: Builder) -> None:
         ]
         profile(b, link, poly if s > 0 else poly[::-1], z, z + t, "z", "metal")
         end = (0.1 * l + 0.25 * grip, -s * (ry + 0.004))
-        bar(
-            b,
-            link,
-            (0.02 * l, -s * 0.3 * w, z + t / 2),
-            (end[0], end[1] + s * 0.3 * ry, z + t / 2),
-            0.9 * w,
-            t,
-            material="metal",
-        )
-        _finger_loop(
-            b,
-            link,
-            (0.1 * l + 0.55 * grip, -s * (1.05 * ry + thick)),
-            0.0 if s > 0 else t + g,
-            thick,
-            0.45 * grip,
-            ry,
-        )
+        bar(b, link, (0.02 * l, -s * 0.3 * w, z + t / 2),
+            (end[0], end[1] + s * 0.3 * ry, z + t / 2), 0.9 * w, t, material="metal")  # fmt: skip
+        _finger_loop(b, link, (0.1 * l + 0.55 * grip, -s * (1.05 * ry + thick)),
+                     0.0 if s > 0 else t + g, thick, 0.45 * grip, ry)  # fmt: skip
     blade = b.links[-1][0]
     b.cylinder(
         blade, (0, 0, lift - 0.0002), (0, 0, lift + 2 * t + g + 0.001), 0.35 * w, None, "metal"
     )
-    b.hinge(
-        blade,
-        "base",
-        (0, 0, 0),
-        (0, 0, 1),
-        0,
-        b.uniform(0.7, 1.1),
-        opens=(0, -1, 0),
-        tip=(-l, 0, 0),
-        rest=rest,
-    )
+    b.hinge(blade, "base", (0, 0, 0), (0, 0, 1), 0, b.uniform(0.7, 1.1), opens=(0, -1, 0),
+            tip=(-l, 0, 0), rest=rest)  # fmt: skip
     settle(b)
 
 
@@ -128,17 +105,8 @@ def pliers(b: Builder) -> None:
         b.sweep(link, np.concatenate([[(0, 0, z + t / 2)], path[:2]]), 0.45 * t, "metal")
         b.sweep(link, path[1:], 0.5 * t, "accent", "handle")
     b.cylinder(half, (0, 0, 0.0002), (0, 0, 2 * t + g + 0.001), 0.25 * w, None, "dark")
-    b.hinge(
-        half,
-        "base",
-        (0, 0, 0),
-        (0, 0, 1),
-        0,
-        b.uniform(0.4, 0.7),
-        opens=(0, -1, 0),
-        tip=(-l, 0, 0),
-        rest=b.choice((0.0, 0.2)),
-    )
+    b.hinge(half, "base", (0, 0, 0), (0, 0, 1), 0, b.uniform(0.4, 0.7), opens=(0, -1, 0),
+            tip=(-l, 0, 0), rest=b.choice((0.0, 0.2)))  # fmt: skip
     settle(b)
 
 
@@ -166,16 +134,8 @@ def stapler(b: Builder) -> None:
     b.hinge(mag, "base", pivot, (0, 1, 0), 0, max(0.08, min(drop, 0.25)), opens=(0, 0, -1))
     cover = part(b, "lid", "cover")
     with b.moved(pivot, (0, 1, 0), up):
-        tray(
-            b,
-            cover,
-            (-0.88 * l, -0.36 * w, 0.004 + g),
-            (-0.012, 0.36 * w, 0.022),
-            0.002,
-            "z",
-            -1,
-            "body",
-        )
+        tray(b, cover, (-0.88 * l, -0.36 * w, 0.004 + g), (-0.012, 0.36 * w, 0.022), 0.002, "z", -1,
+             "body")  # fmt: skip
     for s in (-1, 1):
         ends = sorted((s * 0.3 * w, s * 0.36 * w))
         b.box(cover, (x - 0.016, ends[0], z - 0.004), (x + 0.006, ends[1], z + 0.012), "body")
@@ -209,21 +169,10 @@ def peg_block(b: Builder) -> None:
                 peg, (*c, h - min(0.5 * out, 0.6 * h - out) * 0.4), (*c, h + out), r, None, paint
             )
             if b.chance(0.6):
-                b.cylinder(
-                    peg,
-                    (*c, h + out),
-                    (*c, h + out + 0.3 * r),
-                    min(b.uniform(1.3, 2.2) * r, 0.46 * l / n),
-                    None,
-                    paint,
-                    "handle",
-                )
+                b.cylinder(peg, (*c, h + out), (*c, h + out + 0.3 * r),
+                           min(b.uniform(1.3, 2.2) * r, 0.46 * l / n), None, paint,
+                           "handle")  # fmt: skip
             b.slide(peg, "base", (0, 0, -1), 0, 0.95 * out)
 
 
-CATEGORIES = {
-    "scissors": scissors,
-    "pliers": pliers,
-    "stapler": stapler,
-    "peg_block": peg_block,
-}
+CATEGORIES = {"scissors": scissors, "pliers": pliers, "stapler": stapler, "peg_block": peg_block}

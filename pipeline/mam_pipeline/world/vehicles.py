@@ -53,35 +53,14 @@ def car(b: Builder) -> None:
         "base", (-0.02 * k, -0.3 * w, zf + 0.25 * k), (0, 0.3 * w, zb - 0.12 * k), "dark", "decor"
     )
     for s in (-1, 1):
-        b.disc(
-            "base",
-            (0, s * 0.4 * w, zb - 0.18 * k),
-            (-1, 0, 0),
-            0.09 * k,
-            0.03 * k,
-            "light",
-            "decor",
-        )
-        b.block(
-            "base",
-            (length, s * 0.4 * w, zb - 0.16 * k),
-            (0.04 * k, 0.2 * k, 0.12 * k),
-            "red",
-            "decor",
-        )
-    b.box(
-        "base",
-        (a - 0.02 * k, -w / 2 + t, zf + 0.06 * k),
-        (a + 0.04 * k, w / 2 - t, zb + 0.02 * k),
-        "dark",
-    )
-    b.box(
-        "base",
-        (0.35 * a, -0.5 * inner, zf + 0.06 * k),
-        (0.8 * a, 0.5 * inner, zb - 0.2 * k),
-        "metal",
-        "content",
-    )
+        b.disc("base", (0, s * 0.4 * w, zb - 0.18 * k), (-1, 0, 0), 0.09 * k, 0.03 * k, "light",
+               "decor")  # fmt: skip
+        b.block("base", (length, s * 0.4 * w, zb - 0.16 * k), (0.04 * k, 0.2 * k, 0.12 * k), "red",
+                "decor")  # fmt: skip
+    b.box("base", (a - 0.02 * k, -w / 2 + t, zf + 0.06 * k),
+          (a + 0.04 * k, w / 2 - t, zb + 0.02 * k), "dark")  # fmt: skip
+    b.box("base", (0.35 * a, -0.5 * inner, zf + 0.06 * k), (0.8 * a, 0.5 * inner, zb - 0.2 * k),
+          "metal", "content")  # fmt: skip
     _cabin(b, k, a, c, w, zf, zb, zr, (mid[0][1] if four else d1))
     if live_doors:
         for near, far in mid:
@@ -95,22 +74,10 @@ def car(b: Builder) -> None:
                     door, (hx, yh, zb - 0.15 * k), (0.14 * k, 0.03 * k, 0.03 * k), "metal", "handle"
                 )
                 if b.chance(0.5) and near == d0:
-                    b.block(
-                        door,
-                        (near + 0.15 * k, s * (w / 2 + 0.06 * k), zb + 0.02 * k),
-                        (0.08 * k, 0.14 * k, 0.1 * k),
-                        "dark",
-                        "decor",
-                    )
-                b.hinge(
-                    door,
-                    "base",
-                    (near + g / 2, s * w / 2, zs),
-                    (0, 0, 1),
-                    0,
-                    b.uniform(0.9, 1.2),
-                    opens=(0, s, 0),
-                )
+                    b.block(door, (near + 0.15 * k, s * (w / 2 + 0.06 * k), zb + 0.02 * k),
+                            (0.08 * k, 0.14 * k, 0.1 * k), "dark", "decor")  # fmt: skip
+                b.hinge(door, "base", (near + g / 2, s * w / 2, zs), (0, 0, 1), 0,
+                        b.uniform(0.9, 1.2), opens=(0, s, 0))  # fmt: skip
     for name, x0, x1_, pivot in (
         ("bonnet", 0.01 * k, a - g, a - g),
         ("boot", c + 0.06 * k, length - 0.01 * k, c + 0.06 * k),
@@ -130,24 +97,12 @@ def car(b: Builder) -> None:
             parent = "base"
             if steer and x == x1:
                 parent = part(b, "knuckle")
-                b.cylinder(
-                    parent,
-                    (x, s * (inner + 0.005 * k), r - 0.06 * k),
-                    (x, s * (inner + 0.005 * k), r + 0.06 * k),
-                    0.05 * k,
-                    None,
-                    "metal",
-                )
+                b.cylinder(parent, (x, s * (inner + 0.005 * k), r - 0.06 * k),
+                           (x, s * (inner + 0.005 * k), r + 0.06 * k), 0.05 * k, None,
+                           "metal")  # fmt: skip
                 b.cylinder(parent, (x, s * inner, r), (x, y, r), 0.04 * k, None, "metal")
-                b.hinge(
-                    parent,
-                    "base",
-                    (x, s * (inner + 0.005 * k), r),
-                    (0, 0, 1),
-                    -0.05,
-                    0.05,
-                    closed=0.0,
-                )
+                b.hinge(parent, "base", (x, s * (inner + 0.005 * k), r), (0, 0, 1), -0.05, 0.05,
+                        closed=0.0)  # fmt: skip
             else:
                 b.cylinder("base", (x, s * inner, r), (x, y, r), 0.04 * k, None, "metal")
             roll = part(b, "wheel")
@@ -162,70 +117,28 @@ def _cabin(
     f0, f1 = a + b.uniform(0.3, 0.6) * k, c - b.uniform(-0.05, 0.3) * k
     y = w / 2 - 0.06 * k
     if b.chance(0.85):
-        rounded(
-            b,
-            "base",
-            (f0, -y + 0.06 * k, zr - 0.05 * k),
-            (f1, y - 0.06 * k, zr),
-            0.08 * k,
-            "z",
-            b.choice(("body", "dark")),
-        )
+        rounded(b, "base", (f0, -y + 0.06 * k, zr - 0.05 * k), (f1, y - 0.06 * k, zr), 0.08 * k,
+                "z", b.choice(("body", "dark")))  # fmt: skip
         for s in (-1, 1):
-            b.cylinder(
-                "base",
-                (f1, s * (y - 0.08 * k), zr - 0.03 * k),
-                (c + 0.02 * k, s * y, zb - 0.02 * k),
-                0.03 * k,
-                None,
-                "body",
-            )
-            b.cylinder(
-                "base",
-                (post + 0.05 * k, s * (y - 0.07 * k), zr - 0.03 * k),
-                (post + 0.05 * k, s * (y - 0.03 * k), zf + 0.05 * k),
-                0.025 * k,
-                None,
-                "dark",
-            )
+            b.cylinder("base", (f1, s * (y - 0.08 * k), zr - 0.03 * k),
+                       (c + 0.02 * k, s * y, zb - 0.02 * k), 0.03 * k, None, "body")  # fmt: skip
+            b.cylinder("base", (post + 0.05 * k, s * (y - 0.07 * k), zr - 0.03 * k),
+                       (post + 0.05 * k, s * (y - 0.03 * k), zf + 0.05 * k), 0.025 * k, None,
+                       "dark")  # fmt: skip
     else:
         f0, zr = a + 0.35 * k, zb + 0.4 * k
     for s in (-1, 1):
-        b.cylinder(
-            "base",
-            (a + 0.06 * k, s * y, zb - 0.02 * k),
-            (f0, s * (y - 0.08 * k), zr - 0.03 * k),
-            0.03 * k,
-            None,
-            "body",
-        )
-    bar(
-        b,
-        "base",
-        (a + 0.06 * k, 0, zb),
-        (f0, 0, zr - 0.03 * k),
-        2 * y - 0.16 * k,
-        0.01 * k,
-        (-1, 0, 0.6),
-        "glass",
-    )
+        b.cylinder("base", (a + 0.06 * k, s * y, zb - 0.02 * k),
+                   (f0, s * (y - 0.08 * k), zr - 0.03 * k), 0.03 * k, None, "body")  # fmt: skip
+    bar(b, "base", (a + 0.06 * k, 0, zb), (f0, 0, zr - 0.03 * k), 2 * y - 0.16 * k, 0.01 * k,
+        (-1, 0, 0.6), "glass")  # fmt: skip
     for x in (a + 0.75 * k, c - 0.55 * k):
         for s in (-1, 1):
             yy = s * 0.22 * w
-            b.block(
-                "base",
-                (x + 0.1 * k, yy, zf + 0.2 * k),
-                (0.42 * k, 0.36 * k, 0.28 * k),
-                "fabric",
-                "content",
-            )
-            b.block(
-                "base",
-                (x + 0.32 * k, yy, zf + 0.5 * k),
-                (0.1 * k, 0.36 * k, 0.6 * k),
-                "fabric",
-                "content",
-            )
+            b.block("base", (x + 0.1 * k, yy, zf + 0.2 * k), (0.42 * k, 0.36 * k, 0.28 * k),
+                    "fabric", "content")  # fmt: skip
+            b.block("base", (x + 0.32 * k, yy, zf + 0.5 * k), (0.1 * k, 0.36 * k, 0.6 * k),
+                    "fabric", "content")  # fmt: skip
     at = np.array([a + 0.3 * k, -0.22 * w, zb - 0.05 * k])
     axis = np.array([0.9, 0, 0.45])
     b.cylinder("base", (a, -0.22 * w, zb - 0.2 * k), at - 0.012 * k * axis, 0.025 * k, None, "dark")
@@ -234,14 +147,9 @@ def _cabin(
         b.torus(helm, (0, 0, 0.02 * k), (0, 0, 1), 0.17 * k, 0.015 * k, "dark", "handle")
         b.cylinder(helm, (0, 0, 0), (0, 0, 0.04 * k), 0.04 * k, None, "dark")
         for t in np.arange(3) * TAU / 3:
-            b.cylinder(
-                helm,
-                (0, 0, 0.02 * k),
-                (0.17 * k * np.cos(t), 0.17 * k * np.sin(t), 0.02 * k),
-                0.012 * k,
-                None,
-                "dark",
-            )
+            b.cylinder(helm, (0, 0, 0.02 * k),
+                       (0.17 * k * np.cos(t), 0.17 * k * np.sin(t), 0.02 * k), 0.012 * k, None,
+                       "dark")  # fmt: skip
     b.spin(helm, "base", at, axis, *b.choice(((-np.inf, np.inf), (-3.0, 3.0))), closed=0.0)
 
 
@@ -289,12 +197,8 @@ def bicycle(b: Builder) -> None:
     )
     for s in (-1, 1):
         e = np.array([0, s * 0.05 * k, 0])
-        b.sweep(
-            "base",
-            [crank + 0.6 * e, crank + 0.35 * (rear - crank) + e, rear + e],
-            0.009 * k,
-            "body",
-        )
+        b.sweep("base", [crank + 0.6 * e, crank + 0.35 * (rear - crank) + e, rear + e], 0.009 * k,
+                "body")  # fmt: skip
         b.cylinder(
             "base", crank + 0.85 * (seat - crank) + 0.6 * e, rear + e, 0.007 * k, None, "body"
         )
@@ -309,14 +213,8 @@ def bicycle(b: Builder) -> None:
     b.cylinder(fork, crown, top + 0.06 * k * axis, 0.013 * k, None, "metal")
     b.cylinder(fork, crown - (0, 0.055 * k, 0), crown + (0, 0.055 * k, 0), 0.016 * k, None, "body")
     for s in (-1, 1):
-        b.cylinder(
-            fork,
-            crown + (0, s * 0.05 * k, 0),
-            front + (0, s * 0.05 * k, 0),
-            0.011 * k,
-            None,
-            "body",
-        )
+        b.cylinder(fork, crown + (0, s * 0.05 * k, 0), front + (0, s * 0.05 * k, 0), 0.011 * k,
+                   None, "body")  # fmt: skip
     b.cylinder(fork, front - (0, 0.055 * k, 0), front + (0, 0.055 * k, 0), 0.008 * k, None, "metal")
     z = top + 0.06 * k * axis
     wide, back = b.uniform(0.24, 0.32) * k, b.uniform(0, 0.12) * k
@@ -348,21 +246,11 @@ def bicycle(b: Builder) -> None:
         b.cylinder(arms, end + y, end + 2 * y, 0.006 * k, None, "metal")
         pedal = part(b, "pedal")
         c = end + y * 1.75
-        frame(
-            b,
-            pedal,
-            c - np.array([0.045, 0.045, 0.012]) * k,
-            c + np.array([0.045, 0.045, 0.012]) * k,
-            0.02 * k,
-            "z",
-            "rubber",
-        )
+        frame(b, pedal, c - np.array([0.045, 0.045, 0.012]) * k,
+              c + np.array([0.045, 0.045, 0.012]) * k, 0.02 * k, "z", "rubber")  # fmt: skip
         b.block(pedal, c, (0.025 * k, 0.06 * k, 0.02 * k), "dark")
         b.spin(pedal, arms, end, (0, 1, 0))
     b.spin(arms, "base", crank, (0, 1, 0))
 
 
-CATEGORIES = {
-    "car": car,
-    "bicycle": bicycle,
-}
+CATEGORIES = {"car": car, "bicycle": bicycle}

@@ -6,7 +6,7 @@ import numpy as np
 
 from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.mech import dial
-from mam_pipeline.world.solids import TAU, arc, bar, part, tray
+from mam_pipeline.world.solids import TAU, arc, bar, part
 
 
 def _loop_handle(
@@ -69,16 +69,8 @@ def kettle(b: Builder) -> None:
     lid = part(b, "lid")
     cover(b, lid, top, z, 0.006, b.uniform(0.004, 0.02))
     hinged = b.chance(0.6)
-    dial(
-        b,
-        lid,
-        (0, 0, z + 0.004),
-        (0, 0, 1),
-        0.012,
-        0.03,
-        b.choice(("plain", "dome", "cone")),
-        "dark",
-    )
+    dial(b, lid, (0, 0, z + 0.004), (0, 0, 1), 0.012, 0.03, b.choice(("plain", "dome", "cone")),
+         "dark")  # fmt: skip
     if hinged:
         b.cylinder(lid, (top, -0.015, z), (top, 0.015, z), 0.004, None, "metal")
         b.hinge(lid, "base", (top, 0, z), (0, 1, 0), 0, b.uniform(1.2, 1.65), opens=(0, 0, 1))
@@ -89,27 +81,10 @@ def kettle(b: Builder) -> None:
         x = 1.05 * r + 0.012
         b.box("base", (0.7 * r, -0.012, z0), (x + 0.012, 0.012, z0 + 0.012), "dark")
         b.cylinder(switch, (x, -0.006, z0 + 0.014), (x, 0.006, z0 + 0.014), 0.003, None, "accent")
-        bar(
-            b,
-            switch,
-            (x, 0, z0 + 0.014),
-            (x + 0.022, 0, z0 + 0.024),
-            0.012,
-            0.003,
-            (-0.4, 0, 1),
-            "accent",
-            "handle",
-        )
-        b.hinge(
-            switch,
-            "base",
-            (x, 0, z0 + 0.014),
-            (0, 1, 0),
-            0,
-            0.3,
-            opens=(0, 0, -1),
-            tip=(x + 0.02, 0, z0 + 0.024),
-        )
+        bar(b, switch, (x, 0, z0 + 0.014), (x + 0.022, 0, z0 + 0.024), 0.012, 0.003, (-0.4, 0, 1),
+            "accent", "handle")  # fmt: skip
+        b.hinge(switch, "base", (x, 0, z0 + 0.014), (0, 1, 0), 0, 0.3, opens=(0, 0, -1),
+                tip=(x + 0.02, 0, z0 + 0.024))  # fmt: skip
 
 
 def pot(b: Builder) -> None:
@@ -122,16 +97,8 @@ def pot(b: Builder) -> None:
     z = h + max(b.gap, 0.0008)
     style = b.choice(("two", "two", "long"))
     if style == "long":
-        bar(
-            b,
-            "base",
-            (-0.97 * r, 0, 0.85 * h),
-            (-2.2 * r, 0, 0.85 * h + 0.02),
-            0.022,
-            0.012,
-            material="dark",
-            role="handle",
-        )
+        bar(b, "base", (-0.97 * r, 0, 0.85 * h), (-2.2 * r, 0, 0.85 * h + 0.02), 0.022, 0.012,
+            material="dark", role="handle")  # fmt: skip
     else:
         for s in (-1, 1):
             if b.chance(0.5):
@@ -157,36 +124,16 @@ def pot(b: Builder) -> None:
     cover(b, lid, 1.02 * r, z, 0.004, b.uniform(0.05, 0.3) * r)
     dome = max(float(p.shape.vertices[:, 2].max()) for p in b.pieces if p.link == b.index(lid))
     if b.chance(0.7):
-        dial(
-            b,
-            lid,
-            (0, 0, dome - 0.003),
-            (0, 0, 1),
-            0.018,
-            0.035,
-            b.choice(("plain", "dome", "cone")),
-        )
+        dial(b, lid, (0, 0, dome - 0.003), (0, 0, 1), 0.018, 0.035,
+             b.choice(("plain", "dome", "cone")))  # fmt: skip
     else:
         b.sweep(lid, arc((0, 0, dome - 0.006), 0.035, 0, np.pi, 9, "x"), 0.005, "dark", "handle")
     if b.chance(0.35):
         b.block("base", (1.05 * r + 0.006, 0, 0.95 * h), (0.02, 0.04, 0.02), "metal")
-        b.cylinder(
-            lid,
-            (1.05 * r + 0.006, -0.015, z + 0.002),
-            (1.05 * r + 0.006, 0.015, z + 0.002),
-            0.004,
-            None,
-            "metal",
-        )
-        b.hinge(
-            lid,
-            "base",
-            (1.05 * r + 0.006, 0, z + 0.002),
-            (0, 1, 0),
-            0,
-            b.uniform(1.2, 1.7),
-            opens=(0, 0, 1),
-        )
+        b.cylinder(lid, (1.05 * r + 0.006, -0.015, z + 0.002), (1.05 * r + 0.006, 0.015, z + 0.002),
+                   0.004, None, "metal")  # fmt: skip
+        b.hinge(lid, "base", (1.05 * r + 0.006, 0, z + 0.002), (0, 1, 0), 0, b.uniform(1.2, 1.7),
+                opens=(0, 0, 1))  # fmt: skip
     else:
         _lifts(b, lid)
 
@@ -212,42 +159,21 @@ def bottle(b: Builder) -> None:
         body,
     )
     if b.chance(0.6):
-        b.tube(
-            "base",
-            (0, 0, 0.25 * shoulder),
-            (0, 0, 0.8 * shoulder),
-            1.012 * r,
-            0.99 * r,
-            "light",
-            "decor",
-            False,
-        )
+        b.tube("base", (0, 0, 0.25 * shoulder), (0, 0, 0.8 * shoulder), 1.012 * r, 0.99 * r,
+               "light", "decor", False)  # fmt: skip
     b.torus("base", (0, 0, h - 0.95 * tall), (0, 0, 1), neck, 0.0015, body, "decor", False)
     z, style = h + max(b.gap, 0.0005), b.choice(("cap", "cap", "sport", "stopper"))
     if style == "stopper":
         cork = part(b, "lid", "stopper")
-        b.cylinder(
-            cork,
-            (0, 0, h - min(0.5 * tall, 0.02)),
-            (0, 0, h + 0.002),
-            0.9 * (neck - 0.0018),
-            None,
-            "wood",
-        )
+        b.cylinder(cork, (0, 0, h - min(0.5 * tall, 0.02)), (0, 0, h + 0.002),
+                   0.9 * (neck - 0.0018), None, "wood")  # fmt: skip
         b.cylinder(cork, (0, 0, h + 0.001), (0, 0, h + 0.014), 1.1 * neck, None, "wood", "handle")
         b.slide(cork, "base", (0, 0, 1), 0, min(0.5 * tall, 0.02))
         return
     cap = part(b, "lid", "cap")
     ch = min(0.6 * tall, 0.025)
-    b.tube(
-        cap,
-        (0, 0, h - 0.7 * ch),
-        (0, 0, z),
-        neck + 0.0045,
-        (neck + 0.0006) * 1.05,
-        "accent",
-        "handle",
-    )
+    b.tube(cap, (0, 0, h - 0.7 * ch), (0, 0, z), neck + 0.0045, (neck + 0.0006) * 1.05, "accent",
+           "handle")  # fmt: skip
     b.cylinder(cap, (0, 0, z), (0, 0, z + 0.3 * ch), neck + 0.0045, None, "accent", "handle")
     for t in np.arange(b.choice((0, 10, 14))) * TAU / 14:
         c, s = (neck + 0.0045) * np.cos(t), (neck + 0.0045) * np.sin(t)
@@ -301,44 +227,22 @@ def jar(b: Builder) -> None:
     r = b.uniform(0.035, 0.07)
     h = r * b.uniform(1.2, 3.2)
     b.size(2 * r, 2 * r, h)
-    b.vessel(
-        "base",
-        [(0.95 * r, 0), (r, 0.06 * h), (r, 0.85 * h), (0.85 * r, 0.93 * h), (0.85 * r, h)],
-        0.003,
-        b.choice(("glass", "glass", "body", "stone")),
-    )
+    b.vessel("base",
+             [(0.95 * r, 0), (r, 0.06 * h), (r, 0.85 * h), (0.85 * r, 0.93 * h), (0.85 * r, h)],
+             0.003, b.choice(("glass", "glass", "body", "stone")))  # fmt: skip
     style, g = b.choice(("screw", "lift", "clip")), max(b.gap, 0.0006)
     lid, z = part(b, "lid"), h + max(b.gap, 0.0006)
     if style == "screw":
-        b.tube(
-            lid,
-            (0, 0, h - min(0.01, 0.055 * h)),
-            (0, 0, z),
-            0.96 * r,
-            0.9 * r + g * 0.5,
-            "metal",
-            "handle",
-        )
-        b.cylinder(
-            lid,
-            (0, 0, z),
-            (0, 0, z + 0.003),
-            0.92 * r,
-            None,
-            b.choice(("metal", "accent")),
-            "handle",
-        )
+        b.tube(lid, (0, 0, h - min(0.01, 0.055 * h)), (0, 0, z), 0.96 * r, 0.9 * r + g * 0.5,
+               "metal", "handle")  # fmt: skip
+        b.cylinder(lid, (0, 0, z), (0, 0, z + 0.003), 0.92 * r, None, b.choice(("metal", "accent")),
+                   "handle")  # fmt: skip
         b.spin(lid, "base", (0, 0, h), (0, 0, 1))
     elif style == "lift":
         cover(b, lid, 0.95 * r, z, 0.005, b.uniform(0.0, 0.2) * r)
         b.cylinder(lid, (0, 0, h - 0.008), (0, 0, z), 0.72 * r, None, "trim")
-        b.sphere(
-            lid,
-            (0, 0, z + 0.22 * r + 0.01),
-            0.16 * r,
-            b.choice(("trim", "wood", "metal")),
-            "handle",
-        )
+        b.sphere(lid, (0, 0, z + 0.22 * r + 0.01), 0.16 * r, b.choice(("trim", "wood", "metal")),
+                 "handle")  # fmt: skip
         b.cylinder(lid, (0, 0, z), (0, 0, z + 0.22 * r + 0.004), 0.08 * r, None, "metal")
         _lifts(b, lid)
     else:
@@ -352,78 +256,10 @@ def jar(b: Builder) -> None:
         b.hinge(lid, "base", (x, 0, z + 0.001), (0, 1, 0), 0, b.uniform(1.5, 2.0), opens=(0, 0, 1))
 
 
-def coffee_grinder(b: Builder) -> None:
-    """A hand coffee grinder: a crank on top; often a drawer in the wooden box."""
-    w, h = b.uniform(0.09, 0.14), b.uniform(0.09, 0.15)
-    b.size(w, w, 2 * h)
-    b.theme(b.choice(("wood", "wood", "steel", "paint")))
-    top = h
-    if b.chance(0.7):
-        g, t = max(b.gap, 0.0008), 0.008
-        y, z0, z1 = 0.32 * w, 0.2 * h, 0.62 * h
-        b.shell("base", (-w / 2, -w / 2, 0), (w / 2, w / 2, h), t, "-x", "body", "solid")
-        b.box("base", (-w / 2, -w / 2 + t, t), (-w / 2 + t, w / 2 - t, z0), "body")
-        b.box("base", (-w / 2, -w / 2 + t, z1), (-w / 2 + t, w / 2 - t, h - t), "body")
-        for s in (-1, 1):
-            b.box("base", (-w / 2, s * y, z0), (-w / 2 + t, s * (w / 2 - t), z1), "body")
-        drawer = part(b, "drawer")
-        tray(
-            b,
-            drawer,
-            (-w / 2 + 0.001, -y + g, z0 + g),
-            (0.3 * w, y - g, z1 - g),
-            0.003,
-            "z",
-            1,
-            "inside",
-        )
-        b.box(drawer, (-w / 2 - 0.002, -y + g, z0 + g), (-w / 2 + 0.001, y - g, z1 - g), "trim")
-        dial(
-            b, drawer, (-w / 2 - 0.002, 0, (z0 + z1) / 2), (-1, 0, 0), 0.007, 0.015, "dome", "metal"
-        )
-        b.slide(drawer, "base", (-1, 0, 0), 0, b.uniform(0.4, 0.7) * w)
-    else:
-        with b.moved((0, 0, 0)):
-            b.lathe(
-                "base",
-                [(0.45 * w, 0), (0.45 * w, 0.3 * h), (0.36 * w, 0.5 * h), (0.36 * w, h)],
-                "body",
-            )
-    bowl = b.uniform(0.3, 0.6) * h
-    with b.moved((0, 0, top)):
-        b.lathe(
-            "base",
-            [
-                (0.2 * w, 0),
-                (0.4 * w, 0.5 * bowl),
-                (0.42 * w, 0.7 * bowl),
-                (0.3 * w, bowl),
-                (0.08 * w, 1.1 * bowl),
-            ],
-            "metal",
-        )
-    z = top + 1.1 * bowl
-    crank = part(b, "crank")
-    reach = b.uniform(0.6, 1.1) * w
-    b.cylinder(crank, (0, 0, z + 0.0005), (0, 0, z + 0.02), 0.06 * w, None, "metal")
-    b.cylinder(crank, (0, 0, z + 0.02), (0, 0, z + 0.05), 0.03 * w, None, "metal")
-    b.sweep(
-        crank,
-        [(0, 0, z + 0.014), (-0.5 * reach, 0, z + 0.022), (-reach, 0, z + 0.014)],
-        0.003,
-        "metal",
-        "handle",
-    )
-    b.cylinder(crank, (-reach, 0, z + 0.012), (-reach, 0, z + 0.04), 0.004, None, "metal", "handle")
-    b.sphere(crank, (-reach, 0, z + 0.045), 0.012, "wood", "handle")
-    b.spin(crank, "base", (0, 0, z), (0, 0, 1))
-
-
 CATEGORIES = {
     "kettle": kettle,
     "pot": pot,
     "bottle": bottle,
     "dispenser": dispenser,
     "jar": jar,
-    "coffee_grinder": coffee_grinder,
 }
