@@ -22,8 +22,8 @@ def crowd() -> Boxes:
         trimesh.creation.box(
             (0.02, 0.05, 0.05), trimesh.transformations.translation_matrix((-0.21, y, z))
         )
-        for y in np.linspace(-0.4, 0.4, 6)
-        for z in np.linspace(-0.4, 0.4, 5)
+        for y in np.linspace(-0.3, 0.3, 6)
+        for z in np.linspace(-0.25, 0.25, 5)
     ]
     parts = [shell, ball, *studs]
     labels = np.concatenate([np.full(len(p.faces), i) for i, p in enumerate(parts)])
@@ -62,7 +62,9 @@ def test_every_piece_is_shown_the_hidden_ones_inside(crowd: Boxes) -> None:
     made = album.cast(*crowd)
     assert made.ids == list(range(32)) and made.hidden == (1,)
     labels = [name for name, _ in album.of_pieces(made, None)]
-    assert labels == ["object", *(f"view_{i}" for i in range(10)), "inside", "apart"]
+    outside = [f"view_{i}" for i in range(10)]
+    assert labels == ["object", *outside, "close_0", "inside", "apart"]
+    assert made.crowds == ((4, tuple(range(2, 32))),)  # the studs, seen from the front
     seen = np.unique([i for v in made.inside for i in np.unique(v.ids(made.labels))])
     assert seen.tolist() == [-1, 1]
     assert "1: x " in album.facts(made, made.labels)

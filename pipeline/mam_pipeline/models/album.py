@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial import cKDTree
 
 from mam_pipeline.geometry.sampling import sample_surface
@@ -25,6 +26,7 @@ FIRST_LOOK = 256  # pixels a side of the views that decide what is numbered
 TWO = (views.CORNERS[0], views.CORNERS[2])
 MOST_IDS = 90
 PLAIN_SIGHT = 150 / 512**2  # of its best view, with which a piece counts as seen from outside
+SMALL = 0.004  # of its best view, below which a piece may need a closer look
 BARELY = 25 / 512**2  # of one view, over all pictures, below which a piece gets no number
 
 Labelled = tuple[tuple[str, Picture], ...]
@@ -38,12 +40,14 @@ class Album:
         stands_for: (P,) the numbered primitive that stands for each one in the pictures: hidden
             specks are asked about through their nearest neighbour, and at most MOST_IDS are shown.
         hidden: numbered primitives that no outside view shows well.
+        crowds: groups of small pieces close together, each with the view that shows it best.
     """
 
     mesh: Mesh
     primitives: Primitives
     stands_for: IntArray
     hidden: tuple[int, ...]
+    crowds: tuple[tuple[int, tuple[int, ...]], ...] = ()
 
     @property
     def labels(self) -> IntArray:
@@ -87,10 +91,27 @@ def cast(mesh: Mesh, primitives: Primitives) -> Album:
         seen += _seen(views.look(mesh, TWO, FIRST_LOOK, tight=True, only=only), primitives)
     stands_for = _representatives(mesh, primitives, seen)
     labels = stands_for[primitives.labels]
-    best = np.max([_pixels(v, labels, primitives.count) for v in outside], axis=0)
+    counts = np.stack([_pixels(v, labels, primitives.count) for v in outside]) / FIRST_LOOK**2
     ids = np.unique(stands_for)
-    hidden = ids[best[ids] < PLAIN_SIGHT * FIRST_LOOK**2]
-    return Album(mesh, primitives, stands_for, tuple(int(i) for i in hidden))
+    best = counts.max(axis=0)
+    hidden = tuple(int(i) for i in ids[best[ids] < PLAIN_SIGHT])
+    small = ids[(best[ids] >= PLAIN_SIGHT) & (best[ids] < SMALL)]
+    crowds = tuple(
+        (int(counts[:, group].sum(axis=1).argmax()), tuple(int(i) for i in group))
+        for group in _close_together(mesh, labels, small)[:2]
+    )
+    return Album(mesh, primitives, stands_for, hidden, crowds)
+
+
+def _close_together(mesh: Mesh, labels: IntArray, ids: IntArray) -> list[IntArray]:
+    """Groups of three and more of `ids` whose middles lie near each other, largest first."""
+    if len(ids) < 3:
+        return []
+    boxes = [mesh.vertices[mesh.faces[labels == i].reshape(-1)] for i in ids]
+    middles = np.stack([(b.min(axis=0) + b.max(axis=0)) / 2 for b in boxes])
+    group = fcluster(linkage(middles, "single"), 0.1 * mesh.diagonal, "distance")
+    found = [ids[group == g] for g in np.unique(group)]
+    return sorted([g for g in found if len(g) >= 3], key=lambda g: (-len(g), int(g[0])))
 
 
 def of_pieces(album: Album, kinematic: IntArray | None) -> Labelled:
@@ -104,6 +125,7 @@ def of_pieces(album: Album, kinematic: IntArray | None) -> Labelled:
         ("object", whole(album)),
         *_outside(album, album.labels, colors, album.ids),
         *(() if kinematic is None else (("measured", masks(album, kinematic)),)),
+        *_close(album, album.labels, colors),
         *_hidden(album, album.labels, colors),
         ("apart", _pair(album.apart, album.labels, colors, album.ids)),
     )
@@ -171,6 +193,15 @@ def _outside(album: Album, labels: IntArray, colors: Picture, tags: Sequence[int
         (f"view_{i}", pictures.paint(view, labels, colors, tags))
         for i, view in enumerate(album.outside)
     )
+
+
+def _close(album: Album, labels: IntArray, colors: Picture) -> Labelled:
+    out = []
+    for k, (index, group) in enumerate(album.crowds):
+        where = [views.AROUND[index]]
+        view = views.look(album.mesh, where, SIZE, focus=np.isin(labels, group))[0]
+        out.append((f"close_{k}", pictures.paint(view, labels, colors, group)))
+    return tuple(out)
 
 
 def _hidden(album: Album, labels: IntArray, colors: Picture) -> Labelled:

@@ -30,8 +30,8 @@ GROUPING = (
     "joined to each other (two knobs, three drawers) are parts of their own. Do not split what is "
     "rigid, do not join what moves apart. Name the parts in lower case with underscores; kind is "
     "the general word (door, drawer, lid, knob, button, lever, wheel, handle, panel, body).\n"
-    "The pictures: 'object' is the object as it is; {views}.{measured}{inside} 'apart' shows all "
-    "pieces pulled away from the middle.\n"
+    "The pictures: 'object' is the object as it is; {views}.{measured}{close}{inside} 'apart' "
+    "shows all pieces pulled away from the middle.\n"
     "Where each piece lies and ends, in percent of the longest side, and what it touches:\n{facts}"
 )
 MEASURED = (
@@ -39,6 +39,7 @@ MEASURED = (
     "of how each piece could move: pieces of one bright colour were found to move together, grey "
     "ones to be held by the rest; of pale ones nothing is known. It is a hint and may be wrong."
 )
+CLOSE = " {names} enlarge places where small pieces crowd."
 INSIDE = " 'inside' shows, in place, the pieces that cannot be seen from outside."
 TREE = (
     "These are the rigid parts, each in one colour with its number: {parts}. For each part other "

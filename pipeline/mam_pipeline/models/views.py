@@ -54,6 +54,7 @@ def look(
     fov: float = FOV,
     tight: bool = False,
     only: NDArray[np.bool_] | None = None,
+    focus: NDArray[np.bool_] | None = None,
 ) -> list[View]:
     """Cast one view per (azimuth, elevation) in degrees; the whole object is in the picture.
 
@@ -61,17 +62,21 @@ def look(
         distance: of the camera from the box centre in diagonals; default: as near as fits.
         tight: zoom so that the object fills each picture.
         only: (F,) faces to show; the camera stays that of the whole object.
+        focus: (F,) faces to zoom on, with their surroundings.
     """
     kept = np.arange(len(mesh.faces)) if only is None else np.flatnonzero(only)
     scene = RayScene(mesh.vertices, mesh.faces[kept])
     centre, diagonal = mesh.bounds.mean(axis=0), mesh.diagonal
     away = diagonal * (0.52 / np.tan(fov / 2) + 0.1 if distance is None else distance)
-    points = mesh.vertices[np.unique(mesh.faces)]
+    near = mesh.faces if focus is None else mesh.faces[focus]
+    points, margin = mesh.vertices[np.unique(near)], 1.06 if focus is None else 1.5
     grid = (np.arange(size) + 0.5) / size * 2 - 1
     out = []
     for azimuth, elevation in directions:
         pose = camera_pose(centre, away, azimuth, elevation)
-        middle, half = _window(points, pose) if tight else (np.zeros(2), float(np.tan(fov / 2)))
+        middle, half = np.zeros(2), float(np.tan(fov / 2))
+        if tight or focus is not None:
+            middle, half = _window(points, pose, margin)
         x, y = np.meshgrid(middle[0] + grid * half, middle[1] + grid * half)
         rays = np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3)
         rays = rays / np.linalg.norm(rays, axis=1, keepdims=True) @ pose[:3, :3]
@@ -97,7 +102,7 @@ def camera_pose(target: FloatArray, away: float, azimuth: float, elevation: floa
     return out
 
 
-def _window(points: FloatArray, pose: FloatArray, margin: float = 1.06) -> tuple[FloatArray, float]:
+def _window(points: FloatArray, pose: FloatArray, margin: float) -> tuple[FloatArray, float]:
     """Middle (2,) and half side of the square, on the image plane at 1, that holds all points."""
     seen = points @ pose[:3, :3].T + pose[:3, 3]
     flat = seen[:, :2] / np.maximum(seen[:, 2:], 1e-9)

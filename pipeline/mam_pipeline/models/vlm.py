@@ -112,10 +112,12 @@ def grouping_question(album: albums.Album, prior: KinematicPrior | None) -> Ques
     kinematic = None
     if prior is not None and len(prior.labels) == album.primitives.count:
         kinematic = prior.labels
+    close = " and ".join(f"'close_{k}'" for k in range(len(album.crowds)))
     text = questions.GROUPING.format(
         ids=", ".join(map(str, album.ids)),
         views=_views("its numbered pieces"),
         measured="" if kinematic is None else questions.MEASURED,
+        close="" if not album.crowds else questions.CLOSE.format(names=close),
         inside=questions.INSIDE if album.hidden else "",
         facts=albums.facts(album, album.labels),
     )
