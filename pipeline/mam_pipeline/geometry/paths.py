@@ -26,6 +26,8 @@ SAMPLES = 1500
 STATIC_SAMPLES = 2500
 TOUCH = 0.0025
 """Nearer than this at rest is contact, as a share of the diagonal."""
+SURFACE = 1e-4
+"""Nearer than this a point lies in a surface, as a share of the diagonal."""
 STEPS = 10
 """Joint values that are looked at between rest and an end of the range."""
 FEWEST = 5
@@ -97,7 +99,7 @@ class PartPaths:
         self.static_scene = RayScene(v, mesh.faces[close])
         self.solid = _solid(mesh, static)
         found = sample_surface(v, mesh.faces[part], SAMPLES, seed)
-        inside = self.solid.contains(found.points)
+        inside = self._within(self.solid, self.static_scene, found.points)
         self.points, self.normals = found.points[~inside], found.normals[~inside]
         self.area = max(found.area, 1e-12)
         around = sample_surface(v, mesh.faces[close], 4 * STATIC_SAMPLES, seed + 1)
@@ -106,9 +108,17 @@ class PartPaths:
         keep = np.linspace(0, max(len(spots) - 1, 0), min(len(spots), STATIC_SAMPLES)).astype(int)
         share = around.area * len(spots) / max(len(around.points), 1) / max(len(keep), 1)
         spots = spots[keep]
-        self.static_points = spots[~_solid(mesh, part).contains(spots)]
+        self.static_points = spots[~self._within(_solid(mesh, part), self.part_scene, spots)]
         self.static_weight = share / self.area
         self._rest()
+
+    def _within(self, solid: Solid, scene: RayScene, points: FloatArray) -> NDArray[np.bool_]:
+        """Mask (n,) of points inside a solid; those on its very surface are a matter of rounding
+        and count as touching it instead."""
+        inside = solid.contains(points)
+        where = np.flatnonzero(inside)
+        inside[where] = scene.distance(points[where]) > SURFACE * self.diagonal
+        return inside
 
     def _rest(self) -> None:
         """Which samples touch at rest, and the direction that would press them in."""

@@ -21,6 +21,8 @@ STUCK = 0.75
 """A part that goes less than this share of its usual way is looked at."""
 SMALL = 0.15
 """Largest area of a piece that goes along, as a share of the part's own."""
+BELOW = 0.7
+"""Largest area of a link that is carried by the part, as a share of the part's own."""
 _NEAR = 0.004
 """Nearer than this two pieces touch, as a share of the object's diagonal."""
 _AROUND = 0.02
@@ -47,6 +49,7 @@ def take_along(
     static = np.setdiff1d(np.arange(len(labels)), np.flatnonzero(np.isin(labels, node.primitives)))
     body = static[~np.isin(labels[static], np.unique(labels[faces]))]
     scenes = [RayScene(mesh.vertices, mesh.faces[f]) for f in (box.faces, body)]
+    trunk = RayScene(mesh.vertices, mesh.faces[np.isin(labels, nodes[node.parent].primitives)])
     for piece in np.unique(labels[faces]):
         owner = next((i for i, n in enumerate(nodes) if piece in n.primitives), None)
         if owner is None or owner == joint.child or nodes[owner].provenance == "user":
@@ -54,7 +57,7 @@ def take_along(
         whole = owner != node.parent and nodes[owner].parent == node.parent
         group = nodes[owner].primitives if whole else (int(piece),)
         small = _Box(mesh, np.flatnonzero(np.isin(labels, group)))
-        if whole and not small.sits_on(box, room):
+        if whole and not (small.area <= BELOW * box.area and small.rests_on(scenes[0], trunk)):
             continue
         if not whole and not (small.fits(box, room) and small.rests_on(*scenes)):
             continue
@@ -79,16 +82,6 @@ class _Box:
         self.points = mesh.vertices[mesh.faces[faces].reshape(-1)]
         self.low, self.high = self.points.min(axis=0), self.points.max(axis=0)
         self.area = float(face_geometry(mesh.vertices, mesh.faces[faces])[1].sum())
-
-    def sits_on(self, part: _Box, room: float) -> bool:
-        """Whether this link is smaller than a part and in front of it, as a knob is on a door."""
-        if self.area > 0.7 * part.area:
-            return False
-        low, high = part.low - room, part.high + room
-        middle = 0.5 * (self.low + self.high)
-        inside = (middle >= low) & (middle <= high)
-        inside[int((part.high - part.low).argmin())] = True
-        return bool(inside.all() and (self.low <= high).all() and (self.high >= low).all())
 
     def fits(self, part: _Box, room: float) -> bool:
         """Whether this piece is small and lies within a part's box."""

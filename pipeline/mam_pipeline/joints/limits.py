@@ -9,7 +9,7 @@ go.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
@@ -61,18 +61,26 @@ class Usual:
 @dataclass(frozen=True)
 class Surroundings:
     """A part and what it may run into: `scene` for contact and curves, `paths` for the check's
-    rule of penetration, `again` the same with other samples."""
+    rule of penetration, `again` the same on a mesh that is moved by `shift` and rounded."""
 
     scene: SweepScene
     paths: PartPaths
     again: Callable[[], PartPaths]
+    shift: FloatArray
 
     @staticmethod
     def of(mesh: Mesh, part: IntArray, static: IntArray, seed: int = 0) -> Surroundings:
         """From the face indices of the part, with all that it carries, and of what stands still."""
         scene = SweepScene(mesh, part, static, static_samples=1500, seed=seed)
-        again = cache(lambda: PartPaths(mesh, part, static, 100))
-        return Surroundings(scene, PartPaths(mesh, part, static), again)
+        shift = -mesh.bounds.mean(axis=0)
+
+        @cache
+        def again() -> PartPaths:
+            moved = mesh.vertices + shift
+            single = moved.astype(np.float32).astype(np.float64)  # as files keep them
+            return PartPaths(replace(mesh, vertices=single), part, static)
+
+        return Surroundings(scene, PartPaths(mesh, part, static), again, shift)
 
     def free(
         self, motion: Motion, axis: FloatArray, origin: FloatArray, end: float
@@ -83,8 +91,8 @@ class Surroundings:
         free, found = self.paths.free_range(motion, axis, origin, end, rule)
         if found.value is None:
             return end, found
-        if free != 0.0:  # where exactly a collision begins depends on the samples
-            free = self.again().free_range(motion, axis, origin, free, rule)[0]
+        if free != 0.0:  # between coincident surfaces rounding decides: ask twice
+            free = self.again().free_range(motion, axis, origin + self.shift, free, rule)[0]
         return BACK_OFF * free, found
 
 

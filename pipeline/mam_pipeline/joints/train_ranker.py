@@ -41,7 +41,7 @@ BINARY = {**COMMON, "objective": "binary", "num_leaves": 7, "learning_rate": 0.0
 REACH = {**COMMON, "objective": "l1", "num_leaves": 7, "learning_rate": 0.05}
 FOLDS = 3
 BAGS = 3
-ROUNDS = {"line": 160, "slide": 100, "moves": 160, "slides": 160}
+ROUNDS = {"line": 160, "slide": 100, "moves": 200, "slides": 200}
 
 
 def weights(data: Sequence[Example]) -> FloatArray:
