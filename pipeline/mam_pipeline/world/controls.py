@@ -6,7 +6,7 @@ import numpy as np
 
 from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.mech import dial, studs
-from mam_pipeline.world.solids import arc, bar, bored, part, rounded
+from mam_pipeline.world.solids import TAU, arc, bar, bored, part, rounded
 
 
 def lever(b: Builder) -> None:
@@ -150,8 +150,9 @@ def thermostat(b: Builder) -> None:
                 b.choice((0.002, 0.4 * r, 1.19 * r)), "x", "front")  # fmt: skip
         b.cylinder("base", (0, 0, z), (-0.022, 0, z), 0.78 * r, None, "screen")
         ring = part(b, "dial", "ring")
-        b.tube(ring, (-g, 0, z), (-0.02, 0, z), r, 0.83 * r, b.choice(("metal", "dark", "light")),
-               "handle")  # fmt: skip
+        paint = b.choice(("metal", "dark", "light"))
+        with b.moved((0, 0, z), (1, 0, 0), TAU / 24):
+            b.tube(ring, (-g, 0, 0), (-0.02, 0, 0), r, 0.83 * r, paint, "handle")
         b.box(ring, (-0.0215, -0.02 * r, z + 0.86 * r), (-0.019, 0.02 * r, z + 0.97 * r), "red",
               "decor", False)  # fmt: skip
         b.spin(ring, "base", (0, 0, z), (1, 0, 0), -2.3, 2.3, closed=0.0)

@@ -225,6 +225,8 @@ def crane(b: Builder) -> None:
     for s in (-1, 1):
         b.box(mast, (-0.04 * k, s * 0.07 * k - 0.015 * k, z + 0.04 * k),
               (0.04 * k, s * 0.07 * k + 0.015 * k, z + 0.3 * k), "body")  # fmt: skip
+    # a post behind the jib's foot
+    b.box(mast, (0.035 * k, -0.02 * k, z + 0.05 * k), (0.06 * k, 0.02 * k, z + 0.75 * k), "body")
     b.spin(mast, "base", (0, 0, z), (0, 0, 1))
     p = np.array([0, 0, z + 0.26 * k])
     e = np.array([-np.cos(0.6), 0, np.sin(0.6)])
