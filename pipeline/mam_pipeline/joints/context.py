@@ -121,8 +121,10 @@ def part_context(
     least = minimal_box(vertices, directions=10)
     turned = np.degrees(np.arccos(np.clip(np.abs(least.axes @ frame.axes.T).max(axis=1), 0, 1)))
     box = least if least.volume < 0.8 * aligned.volume and turned.max() > 6.0 else aligned
-    whole = parent_faces is None or len(parent_faces) in (0, len(static_faces))
-    contact = scene.contact() if whole else _contact(scene, mesh, parent_faces)
+    if parent_faces is None or len(parent_faces) in (0, len(static_faces)):
+        contact = scene.contact()
+    else:
+        contact = _contact(scene, mesh, parent_faces)
     clearance = _clearance(scene, box)
     front = _front(box, (~np.isfinite(clearance)).mean(axis=1), frame, scene)
     boxes = None

@@ -7,6 +7,7 @@ openness), so they do not depend on the object's yaw or scale.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mam_pipeline.joints.context import PartContext
 from mam_pipeline.types import FloatArray
@@ -30,7 +31,7 @@ TOUCH = 0.006
 def surrounding_features(context: PartContext) -> FloatArray:
     """Row of SURROUNDING_NAMES."""
     front, rise = context.front, context.rise
-    level = np.cross(rise, front)
+    level = np.asarray(np.cross(rise, front), dtype=np.float64)
     index = [context.towards(d) for d in (front, -front, rise, -rise, level, -level)]
     clear = context.clearance[index]
     escape = (~np.isfinite(clear)).mean(axis=1)
@@ -58,7 +59,7 @@ def _captured(
     aside = local @ level / context.half_along(level)
     groove = (clear[0] < NEAR) & (clear[1] < NEAR)
 
-    def share(mask: FloatArray) -> float:
+    def share(mask: NDArray[np.bool_]) -> float:
         return float(groove[mask].mean()) if mask.any() else 0.0
 
     return np.array([
@@ -78,7 +79,7 @@ def _shape_behind(context: PartContext, clear: FloatArray) -> FloatArray:
     behind = np.minimum(clear[1][plate], 1.0)
     along = 2 * context.half_along(front) / d
     below = (local.max() - np.quantile(local, [0.75, 0.5, 0.25, 0.05])) * context.half_along(front)
-    level = np.cross(context.rise, front)
+    level = np.asarray(np.cross(context.rise, front), dtype=np.float64)
     width = np.sqrt(context.half_along(context.rise) * context.half_along(level))
     seen = (~np.isfinite(clear)).any(axis=0).mean()
     return np.array([

@@ -234,10 +234,11 @@ def _spoiled(
     total = float(area[mask].sum())
     mine = np.flatnonzero(inside > 0.5 * whole)
     if rng.random() < 0.5 and len(mine) > 1:
-        budget, lost = 0.4 * total, []
+        budget = 0.4 * total
+        lost: list[int] = []
         for p in rng.permutation(mine):
             if inside[p] < budget and len(lost) < max(1, len(mine) // 2):
-                lost.append(p)
+                lost.append(int(p))
                 budget -= inside[p]
         if lost:
             return "less", np.flatnonzero(mask & ~np.isin(labels, lost))

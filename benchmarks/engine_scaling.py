@@ -1,0 +1,98 @@
+"""Time and peak memory of the whole engine, mesh to joints, against the number of faces.
+
+    python benchmarks/engine_scaling.py [--category cabinet_two_door] [--seed 9] [--json FILE]
+
+One procedural object with its triangles cut ever finer (same surface, same parts), from about ten
+thousand to a million faces; each size runs in a fresh process, which tells its own peak memory.
+Growth is at most linear when seconds per face do not rise.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import time
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from mam_pipeline.stages import Engine, EngineConfig
+from mam_pipeline.types import Mesh
+from mam_pipeline.world import make_object
+from mam_pipeline.world.style import Style
+
+
+def refined(mesh: Mesh, target: int) -> Mesh:
+    """The same surface with about `target` faces: the triangle with the longest side is halved."""
+    vertices, faces = mesh.vertices, mesh.faces
+    while len(faces) < target:
+        corners = vertices[faces]
+        sides = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+        many = min(target - len(faces), max(len(faces) // 3, 1))
+        chosen = np.argpartition(-sides.max(axis=1), many - 1)[:many]
+        k = sides[chosen].argmax(axis=1)
+        rows = np.arange(len(chosen))
+        a, b, c = (corners[chosen][rows, (k + i) % 3] for i in range(3))
+        middle = 0.5 * (a + b)
+        new = np.stack([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
+        left = np.delete(corners, chosen, axis=0)
+        corners = np.concatenate([left, new.reshape(-1, 3, 3)])
+        flat = corners.reshape(-1, 3)
+        vertices, index = np.unique(np.round(flat, 9), axis=0, return_inverse=True)
+        faces = index.reshape(-1, 3)
+    return Mesh(vertices, faces)
+
+
+def one(category: str, seed: int, target: int) -> dict[str, float]:
+    """Run the engine once on the refined object."""
+    warnings.filterwarnings("ignore")
+    truth = make_object(category, seed, replace(Style(), gap=0.002)).truth()
+    mesh = refined(truth.mesh, target)
+    engine = Engine(EngineConfig())
+    begun = time.perf_counter()
+    cpu = time.process_time()
+    primitives = engine.segment(mesh)
+    tree = engine.reason(mesh, primitives, engine.observe(mesh, primitives))
+    joints = engine.solve(mesh, primitives, tree).joints
+    return {
+        "faces": len(mesh.faces), "seconds": time.perf_counter() - begun,
+        "cpu_seconds": time.process_time() - cpu, "joints": len(joints),
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        **{f"s_{k}": v for k, v in engine.seconds.items()},
+    }  # fmt: skip
+
+
+def main() -> None:
+    """Run all sizes, each in its own process."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--category", default="cabinet_two_door")
+    parser.add_argument("--seed", type=int, default=9)
+    parser.add_argument("--sizes", type=int, nargs="*", default=[10_000, 100_000, 1_000_000])
+    parser.add_argument("--one", type=int, help="(used by itself) one size in this process")
+    parser.add_argument("--json", type=Path)
+    args = parser.parse_args()
+    if args.one:
+        print(json.dumps(one(args.category, args.seed, args.one)))
+        return
+    rows = []
+    for size in args.sizes:
+        command = [sys.executable, __file__, "--one", str(size), "--category", args.category,
+                   "--seed", str(args.seed)]  # fmt: skip
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        rows.append(json.loads(done.stdout.strip().splitlines()[-1]))
+        print({k: round(v, 2) for k, v in rows[-1].items()})
+    ratio = (rows[-1]["cpu_seconds"] / rows[0]["cpu_seconds"]) / (
+        rows[-1]["faces"] / rows[0]["faces"]
+    )
+    print(f"growth against linear: {ratio:.2f} (1 is linear, less is better)")
+    if args.json:
+        args.json.write_text(json.dumps(rows, indent=1))
+
+
+if __name__ == "__main__":
+    main()
