@@ -1,6 +1,6 @@
 """Learning curves of reinforcement learning: held-out success at every checkpoint, several seeds.
 
-    python benchmarks/rl_curve.py ASSET --joint NAME --seeds 0 1 2 --steps 8192 --out FOLDER
+    python benchmarks/rl_curve.py ASSET --joint NAME --seeds 0 1 2 --steps 12288 --out FOLDER
         --json FILE --picture docs/ppo_drawer.png
 
 At each checkpoint the actor's mean action is tried at the same unseen poses. Seeds that the JSON
@@ -25,13 +25,18 @@ from mam_policies.run import Actor, EnvChoice, MlpPolicy
 
 @dataclass
 class Settings:
-    """What is trained: warm is the number of expert episodes cloned first."""
+    """What is trained.
+
+    Attributes:
+        warm: expert episodes cloned first. every: steps between tests of `episodes` poses.
+    """
 
     joint: str | None = None
     algo: Literal["ppo", "sac"] = "ppo"
     seeds: tuple[int, ...] = (0, 1, 2)
-    steps: int = 8192
-    warm: int = 6
+    steps: int = 12_288
+    warm: int = 2
+    every: int = 4096
     episodes: int = 20
     max_steps: int = 120
     out: Path = Path("rl_curve")
@@ -45,7 +50,7 @@ def learn(asset: str, seed: int, settings: Settings) -> dict[str, Any]:
         (asset,), settings.joint, control_mode=CONTROL_MODE, max_steps=settings.max_steps
     )
     config = RlConfig(
-        settings.algo, settings.steps, seed, warm_episodes=settings.warm, save_every=2048
+        settings.algo, settings.steps, seed, warm_episodes=settings.warm, save_every=settings.every
     )
     rows: list[tuple[int, int, int, float]] = []
     started, testing = time.process_time(), 0.0

@@ -13,13 +13,17 @@ from stable_baselines3.common.monitor import Monitor
 
 
 def make(asset: str, steps: int = 120) -> gym.Env:
-    """One plain environment: NumPy in and out; the time limit is a truncation."""
+    """One plain environment: NumPy in and out; the time limit is a truncation.
+
+    Success does not end an episode: with a reward in every step, an end would be a loss.
+    """
     env = gym.make(
         "mam_envs:OperateJoint-v1", asset=asset, obs_mode="state",
         control_mode="pd_joint_delta_pos", reward_mode="normalized_dense",
         max_episode_steps=steps,
     )  # fmt: skip
-    return Monitor(CPUGymWrapper(env, record_metrics=False), info_keywords=("success",))
+    env = CPUGymWrapper(env, ignore_terminations=True, record_metrics=False)
+    return Monitor(env, info_keywords=("success",))
 
 
 def main() -> None:

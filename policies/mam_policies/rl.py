@@ -39,6 +39,7 @@ from mam_policies.run import (
 OnProgress = Callable[[str, float, str], None]
 WIDTH = (256, 256)
 CONTROL_MODE = "pd_joint_target_delta_pos"
+GAMMA = 0.98
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,11 @@ class Prefix(gym.Wrapper):
 
 
 class Plain(gym.Wrapper):
-    """Batched tensors of ManiSkill as plain NumPy for one environment; success in info."""
+    """Batched tensors of ManiSkill as plain NumPy for one environment; success in info.
+
+    An episode ends at success, which then counts as if it lasted for ever: with a dense reward,
+    an end without that would cost more than it brings, and waiting just short of it would pay.
+    """
 
     def __init__(self, env: gym.Env) -> None:
         super().__init__(env)
@@ -111,13 +116,14 @@ class Plain(gym.Wrapper):
         return flat(obs), {}
 
     def step(self, action: Any) -> Any:
-        """See gymnasium; an episode ends at success."""
+        """See gymnasium."""
         obs, reward, _, truncated, info = self.env.step(action)
         success = bool(np.asarray(info["success"]).reshape(-1)[0])
         helped = bool(getattr(self.env, "helped", False))
         out = {"success": success, "is_success": success, "helped": helped}
         late = bool(np.asarray(truncated).reshape(-1)[0]) and not success
-        return flat(obs), float(np.asarray(reward).reshape(-1)[0]), success, late, out
+        value = float(np.asarray(reward).reshape(-1)[0]) / ((1 - GAMMA) if success else 1.0)
+        return flat(obs), value, success, late, out
 
 
 def make_training_env(choice: EnvChoice, share: float, seed: int) -> gym.Env:
@@ -240,7 +246,7 @@ def _model(config: RlConfig, venv: Any, demos: list[Demonstration], out: Path) -
         },
         "activation_fn": torch.nn.Tanh,
     }
-    common: dict[str, Any] = {"device": "cpu", "seed": config.seed, "gamma": 0.98, "verbose": 0}
+    common: dict[str, Any] = {"device": "cpu", "seed": config.seed, "gamma": GAMMA, "verbose": 0}
     if _has("tensorboard"):
         common["tensorboard_log"] = str(out / "tensorboard")
     if config.algo == "ppo":

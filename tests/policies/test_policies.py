@@ -8,6 +8,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
 import torch
@@ -17,7 +18,7 @@ from mam_policies.bc import BcConfig, Demonstration, fit, positions, train_bc
 from mam_policies.body import Body, Faults
 from mam_policies.evaluate import wilson
 from mam_policies.expert import Expert
-from mam_policies.rl import CONTROL_MODE, RlConfig, train_rl
+from mam_policies.rl import CONTROL_MODE, GAMMA, Plain, RlConfig, train_rl
 from mam_policies.run import Actor, EnvChoice, MlpPolicy, RunInfo
 from mam_sim.cli import main as mam_sim
 
@@ -116,6 +117,30 @@ def test_training_that_was_cut_off_ends_the_same(tmp_path: Path) -> None:
     assert fit(again, _toy(), config, tmp_path / "b") == pytest.approx(loss, rel=1e-6)
     for a, b in zip(whole.parameters(), again.parameters()):
         assert torch.allclose(a, b, atol=1e-7)
+
+
+class Steps(gym.Env):
+    """A reward of 0.5 a step; success in the third."""
+
+    observation_space = gym.spaces.Box(-1, 1, (2,), np.float32)
+    action_space = gym.spaces.Box(-1, 1, (1,), np.float32)
+
+    def reset(self, *, seed: int | None = None, options: object = None) -> tuple:
+        self.count = 0
+        return np.zeros((1, 2)), {}
+
+    def step(self, action: object) -> tuple:
+        self.count += 1
+        return np.zeros((1, 2)), 0.5, False, self.count >= 3, {"success": self.count >= 3}
+
+
+def test_success_is_worth_more_than_waiting() -> None:
+    """It ends an episode and counts as if it lasted; the time limit is then no truncation."""
+    env = Plain(Steps())
+    env.reset()
+    rows = [env.step(np.zeros(1)) for _ in range(3)]
+    assert [r[1] for r in rows] == pytest.approx([0.5, 0.5, 0.5 / (1 - GAMMA)])
+    assert [r[2] for r in rows] == [False, False, True] and not rows[-1][3]
 
 
 @pytest.mark.slow  # trains a policy in the simulator
