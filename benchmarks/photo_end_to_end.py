@@ -102,9 +102,10 @@ def main() -> None:
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     rows = []
-    for photo in sorted(p for p in args.photos.iterdir() if p.suffix.lower() in PICTURES):
-        if args.only and not any(word in photo.name for word in args.only):
-            continue
+    photos = sorted(p for p in args.photos.iterdir() if p.suffix.lower() in PICTURES)
+    if args.only:  # in the order asked for
+        photos = [p for word in args.only for p in photos if word in p.name]
+    for photo in photos:
         row = run(photo, args.out, args.joints, args.episodes)
         rows.append(row)
         with (args.out / "rows.jsonl").open("a", encoding="utf-8") as file:

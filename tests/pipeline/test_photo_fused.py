@@ -9,7 +9,7 @@ from mam_pipeline.errors import ConfigError
 from mam_pipeline.geometry.fuse import fuse_mesh
 from mam_pipeline.hints import Hints
 from mam_pipeline.photo.build import BodySpec, CellSpec, HandleSpec, build_object
-from mam_pipeline.photo.fused import BODY, align_to_box, cut_panels
+from mam_pipeline.photo.fused import BODY, align_to_box, cut_from_photo, cut_panels
 from mam_pipeline.photo.split import split_mesh
 from mam_pipeline.types import Mesh
 
@@ -113,6 +113,13 @@ def test_panels_are_cut_out_with_their_handles(fused: tuple[Mesh, Hints]) -> Non
         assert truth.joint is not None and truth.joint.origin is not None
         assert part.joint.origin is not None
         assert np.allclose(part.joint.origin, truth.joint.origin, atol=0.02)
+
+
+def test_a_photo_without_panels_only_aligns(fused: tuple[Mesh, Hints]) -> None:
+    mesh, hints = fused
+    whole, named = cut_from_photo(mesh, Hints(parts=hints.parts[:1]))
+    assert len(whole.faces) == len(mesh.faces) and whole.group_names == (BODY,)
+    assert [p.nodes for p in named.parts] == [(BODY,)]
 
 
 def test_hints_without_a_body_are_refused(fused: tuple[Mesh, Hints]) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.errors import InputError
-from mam_pipeline.photo.find import find_object
+from mam_pipeline.photo.find import Found, find_object
 from mam_pipeline.photo.image import Photo, make_photo, read_photo
 from mam_pipeline.photo.options import PhotoOptions, parse_options
 from mam_pipeline.photo.reconstruct import judge
@@ -37,12 +37,18 @@ def predict(
     """Front corners (small pixels), shape, panels, depth observed, confidence words."""
     options = options or PhotoOptions()
     found = find_object(photo, options)
+    words = judge(found, options).words
+    return found.quad, found.shape, panels_of(found), _depth_seen(found), words
+
+
+def panels_of(found: Found) -> list[FoundPanel]:
+    """What was found, in 0..1 front coordinates; virtual grasp lines are no handles."""
     h, w = found.reading.image.shape[:2]
 
     def norm(b: tuple[float, float, float, float]) -> Rect:
         return b[0] / w, b[1] / h, b[2] / w, b[3] / h
 
-    panels = [
+    return [
         FoundPanel(
             p.kind,
             norm(p.box),
@@ -50,8 +56,16 @@ def predict(
         )
         for p in found.reading.movable
     ]
-    observed = found.side_share >= 0.06 and not found.front_given
-    return found.quad, found.shape, panels, observed, judge(found, options).words
+
+
+def _depth_seen(found: Found) -> bool:
+    return found.side_share >= 0.06 and not found.front_given
+
+
+def score_found(found: Found, photo: Photo, truth: PhotoTruth) -> PhotoScore:
+    """Score what was found in a synthetic photo; no confidence words."""
+    seen = _depth_seen(found) and truth.depth_visible
+    return score_photo(truth, found.quad / photo.scale, found.shape, panels_of(found), seen, {})
 
 
 def score_image(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -44,6 +44,7 @@ class Found:
         legs: height of the legs over the body's height.
         side_share: share of the visible area that is not the front.
         cost: of the fitted box; 0 where the user gave the front.
+        margin: by how much the next-best, different box is worse; 0.5 where there is none.
     """
 
     mask: ObjectMask
@@ -59,6 +60,7 @@ class Found:
     not_a_box: bool = False
     open_object: bool = False
     why: str = ""
+    margin: float = 0.5
 
 
 def find_object(photo: Photo, options: PhotoOptions) -> Found:
@@ -140,15 +142,18 @@ def _best_object(photo: Photo, fits: list[Fit], options: PhotoOptions) -> Found:
         if near and all(_hull_iou(fit[0], c[0]) < 0.9 for c in chosen) and len(chosen) < 3:
             chosen.append(fit)
     best: tuple[float, Found] | None = None
+    values = []
     for cuboid, mask in chosen:
         found = _best_front(photo, mask, cuboid, options)
         shown = [p for p in found.reading.movable if any(b.score > 0.6 for b in p.handles)]
         larger = any(_encloses(cuboid, c) for c, _ in chosen) and mask.method != WHOLE
         value = cuboid.cost + _whole_cost(mask) - HANDLE_GAIN * min(len(shown), 9) - 0.1 * larger
+        values.append(value)
         if best is None or value < best[0]:
             best = value, found
     assert best is not None  # the first fit is always near
-    return best[1]
+    margin = 0.5 if len(values) < 2 else sorted(values)[1] - best[0]
+    return replace(best[1], margin=min(margin, 0.5))
 
 
 def _hull_iou(a: Cuboid, b: Cuboid) -> float:

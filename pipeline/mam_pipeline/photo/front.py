@@ -65,7 +65,13 @@ def read_front(
     panels.sort(key=lambda p: (round(p.box[1] / 20), p.box[0]))
     panels = complete(panels, blobs, size)
     panels = _with_round_door(image, panels, category)
-    return FrontReading(image, tuple(panels), partition.value, panels_confidence(leaves, panels))
+    sides = [leaf.sides for leaf in leaves]
+    details = {
+        "support": float(np.mean(sides)) if sides else 0.0,
+        "weakest": float(np.mean([min(s) for s in sides])) if sides else 0.0,
+    }
+    sure = panels_confidence(leaves, panels)
+    return FrontReading(image, tuple(panels), partition.value, sure, details)
 
 
 def _given_panel(

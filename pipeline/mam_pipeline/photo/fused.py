@@ -190,3 +190,11 @@ def _as_box(box: HintBox | None, to_mesh: tuple[FloatArray, FloatArray]) -> Hint
         (float(center[0]), float(center[1]), float(center[2])),
         (float(size[0]), float(size[1]), float(size[2])),
     )
+
+
+def cut_from_photo(mesh: Mesh, hints: Hints) -> tuple[Mesh, Hints]:
+    """A learned, upright mesh to one that is scaled, turned and cut as the photo's hints say.
+
+    Hints without a moving part leave the mesh whole: it is aligned only, and named as the body.
+    """
+    return cut_panels(align_to_box(mesh, hints), hints)

@@ -64,6 +64,7 @@ def read_photo(path: Path) -> Photo:
                         f"{path.name} has {file.width}x{file.height} pixels; "
                         f"at most {MAX_PIXELS // 1_000_000} megapixels can be read: scale it down"
                     )
+                _usable_shape(path.name, file.width, file.height)
                 if file.format == "JPEG":  # decode large JPEGs at a fraction of their size
                     full = file.size
                     file.draft(None, (KEEP_SIDE, KEEP_SIDE))
@@ -81,17 +82,19 @@ def read_photo(path: Path) -> Photo:
         ) from error
     except Exception as error:  # Pillow raises many kinds on broken files
         raise InputError(f"{path.name} cannot be read as a picture: {error}") from error
-    if min(rgb.shape[:2]) < MIN_SIDE:
+    return make_photo(rgb, alpha, focal35, max(full))
+
+
+def _usable_shape(name: str, width: int, height: int) -> None:
+    if min(width, height) < MIN_SIDE:
         raise InputError(
-            f"{path.name} is {rgb.shape[1]}x{rgb.shape[0]} pixels; "
-            f"at least {MIN_SIDE} on each side are needed"
+            f"{name} is {width}x{height} pixels; at least {MIN_SIDE} on each side are needed"
         )
-    if max(full) > MAX_ASPECT * min(full):
+    if max(width, height) > MAX_ASPECT * min(width, height):
         raise InputError(
-            f"{path.name} is {full[0]}x{full[1]} pixels: too narrow to show an object; "
+            f"{name} is {width}x{height} pixels: too narrow to show an object; "
             f"the long side may be at most {MAX_ASPECT:g} times the short one"
         )
-    return make_photo(rgb, alpha, focal35, max(full))
 
 
 def _reduced(image: Image.Image) -> Image.Image:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mam_pipeline.backends import Availability, Reconstruction
 from mam_pipeline.errors import HintNeeded, NotThisKind
+from mam_pipeline.photo import confidence
 from mam_pipeline.photo.build import BodySpec, CellSpec, HandleSpec, build_object
 from mam_pipeline.photo.cuboid import Cuboid
 from mam_pipeline.photo.find import Found, find_object
@@ -172,15 +173,22 @@ def body_of(photo: Photo, found: Found, sizes: Sizes) -> BodySpec:
 
 
 def judge(found: Found, options: PhotoOptions) -> Judgement:
-    """Turn costs and supports into words; limits calibrated on the synthetic benchmark."""
+    """Turn what was found into words; what the user gave is high.
+
+    The words are those fitted by benchmarks/photo_confidence.py; without such a fit, limits set
+    by hand.
+    """
     words = {
-        "cuboid": "high" if found.front_given else _word(-found.cost, -0.30, -0.62),
-        "panels": "high"
-        if options.layout or options.hints
-        else _word(found.reading.confidence, 0.8, 0.5),
+        "cuboid": _word(-found.cost, -0.30, -0.62),
+        "panels": _word(found.reading.confidence, 0.8, 0.5),
         "handles": _handle_word(found.reading),
-        "scale": "high" if options.height or options.width or options.depth else "low",
+        **confidence.words(found),
     }
+    if found.front_given:
+        words["cuboid"] = "high"
+    if options.layout or options.hints:
+        words["panels"] = "high"
+    words["scale"] = "high" if options.height or options.width or options.depth else "low"
     hint = "--layout" if words["panels"] == "low" and words["cuboid"] != "low" else "--front"
     if words["cuboid"] == "low" and found.mask.method == "grabcut" and options.bbox is None:
         hint = "--bbox"

@@ -92,24 +92,18 @@ def line_response(rgb: NDArray[np.uint8]) -> tuple[Array, Array]:
     grey = cv2.createCLAHE(2.0, (6, 6)).apply(grey)
     found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(grey)[0]
     out = [np.zeros((h, w), np.float32), np.zeros((h, w), np.float32)]
-    for x0, y0, x1, y1 in [] if found is None else found.reshape(-1, 4):
-        length = float(np.hypot(x1 - x0, y1 - y0))
-        if length < 0.03 * max(h, w):
+    ends = np.zeros((0, 4)) if found is None else found.reshape(-1, 4)
+    length = np.hypot(ends[:, 2] - ends[:, 0], ends[:, 3] - ends[:, 1])
+    for k in np.argsort(length, kind="stable"):  # the longest last: it is drawn over the others
+        x0, y0, x1, y1 = (float(v) for v in ends[k])
+        if length[k] < 0.03 * max(h, w):
             continue
-        slope = min(abs(x1 - x0), abs(y1 - y0)) / length
+        slope = min(abs(x1 - x0), abs(y1 - y0)) / float(length[k])
         if slope > 0.045:
             continue
         canvas = out[0] if abs(y1 - y0) > abs(x1 - x0) else out[1]
-        value = min(0.95, 0.35 + 2.2 * length / max(h, w))
-        patch = np.zeros_like(canvas)
-        cv2.line(
-            patch,
-            (round(float(x0)), round(float(y0))),
-            (round(float(x1)), round(float(y1))),
-            value,
-            1,
-        )
-        np.maximum(canvas, patch, out=canvas)
+        value = min(0.95, 0.35 + 2.2 * float(length[k]) / max(h, w))
+        cv2.line(canvas, (round(x0), round(y0)), (round(x1), round(y1)), value, 1)
     return out[0].astype(np.float64), out[1].astype(np.float64)
 
 
