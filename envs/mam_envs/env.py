@@ -341,6 +341,16 @@ class OperateJointEnv(BaseEnv):
         if self._last_action is not None:
             self._last_action[env_idx] = 0.0
 
+    def set_state(self, state: Any, env_idx: torch.Tensor | None = None) -> None:
+        """From the flat vector; ManiSkill's own takes for granted that there are free actors."""
+        self._init_raw_state.setdefault("actors", {})
+        super().set_state(state, env_idx)
+
+    def set_state_dict(self, state: Any, env_idx: torch.Tensor | None = None) -> None:
+        """As ManiSkill's; what the joint jumps thereby counts as no motion."""
+        super().set_state_dict(state, env_idx)
+        self._q_last = self.joint_value()
+
     # -- state of the task -----------------------------------------------------------------
     def _now(self, key: str) -> torch.Tensor:
         """(b,) a goal constant of each sub-scene's present stage."""

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from mam_envs.objects import ObjectModel
 from mam_envs.reach import (
@@ -231,7 +232,7 @@ def _bases(
     facing[2] = 0.0
     if np.linalg.norm(facing) < 0.5:
         facing = np.array([-1.0, 0.0, 0.0])
-    boxes = _swept_boxes(model, goal, q) + world_asset[:3, 3]
+    outlines = _outlines(model, goal, q, world_asset)
     rows, costs = [], []
     start = np.arctan2(facing[1], facing[0])
     rise = abs(handle[2] - height - robot.shoulder)
@@ -241,32 +242,41 @@ def _bases(
         for angle in ANGLES:
             a = start + np.deg2rad(angle)
             at = handle[:2] + flat * np.array([np.cos(a), np.sin(a)])
-            near = np.clip(at, boxes[:, 0, :2], boxes[:, 1, :2])
             # a base under the object's moving part is fine only if that part passes overhead
-            low = boxes[:, 0, 2] <= height + robot.shoulder + 0.3
-            if (low & (np.linalg.norm(at - near, axis=1) < robot.base_radius)).any():
+            if any(
+                (lines[:, :2] @ at + lines[:, 2]).max() < robot.base_radius
+                for lines, low in outlines
+                if low <= height + robot.shoulder + 0.3
+            ):
                 continue
             rows.append(base_pose(robot, at, height, handle[:2]))
             costs.append(0.008 * abs(angle))
     return (np.stack(rows) if rows else np.zeros((0, 4, 4))), np.array(costs)
 
 
-def _swept_boxes(model: ObjectModel, goal: JointGoal, q: FloatArray) -> FloatArray:
-    """(B, 2, 3) boxes that no base may stand in, asset frame: the object at the start, and the
+def _outlines(
+    model: ObjectModel, goal: JointGoal, q: FloatArray, pose: FloatArray
+) -> list[tuple[FloatArray, float]]:
+    """What no base may stand in, world: lines (M, 3) of plan outlines (outside where any row
+    n . (x, y) + d > 0), and the height of their underside. The whole object at the start, and the
     moving links at some moments of the way."""
     moving = model.moving_links(goal.joint)
-    rows = [model.bounds({goal.joint: float(q[0])})]
-    for value in q[:: max(1, len(q) // 4)]:
+    out = []
+    for value, names in ((q[0], tuple(model.pieces)), *((v, moving) for v in q[:: len(q) // 4])):
         poses = model.kinematics.link_poses({goal.joint: float(value)})
-        points = [
+        rows = [
             piece.points @ poses[name][0][:3, :3].T + poses[name][0][:3, 3]
-            for name in moving
+            for name in names
             for piece in model.pieces.get(name, ())
         ]
-        if points:
-            every = np.concatenate(points)
-            rows.append(np.stack([every.min(axis=0), every.max(axis=0)]))
-    return np.stack(rows)
+        if rows:
+            points = np.concatenate(rows) @ pose[:3, :3].T + pose[:3, 3]
+            try:
+                lines = ConvexHull(points[:, :2]).equations
+            except QhullError:  # flat: a line is no obstacle
+                continue
+            out.append((lines, float(points[:, 2].min())))
+    return out
 
 
 def base_pose(

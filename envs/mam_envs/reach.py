@@ -65,7 +65,7 @@ class Search:
     def reason(self, what: str) -> str:
         """Why there is no path, in words."""
         if not self.tried:
-            return f"{what}: there is nowhere to stand"
+            return f"{what}: there is nowhere to stand within reach of it, clear of its motion"
         if not self.reached:
             return f"{what} is out of reach from every place that was tried ({self.tried} poses)"
         if not self.followed:
