@@ -55,12 +55,15 @@ def _head(asset: Asset) -> str:
 
 def _photo(asset: Asset) -> str:
     folder = asset.folder / "stages" / "0_photo"
-    shown = [p for n in ("a_photo", "overlay", "front") for p in folder.glob(f"{n}.*")]
+    shown = [p for n in ("a_photo", "overlay") for p in folder.glob(f"{n}.*")]
     if not shown:
         return ""
     opened = _png(_views(asset, 1.0, views=((-35.0, 20.0),))[0])
     figures = "".join(_figure(_data(p.read_bytes()), p.stem.removeprefix("a_")) for p in shown)
-    return f"<h2>Photo and twin</h2><div class=row>{figures}{_figure(opened, 'opened')}</div>"
+    figures += _figure(opened, "opened")  # beside the photo; what was read on the front comes after
+    front = folder / "front.png"
+    figures += _figure(_data(front.read_bytes()), "front") if front.is_file() else ""
+    return f"<h2>Photo and twin</h2><div class=row>{figures}</div>"
 
 
 def _stage_pictures(asset: Asset) -> str:
