@@ -21,7 +21,8 @@ def bench_vice(b: Builder) -> None:
     foot, g = b.uniform(0.012, 0.03), max(b.gap, 0.0006)
     long, r = travel + 3 * t, 0.012
     b.box("base", (-t, -w / 2, 0), (long, w / 2, foot), "body")
-    studs(b, [(x, s * 0.4 * w, foot) for x in (0.0, long - t) for s in (-1, 1)], (0, 0, 1), 0.006)
+    spots = [(x, s * 0.4 * w, foot) for x in (2 * t, long - 0.5 * t) for s in (-1, 1)]
+    studs(b, spots, (0, 0, 1), 0.006)
     z = foot + 0.4 * h
     bored(b, "base", (0, -w / 2, foot), (t, w / 2, foot + h), "x", (0, z), r + g)
     b.box("base", (t, -0.5 * w, foot + 0.8 * h), (t + 0.004, 0.5 * w, foot + h), "metal")
