@@ -39,11 +39,15 @@ def test_a_turned_box_is_one_box() -> None:
     assert np.linalg.det(shape.pose[:3, :3]) == pytest.approx(1.0)
 
 
-def test_a_cylinder_is_a_cylinder_and_a_ball_a_small_hull() -> None:
+def test_cylinders_and_balls_are_such_and_an_egg_is_a_small_hull() -> None:
     (shape,) = collision_shapes(single(trimesh.creation.cylinder(0.1, 0.4, 48)))["a"]
     assert shape.kind == "cylinder"
     assert shape.size[:2] == pytest.approx([0.1, 0.4], rel=0.02)
-    (shape,) = collision_shapes(single(trimesh.creation.icosphere(4, 0.1)))["a"]
+    ball = trimesh.creation.icosphere(4, 0.1)
+    (shape,) = collision_shapes(single(ball))["a"]
+    assert shape.kind == "sphere" and shape.size[0] == pytest.approx(0.1, rel=0.02)
+    ball.vertices *= [1.0, 1.2, 0.9]
+    shape = max(collision_shapes(single(ball))["a"], key=lambda s: len(s.faces))
     assert shape.kind == "convex" and len(shape.vertices) <= MAX_HULL_POINTS
     assert len(shape.faces) <= 64
 

@@ -106,7 +106,7 @@ def _with_plates(
     found = sample_surface(vertices, faces, _SAMPLES, 7)
     near = [outside(s, found.points) < _BARE * space.diagonal for s in shapes]
     bare = ~np.any(near, axis=0) if near else np.ones(len(found.points), dtype=bool)
-    if bare.mean() < 0.002:
+    if bare.mean() < 0.01:
         return shapes
 
     def good(box: Box) -> bool:
@@ -207,7 +207,7 @@ def _reduced(part: Component) -> tuple[FloatArray, IntArray]:
 
 
 def _shape(chunk: Chunk, margin: float) -> CollisionShape:
-    """The simplest shape that holds a chunk: box (plates too), cylinder, or hull."""
+    """The simplest shape that holds a chunk: box (plates too), cylinder, ball, or hull."""
     points = chunk.points
     hull = hull_of(points)
     box = minimal_box(points, 20)
@@ -218,8 +218,16 @@ def _shape(chunk: Chunk, margin: float) -> CollisionShape:
     cylinder = _cylinder(box, chunk.volume, margin)
     if cylinder is not None:
         return cylinder
+    radius = float(box.half.mean())
+    ball = 4.0 / 3.0 * np.pi * radius**3
+    if np.ptp(box.half) < 0.03 * radius and 0.955 < chunk.volume / ball < 1.01:
+        pose = np.eye(4)
+        pose[:3, 3] = box.center
+        return CollisionShape("sphere", pose=pose, size=np.array([radius - margin, 0.0, 0.0]))
     vertices = _few_points(hull[0])
     middle = (vertices.max(axis=0) + vertices.min(axis=0)) / 2
+    if len(vertices) < len(hull[0]):
+        vertices = middle + (vertices - middle) * _balance(vertices, hull[0], middle)
     least = float(box.half.min())
     if margin > 0.0:
         vertices = middle + (vertices - middle) * (1.0 - min(margin / max(least, 1e-9), 0.1))
@@ -301,6 +309,21 @@ def _few_points(vertices: FloatArray) -> FloatArray:
     winners = np.argmax(directions @ (vertices / scale).T, axis=1)
     chosen, votes = np.unique(winners, return_counts=True)
     return vertices[chosen[np.argsort(-votes, kind="stable")][:count]]
+
+
+def _balance(few: FloatArray, all_points: FloatArray, middle: FloatArray) -> float:
+    """Growth of a hull of few points so that it lies half inside and half outside the full one."""
+    found = hull_of(few)
+    if found is None:
+        return 1.0
+    vertices, faces = found
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    reach = np.einsum("ij,ij->i", normals, a - middle)
+    missing = ((all_points - middle) @ normals.T).max(axis=0) - reach
+    good = reach > 0.2 * np.median(reach)
+    return 1.0 + 0.5 * min(float((missing[good] / reach[good]).max(initial=0.0)), 0.06)
 
 
 def _moving_paths(articulation: Articulation) -> list[FloatArray]:

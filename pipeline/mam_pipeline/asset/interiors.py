@@ -7,12 +7,14 @@ behind the opening. All of it is assumed, is made only where the source was cut,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
 from shapely.geometry import Polygon
 
+from mam_pipeline.asset.dynamics import carried_links
 from mam_pipeline.asset.handles import opening_direction
 from mam_pipeline.asset.surface import weld
 from mam_pipeline.geometry.raycast import RayScene
@@ -50,7 +52,7 @@ def add_interiors(articulation: Articulation) -> tuple[Articulation, list[str]]:
         mine = [loop for child, loop in loops if child == joint.child]
         if not mine or joint.type == "fixed":
             continue
-        more, said = _inside_of(articulation, joint, max(mine, key=len))
+        more, said = _inside_of(articulation, joint, max(mine, key=_perimeter))
         added += more
         notes += [said] if said else []
     return (_extended(articulation, added), notes) if added else (articulation, [])
@@ -76,7 +78,13 @@ def _inside_of(
     play = min(PLAY, 0.004 * diagonal)
     small = polygon.area < _LEAST_AREA * diagonal**2 or joint.subtype == "spin"
     inner = polygon.buffer(-play, join_style="mitre")
-    if small or inner.is_empty or inner.geom_type != "Polygon":
+    # walls in the very outline would lie in the skin of a body without thickness
+    board = min(WALL, 0.01 * diagonal)
+    seat = polygon.buffer(-0.4 * play, join_style="mitre")
+    walls = polygon.buffer(-board, join_style="mitre")
+    inside = polygon.buffer(-(board + play), join_style="mitre")
+    whole = all(p.geom_type == "Polygon" and not p.is_empty for p in (inner, seat, walls, inside))
+    if small or not whole:
         part = flat.cap(polygon, 0.0)
         body = flat.cap(polygon, 0.0)
         said = f"{name}: the cut was closed with flat caps (assumed)"
@@ -86,12 +94,13 @@ def _inside_of(
     out = [_Added(joint.child, *flat.skirt(polygon, inner, panel))]
     if joint.type == "prismatic" and abs(joint.axis @ outward) > 0.9 and abs(outward[2]) < 0.5:
         depth = min(0.9 * room, max(1.25 * travel, 0.5 * room))
-        box = flat.drawer(inner, panel, depth - 2 * play, min(WALL, 0.2 * panel + 0.004))
+        box = flat.drawer(inside, panel, depth - 2 * play, min(WALL, 0.2 * panel + 0.004))
         out.append(_Added(joint.child, *box))
         said = f"{name}: a drawer box of {depth:.2f} m and a compartment for it (assumed)"
     else:
         said = f"{name}: a back, and a compartment of {depth:.2f} m behind it (assumed)"
-    out.append(_Added(joint.parent, *flat.compartment(polygon, depth)))
+    steps = [(seat, min(panel + play, 0.5 * depth)), (walls, depth)]
+    out.append(_Added(joint.parent, *flat.compartment(polygon, steps)))
     return out, said
 
 
@@ -130,15 +139,27 @@ class _Flat:
 
     def skirt(self, outer: Polygon, inner: Polygon, depth: float) -> tuple[FloatArray, IntArray]:
         """From the rim inwards a little smaller, closed at the back."""
+        rim, wall = self._ledge(outer, inner, 0.0), self._wall(inner, 0.0, depth)
+        return _join([rim, wall, self.cap(inner, depth)])
+
+    def compartment(
+        self, polygon: Polygon, steps: Sequence[tuple[Polygon, float]]
+    ) -> tuple[FloatArray, IntArray]:
+        """A pocket behind the outline, open in front: each step narrows it, down to a depth."""
+        out, outer, near = [], polygon, 0.0
+        for inner, far in steps:
+            out += [self._ledge(outer, inner, near), self._wall(inner, near, far)]
+            outer, near = inner, far
+        return _join([*out, self.cap(outer, near)])
+
+    def _ledge(
+        self, outer: Polygon, inner: Polygon, depth: float
+    ) -> tuple[FloatArray, IntArray]:
+        """The flat ring between two outlines at a depth."""
         ring = trimesh.creation.triangulate_polygon(
             Polygon(outer.exterior, [inner.exterior.coords]), engine="earcut"
         )
-        rim = (self.lift(np.asarray(ring[0]), 0.0), np.asarray(ring[1], dtype=np.int64))
-        return _join([rim, self._wall(inner, 0.0, depth), self.cap(inner, depth)])
-
-    def compartment(self, polygon: Polygon, depth: float) -> tuple[FloatArray, IntArray]:
-        """A pocket of the polygon's outline, open in front."""
-        return _join([self._wall(polygon, 0.0, depth), self.cap(polygon, depth)])
+        return self.lift(np.asarray(ring[0]), depth), np.asarray(ring[1], dtype=np.int64)
 
     def drawer(
         self, polygon: Polygon, front: float, back: float, wall: float
@@ -186,7 +207,7 @@ def _room(articulation: Articulation, joint: Joint, flat: _Flat) -> float:
 
 
 def _cut_loops(articulation: Articulation) -> list[tuple[int, FloatArray]]:
-    """(child link, (n, 3) closed rim) of every cut between a link and its parent."""
+    """(child link, (n, 3) closed rim) of every cut between a link and what does not carry it."""
     mesh = articulation.mesh
     triangles = mesh.vertices[mesh.faces]
     vertices, faces, index = weld(triangles, 1e-6 * mesh.diagonal)
@@ -203,11 +224,17 @@ def _cut_loops(articulation: Articulation) -> list[tuple[int, FloatArray]]:
     other = follows[pair]
     out: list[tuple[int, FloatArray]] = []
     for joint in articulation.joints:
-        first = (owner[pair] == joint.child) & (owner[other] == joint.parent)
-        second = (owner[other] == joint.child) & (owner[pair] == joint.parent)
+        # beside its neighbour a door's rim is the neighbour's too
+        rest = np.setdiff1d(np.arange(len(articulation.links)), carried_links(articulation, joint))
+        first = (owner[pair] == joint.child) & np.isin(owner[other], rest)
+        second = (owner[other] == joint.child) & np.isin(owner[pair], rest)
         mine = edges[np.concatenate([pair[first], other[second]])]
         out += [(joint.child, vertices[ring]) for ring in _rings(mine)]
     return out
+
+
+def _perimeter(ring: FloatArray) -> float:
+    return float(np.linalg.norm(np.roll(ring, -1, axis=0) - ring, axis=1).sum())
 
 
 def _rings(edges: IntArray) -> list[IntArray]:
