@@ -21,7 +21,7 @@ from mam_pipeline.world.style import Style
 FAMILIES = (
     "electronics", "vessels", "bins", "controls", "plumbing", "panels", "desk", "instruments",
     "boxes", "luggage", "vehicles", "carts", "seats", "tools", "pocket", "machines", "stations",
-    "primitive", "gadgets", "hangings",
+    "primitive", "units", "gadgets", "hangings", "counter",
 )  # fmt: skip
 NAMES = [name for name, c in categories().items() if c.family in FAMILIES]
 DEEPER = 0.005  # of the diagonal: what executability allows beyond the rest pose
