@@ -5,8 +5,11 @@ from __future__ import annotations
 import csv
 import shutil
 import sys
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from hashlib import sha256
+from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -29,6 +32,7 @@ def generate(
     list_: Annotated[bool, tyro.conf.arg(name="list")] = False,
     textures: bool = True,
     plain: bool = False,
+    jobs: int = 1,
     quiet: bool = False,
 ) -> int:
     """Write procedural objects: static.glb (what a user would have) with its exact asset folder.
@@ -41,6 +45,7 @@ def generate(
         list_: print the categories and stop.
         textures: draw procedural pictures on the materials.
         plain: no styles: the static file is the exact object, metres, Z up in the asset frame.
+        jobs: processes; the files do not depend on how many.
         quiet: no progress on stderr.
     """
     from mam_pipeline.errors import ConfigError
@@ -53,16 +58,18 @@ def generate(
         return 0
     if out is None:
         raise ConfigError("say where to write: mam-sim generate --category NAME --out DIR")
+    if jobs < 1:
+        raise ConfigError(f"--jobs must be at least 1, got {jobs}")
     if count < 1 or seed < 0:
         raise ConfigError(f"count must be at least 1 and seed at least 0, not {count} and {seed}")
     names = list(CATEGORIES) if category == "all" else [find(category).name]
     out.mkdir(parents=True, exist_ok=True)
     rows = []
-    for name in names:
-        for k in range(seed, seed + count):
-            rows.append(_write(name, k, out, textures, plain))
-            if not quiet:
-                print(f"{rows[-1][0]}: {rows[-1][5]} joints", file=sys.stderr)
+    for row in _rows([(n, k) for n in names for k in range(seed, seed + count)], out, textures,
+                     plain, jobs):  # fmt: skip
+        rows.append(row)
+        if not quiet:
+            print(f"{row[0]}: {row[5]} joints", file=sys.stderr)
     with (out / "MANIFEST.csv").open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(COLUMNS)
@@ -71,6 +78,20 @@ def generate(
     if not quiet:
         print(f"next: mam-sim check {out / str(rows[0][0])}", file=sys.stderr)
     return 0
+
+
+def _rows(
+    plan: list[tuple[str, int]], out: Path, textures: bool, plain: bool, jobs: int
+) -> Iterator[list[object]]:
+    """Write the planned objects, in this process or in several; rows come in the plan's order."""
+    if jobs == 1:
+        yield from (_write(name, seed, out, textures, plain) for name, seed in plan)
+        return
+    # fresh processes: forked ones inherit locks of the ray caster's threads
+    with ProcessPoolExecutor(min(jobs, len(plan)), get_context("spawn")) as pool:
+        tasks = [pool.submit(_write, name, seed, out, textures, plain) for name, seed in plan]
+        for task in tasks:
+            yield task.result()
 
 
 def _write(name: str, seed: int, out: Path, textures: bool, plain: bool) -> list[object]:
