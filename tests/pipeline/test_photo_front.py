@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from mam_pipeline.photo.confidence import Scale
+from mam_pipeline.photo.front import with_own_handles
 from mam_pipeline.photo.handles import Blob
 from mam_pipeline.photo.mouldings import moulding_credit, spans
+from mam_pipeline.photo.panel import Panel
 from mam_pipeline.photo.repeat import handles_by_repetition
 from mam_pipeline.photo.seams import candidates, find_seams
 
@@ -88,3 +90,13 @@ def test_confidence_words_follow_their_limits() -> None:
     assert scale.probability({"a": 0.0, "b": 0.0}) == 0.5
     assert scale.probability({"a": 1.0, "b": 0.0}) > scale.probability({"a": 1.0, "b": 1.0})
     assert [scale.word(p) for p in (0.81, 0.8, 0.5, 0.1)] == ["high", "high", "medium", "low"]
+
+
+def test_handles_stay_within_their_panel() -> None:
+    pair = Blob((80, 40, 130, 60), 0.9)  # two knobs on either side of the seam, seen as one
+    left = with_own_handles(Panel((0, 0, 100, 200), "door", "left", (pair,)))
+    right = with_own_handles(Panel((104, 0, 204, 200), "door", "right", (pair,)))
+    assert left.handles[0].box == pytest.approx((80, 40, 98.5, 60))
+    assert right.handles[0].box == pytest.approx((105.5, 40, 130, 60))
+    lost = with_own_handles(Panel((0, 0, 100, 200), "door", "left", (Blob((99, 40, 120, 60), 1),)))
+    assert [b.provenance for b in lost.handles] == ["assumed"]  # a virtual grasp line instead

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -54,7 +54,8 @@ def read_front(
             _given_panel(kind, box, blobs, image, metres_per_pixel, repeated.get(k))
             for k, (kind, box) in enumerate(cells)
         ]
-        return FrontReading(image, tuple(complete(given, blobs, size, True)), 1.0, 1.0)
+        done = tuple(with_own_handles(p) for p in complete(given, blobs, size, True))
+        return FrontReading(image, done, 1.0, 1.0)
     partition = best_partition(seams, blobs)
     leaves = [leaf for leaf in partition.leaves if leaf.kind == "panel"]
     repeated = handles_by_repetition([leaf.box for leaf in leaves], blobs)
@@ -64,7 +65,7 @@ def read_front(
     ]
     panels.sort(key=lambda p: (round(p.box[1] / 20), p.box[0]))
     panels = complete(panels, blobs, size)
-    panels = _with_round_door(image, panels, category)
+    panels = [with_own_handles(p) for p in _with_round_door(image, panels, category)]
     sides = [leaf.sides for leaf in leaves]
     details = {
         "support": float(np.mean(sides)) if sides else 0.0,
@@ -72,6 +73,25 @@ def read_front(
     }
     sure = panels_confidence(leaves, panels)
     return FrontReading(image, tuple(panels), partition.value, sure, details)
+
+
+def with_own_handles(panel: Panel, rim: float = 0.015) -> Panel:
+    """Cut a panel's handles off at its rim: one that reaches over would bar the neighbour's way.
+
+    Two knobs on either side of a seam, or a knob and its shadow, are often one patch.
+    """
+    x0, y0, x1, y1 = panel.box
+    m = min(rim * min(x1 - x0, y1 - y0), 6.0)
+    out = []
+    for b in panel.handles:
+        box = (
+            max(b.box[0], x0 + m), max(b.box[1], y0 + m),
+            min(b.box[2], x1 - m), min(b.box[3], y1 - m),
+        )  # fmt: skip
+        if box[2] - box[0] >= 3 and box[3] - box[1] >= 3:
+            out.append(replace(b, box=box))
+    handles = tuple(out)
+    return panel if handles == panel.handles else virtual_grasp(replace(panel, handles=handles))
 
 
 def _given_panel(
