@@ -138,6 +138,8 @@ def fitting(model: ObjectModel, goal: JointGoal, robot: RobotSpec, hold: Hold) -
         if _touches(model, np.concatenate([fingers, palm]), pose, before, slack):
             return None
     moving = model.moving_links(goal.joint)
+    if not pushing and not _grasps_something(model, hold, start, before, moving, robot):
+        return None
     free = []
     for lag in lags:
         poses = tool_path(model, goal, replace(hold, lag=lag), q)
@@ -149,6 +151,27 @@ def fitting(model: ObjectModel, goal: JointGoal, robot: RobotSpec, hold: Hold) -
         ):
             free.append(lag)
     return replace(hold, lag=free[0], lags=tuple(free)) if free else None
+
+
+def _grasps_something(
+    model: ObjectModel,
+    hold: Hold,
+    pose: FloatArray,
+    q: Mapping[str, float],
+    moving: tuple[str, ...],
+    robot: RobotSpec,
+) -> bool:
+    """Whether any of the part's collision pieces lies between the open fingers."""
+    half = 0.5 * min(hold.grasp.width + 0.02, robot.max_width)
+    axes = (
+        np.linspace(-0.008, 0.008, 3),
+        np.linspace(-half, half, 15),
+        np.linspace(-0.012, robot.tip_ahead, 5),
+    )
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = grid @ pose[:3, :3].T + pose[:3, 3]
+    fixed = tuple(name for name in model.pieces if name not in moving)
+    return bool((model.depth(points, q, fixed) >= 0.0).any())
 
 
 def _touches(
