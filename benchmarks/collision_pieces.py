@@ -101,7 +101,11 @@ def _body(shape: CollisionShape) -> trimesh.Trimesh:
     if shape.kind == "box":
         return trimesh.creation.box(shape.size, transform=shape.pose)
     if shape.kind == "cylinder":
-        return trimesh.creation.cylinder(*shape.size[:2], 32, transform=shape.pose)
+        radius, length = (float(v) for v in shape.size[:2])
+        return trimesh.creation.cylinder(radius, length, 32, transform=shape.pose)
+    if shape.kind == "sphere":
+        ball = trimesh.creation.icosphere(2, float(shape.size[0]))
+        return ball.apply_transform(shape.pose)
     return trimesh.Trimesh(shape.vertices, shape.faces)
 
 

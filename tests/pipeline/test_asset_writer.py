@@ -159,13 +159,16 @@ def test_appearance_of_a_file_comes_through_unchanged(tmp_path: Path, kind: str)
                     seen += 1
                     corners, old = piece.faces[face], source.faces[at]
                     if kind == "colours":
+                        assert piece.colors is not None and source.colors is not None
                         np.testing.assert_array_equal(piece.colors[corners], source.colors[old])
                         continue
+                    assert source.face_material is not None
                     was = source.materials[source.face_material[at]]
                     now = content.materials[piece.material]
                     assert now.image == was.image
                     np.testing.assert_allclose(now.base_color, was.base_color, atol=1e-6)
                     if was.image is not None:
+                        assert piece.uv is not None and source.uv is not None
                         np.testing.assert_array_equal(piece.uv[corners], source.uv[old])
         assert seen == len(link.faces)
 

@@ -158,7 +158,8 @@ def _sweep(
     for joint in joints:
         clock.look()
         pose = {**closed, joint.name: 0.0}
-        found, after = _sweep_at(model, joint, pose, limit), ()
+        found = _sweep_at(model, joint, pose, limit)
+        after: tuple[str, ...] = ()
         if found.penetration > limit.penetration_share:
             neighbours = _neighbours(model, joint)
             opened = {**pose, **{j.name: target.open.get(j.name, _far(j)) for j in neighbours}}
