@@ -6,11 +6,18 @@ import numpy as np
 
 from mam_pipeline.reason.configurations import enumerate_sets, set_features
 from mam_pipeline.reason.corpus import Example, abstract_example
+from mam_pipeline.reason.features import Table, table
 from mam_pipeline.reason.group_features import group_features, joined
 from mam_pipeline.reason.groups import enumerate_groups, expand_groups
 
 # panel and handle, the panel, the handle, another front
 MASKS = np.array([[1, 1, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], dtype=bool)
+
+
+def sizes(*longest: float) -> Table:
+    """Candidates of these lengths, one wide and one thick."""
+    side = np.array(longest)
+    return table({"size0": side, "size1": np.ones(len(side)), "size2": np.ones(len(side))})
 
 
 def measured() -> tuple[Example, np.ndarray, np.ndarray, np.ndarray]:
@@ -22,13 +29,19 @@ def measured() -> tuple[Example, np.ndarray, np.ndarray, np.ndarray]:
 
 
 def test_sets_are_disjoint_and_hold_both_readings_of_a_handle() -> None:
-    sets = enumerate_sets(MASKS, np.array([0.8, 0.9, 0.85, 0.6]))
+    sets = enumerate_sets(MASKS, sizes(3, 2, 1, 3), np.array([0.8, 0.9, 0.85, 0.6]))
     rows = {tuple(r) for r in sets.rows()}
     assert (0, 3) in rows and (1, 2, 3) in rows  # one part, or two
     assert (1, 2) in rows and (1,) in rows  # with and without
     for row in sets.rows():
         assert row and (MASKS[row].sum(axis=0) <= 1).all()
-    assert enumerate_sets(MASKS[:0], np.zeros(0)).rows() == []
+    assert enumerate_sets(MASKS[:0], sizes(), np.zeros(0)).rows() == []
+
+
+def test_what_is_like_a_chosen_part_is_tried_with_it() -> None:
+    masks = np.eye(5, dtype=bool)
+    sets = enumerate_sets(masks, sizes(2, 2, 2, 2, 0.5), np.array([0.9, 0.14, 0.13, 0.12, 0.11]))
+    assert (0, 1, 2, 3) in {tuple(r) for r in sets.rows()}
 
 
 def test_a_set_shows_what_it_leaves_and_how_its_parts_are_bound() -> None:
@@ -36,7 +49,7 @@ def test_a_set_shows_what_it_leaves_and_how_its_parts_are_bound() -> None:
     groups = group_features(item.graph, masks, same, move, None)
     value = item.part_overlap(masks).max(axis=1)
     odds = np.full((len(masks), 3), 1 / 3)
-    sets = enumerate_sets(masks, value)
+    sets = enumerate_sets(masks, groups, value)
     features = set_features(item.graph, masks, groups, value, odds, sets, same, move)
     assert features.values.shape == (len(sets.member), len(features.names))
     assert np.isfinite(features.values).all()

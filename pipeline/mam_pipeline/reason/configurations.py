@@ -19,7 +19,8 @@ from mam_pipeline.types import FloatArray, IntArray
 
 THRESHOLDS = (0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85)
 SPREAD = (0.3, 0.5, 0.7)  # the sets of these thresholds are varied
-MOST = 64  # sets looked at
+MOST = 90  # sets looked at
+LEADERS = 6  # candidates that are tried alone with all that is like them
 RIVALS = 3  # replacements tried for a chosen candidate
 NEWCOMERS = 6  # candidates tried as an addition to a set
 MEASURED = (
@@ -40,11 +41,11 @@ class Sets:
         return [[int(c) for c in np.flatnonzero(row)] for row in self.member]
 
 
-def enumerate_sets(masks: Masks, value: FloatArray) -> Sets:
+def enumerate_sets(masks: Masks, groups: Table, value: FloatArray) -> Sets:
     """Sets of several thresholds and their neighbours: one dropped, added, exchanged or joined.
 
     Args:
-        masks: (C, P). value: (C,) expected overlap with a true part.
+        masks: (C, P). groups: (C, .) their features. value: (C,) expected overlap with a true part.
     """
     count = len(masks)
     found: dict[bytes, Masks] = {}
@@ -63,11 +64,38 @@ def enumerate_sets(masks: Masks, value: FloatArray) -> Sets:
         add(seeds[t])
     best = int(np.argmax(value))
     add([best])
+    like = _alike(groups, 0.15) & ~clash
+    for c in np.argsort(-value, kind="stable")[:LEADERS]:
+        add(_with_twins([int(c)], int(c), like, clash, value))
     order = np.argsort(-value, kind="stable")[: 4 * NEWCOMERS]
     for t in SPREAD:
-        for variant in _variants(masks, value, clash, seeds[t] or [best], order):
+        chosen = seeds[t] or [best]
+        for c in chosen:
+            add(_with_twins(chosen, c, like, clash, value))
+        for variant in _variants(masks, value, clash, chosen, order):
             add(variant)
     return Sets(np.array(list(found.values()), dtype=bool))
+
+
+def _alike(groups: Table, tolerance: float) -> Masks:
+    """(C, C) whether two candidates have the same extents."""
+    extent = np.stack([groups.column(n) for n in ("size0", "size1", "size2")], axis=1)
+    ratio = np.abs(np.log((extent[:, None] + 5e-3) / (extent[None] + 5e-3))).max(axis=2)
+    out: Masks = ratio < tolerance
+    np.fill_diagonal(out, False)
+    return out
+
+
+def _with_twins(
+    chosen: list[int], c: int, like: Masks, clash: Masks, value: FloatArray
+) -> list[int]:
+    """A set with all that is like one of its candidates, best first, wherever nothing clashes."""
+    out = list(chosen)
+    twins = np.flatnonzero(like[c])
+    for t in twins[np.argsort(-value[twins], kind="stable")]:
+        if not clash[t, out].any():
+            out.append(int(t))
+    return out
 
 
 def _variants(
@@ -137,9 +165,7 @@ def _left_over(
     """What a set leaves in the base: good candidates, twins of what it takes, mobile primitives."""
     taken = (k.astype(np.float32) @ masks.astype(np.float32)) > 0  # (M, P)
     free = ~((taken.astype(np.float32) @ masks.T.astype(np.float32)) > 0)  # (M, C)
-    extent = np.stack([groups.column(n) for n in ("size0", "size1", "size2")], axis=1)
-    like = np.abs(np.log((extent[:, None] + 5e-3) / (extent[None] + 5e-3))).max(axis=2) < 0.1
-    np.fill_diagonal(like, False)
+    like = _alike(groups, 0.1)
     apart = masks.astype(np.float32) @ masks.T.astype(np.float32) == 0
     twin = (like & apart).astype(np.float32)
     has_twin = k.astype(np.float32) @ twin > 0  # (M, C) like some chosen one
@@ -151,6 +177,8 @@ def _left_over(
         "twins_taken": (has_twin & k).sum(axis=1) / k.sum(axis=1),
         "twins_left": np.where(free & has_twin, value, 0.0).max(axis=1, initial=0.0),
         "twins_left_n": (free & has_twin & (value > 0.3)).sum(axis=1),
+        "twins_left_faint": (free & has_twin & (value > 0.1)).sum(axis=1),
+        "twins_value": np.where(has_twin & k, value, 1.0).min(axis=1, initial=1.0),
         "rest_move": (rest * weight) @ move / np.maximum(rest @ weight, 1e-9),
         "rest_most": np.where(rest, move, 0.0).max(axis=1, initial=0.0),
         "rest_most_area": (rest * graph.area * (move > 0.5)).sum(axis=1),

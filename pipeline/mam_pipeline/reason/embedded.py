@@ -67,7 +67,7 @@ def decide(graph: Graph, prior: KinematicPrior | None, scores: Scores) -> tuple[
     odds = scores.subtype(groups)
     chosen: list[int] = []
     if value.max() > RESCUE:
-        sets = enumerate_sets(masks, value)
+        sets = enumerate_sets(masks, groups, value)
         quality = scores.choose(set_features(graph, masks, groups, value, odds, sets, same, move))
         chosen = sets.rows()[int(np.argmax(quality))]
         chosen.sort(key=lambda c: -value[c])

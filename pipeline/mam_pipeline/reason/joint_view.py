@@ -29,6 +29,7 @@ def with_joints(
     for index, node in enumerate(tree.nodes):
         owner[list(node.primitives)] = index
     face_node = owner[primitives.labels]
+    faces = [np.flatnonzero(face_node == k) for k in range(len(tree.nodes))]
     nodes = [tree.nodes[0]]
     for index, node in enumerate(tree.nodes[1:], start=1):
         moving = np.isin(face_node, _carried(tree, index))
@@ -38,6 +39,7 @@ def with_joints(
             np.flatnonzero(~moving),
             frame=frame,
             parent_faces=np.flatnonzero(face_node == node.parent),
+            others=[f for k, f in enumerate(faces) if k > 0 and not moving[f].any()],
             seed=seed,
         )
         odds = kind_probabilities(candidates)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import gzip
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from importlib import resources
 from typing import Any, Protocol
@@ -83,19 +83,27 @@ class RuleScores:
 
 
 class LearnedScores:
-    """Boosted trees. `boosters` by name (MODELS); `settings`: the calibration curve."""
+    """Boosted trees: the mean of several members that were trained on corpora of their own.
 
-    def __init__(self, boosters: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
-        self.boosters = boosters
+    Args:
+        members: boosters by name (MODELS); whole sets are judged by the last member alone.
+        settings: the calibration curve, (value, odds) pairs.
+    """
+
+    def __init__(self, members: Sequence[Mapping[str, Any]], settings: Mapping[str, Any]) -> None:
+        self.members = tuple(members)
         self._curve = np.asarray(settings["calibration"], dtype=np.float64)  # (k, 2) value, odds
 
     def _predict(self, name: str, features: Table) -> FloatArray:
-        booster = self.boosters[name]
-        if tuple(booster.feature_name()) != features.names:
-            raise ValueError(f"the weights {name!r} were trained on other features; train again")
-        if len(features.values) == 0:
-            return np.zeros(0)
-        out: FloatArray = booster.predict(features.values, num_threads=1)
+        boosters = [self.members[-1][name]] if name == "choose" else [m[name] for m in self.members]
+        answers = []
+        for booster in boosters:
+            if tuple(booster.feature_name()) != features.names:
+                raise ValueError(f"weights {name!r} were trained on other features; train again")
+            if len(features.values) == 0:
+                return np.zeros(0)
+            answers.append(booster.predict(features.values, num_threads=1))
+        out: FloatArray = np.mean(answers, axis=0)
         return out
 
     def same(self, pairs: Table) -> FloatArray:
@@ -136,9 +144,14 @@ def load_scores() -> Scores:
         return RuleScores()
     import lightgbm
 
-    boosters = {}
-    for name in MODELS:
-        text = gzip.decompress((folder / f"{name}.txt.gz").read_bytes()).decode("utf-8")
-        boosters[name] = lightgbm.Booster(model_str=text)
     settings = json.loads((folder / "settings.json").read_text(encoding="utf-8"))
-    return LearnedScores(boosters, settings)
+    members = []
+    for member in settings["members"]:
+        boosters = {}
+        for name in MODELS:
+            file = folder / f"{member}_{name}.txt.gz"
+            if file.is_file():
+                text = gzip.decompress(file.read_bytes()).decode("utf-8")
+                boosters[name] = lightgbm.Booster(model_str=text)
+        members.append(boosters)
+    return LearnedScores(members, settings)

@@ -24,7 +24,7 @@ import lightgbm
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from mam_pipeline.reason.configurations import Sets, enumerate_sets, set_features
+from mam_pipeline.reason.configurations import enumerate_sets, set_features
 from mam_pipeline.reason.corpus import FUSED, load_example
 from mam_pipeline.reason.embedded import decide
 from mam_pipeline.reason.features import Table, pair_features, primitive_features
@@ -47,6 +47,7 @@ COMMON: dict[str, Any] = {
 OVERLAP: dict[str, Any] = {"objective": "cross_entropy"}
 TYPES: dict[str, Any] = {"objective": "multiclass", "num_class": 3}
 WORTH = np.array([2 / 3, 1 / 3])  # of mIoU and of the right count, in a set's score
+DRAW = 0.8  # share of the corpus that trains one member
 SETS = 28  # sets of one look that train the set model
 
 
@@ -217,23 +218,25 @@ class Guess:
     odds: FloatArray
 
 
-def options(item: Look, guess: Guess) -> tuple[Sets, Table, np.ndarray]:
-    """Sets of candidates of one look, their features, and their (mIoU, count right)."""
+def options(item: Look, guess: Guess) -> tuple[Table, np.ndarray]:
+    """Features of the sets of candidates of one look, and their (mIoU, count right)."""
     graph = load_example(item.path).graph
-    sets = enumerate_sets(item.masks, guess.value)
+    sets = enumerate_sets(item.masks, item.features, guess.value)
     features = set_features(
         graph, item.masks, item.features, guess.value, guess.odds, sets, item.same, item.move
     )
-    return sets, features, np.array([outcome(item, chosen) for chosen in sets.rows()])
+    return features, np.array([outcome(item, chosen) for chosen in sets.rows()])
 
 
 def fit_choice(looks: list[Look], guesses: list[Guess]) -> Any:
     """The model of a whole set's score."""
     rows, rng = Rows.empty(), np.random.default_rng(2)
+    tried = []
     for item, guess in zip(looks, guesses):
         if item.truth == 0 or len(item.masks) == 0:
             continue
-        _, features, result = options(item, guess)
+        features, result = options(item, guess)
+        tried.append((item, guess, features, result))
         target = result @ WORTH
         keep = rng.permutation(len(target))[:SETS]
         keep = np.unique(np.append(keep, target.argmax()))
@@ -241,13 +244,11 @@ def fit_choice(looks: list[Look], guesses: list[Guess]) -> Any:
         rows.add(_rows(features, keep), target[keep], weight, item.fold)
     held = [rows.fit(200, k, **OVERLAP) for k in range(FOLDS)]
     report = []
-    for item, guess in zip(looks, guesses):
-        if item.truth and len(item.masks):
-            _, features, result = options(item, guess)
-            best = int(np.argmax(held[item.fold].predict(features.values, num_threads=1)))
-            plain = select_groups(item.masks, guess.value, 0.6)
-            oracle = result[int(np.argmax(result @ WORTH))]
-            report.append([*result[best], *outcome(item, plain), *oracle])
+    for item, guess, features, result in tried:
+        best = int(np.argmax(held[item.fold].predict(features.values, num_threads=1)))
+        plain = select_groups(item.masks, guess.value, 0.6)
+        oracle = result[int(np.argmax(result @ WORTH))]
+        report.append([*result[best], *outcome(item, plain), *oracle])
     names = "chosen, by threshold, best of the sets"
     print(f"cross-fitted (mIoU, count): {names}: {np.mean(report, axis=0).round(3)}",
           file=sys.stderr, flush=True)  # fmt: skip
@@ -299,48 +300,22 @@ def calibrate(answers: list[tuple[Look, FloatArray, list[int]]]) -> list[tuple[f
 
 
 def validate(
-    paths: list[Path], models: dict[str, Any], with_prior: bool
+    paths: list[Path], members: list[dict[str, Any]], with_prior: bool
 ) -> list[tuple[Look, FloatArray, list[int]]]:
     """What the finished models choose on examples that they have not seen."""
-    scores = LearnedScores(models, {"calibration": [(0, 0), (1, 1)]})
+    scores = LearnedScores(members, {"calibration": [(0, 0), (1, 1)]})
     out = []
     for path in paths:
         example = load_example(path)
-        item = look(path, models["same"], models["move"], with_prior)
+        item = look(path, members[-1]["same"], members[-1]["move"], with_prior)
         item.masks, choice = decide(example.graph, example.prior() if with_prior else None, scores)
         item.overlap = example.part_overlap(item.masks)
         out.append((item, choice.value, list(choice.chosen)))
     return out
 
 
-def save(models: dict[str, Any], settings: dict[str, Any], out: Path) -> None:
-    """Write the weights as package data."""
-    out.mkdir(parents=True, exist_ok=True)
-    for name in MODELS:
-        text = models[name].model_to_string().encode("utf-8")
-        with gzip.GzipFile(out / f"{name}.txt.gz", "wb", mtime=0) as stream:
-            stream.write(text)
-    (out / "settings.json").write_text(json.dumps(settings, indent=1), encoding="utf-8")
-
-
-def main(arguments: list[str] | None = None) -> None:
-    """Make the corpus, train, calibrate on validation, write the weights."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--count", type=int, default=1200, help="objects of the world")
-    parser.add_argument("--abstract", type=int, default=400, help="abstract objects")
-    parser.add_argument("--fused", type=int, default=500, help="fused objects of either sort")
-    parser.add_argument("--validation", type=int, default=100, help="objects of each sort")
-    parser.add_argument("--cache", type=Path, required=True, help="folder for examples")
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "weights")
-    options = parser.parse_args(arguments)
-    train = gather(jobs("train", options.count, options.abstract, options.fused), options.cache)
-    few = options.validation
-    held = gather(jobs("validation", few, few, few), options.cache)
-    fit(train, held, options.out)
-
-
-def fit(train: list[Path], held: list[Path], out: Path) -> None:
-    """Train every model on examples, report on held-back ones, write the weights."""
+def fit_member(train: list[Path]) -> dict[str, Any]:
+    """All models of one member, trained on examples."""
     folds, models = fit_bonds(train)
     print("pair and primitive models are trained", file=sys.stderr, flush=True)
     looks = []
@@ -354,19 +329,55 @@ def fit(train: list[Path], held: list[Path], out: Path) -> None:
         widen(item, first[item.fold])
     print("looks are widened", file=sys.stderr, flush=True)
     final, guesses = fit_groups(looks, first)
-    models |= final
-    models["choose"] = fit_choice(looks, guesses)
-    settings: dict[str, Any] = {"objects": len(train), "recipe": __doc__.splitlines()[0]}
+    return models | final | {"choose": fit_choice(looks, guesses)}
+
+
+def finish(members: list[dict[str, Any]], held: list[Path], sizes: list[int], out: Path) -> None:
+    """Score the members together on held-back examples, calibrate, write the weights."""
+    settings: dict[str, Any] = {"objects": sizes, "members": [str(k) for k in range(len(members))]}
     for with_prior in (False, True):
-        answers = validate(held, models, with_prior)
+        answers = validate(held, members, with_prior)
         result = np.array([outcome(item, chosen) for item, _, chosen in answers])
         fused = np.array([item.path.stem.endswith(FUSED) for item, _, _ in answers])
         settings |= {"calibration": calibrate(answers)}
         tag = f"validation_{'with' if with_prior else 'without'}_prior"
         for name, rows in (("", ~fused), ("_fused", fused)):
             settings[tag + name] = result[rows].mean(axis=0).round(4).tolist() if rows.any() else []
-    save(models, settings, out)
+    out.mkdir(parents=True, exist_ok=True)
+    for old in out.glob("*.txt.gz"):
+        old.unlink()
+    for member, models in zip(settings["members"], members):
+        for name in MODELS:
+            if name == "choose" and member != settings["members"][-1]:
+                continue
+            text = models[name].model_to_string().encode("utf-8")
+            with gzip.GzipFile(out / f"{member}_{name}.txt.gz", "wb", mtime=0) as stream:
+                stream.write(text)
+    (out / "settings.json").write_text(json.dumps(settings, indent=1), encoding="utf-8")
     print(json.dumps({k: v for k, v in settings.items() if k != "calibration"}))
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Make the corpus, train the members on draws of it, write the weights."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, default=3300, help="objects of the world")
+    parser.add_argument("--abstract", type=int, default=600, help="abstract objects")
+    parser.add_argument("--fused", type=int, default=900, help="fused objects of either sort")
+    parser.add_argument("--validation", type=int, default=100, help="objects of each sort")
+    parser.add_argument("--members", type=int, default=2, help="models whose mean is taken")
+    parser.add_argument("--cache", type=Path, required=True, help="folder for examples")
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "weights")
+    options = parser.parse_args(arguments)
+    train = gather(jobs("train", options.count, options.abstract, options.fused), options.cache)
+    few = options.validation
+    held = gather(jobs("validation", few, few, few), options.cache)
+    members, sizes = [], []
+    for seed in range(options.members):
+        order = np.random.default_rng(seed).permutation(len(train))
+        draw = [train[k] for k in order[: int(DRAW * len(train))]]
+        members.append(fit_member(draw))
+        sizes.append(len(draw))
+    finish(members, held, sizes, options.out)
 
 
 if __name__ == "__main__":
