@@ -41,6 +41,7 @@ class Hold:
         lags: shares of the part's turn that the hand may follow (1 = rigid; less where the
             fingers can pivot round a bar); `lag` is the one in use.
         cost: how unnatural it is, for ranking.
+        room: how much wider than the thing the fingers open, metres.
     """
 
     grasp: CardGrasp
@@ -49,6 +50,7 @@ class Hold:
     lag: float = 1.0
     cost: float = 0.0
     lags: tuple[float, ...] = (1.0,)
+    room: float = 0.04
 
 
 def turn(axis: FloatArray, angle: float) -> FloatArray:
@@ -91,7 +93,8 @@ def holds(
     fits = [h for h in (fitting(model, goal, robot, hold) for hold in out) if h is not None]
     if out and not fits:
         raise PlacementError(
-            f"{name}: a {robot.uid}'s hand cannot get at {goal.joint!r} without hitting the object"
+            f"{name}: a {robot.uid}'s hand cannot get at {goal.joint!r} without hitting the "
+            "object, or finds nothing of it there"
         )
     if not out and shallow:
         raise PlacementError(
@@ -284,7 +287,7 @@ def goal_values(goal: JointGoal, count: int = WAYPOINTS, q_now: float | None = N
 
 def hold_opening(robot: RobotSpec, hold: Hold) -> float:
     """Gripper command before closing: the handle's width and some room."""
-    return robot.opening(min(robot.max_width, hold.grasp.width + 0.04))
+    return robot.opening(min(robot.max_width, hold.grasp.width + hold.room))
 
 
 def backed(tool: FloatArray, distance: float) -> FloatArray:

@@ -97,7 +97,7 @@ def place(
         try:
             found = _stand(model, goals, robot, candidates, chance)
         except PlacementError as error:
-            refusal = refusal or error
+            refusal = refusal if refusal and model.grasps(goal.joint) else error
             continue
         if best is None or found.robust > best.robust:
             best = found

@@ -158,7 +158,8 @@ def _pinches(model: ObjectModel, goal: JointGoal, robot: RobotSpec, skin: Skin) 
             # a grip in line with the motion cannot slip; a far one needs the least force
             cost = 0.5 + 0.4 * (1 - along[i]) + 0.8 * (1 - skin.lever[i]) + 0.3 * max(0.0, a[2])
             for flipped in (tool, tool @ np.diag([-1.0, -1.0, 1.0, 1.0])):
-                out.append(Hold(grasp, "grip", flipped, 1.0, float(cost), (1.0, 0.6, 0.25)))
+                lags = (1.0, 0.6, 0.25)
+                out.append(Hold(grasp, "grip", flipped, 1.0, float(cost), lags, room=ROOM))
     return out
 
 
