@@ -90,8 +90,7 @@ lerobot-replay --robot.type=mam_sim {body} \\
 
 `observation.state` is, in this order: {", ".join(f"`{s}`" for s in states)}.
 The motors come from the arm. The rest must come from perception (a marker on the front, a depth
-camera; best on the hand, where errors of the arm's calibration cancel), in this order behind the
-motors:
+camera), in this order behind the motors:
 
 {chr(10).join(rows)}
 
