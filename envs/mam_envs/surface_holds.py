@@ -203,11 +203,14 @@ def _roomy(model: ObjectModel, robot: RobotSpec, skin: Skin, rows: list[Hold]) -
     opened = robot.closed if rows[0].mode == "push" else robot.opening(0.6 * robot.max_width)
     fingers, palm = robot.hand_surface(opened)
     few = [p[:: max(1, len(p) // 12)] for p in (fingers[fingers[:, 2] < -0.005], palm) if len(p)]
-    hand = np.concatenate(few)
+    # the way in, close enough together to notice a thin wall: no hand from inside a closed body
+    way_in = np.outer(np.arange(0.015, 0.5, 0.008), [0.0, 0.0, -1.0])
+    hand = np.concatenate([*few, way_in])
     tools = np.stack([h.tool for h in rows])
     points = np.einsum("nij,pj->npi", tools[:, :3, :3], hand) + tools[:, None, :3, 3]
     depth = model.depth(points.reshape(-1, 3), skin.start).reshape(len(rows), -1)
-    free = depth.max(axis=1) < 0.006
+    inside = depth[:, -len(way_in) :].max(axis=1) > 0.0
+    free = (depth.max(axis=1) < 0.006) & ~inside
     return [h for h, ok in zip(rows, free) if ok]
 
 

@@ -15,7 +15,6 @@ from mam_envs.placement import object_pose, place
 from mam_envs.reach import PlacementError, holds, tool_path
 from mam_envs.robots import robot_spec
 from mam_envs.spec import EnvConfig, RandomisationConfig, TaskConfig, joint_goal
-from mam_envs.surface_holds import surface_holds
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import ConfigError, NotPhysicalError
 
@@ -108,24 +107,6 @@ def test_refusals_name_the_reason(drawer: Path, tmp_path: Path) -> None:
     with pytest.raises(PlacementError, match="too heavy: it needs 500 N"):
         refuse(heavy)
     assert issubclass(PlacementError, NotPhysicalError)
-
-
-def test_a_part_without_named_grasps_is_held_by_its_surface(drawer: Path, tmp_path: Path) -> None:
-    bare = edited(drawer, tmp_path / "bare")
-    card = json.loads((bare / "asset.json").read_text())
-    card["grasps"] = []
-    (bare / "asset.json").write_text(json.dumps(card))
-    model, robot = model_of(bare), robot_spec("panda")
-    goal = joint_goal(model, "joint_1", "open", TaskConfig())
-    with pytest.raises(PlacementError, match="offers nothing to hold"):
-        holds(model, goal, robot)
-    found = surface_holds(model, goal, robot)
-    assert found
-    for hold in found:
-        # the bar stands 4 cm in front of the closed drawer: nothing else of it can be got at
-        assert hold.grasp.position[0] < -0.18
-        assert hold.grasp.width <= robot.max_width
-        np.testing.assert_allclose(np.linalg.det(hold.tool[:3, :3]), 1.0, atol=1e-9)
 
 
 def test_depth_agrees_with_the_boxes(drawer: Path) -> None:
