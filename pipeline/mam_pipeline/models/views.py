@@ -74,7 +74,8 @@ def look(
     out = []
     for azimuth, elevation in directions:
         pose = camera_pose(centre, away, azimuth, elevation)
-        middle, half = np.zeros(2), float(np.tan(fov / 2))
+        middle: FloatArray = np.zeros(2)
+        half = float(np.tan(fov / 2))
         if tight or focus is not None:
             middle, half = _window(points, pose, margin)
         x, y = np.meshgrid(middle[0] + grid * half, middle[1] + grid * half)
