@@ -7,7 +7,7 @@ reward and plain flags; it is no wrapper, so `unwrapped` stays what the checker 
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -19,7 +19,9 @@ from mam_envs.env import OperateJointEnv
 class SingleEnv(gym.Env[Any, Any]):
     """One OperateJoint environment on the CPU; takes the same arguments (num_envs stays 1)."""
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 20}
+    metadata: dict[str, Any] = {  # noqa: RUF012 - declared so by gymnasium
+        "render_modes": ["rgb_array"], "render_fps": 20,
+    }  # fmt: skip
 
     def __init__(self, render_mode: str | None = None, **kwargs: Any) -> None:
         self.inner = OperateJointEnv(render_mode=render_mode, num_envs=1, **kwargs)

@@ -144,6 +144,8 @@ class _Sweep:
         )
         if (fine.max(axis=0) < PINNED * self.diagonal).any():
             near = 0.0  # a pin or a knuckle: both bodies meet on the line
+        elif self._in_bearing(parent, low, high):
+            near = float(np.quantile(fine[0, ::4], 0.2))
         else:
             # mounts may sit at the ends alone: a fifth of the line must lie on each body
             near = float(np.quantile(fine[:, ::4], 0.2, axis=1).max())
@@ -159,14 +161,32 @@ class _Sweep:
 
     def _round_about_line(self) -> bool:
         """Whether the part is a ring, cap or knob about the line: the line need not touch it."""
-        arm = self.mesh.vertices[np.unique(self.mesh.faces[self.part])] - self.joint.origin
+        _, sector, radius = self._about_line(self.part)
+        reach = np.zeros(SECTORS)
+        np.maximum.at(reach, sector, radius)
+        return bool(reach.min() > 0 and reach.max() < ROUND * reach.min())
+
+    def _in_bearing(self, parent: IntArray, low: float, high: float) -> bool:
+        """Whether the parent is a round hole about the line, where the part's shaft runs in it."""
+        along, sector, radius = self._about_line(parent)
+        margin = 0.02 * self.diagonal
+        there = (along > low - margin) & (along < high + margin)
+        reach = np.full(SECTORS, np.inf)
+        np.minimum.at(reach, sector[there], radius[there])
+        return bool(np.isfinite(reach).all() and reach.max() < ROUND * reach.min())
+
+    def _about_line(self, faces: IntArray) -> tuple[FloatArray, IntArray, FloatArray]:
+        """Along the line, sector about it and distance from it, of samples and vertices."""
+        spots = np.concatenate([
+            self.mesh.vertices[np.unique(self.mesh.faces[faces])],
+            sample_surface(self.mesh.vertices, self.mesh.faces[faces], 2000, 5).points,
+        ])  # fmt: skip
+        arm = spots - self.joint.origin
         guess = np.eye(3)[int(np.abs(self.joint.axis).argmin())]
         side: FloatArray = np.asarray(unit(np.cross(self.joint.axis, guess)), dtype=np.float64)
         x, y = arm @ side, arm @ np.cross(self.joint.axis, side)
         sector = ((np.arctan2(y, x) / (2 * np.pi) + 1.0) * SECTORS).astype(int) % SECTORS
-        reach = np.zeros(SECTORS)
-        np.maximum.at(reach, sector, np.hypot(x, y))
-        return bool(reach.min() > 0 and reach.max() < ROUND * reach.min())
+        return arm @ self.joint.axis, sector, np.hypot(x, y)
 
     def _hub_gap(self) -> float:
         """How far the axis of a part that turns round and round misses the part's own hull.

@@ -25,7 +25,7 @@ STRICT = 0.0045  # deepest crossing that the paper's rule allows, of the diagona
 IN_HAND = 0.9  # share of the check's tolerances that a range may use up
 HINGE_CAP = np.pi / 2
 SLIDE_CAP = 0.8  # of the part's extent along the slide: drawers keep some of their rails
-BACK_OFF = 0.97  # of the way to a collision: where exactly it begins is within sampling's error
+BACK_OFF = 0.93  # of the way to a collision: where exactly it begins is within sampling's error
 MOVES = 0.25  # a hypothesis by which the part goes this share of the usual way is believed
 
 
