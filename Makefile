@@ -12,7 +12,7 @@ demo: setup
 test: setup
 	@$(VENV)/python -m ruff check .
 	@$(VENV)/python -m mypy
-	@$(VENV)/python -m pytest
+	@$(VENV)/python -m pytest -n 2 --dist loadfile
 
 lint: setup
 	$(VENV)/python -m ruff check .

@@ -126,7 +126,7 @@ def candidates(
     # a wide moulding answers with a plateau: its middle stands for it, not each of its pixels
     score = ndimage.gaussian_filter1d(score, 0.8)
     order_by = score + 0.3 * ndimage.gaussian_filter1d(power, 1.0)
-    apart = max(5, round(0.013 * size))
+    apart = max(5, round(0.013 * max(response.shape)))
     margin = max(3, round(0.012 * size))
     order_by[:margin] = order_by[size - margin :] = 0.0
     chosen: list[int] = []
