@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import fast_simplification
 import numpy as np
 import open3d as o3d
 from numpy.typing import ArrayLike, NDArray
@@ -140,11 +141,10 @@ def _volume(vertices: FloatArray, faces: IntArray) -> float:
 
 
 def _decimated(vertices: FloatArray, faces: IntArray, target: int) -> tuple[FloatArray, IntArray]:
-    legacy = o3d.geometry.TriangleMesh(
-        o3d.utility.Vector3dVector(vertices), o3d.utility.Vector3iVector(faces.astype(np.int32))
+    small, triangles = fast_simplification.simplify(
+        vertices.astype(np.float32), faces.astype(np.int32), target_count=target
     )
-    small = legacy.simplify_quadric_decimation(int(target))
-    return np.asarray(small.vertices), np.asarray(small.triangles).astype(np.int64)
+    return np.asarray(small, dtype=np.float64), np.asarray(triangles, dtype=np.int64)
 
 
 def _noisy(vertices: FloatArray, faces: IntArray, sigma: float, seed: int) -> FloatArray:
