@@ -26,6 +26,7 @@ from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.hints import Hints, load_hints, save_hints
 from mam_pipeline.models import settings
 from mam_pipeline.prior.masks import save_masks
+from mam_pipeline.reason.hints import along_nodes
 from mam_pipeline.stages import Engine, EngineConfig, OnStage, front_yaw, moved
 from mam_pipeline.types import Articulation, FloatArray, Mesh
 
@@ -62,6 +63,7 @@ class Source:
     articulation: Articulation | None = None
     summary: str = ""
     notes: tuple[str, ...] = ()
+    shell: bool = False  # perhaps one closed skin: what is cut out of it needs an inside
 
 
 def kind_of(path: Path) -> str:
@@ -136,7 +138,7 @@ def make_asset(
             backends=used,
             seconds=seconds,
             notes=[n for n in (read.summary, *read.notes) if n],
-            interiors=config.interiors and kind == "mesh",
+            interiors=config.interiors and read.shell,
         )
         seconds["asset"] = round(time.perf_counter() - started, 3)
         (stages / "frame.json").write_text(json.dumps({"asset_T_engine": yaw.tolist()}))
@@ -170,8 +172,9 @@ def _read(source: Path, kind: str, config: MakeConfig, stages: Path) -> Source:
 
         got = load_mesh(source, up=config.up, height=config.height, scale=config.scale)
         return Source(
-            kind, got.mesh, got.source_to_asset, got.metres_per_unit, got.metres_per_unit_source
-        )
+            kind, got.mesh, got.source_to_asset, got.metres_per_unit, got.metres_per_unit_source,
+            shell=True,
+        )  # fmt: skip
     if kind == "urdf":
         from mam_pipeline.urdf_input import read_urdf
 
@@ -198,8 +201,9 @@ def _read_photo(source: Path, config: MakeConfig, stages: Path) -> Source:
     (folder / "report.json").write_text(json.dumps(report, indent=1, default=str))
     scale_from = "assumed" if "scale" in made.assumed else "user"
     return Source(
-        "photo", made.mesh, np.eye(4), 1.0, scale_from, hints=made.hints, summary=made.summary
-    )
+        "photo", made.mesh, np.eye(4), 1.0, scale_from, hints=made.hints, summary=made.summary,
+        shell=name != "embedded",  # its parts are built hollow
+    )  # fmt: skip
 
 
 def _engine(
@@ -221,6 +225,7 @@ def _engine(
         lambda: engine.segment(mesh),
         stage_files.PRIMITIVES,
     )
+    primitives = along_nodes(primitives, mesh, hints)
     prior, key_prior = keeper.run(
         "2_prior",
         [key, names.prior, settings.identity("prior", names.prior), seed, hints_key],

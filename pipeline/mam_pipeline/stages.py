@@ -56,8 +56,10 @@ def articulate_mesh(
         NotPhysicalError: nothing movable was found.
         BackendError: a backend named in the config cannot run.
     """
+    from mam_pipeline.reason.hints import along_nodes
+
     engine = Engine(config, on_stage)
-    primitives = engine.segment(mesh)
+    primitives = along_nodes(engine.segment(mesh), mesh, hints)
     prior = engine.observe(mesh, primitives, hints)
     tree = engine.reason(mesh, primitives, prior, hints)
     articulation = engine.solve(mesh, primitives, tree)

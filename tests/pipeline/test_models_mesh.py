@@ -131,6 +131,25 @@ def test_a_runner_makes_a_mesh_of_the_asked_height(
     assert np.ptp(made.mesh.bounds[:, 2]) == pytest.approx(0.5)
 
 
+def test_a_learned_shell_is_cut_along_the_panels_of_its_photo(
+    script: Callable[[str], str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    photo = Path(__file__).parents[2] / "examples" / "nightstand.jpg"
+    trimesh.creation.box((0.9, 1.1, 0.76)).subdivide().export(tmp_path / "shell.glb")
+    source = str(tmp_path / "shell.glb")
+    code = f"(out / 'mesh.glb').write_bytes(pathlib.Path({source!r}).read_bytes())"
+    monkeypatch.setenv("MAM_SIM_TRIPOSR", script(code))
+    made = TripoSrReconstructor().reconstruct(photo, {"height": 0.7})
+    size = np.ptp(made.mesh.bounds, axis=0)
+    assert size[2] == pytest.approx(0.7)
+    assert size[1] == pytest.approx(0.7 * 0.9 / 1.1)  # the shell's own proportions
+    names = [f"drawer_{k}_skin" for k in range(3)]
+    assert list(made.mesh.group_names[1:]) == names
+    assert [p.nodes[0] for p in made.hints.parts[1:]] == names
+    assert made.confidence["cuboid"] == "high" and "overlay" in made.pictures
+    assert "3 parts cut" in made.summary
+
+
 def test_the_object_is_cut_out_of_its_photo(tmp_path: Path) -> None:
     photo = _photo(tmp_path)
     alpha = np.asarray(cut_out(photo, {}))[..., 3]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.geometry.fuse import fuse_mesh
@@ -11,7 +12,10 @@ from mam_pipeline.hints import Hints
 from mam_pipeline.photo.build import BodySpec, CellSpec, HandleSpec, build_object
 from mam_pipeline.photo.fused import BODY, align_to_box, cut_from_photo, cut_panels
 from mam_pipeline.photo.split import split_mesh
-from mam_pipeline.types import Mesh
+from mam_pipeline.reason.hints import along_nodes, part_primitives
+from mam_pipeline.types import Mesh, Primitives
+
+QUARTER = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # a turn about Z
 
 
 def cabinet() -> tuple[Mesh, Hints]:
@@ -125,3 +129,17 @@ def test_a_photo_without_panels_only_aligns(fused: tuple[Mesh, Hints]) -> None:
 def test_hints_without_a_body_are_refused(fused: tuple[Mesh, Hints]) -> None:
     with pytest.raises(ConfigError, match="no box of the body"):
         align_to_box(fused[0], Hints())
+
+
+def test_a_panel_cut_out_of_a_flat_face_becomes_a_primitive() -> None:
+    _, hints = cabinet()
+    plain = trimesh.creation.box((0.5, 0.75, 1.0)).subdivide()  # no groove, another scale
+    cut, named = cut_from_photo(Mesh(plain.vertices @ QUARTER, plain.faces), hints)
+    whole = Primitives(np.zeros(len(cut.faces), dtype=np.int64))
+    divided = along_nodes(whole, cut, named)
+    assert divided.count == 4
+    for number, part in enumerate(named.parts[1:], start=1):
+        mine = part_primitives(part, divided, cut)
+        assert np.array_equal(np.isin(divided.labels, mine), cut.face_group == number)
+    assert along_nodes(divided, cut, named) is divided
+    assert along_nodes(whole, cut, Hints()) is whole

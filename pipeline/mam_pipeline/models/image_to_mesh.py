@@ -1,7 +1,7 @@
 """Learned reconstructors: Hunyuan3D-2 / 2.1 over HTTP, TripoSR and TripoSG through runners.
 
-Whatever mesh comes back is brought upright and to scale by the cuboid that the embedded
-reconstructor fits to the same photo, and its parts hints travel along where that fit succeeded.
+Whatever mesh comes back is one shell in a frame of its own: it is turned and scaled onto the box
+that the embedded reconstructor fits to the same photo, and cut along the panels that it read there.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import io
 import tempfile
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +21,11 @@ import requests
 from PIL import Image
 
 from mam_pipeline.backends import Availability, Reconstruction
-from mam_pipeline.errors import BackendError, InputError, MamSimError
+from mam_pipeline.errors import BackendError, HintNeeded, InputError, MamSimError
 from mam_pipeline.hints import Hints
 from mam_pipeline.meshio import load_mesh
 from mam_pipeline.models import external, settings
+from mam_pipeline.photo.fused import body_of, cut_from_photo
 
 TENCENT = "Tencent community licence: not in the EU, the UK and South Korea, outputs included"
 
@@ -199,7 +201,7 @@ def _glb(text: Any, url: str) -> bytes:
 def _finish(
     data: bytes, suffix: str, photo: Path, options: Mapping[str, Any], name: str
 ) -> Reconstruction:
-    """Upright, to scale, with what the embedded reconstructor measured on the same photo."""
+    """Onto the photo's box, cut along its panels; only scaled where the photo shows no box."""
     with tempfile.TemporaryDirectory(prefix="mam-mesh-") as scratch:
         file = Path(scratch, f"mesh{suffix}")
         file.write_bytes(data)
@@ -207,38 +209,40 @@ def _finish(
             mesh = load_mesh(file, up="y").mesh
         except InputError as error:
             raise BackendError(f"{name} made an unusable mesh: {error}") from error
-    fitted = _cuboid(photo, options)
-    tall = float(np.ptp(mesh.bounds[:, 2]))
-    assumed: tuple[str, ...] = ()
-    hints, pictures, height = Hints(), {}, options.get("height")
-    if fitted is not None:
-        hints, pictures = fitted.hints, dict(fitted.pictures)
-        height = height or float(np.ptp(fitted.mesh.bounds[:, 2]))
-        assumed = fitted.assumed
-    elif height is None:
-        height, assumed = 0.8, ("scale",)
-    scaled = mesh.transformed(np.diag([*[float(height) / max(tall, 1e-9)] * 3, 1.0]))
-    moving = sum(p.joint is not None for p in hints.parts)
-    note = f"{name}: {len(mesh.faces)} faces, {float(height):.2f} m high"
-    if moving:
-        note += f"; the photo shows {moving} moving parts"
-    # the fused mesh has no nodes of those names; the boxes tell where the parts are
+    found, sure = _measured(photo, options)
+    note = f"{name}: {len(mesh.faces)} faces"
+    if found is None or body_of(found.hints) is None:
+        height = options.get("height")
+        tall = max(float(np.ptp(mesh.bounds[:, 2])), 1e-9)
+        mesh = mesh.transformed(np.diag([*[float(height or 0.8) / tall] * 3, 1.0]))
+        note += f", {float(height or 0.8):.2f} m high; no box was found in the photo: not cut"
+        return Reconstruction(mesh, Hints(), summary=note, assumed=() if height else ("scale",))
+    hints = found.hints
+    if not sure:  # the box is believed, its panels are not
+        hints = replace(hints, parts=tuple(p for p in hints.parts if p.kind == "body"))
+    mesh, hints = cut_from_photo(mesh, hints)
+    parts = len(mesh.group_names) - 1
+    note += f", {float(np.ptp(mesh.bounds[:, 2])):.2f} m high, turned onto the photo's box"
+    note += f"; {parts} parts cut along its panels" if parts else "; its panels are uncertain"
+    if not parts:
+        mesh, hints = replace(mesh, face_group=None, group_names=()), Hints()
     return Reconstruction(
-        scaled, _boxes_only(hints), summary=note, assumed=assumed, pictures=pictures
+        mesh, hints, found.confidence, note, found.assumed, found.pictures, found.details
     )
 
 
-def _boxes_only(hints: Hints) -> Hints:
-    from dataclasses import replace
+def _measured(photo: Path, options: Mapping[str, Any]) -> tuple[Reconstruction | None, bool]:
+    """What the embedded reconstructor found on the photo, and whether its panels are believed.
 
-    parts = tuple(replace(p, nodes=()) for p in hints.parts if p.box is not None)
-    return replace(hints, parts=parts)
-
-
-def _cuboid(photo: Path, options: Mapping[str, Any]) -> Reconstruction | None:
+    None where it found no box that it believes: scale and parts then come from elsewhere.
+    """
     from mam_pipeline.photo.reconstruct import EmbeddedReconstructor
 
+    embedded = EmbeddedReconstructor()
     try:
-        return EmbeddedReconstructor().reconstruct(photo, options)
+        return embedded.reconstruct(photo, options), True
+    except HintNeeded:
+        unsure = embedded.reconstruct(photo, {**options, "accept_low_confidence": True})
+        return (None if unsure.confidence["cuboid"] == "low" else unsure), False
     except MamSimError:
-        return None  # no box in the picture: scale and parts come from elsewhere
+        return None, False

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from mam_pipeline.errors import ConfigError
 from mam_pipeline.hints import HintBox, HintJoint, HintPart, Hints
 from mam_pipeline.photo.split import split_mesh
 from mam_pipeline.types import FloatArray, Mesh
@@ -60,14 +61,22 @@ def align_to_box(mesh: Mesh, hints: Hints, forward: float = FORWARD) -> Mesh:
     return mesh.transformed(place)
 
 
-def body_box(hints: Hints) -> HintBox:
-    """The box of the part of kind body."""
-    from mam_pipeline.errors import ConfigError
+def body_of(hints: Hints) -> HintBox | None:
+    """The box of the part of kind body, if the hints hold one."""
+    boxes = (p.box for p in hints.parts if p.kind == "body")
+    return next((box for box in boxes if box is not None), None)
 
-    for part in hints.parts:
-        if part.kind == "body" and part.box is not None:
-            return part.box
-    raise ConfigError("the photo's hints hold no box of the body")
+
+def body_box(hints: Hints) -> HintBox:
+    """The box of the part of kind body.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    box = body_of(hints)
+    if box is None:
+        raise ConfigError("the photo's hints hold no box of the body")
+    return box
 
 
 def cut_panels(mesh: Mesh, hints: Hints) -> tuple[Mesh, Hints]:

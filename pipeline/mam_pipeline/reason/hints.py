@@ -57,6 +57,26 @@ def apply_hints(
     return _rebuild(nodes, owner, hints.parts)
 
 
+def along_nodes(primitives: Primitives, mesh: Mesh, hints: Hints | None) -> Primitives:
+    """Divide primitives that reach over the border of a node named in the hints.
+
+    A panel cut out of one flat face is no primitive of its own: its border is in the nodes alone.
+    Unchanged, merges included, where no primitive straddles a named node.
+    """
+    named = {n for p in (hints.parts if hints else ()) for n in p.nodes}
+    which = [k for k, name in enumerate(mesh.group_names) if name in named]
+    if not which:
+        return primitives
+    assert mesh.face_group is not None
+    side = np.where(np.isin(mesh.face_group, which), mesh.face_group, -1)
+    pairs, labels = np.unique(
+        np.stack([primitives.labels, side], axis=1), axis=0, return_inverse=True
+    )
+    if len(pairs) == primitives.count:
+        return primitives
+    return Primitives(labels.reshape(-1), method=primitives.method)
+
+
 def part_primitives(part: HintPart, primitives: Primitives, mesh: Mesh) -> IntArray:
     """Sorted primitives that a hint names by index, by source node or by box."""
     chosen = [_checked(part.primitives, primitives.count, f"part {part.name!r}")]
