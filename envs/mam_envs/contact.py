@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 class ContactProbe:
     """Contact force between some robot links and the moving links of each stage.
 
-    On the CPU one pass over PhysX's contact list; on the GPU one pair query per robot link.
+    It is read after every step of the simulation: fingers that drag a part along with some play
+    touch it in only some of a control step's five. On the CPU one pass over PhysX's contact list;
+    on the GPU one pair query per robot link.
     """
 
     def __init__(
@@ -30,20 +32,41 @@ class ContactProbe:
             {link._bodies[0].entity.per_scene_id for link in links if link.name in names}
             for names in parts
         ]
+        self.clear()
 
-    def force(self, stage: torch.Tensor) -> torch.Tensor:
+    def clear(self) -> None:
+        """Begin a control step."""
+        self._peak = torch.zeros(self.env.num_envs, device=self.env.device)
+
+    @property
+    def peak(self) -> torch.Tensor:
+        """(b,) newtons, the most since `clear`."""
+        return self._peak
+
+    def watch(self, stage: torch.Tensor) -> None:
+        """Take note of the forces of one step of the simulation."""
+        if self.env.scene.gpu_sim_enabled:
+            self._peak = torch.maximum(self._peak, self._pairs(stage))
+            return
+        contacts = self.env.scene.px.get_contacts()
+        if contacts:
+            now = self._listed(contacts, self.part_ids[int(stage[0])])
+            self._peak = self._peak.clamp(min=now)
+
+    def _pairs(self, stage: torch.Tensor) -> torch.Tensor:
         """(b,) newtons between robot and the moving part of each sub-scene's stage (b,)."""
         scene = self.env.scene
-        if scene.gpu_sim_enabled:
-            rows = []
-            for target in self.stages:
-                pairs = [scene.get_pairwise_contact_forces(r, target) for r in self.robot_links]
-                rows.append(torch.stack([p.norm(dim=-1) for p in pairs]).sum(dim=0))
-            return torch.stack(rows, dim=1).gather(1, stage[:, None])[:, 0]
-        wanted = self.part_ids[int(stage[0])]
+        rows = []
+        for target in self.stages:
+            pairs = [scene.get_pairwise_contact_forces(r, target) for r in self.robot_links]
+            rows.append(torch.stack([p.norm(dim=-1) for p in pairs]).sum(dim=0))
+        return torch.stack(rows, dim=1).gather(1, stage[:, None])[:, 0]
+
+    def _listed(self, contacts: list, wanted: set[int]) -> float:
+        """Newtons between the robot and the `wanted` bodies of the only sub-scene."""
         total = 0.0
-        for contact in scene.px.get_contacts():
+        for contact in contacts:
             a, b = (body.entity.per_scene_id for body in contact.bodies)
             if (a in wanted and b in self.robot_ids) or (b in wanted and a in self.robot_ids):
                 total += sum(float((p.impulse @ p.impulse) ** 0.5) for p in contact.points)
-        return torch.tensor([total / scene.px.timestep], dtype=torch.float32)
+        return total / float(self.env.scene.px.timestep)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ import sapien
 import torch
 from gymnasium.utils import seeding
 from mani_skill.envs.sapien_env import BaseEnv
-from mani_skill.utils import common
 from mani_skill.utils.geometry.rotation_conversions import matrix_to_quaternion, quaternion_apply
 from mani_skill.utils.registration import REGISTERED_ENVS
 from mani_skill.utils.registration import EnvSpec as ManiSkillSpec
@@ -21,48 +19,17 @@ from mani_skill.utils.structs.types import GPUMemoryConfig, SimConfig
 from mani_skill.vector.wrappers.gymnasium import ManiSkillVectorEnv
 
 from mam_envs import layout as layouts
-from mam_envs import randomisation, rewards, scene, vulkan
+from mam_envs import rewards, scene, vulkan
 from mam_envs.contact import ContactProbe
-from mam_envs.objects import ObjectModel
-from mam_envs.robots import RobotSpec, robot_spec
-from mam_envs.spec import EnvConfig, JointGoal, fill
+from mam_envs.judge import Judge
+from mam_envs.robots import robot_spec
+from mam_envs.situation import Situation, observe, situation
+from mam_envs.spec import EnvConfig, fill
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import ConfigError
-from mam_pipeline.types import FloatArray
 
 ENV_ID = "OperateJoint-v1"
 MAX_STEPS = 200
-TOUCH_FORCE = 0.1  # newtons
-GRACE_STEPS = 5  # control steps for which motion after a touch still counts as driven
-
-
-@dataclass(frozen=True)
-class Situation:
-    """What a planner may know of one sub-scene at this moment (privileged).
-
-    Attributes:
-        layout: asset, task and nominal placement.
-        goal: the joint that is to be moved now.
-        base: (4, 4) world_T_base. world_asset: (4, 4) world_T_asset.
-        q: joint value of the goal's joint. others: values of the object's other joints.
-        arm: (n,) arm joint values.
-    """
-
-    layout: scene.Layout
-    goal: JointGoal
-    base: FloatArray
-    world_asset: FloatArray
-    q: float
-    others: Mapping[str, float]
-    arm: FloatArray
-
-    @property
-    def model(self) -> ObjectModel:
-        return self.layout.model
-
-    @property
-    def robot(self) -> RobotSpec:
-        return self.layout.robot
 
 
 class OperateJointEnv(BaseEnv):
@@ -200,34 +167,9 @@ class OperateJointEnv(BaseEnv):
         scene.build_world(
             self.scene, self.config.scene, [self.layout(i) for i in range(self.num_envs)]
         )
-        sapien.set_log_level("off")  # PhysX calls thin panels oblong
-        built = [
-            scene.build_object(self.scene, self.layout(i), i, f"object_{i}")
-            for i in range(self.num_envs)
-        ]
-        sapien.set_log_level("warn")
-        self._objects = built
-        stages = len(self.layout(0).goals)
-        dofs: list[list[int]] = []
-        targets: list[list[Link]] = [[] for _ in range(stages)]
-        for i, item in enumerate(built):
-            self.remove_from_state_dict_registry(item)
-            names = [j.name for j in item.active_joints]
-            goals = self.layout(i).goals
-            dofs.append([names.index(g.joint) for g in goals])
-            for k, g in enumerate(goals):
-                child = self.layout(i).model.kinematics.joint(g.joint).child
-                targets[k].append(item.links_map[child])
-            rng = self._batched_episode_rng[i]
-            drawn = randomisation.draw(self.config.randomisation, rng, len(self.robot_spec.arm))
-            randomisation.set_physics(
-                item, self.layout(i).model, [g.joint for g in goals], drawn
-            )
-            share = self.config.randomisation.colour
-            if share and self.scene.can_render():
-                scene.tint(item, rng.uniform(0, 1, 3), share * float(rng.uniform()))
+        self._objects, dofs, targets = layouts.build_objects(self)
         self._dof_index = torch.tensor(dofs, device=self.device)
-        self.object = Articulation.merge(built, name="object")
+        self.object = Articulation.merge(self._objects, name="object")
         self.add_to_state_dict_registry(self.object)
         self.targets = [
             Link.merge(rows, name=f"target_{k}") for k, rows in enumerate(targets)
@@ -242,15 +184,10 @@ class OperateJointEnv(BaseEnv):
         scene.build_lights(self.scene, factor, self.enable_shadow)
 
     def _make_buffers(self) -> None:
-        """Per-sub-scene constants (b, stages) and episode memory (b,)."""
+        """Goals and memory of the episodes, and the points to hold (b, stages, 3)."""
         n, stages = self.num_envs, len(self.targets)
-        rows: dict[str, list[list[float]]] = {}
-        for key in ("q_start", "q_goal", "tolerance", "closed", "open", "still_speed"):
-            rows[key] = [
-                [float(getattr(g, key)) for g in self.layout(i).goals] for i in range(n)
-            ]
-        tensors = {k: torch.tensor(v, device=self.device) for k, v in rows.items()}
-        self._goal = tensors
+        goals = [self.layout(i).goals for i in range(n)]
+        self.judge = Judge(goals, self.config.task.driven, self.device)
         points = np.zeros((n, stages, 3), dtype=np.float32)
         for i in range(n):
             item = self.layout(i)
@@ -259,12 +196,7 @@ class OperateJointEnv(BaseEnv):
                 pose = rest[item.model.kinematics.joint(g.joint).child][0]
                 points[i, k] = (item.handles[k] - pose[:3, 3]) @ pose[:3, :3]
         self._handle_point = torch.tensor(points, device=self.device)
-        zero = torch.zeros(n, device=self.device)
-        self.stage = torch.zeros(n, dtype=torch.long, device=self.device)
-        self._q_begin = self._goal["q_start"].clone()
-        self._q_last, self._driven, self._moved = zero.clone(), zero.clone(), zero.clone()
-        self._untouched, self._force, self._rate = zero.clone(), zero.clone(), zero.clone()
-        self._since_touch = torch.full_like(zero, 1e6)
+        self._rate = torch.zeros(n, device=self.device)
         self._last_action: torch.Tensor | None = None
 
     def _after_reconfigure(self, options: dict) -> None:
@@ -291,33 +223,7 @@ class OperateJointEnv(BaseEnv):
         return super().reset(seed=seed, options=chosen)
 
     def _initialize_episode(self, env_idx: torch.Tensor, options: dict) -> None:
-        spec = self.robot_spec
-        names = [j.name for j in self.agent.robot.active_joints]
-        rest = np.array([spec.rest.get(name, 0.0) for name in names], dtype=np.float32)
-        arm = [names.index(name) for name in spec.arm]
-        qpos = np.tile(rest, (len(env_idx), 1))
-        base = np.zeros((len(env_idx), 4, 4), dtype=np.float32)
-        pose = np.zeros((len(env_idx), 4, 4), dtype=np.float32)
-        object_q = np.zeros((len(env_idx), self.object.max_dof), dtype=np.float32)
-        for row, i in enumerate(env_idx.tolist()):
-            item = self.layout(i)
-            rng = self._batched_episode_rng[i]
-            drawn, pose[row] = layouts.draw_clear(item, self.config.randomisation, rng)
-            qpos[row, arm] = np.clip(
-                rest[arm] + drawn.noise, spec.chain.limits[:, 0], spec.chain.limits[:, 1]
-            )
-            base[row] = item.placement.base
-            joints = [j.name for j in self._objects[i].active_joints]
-            for k, name in enumerate(joints):
-                object_q[row, k] = layouts.rest_value(item.model, name)
-            for k, goal in enumerate(item.goals):
-                value = randomisation.start_value(goal, drawn)
-                object_q[row, self._dof_index[i, k]] = value
-                self._q_begin[i, k] = value
-            if not self.gpu_sim_enabled:
-                randomisation.set_physics(
-                    self._objects[i], item.model, [g.joint for g in item.goals], drawn
-                )
+        qpos, base, pose, object_q, begin = layouts.draw_starts(self, env_idx.tolist())
         self.agent.robot.set_pose(_pose(base, self.device))
         self.agent.reset(torch.tensor(qpos, device=self.device))
         self.object.set_pose(_pose(pose, self.device))
@@ -329,15 +235,8 @@ class OperateJointEnv(BaseEnv):
             self.scene._gpu_apply_all()
             self.scene.px.gpu_update_articulation_kinematics()
             self.scene._gpu_fetch_all()
-        self._forget(env_idx)
-
-    def _forget(self, env_idx: torch.Tensor) -> None:
-        """Start the episode memory of some sub-scenes anew."""
-        self.stage[env_idx] = 0
-        for memory in (self._driven, self._moved, self._untouched, self._force, self._rate):
-            memory[env_idx] = 0.0
-        self._since_touch[env_idx] = 1e6
-        self._q_last[env_idx] = self.joint_value()[env_idx]
+        self.judge.forget(env_idx, torch.tensor(begin, device=self.device))
+        self._rate[env_idx] = 0.0
         if self._last_action is not None:
             self._last_action[env_idx] = 0.0
 
@@ -349,34 +248,33 @@ class OperateJointEnv(BaseEnv):
     def set_state_dict(self, state: Any, env_idx: torch.Tensor | None = None) -> None:
         """As ManiSkill's; what the joint jumps thereby counts as no motion."""
         super().set_state_dict(state, env_idx)
-        self._q_last = self.joint_value()
+        self.judge.jumped(self.joint_value())
 
     # -- state of the task -----------------------------------------------------------------
-    def _now(self, key: str) -> torch.Tensor:
-        """(b,) a goal constant of each sub-scene's present stage."""
-        return self._goal[key].gather(1, self.stage[:, None])[:, 0]
+    @property
+    def stage(self) -> torch.Tensor:
+        """(b,) which joint of a sequence is to be moved now."""
+        return self.judge.stage
 
-    def _dof(self, values: torch.Tensor) -> torch.Tensor:
-        index = self._dof_index.gather(1, self.stage[:, None])
-        return values.gather(1, index)[:, 0]
+    def _joints(self, values: torch.Tensor) -> torch.Tensor:
+        """(b, stages) the task's joints of (b, dof)."""
+        return values.gather(1, self._dof_index)
 
     def joint_value(self) -> torch.Tensor:
         """(b,) value of the joint to be moved now, radians or metres."""
-        return self._dof(self.object.get_qpos())
+        return self.judge.pick(self._joints(self.object.get_qpos()))
 
     def joint_speed(self) -> torch.Tensor:
         """(b,) its velocity."""
-        return self._dof(self.object.get_qvel())
+        return self.judge.pick(self._joints(self.object.get_qvel()))
 
     def open_fraction(self) -> torch.Tensor:
         """(b,) 0 closed, 1 open."""
-        closed = self._now("closed")
-        return (self.joint_value() - closed) / (self._now("open") - closed)
+        return self.judge.open_fraction(self.joint_value())
 
     def progress(self) -> torch.Tensor:
         """(b,) 0 where the stage began, 1 where success begins."""
-        begin = self._q_begin.gather(1, self.stage[:, None])[:, 0]
-        return (self.joint_value() - begin) / (self._now("q_goal") - begin)
+        return self.judge.progress(self.joint_value())
 
     def handle_position(self) -> torch.Tensor:
         """(b, 3) point to hold, world."""
@@ -395,103 +293,45 @@ class OperateJointEnv(BaseEnv):
 
     def situation(self, index: int = 0) -> Situation:
         """What a planner may know of sub-scene `index`."""
-        item = self.layout(index)
-        goal = item.goals[int(self.stage[index])]
-        values = common.to_numpy(self.object.get_qpos())[index]
-        joints = [j.name for j in self._objects[index].active_joints]
-        others = {n: float(values[k]) for k, n in enumerate(joints) if n != goal.joint}
-        names = [j.name for j in self.agent.robot.active_joints]
-        q = common.to_numpy(self.agent.robot.get_qpos())[index]
-        arm = np.array([q[names.index(n)] for n in self.robot_spec.arm], dtype=float)
-        return Situation(
-            item,
-            goal,
-            item.placement.base,
-            np.array(self._world_asset[index], dtype=float),
-            float(values[joints.index(goal.joint)]),
-            others,
-            arm,
-        )
+        return situation(self, index)
 
     # -- stepping --------------------------------------------------------------------------
     def _step_action(self, action: Any) -> Any:
+        self._probe.clear()
         out = super()._step_action(action)
         if isinstance(out, torch.Tensor):
             if self._last_action is not None and self._last_action.shape == out.shape:
                 self._rate = ((out - self._last_action) ** 2).mean(dim=-1)
             self._last_action = out.clone()
-        self._count_contact()
+        self.judge.count(self.joint_value(), self._probe.peak)
         return out
 
-    def _count_contact(self) -> None:
-        """Credit this step's joint motion to the robot if it touches, or has just touched."""
-        self._force = self._probe.force(self.stage)
-        touching = self._force > TOUCH_FORCE
-        self._since_touch = torch.where(
-            touching, torch.zeros_like(self._since_touch), self._since_touch + 1
-        )
-        q = self.joint_value()
-        step = (q - self._q_last).abs()
-        recent = self._since_touch <= GRACE_STEPS
-        self._driven = self._driven + step * recent
-        self._moved = self._moved + step
-        width = (self._now("open") - self._now("closed")).abs()
-        self._untouched = step * (~recent) / width
-        self._q_last = q
+    def _after_simulation_step(self) -> None:
+        super()._after_simulation_step()
+        self._probe.watch(self.stage)
 
     def evaluate(self) -> dict[str, torch.Tensor]:
         """Success and what it depends on; (b,) each."""
-        q, progress = self.joint_value(), self.progress()
-        tolerance = self._now("tolerance")
-        near = (q - self._now("q_goal")).abs() <= tolerance
-        reached = torch.where(tolerance > 0, near, progress >= 1.0)
-        still = self.joint_speed().abs() <= self._now("still_speed")
-        share = self._driven / self._moved.clamp(min=1e-9)
-        by_contact = (share >= self.config.task.driven) & (self._moved > 0)
-        done = reached & still & by_contact
-        last = len(self.targets) - 1
-        success = done & (self.stage >= last)
-        if last and (done & (self.stage < last)).any():
-            self._next_stage(done & (self.stage < last))
+        q = self.joint_value()
+        success, done = self.judge.verdict(q, self.joint_speed())
+        by_contact = self.judge.by_contact
+        if self.judge.stages > 1 and done.any():
+            self.judge.advance(done, self._joints(self.object.get_qpos()))
+            q = self.joint_value()
         return {
             "success": success,
-            "open_fraction": self.open_fraction(),
-            "progress": progress,
+            "open_fraction": self.judge.open_fraction(q),
+            "progress": self.judge.progress(q),
             "by_contact": by_contact,
-            "contact_force": self._force,
+            "contact_force": self.judge.force,
             "stage": self.stage.clone(),
             "handle_position": self.handle_position(),
             "tcp_pose": self.tool_pose().raw_pose,
         }
 
-    def _next_stage(self, move: torch.Tensor) -> None:
-        """Sequences: go on to the next joint where the present one is done."""
-        self.stage = self.stage + move.long()
-        keep = ~move
-        self._driven, self._moved = self._driven * keep, self._moved * keep
-        self._q_last = self.joint_value()
-        index = self.stage[:, None]
-        begin = self._q_begin.clone()
-        begin.scatter_(1, index, self.joint_value()[:, None])
-        self._q_begin = torch.where(move[:, None], begin, self._q_begin)
-
     # -- observations and rewards ----------------------------------------------------------
     def _get_obs_extra(self, info: dict) -> dict[str, Any]:
-        tool = info["tcp_pose"]
-        out: dict[str, Any] = {"tcp_pose": tool}
-        if self.obs_mode_struct.state or self.obs_mode in ("state", "state_dict"):
-            handle = info["handle_position"]
-            out["privileged"] = {
-                "handle_position": handle,
-                "tcp_to_handle": handle - tool[:, :3],
-                "joint_value": self.joint_value(),
-                "joint_speed": self.joint_speed(),
-                "joint_goal": self._now("q_goal"),
-                "open_fraction": info["open_fraction"],
-                "progress": info["progress"],
-                "touching": (info["contact_force"] > TOUCH_FORCE).float(),
-            }
-        return out
+        return observe(self, info)
 
     def observation_layout(self) -> list[tuple[str, int, int, bool]]:
         """(name, start, stop, privileged) of every entry of the flat state vector."""
@@ -518,10 +358,10 @@ class OperateJointEnv(BaseEnv):
         reach = torch.where(moved, torch.ones_like(distance), 1 - torch.tanh(5 * distance))
         return rewards.RewardTerms(
             reach=reach,
-            contact=(info["contact_force"] > TOUCH_FORCE).float(),
+            contact=self.judge.touching.float(),
             progress=info["progress"].clamp(-1, 1),
             success=info["success"].float(),
-            untouched_motion=self._untouched,
+            untouched_motion=self.judge.untouched,
             action_rate=self._rate,
         )
 

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import sapien
 import torch
+from mani_skill.utils.structs import Articulation, Link
 
-from mam_envs import randomisation
+from mam_envs import randomisation, scene
 from mam_envs.objects import ObjectModel
 from mam_envs.placement import Placement, object_pose, place
 from mam_envs.reach import PlacementError, rest_is_clear
@@ -169,6 +171,66 @@ def draw_clear(
         f"{layout.model.asset.card.name}: the arm at rest overlaps the object at {goal.joint!r}; "
         "make randomisation.position or yaw smaller"
     )
+
+
+def build_objects(
+    env: OperateJointEnv,
+) -> tuple[list[Articulation], list[list[int]], list[list[Link]]]:
+    """Load every sub-scene's asset: the articulations, the indices (b, stages) of the task's
+    joints among their joints, and the moving links (stages, b)."""
+    sapien.set_log_level("off")  # PhysX calls thin panels oblong
+    built = [
+        scene.build_object(env.scene, env.layout(i), i, f"object_{i}") for i in range(env.num_envs)
+    ]
+    sapien.set_log_level("warn")
+    dofs: list[list[int]] = []
+    targets: list[list[Link]] = [[] for _ in env.layout(0).goals]
+    chance = env.config.randomisation
+    for i, item in enumerate(built):
+        env.remove_from_state_dict_registry(item)
+        names = [j.name for j in item.active_joints]
+        goals, model = env.layout(i).goals, env.layout(i).model
+        dofs.append([names.index(g.joint) for g in goals])
+        for k, g in enumerate(goals):
+            targets[k].append(item.links_map[model.kinematics.joint(g.joint).child])
+        rng = env._batched_episode_rng[i]
+        drawn = randomisation.draw(chance, rng, len(env.robot_spec.arm))
+        randomisation.set_physics(item, model, [g.joint for g in goals], drawn)
+        if chance.colour and env.scene.can_render():
+            scene.tint(item, rng.uniform(0, 1, 3), chance.colour * float(rng.uniform()))
+    return built, dofs, targets
+
+
+def draw_starts(env: OperateJointEnv, indices: Sequence[int]) -> tuple[np.ndarray, ...]:
+    """Draw where the episodes of some sub-scenes begin.
+
+    Returns:
+        float32 arrays of k sub-scenes: the robot's joints (k, n), world_T_base (k, 4, 4),
+        world_T_asset (k, 4, 4), the object's joints (k, dof), the task's joints (k, stages).
+    """
+    spec, count = env.robot_spec, len(indices)
+    names = [j.name for j in env.agent.robot.active_joints]
+    rest = np.array([spec.rest.get(name, 0.0) for name in names], dtype=np.float32)
+    arm = [names.index(name) for name in spec.arm]
+    qpos = np.tile(rest, (count, 1))
+    base, pose = np.zeros((2, count, 4, 4), dtype=np.float32)
+    object_q = np.zeros((count, env.object.max_dof), dtype=np.float32)
+    begin = np.zeros((count, len(env.targets)), dtype=np.float32)
+    for row, i in enumerate(indices):
+        item = env.layout(i)
+        drawn, pose[row] = draw_clear(item, env.config.randomisation, env._batched_episode_rng[i])
+        low, high = spec.chain.limits[:, 0], spec.chain.limits[:, 1]
+        qpos[row, arm] = np.clip(rest[arm] + drawn.noise, low, high)
+        base[row] = item.placement.base
+        for k, joint in enumerate(env._objects[i].active_joints):
+            object_q[row, k] = rest_value(item.model, joint.name)
+        for k, goal in enumerate(item.goals):
+            begin[row, k] = randomisation.start_value(goal, drawn)
+            object_q[row, env._dof_index[i, k]] = begin[row, k]
+        if not env.gpu_sim_enabled:
+            moved = [g.joint for g in item.goals]
+            randomisation.set_physics(env._objects[i], item.model, moved, drawn)
+    return qpos, base, pose, object_q, begin
 
 
 def put_background(env: OperateJointEnv, data: dict[str, Any]) -> None:

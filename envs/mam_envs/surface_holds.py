@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import trimesh
 
-from mam_envs.holds import Hold, fitting, push_variants, turn
+from mam_envs.holds import BACK_OFF, Hold, fitting, push_variants, turn
 from mam_envs.objects import ObjectModel
 from mam_envs.robots import RobotSpec
 from mam_envs.spec import JointGoal
@@ -27,7 +27,9 @@ ROOM = 0.008
 """Fingers open by this much more than what they take hold of."""
 DIRECTIONS = 8
 KEEP = {"pinch": 18, "hook": 12, "push": 8}
-"""Holds of each kind that are kept; three times as many are tried."""
+"""Holds of each kind that are kept."""
+TRIES = 12
+"""So many times as many are tried: of the cheapest few, all may stand too close to a corner."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ def surface_holds(model: ObjectModel, goal: JointGoal, robot: RobotSpec) -> list
         rows = make(model, goal, robot, skin)
         rows = sorted(_roomy(model, robot, skin, rows), key=lambda h: h.cost)
         kept: list[Hold] = []
-        for hold in _spread(rows, 3 * KEEP[kind]):
+        for hold in _spread(rows, TRIES * KEEP[kind]):
             fits = fitting(model, goal, robot, _moved(hold, rest))
             if fits is not None:
                 kept.append(fits)
@@ -197,21 +199,28 @@ def _pushes(model: ObjectModel, goal: JointGoal, robot: RobotSpec, skin: Skin) -
 
 
 def _roomy(model: ObjectModel, robot: RobotSpec, skin: Skin, rows: list[Hold]) -> list[Hold]:
-    """Those whose hand, seen as a few points, is outside the object: thousands at little cost."""
+    """Those whose hand, seen as a few points, is outside the object: thousands at little cost.
+
+    The hand is looked at where it takes hold and on its way in, as `fitting` does in full later.
+    """
     if not rows:
         return []
     opened = robot.closed if rows[0].mode == "push" else robot.opening(0.6 * robot.max_width)
     fingers, palm = robot.hand_surface(opened)
     few = [p[:: max(1, len(p) // 12)] for p in (fingers[fingers[:, 2] < -0.005], palm) if len(p)]
+    shape = np.concatenate(few)
     # the way in, close enough together to notice a thin wall: no hand from inside a closed body
     way_in = np.outer(np.arange(0.015, 0.5, 0.008), [0.0, 0.0, -1.0])
-    hand = np.concatenate([*few, way_in])
-    tools = np.stack([h.tool for h in rows])
-    points = np.einsum("nij,pj->npi", tools[:, :3, :3], hand) + tools[:, None, :3, 3]
-    depth = model.depth(points.reshape(-1, 3), skin.start).reshape(len(rows), -1)
-    inside = depth[:, -len(way_in) :].max(axis=1) > 0.0
-    free = (depth.max(axis=1) < 0.006) & ~inside
-    return [h for h, ok in zip(rows, free) if ok]
+    backs = [shape - [0.0, 0.0, d] for d in (0.5 * BACK_OFF, BACK_OFF)]
+    for points, most in ((shape, 0.006), (np.concatenate([way_in, *backs]), 0.0)):
+        tools = np.stack([h.tool for h in rows])
+        at = np.einsum("nij,pj->npi", tools[:, :3, :3], points) + tools[:, None, :3, 3]
+        depth = model.depth(at.reshape(-1, 3), skin.start).reshape(len(rows), -1).max(axis=1)
+        # what lies on a face is outside
+        rows = [h for h, d in zip(rows, depth) if d <= most]
+        if not rows:
+            break
+    return rows
 
 
 def _card(

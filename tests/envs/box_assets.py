@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from mam_pipeline.asset.card import AssetCard, CardGrasp, CardJoint, CardPart
+from mam_pipeline.asset.card import Asset, AssetCard, CardGrasp, CardJoint, CardPart
 
 WALL = 0.015
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]  # centre, size
@@ -95,4 +96,34 @@ def write_asset(folder: Path, kind: str) -> Path:
         bounds=[[-0.25, -0.18, 0.0], [0.18, 0.18, 0.4]],
     )
     card.save(folder)
+    return folder
+
+
+def write_stack(folder: Path) -> Path:
+    """Two of the drawers above each other in one asset: joint_1 below, joint_2 above."""
+    write_asset(folder, "drawer")
+    urdf = (folder / "object.urdf").read_text(encoding="utf-8")
+    upper = urdf[urdf.index("<link") : urdf.index("</robot>")]
+    for old, new in (("base", "base_2"), ("part_1", "part_2"), ("joint_1", "joint_2")):
+        upper = upper.replace(f'"{old}"', f'"{new}"')
+    upper += (
+        '<joint name="on_top" type="fixed"><origin xyz="0 0 0.4"/><parent link="base"/>'
+        '<child link="base_2"/></joint>'
+    )
+    (folder / "object.urdf").write_text(urdf.replace("</robot>", upper + "</robot>"), "utf-8")
+    card = Asset.load(folder).card
+    joint, grasp = card.joints[0], card.grasps[0]
+    second = replace(
+        joint, name="joint_2", parent="base_2", child="part_2", origin=[0.0, 0.0, 0.6]
+    )
+    x, y, z = grasp.position
+    held = replace(grasp, joint="joint_2", link="part_2", position=[x, y, z + 0.4])
+    replace(
+        card,
+        name="box_stack",
+        parts=[*card.parts, CardPart("part_2", "drawer", "drawer")],
+        joints=[joint, second],
+        grasps=[grasp, held],
+        bounds=[[-0.25, -0.18, 0.0], [0.18, 0.18, 0.8]],
+    ).save(folder)
     return folder

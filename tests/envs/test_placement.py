@@ -15,6 +15,7 @@ from mam_envs.placement import object_pose, place
 from mam_envs.reach import PlacementError, holds, tool_path
 from mam_envs.robots import robot_spec
 from mam_envs.spec import EnvConfig, RandomisationConfig, TaskConfig, joint_goal
+from mam_envs.surface_holds import surface_holds
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import ConfigError, NotPhysicalError
 
@@ -91,10 +92,16 @@ def test_refusals_name_the_reason(drawer: Path, tmp_path: Path) -> None:
         goal = joint_goal(model, None, "open", TaskConfig())
         place(model, (goal,), robot, RandomisationConfig())
 
-    with pytest.raises(PlacementError, match=r"20\.0 cm wide; panda opens to 7\.8 cm"):
-        refuse(edited(drawer, tmp_path / "wide", width=0.2))
-    with pytest.raises(PlacementError, match="finds nothing of it there"):
-        refuse(edited(drawer, tmp_path / "air", position=[-0.2, 0, 4.0]))
+    for name, change, reason in (
+        ("wide", {"width": 0.2}, r"20\.0 cm wide; panda opens to 7\.8 cm"),
+        ("air", {"position": [-0.2, 0, 4.0]}, "finds nothing of it there"),
+    ):
+        model = model_of(edited(drawer, tmp_path / name, **change))  # type: ignore[arg-type]
+        goal = joint_goal(model, None, "open", TaskConfig())
+        with pytest.raises(PlacementError, match=reason):
+            holds(model, goal, robot)
+        # the drawer is served all the same: its bar is found on its surface
+        assert place(model, (goal,), robot, RandomisationConfig()).robust > 0.0
     heavy = edited(drawer, tmp_path / "heavy")
     card = json.loads((heavy / "asset.json").read_text())
     card["joints"][0]["friction"] = 500.0
@@ -103,10 +110,28 @@ def test_refusals_name_the_reason(drawer: Path, tmp_path: Path) -> None:
         refuse(heavy)
     card["grasps"] = []
     (heavy / "asset.json").write_text(json.dumps(card))
-    # no grasp is named: the part's own surface is tried
-    with pytest.raises(PlacementError, match=r"nothing of 'joint_1' can be held|too heavy"):
+    # no grasp is named: the part's own surface is tried, and is as heavy
+    with pytest.raises(PlacementError, match="too heavy: it needs 500 N"):
         refuse(heavy)
     assert issubclass(PlacementError, NotPhysicalError)
+
+
+def test_a_part_without_named_grasps_is_held_by_its_surface(drawer: Path, tmp_path: Path) -> None:
+    bare = edited(drawer, tmp_path / "bare")
+    card = json.loads((bare / "asset.json").read_text())
+    card["grasps"] = []
+    (bare / "asset.json").write_text(json.dumps(card))
+    model, robot = model_of(bare), robot_spec("panda")
+    goal = joint_goal(model, "joint_1", "open", TaskConfig())
+    with pytest.raises(PlacementError, match="offers nothing to hold"):
+        holds(model, goal, robot)
+    found = surface_holds(model, goal, robot)
+    assert found
+    for hold in found:
+        # the bar stands 4 cm in front of the closed drawer: nothing else of it can be got at
+        assert hold.grasp.position[0] < -0.18
+        assert hold.grasp.width <= robot.max_width
+        np.testing.assert_allclose(np.linalg.det(hold.tool[:3, :3]), 1.0, atol=1e-9)
 
 
 def test_depth_agrees_with_the_boxes(drawer: Path) -> None:

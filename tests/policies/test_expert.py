@@ -23,6 +23,44 @@ def test_it_opens_by_contact(kind: str, request: pytest.FixtureRequest) -> None:
     env.close()
 
 
+def test_contact_is_the_most_of_all_simulation_steps(drawer: Path) -> None:
+    env = mam_envs.make(drawer, control_mode="pd_joint_pos")
+    base = env.unwrapped
+    env.reset(seed=1)
+    expert = Expert(env)
+    expert.reset()
+    links = [base.agent.robot.links_map[n] for n in base.robot_spec.finger_links]  # type: ignore[attr-defined]
+    felt: list[float] = []
+    after = base._after_simulation_step  # type: ignore[attr-defined]
+
+    def watch() -> None:
+        after()
+        pairs = [base.scene.get_pairwise_contact_forces(k, base.targets[0]) for k in links]  # type: ignore[attr-defined]
+        felt.append(sum(float(p.norm()) for p in pairs))
+
+    base._after_simulation_step = watch  # type: ignore[attr-defined]
+    touched = 0
+    for _ in range(70):
+        felt.clear()
+        _, _, _, _, info = env.step(expert.act())
+        # each contact point's force counts by itself: at least the force between the bodies
+        assert len(felt) == 5 and float(info["contact_force"][0]) >= 0.99 * max(felt)
+        touched += max(felt) > 0.1
+    assert touched > 10
+    env.close()
+
+
+def test_two_joints_in_turn(two_drawers: Path) -> None:
+    env = mam_envs.make(
+        two_drawers, joint=["joint_1", "joint_2"], control_mode="pd_joint_pos",
+        max_episode_steps=400,
+    )  # fmt: skip
+    episode = run_episode(env, Expert(env), seed=0, record=True)
+    stages = [int(i["stage"][0]) for i in episode.records["info"]]
+    assert episode.success and sorted(set(stages)) == [0, 1] and stages == sorted(stages)
+    env.close()
+
+
 def test_it_closes_and_takes_delta_actions(drawer: Path) -> None:
     env = mam_envs.make(drawer, task="close", control_mode="pd_joint_delta_pos")
     episode = run_episode(env, Expert(env), seed=0, record=True)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mam_envs.env import Situation
 from mam_envs.holds import PlacementError
 from mam_envs.reach import (
     ArmPath,
@@ -20,6 +19,7 @@ from mam_envs.reach import (
     tool_path,
 )
 from mam_envs.robots import RobotSpec
+from mam_envs.situation import Situation
 from mam_envs.surface_holds import surface_holds
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.types import FloatArray
