@@ -190,8 +190,8 @@ def door(b: Builder, m: Manner, c: Cell, side: Side, name: str = "door", rest: f
     x = low[0]
     if own_side and not m.inset:
         x = high[0] if b.chance(0.3) else max(x, high[0] - 0.014 * b.diagonal)
-    # a pin behind the front sends the free edge outwards first: it needs room there
-    room = (x - low[0]) ** 2 / (2 * (high[1] - low[1]))
+    # the corner farther from the pin's plane runs on the larger circle: it needs room
+    room = max(x - low[0], high[0] - x) ** 2 / (2 * (high[1] - low[1]))
     # two that meet need a little more than a hair, or one catches the other when it comes back
     room += max(0.0, 8e-4 * b.diagonal - b.gap / 2)
     if side == "left":

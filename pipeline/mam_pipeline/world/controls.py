@@ -128,7 +128,7 @@ def lock(b: Builder) -> None:
         top = z + 0.03 * h
         path = np.concatenate(
             [
-                [(x, 0.2 * w, top + 0.001)],
+                [(x, 0.2 * w, top - 0.15 * h)],  # the leg it turns on stays in the body
                 arc((x, 0, top + 0.3 * w), 0.2 * w, 0, np.pi, 9, "x"),
                 [(x, -0.2 * w, top + 0.001)],
             ]

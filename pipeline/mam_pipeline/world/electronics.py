@@ -267,10 +267,11 @@ def _usb_stick(b: Builder, style: str, w: float, l: float, t: float, plug: float
         cover = part(b, "lid", "cover")
         e, g = 0.0008, 0.0004
         x0 = 0.16 * l
+        x1 = x0 + float(np.hypot(l + plug - x0, pw / 2)) + g  # the plug's corners swing past it
         for z in (-g - e, t + g):
-            rounded(b, cover, (x0 - w / 2, -w / 2, z), (l + plug, w / 2, z + e), 0.45 * w,
+            rounded(b, cover, (x0 - w / 2, -w / 2, z), (x1, w / 2, z + e), 0.45 * w,
                     material="metal")  # fmt: skip
-        b.box(cover, (l + plug, -w / 2, -g - e), (l + plug + 0.001, w / 2, t + g + e), "metal")
+        b.box(cover, (x1, -w / 2, -g - e), (x1 + 0.001, w / 2, t + g + e), "metal")
         b.cylinder(cover, (x0, 0, -g - e), (x0, 0, t + g + e), 0.16 * w, None, "metal")
         b.hinge(cover, "base", (x0, 0, 0), (0, 0, 1), 0, np.pi, rest=b.choice((0.0, 0.0, 1.2)))
         studs(b, [(0.95 * l, 0, t)], (0, 0, 1), 0.0002)

@@ -122,8 +122,10 @@ def freezer_chest(b: Builder) -> None:
             z, share = h + g + k * (0.012 + max(g, 0.002)), 0.53 * w
             y = -w / 2 if k == 0 else w / 2 - share
             b.panel(lid, (0.02, y, z), (d - 0.02, y + share, z + 0.012), "glass")
-            b.block(lid, (0.5 * d, y + (0.06 if k == 0 else share - 0.06), z + 0.012 + 0.004),
-                    (0.2, 0.02, 0.008 if k else 0.0015), "metal", "handle")  # fmt: skip
+            # the lower lid's grip goes under the upper lid
+            tall = 0.008 if k else 0.4 * max(g, 0.002)
+            b.block(lid, (0.5 * d, y + (0.06 if k == 0 else share - 0.06), z + 0.012 + tall / 2),
+                    (0.2, 0.02, tall), "metal", "handle")  # fmt: skip
             b.slide(lid, "base", (0, 1 if k == 0 else -1, 0), 0.0, b.uniform(0.7, 0.85) * share)
         return
     count = 2 if w > 1.2 and b.chance(0.5) else 1

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mam_pipeline.world import collide, shapes
 from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.solids import TAU
 
@@ -70,21 +71,26 @@ def wheel(
     width: float,
     style: str | None = None,
 ) -> None:
-    """A road wheel: disc, tyre on a rim with bolts, wire spokes or cast spokes."""
+    """A road wheel: disc, tyre on a rim with bolts, wire spokes or cast spokes.
+
+    It collides as one cylinder: nothing reaches between the spokes of a turning wheel.
+    """
     kind = style or b.choice(("disc", "tyre", "spoke", "cast"))
     w, r = width / 2, radius
     with b.facing(centre, axis):
         if kind == "spoke":
-            b.torus(link, (0, 0, 0), (0, 0, 1), r - w, w, "rubber")
+            b.torus(link, (0, 0, 0), (0, 0, 1), r - w, w, "rubber", "solid", False)
             b.torus(link, (0, 0, 0), (0, 0, 1), r - 2 * w, 0.5 * w, "metal", "solid", False)
         else:
             with b.moved((0, 0, -w)):
                 side = [(r * 0.93, 0), (r, 0.5 * w), (r, 1.5 * w), (r * 0.93, 2 * w)]
-                b.vessel(link, side, 0.25 * r, "rubber", bottom=False)
-        b.cylinder(link, (0, 0, -w), (0, 0, w), 0.16 * r, None, "metal")
+                b.vessel(link, side, 0.25 * r, "rubber", bottom=False, collision=False)
+        hub = [(0, -w), (0.16 * r, -w), (0.16 * r, w), (0, w)]
+        b.add(link, shapes.revolve(hub, b.segments(0.16 * r)),
+              [collide.cylinder((0, 0, -w), (0, 0, w), r)], "metal")  # fmt: skip
         if kind in ("disc", "tyre"):
             b.cylinder(link, (0, 0, -0.6 * w), (0, 0, 0.6 * w), 0.73 * r, None,
-                       "metal" if kind == "tyre" else "accent")  # fmt: skip
+                       "metal" if kind == "tyre" else "accent", "solid", False)  # fmt: skip
             if kind == "tyre":
                 for t in np.arange(5) * TAU / 5:
                     c, s = 0.42 * r * np.cos(t), 0.42 * r * np.sin(t)
@@ -96,7 +102,7 @@ def wheel(
         reach = 0.8 * r if kind == "cast" else r - 1.5 * w
         for t in np.arange(count) * TAU / count:
             d = np.array([np.cos(t), np.sin(t), 0])
-            b.cylinder(link, 0.12 * r * d, reach * d, thick, None, "metal", sides=6)
+            b.cylinder(link, 0.12 * r * d, reach * d, thick, None, "metal", "solid", False, 6)
 
 
 def feet(

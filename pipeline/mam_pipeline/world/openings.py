@@ -6,6 +6,8 @@ import numpy as np
 
 from mam_pipeline.world.kit import Builder
 
+THICKEST = 0.05  # door leaf, metres
+
 
 def _frame(b: Builder, width: float, high: float, depth: float, rail: float,
            sill: bool) -> None:  # fmt: skip
@@ -15,6 +17,12 @@ def _frame(b: Builder, width: float, high: float, depth: float, rail: float,
     b.box("base", (0, -width / 2, high), (depth, width / 2, high + rail), "trim")
     if sill:
         b.box("base", (0, -width / 2, 0), (depth, width / 2, rail), "trim")
+
+
+def _swing(thick: float, width: float) -> float:
+    """Clearance at the free edge of a leaf whose pin is in its front face: its back corner runs on
+    a larger circle than its front one."""
+    return float(np.hypot(thick, width)) - width + 0.0008
 
 
 def lever(b: Builder, door: str, y: float, z: float, x0: float, x1: float, inward: float) -> None:
@@ -67,7 +75,7 @@ def _round_knob(b: Builder, door: str, y: float, z: float, x0: float) -> None:
 def _leaf(b: Builder, y0: float, y1: float, z0: float, z1: float, x: float, side: int,
           fitting: str, parent: str = "base") -> None:  # fmt: skip
     """A door leaf with its front face at x, hinged at y1 (side 1, viewer's left) or y0 (-1)."""
-    door, thick = b.link("door_0", "door"), b.uniform(0.03, 0.05)
+    door, thick = b.link("door_0", "door"), b.uniform(0.03, THICKEST)
     low, high = [x, y0, z0], [x + thick, y1, z1]
     b.front(door, low, high, b.choice(["slab", "moulded", "double", "framed", "glass"],
                                       [0.35, 0.2, 0.2, 0.15, 0.1]))  # fmt: skip
@@ -96,7 +104,7 @@ def door_knob(b: Builder) -> None:
 def _room_door(b: Builder, fitting: str) -> None:
     w, h, depth = b.uniform(0.65, 1.0), b.uniform(1.9, 2.15), b.uniform(0.06, 0.12)
     b.size(w, h, depth)
-    rail, g = b.uniform(0.04, 0.09), max(min(b.gap, 0.012), 0.0)
+    rail, g = b.uniform(0.04, 0.09), max(min(b.gap, 0.012), _swing(THICKEST, w))
     _frame(b, w, h, depth, rail, False)
     if b.chance(0.25):
         b.box("base", (0.3 * depth, -w / 2, 0), (depth, w / 2, 0.004), "trim")
@@ -115,7 +123,7 @@ def door_double(b: Builder) -> None:
     """Two leaves in one frame, with pulls, knobs or a lever on one of them."""
     w, h, depth = b.uniform(1.1, 1.7), b.uniform(1.9, 2.2), b.uniform(0.06, 0.12)
     b.size(w, h, depth)
-    g = min(b.gap, 0.012)
+    g = max(min(b.gap, 0.012), _swing(THICKEST, 0.48 * w))
     _frame(b, w, h, depth, b.uniform(0.04, 0.08), False)
     fitting = b.choice(["bar", "bow", "knob", "lever"])
     second = fitting if fitting != "lever" else b.choice(["none", "lever"])
@@ -196,6 +204,7 @@ def window_casement(b: Builder) -> None:
     b.size(w, h)
     rail, t, g = b.uniform(0.035, 0.06), b.uniform(0.035, 0.05), min(b.gap, 0.008)
     _frame(b, w, h, b.uniform(0.06, 0.1), b.uniform(0.04, 0.07), True)
+    g = max(g, _swing(t, 0.48 * w) if wings == 2 else 0.0)
     base = b.pieces[-1].shape.vertices[:, 2].max()
     awning = wings == 1 and b.chance(0.25)
     for k in range(wings):

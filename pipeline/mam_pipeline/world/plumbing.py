@@ -66,6 +66,7 @@ def faucet(b: Builder) -> None:
             else:
                 dial(b, handle, (0, y, z), (0, 0, 1), 1.6 * r, 0.035,
                      "cross" if style == "cross" else "flute", "metal")  # fmt: skip
+            b.cylinder("base", (0, y, 0.045), (0, y, z + 0.015), 0.3 * r, None, "metal")  # spindle
             b.disc(handle, (0, y, z + (0.025 if style == "lever" else 0.031)), (0, 0, 1), 0.25 * r,
                    0.006, b.choice(("red", "green")), "decor", False)  # fmt: skip
             b.spin(handle, "base", (0, y, 0), (0, 0, s), 0, b.uniform(1.2, 2.0))

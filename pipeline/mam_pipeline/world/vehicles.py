@@ -24,6 +24,7 @@ def car(b: Builder) -> None:
     x1, x2 = 0.16 * length, 0.8 * length
     four = b.chance(0.4)
     d0, d1 = a + 0.08 * k, c - 0.2 * k if four else a + b.uniform(1.0, 1.15) * k
+    d1 = min(d1, x2 - 1.3 * r)  # clear of the rear wheel
     mid = [(d0, (d0 + d1) / 2 - 0.04 * k), ((d0 + d1) / 2 + 0.04 * k, d1)] if four else [(d0, d1)]
     live_doors = b.chance(0.8)
     zs = zf + 0.1 * k
