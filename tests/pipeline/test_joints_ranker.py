@@ -16,7 +16,7 @@ from mam_pipeline.geometry.boxes import angle_between
 from mam_pipeline.geometry.frames import estimate_frame
 from mam_pipeline.geometry.sweep import SweepScene
 from mam_pipeline.joints import ranker
-from mam_pipeline.joints.candidates import joint_odds
+from mam_pipeline.joints.candidates import kind_probabilities, rank_hypotheses
 from mam_pipeline.joints.context import part_context
 from mam_pipeline.joints.features import (
     LINE_NAMES,
@@ -115,18 +115,18 @@ def test_features_are_complete_and_siblings_are_seen() -> None:
 
 def test_odds_of_a_drawer() -> None:
     mesh, owner = drawers()
-    odds = joint_odds(mesh, *faces(owner, 1), others=[np.flatnonzero(owner == 2)])
-    assert odds.fixed + odds.slide + odds.hinge + odds.spin == pytest.approx(1.0, abs=1e-6)
-    assert odds.type == "slide" and odds.slide > 0.5
-    assert 0.3 < odds.confidence <= 1.0
-    best = next(c for c in odds.candidates if c.subtype == "slide")
+    found = rank_hypotheses(mesh, *faces(owner, 1), others=[np.flatnonzero(owner == 2)])
+    odds = kind_probabilities(found)
+    assert sum(odds.values()) == pytest.approx(1.0, abs=1e-6)
+    assert max(odds, key=lambda k: odds[k]) == "slide" and odds["slide"] > 0.5
+    best = next(c for c in found if c.subtype == "slide")
     assert angle_between(best.axis, np.array([1.0, 0, 0])) < 0.02
 
 
 @pytest.mark.parametrize("change", ["cut", "doubled", "unshared"])
 def test_the_answer_does_not_hang_on_the_triangles(change: str) -> None:
     mesh, owner = drawers()
-    before = joint_odds(mesh, *faces(owner, 2))
+    before = rank_hypotheses(mesh, *faces(owner, 2))[0]
     if change == "doubled":
         other = Mesh(mesh.vertices, np.concatenate([mesh.faces, mesh.faces[:, ::-1]]))
         label = np.concatenate([owner, owner])
@@ -141,6 +141,6 @@ def test_the_answer_does_not_hang_on_the_triangles(change: str) -> None:
             centre = v[f].mean(axis=1)
             near = np.linalg.norm(centre[:, None] - mesh.vertices[mesh.faces].mean(1)[None], axis=2)
             label = owner[near.argmin(axis=1)]
-    after = joint_odds(other, *faces(label, 2))
-    assert before.type == after.type == "slide"
-    assert angle_between(before.candidates[0].axis, after.candidates[0].axis) < np.deg2rad(2)
+    after = rank_hypotheses(other, *faces(label, 2))[0]
+    assert before.subtype == after.subtype == "slide"
+    assert angle_between(before.axis, after.axis) < np.deg2rad(2)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import warnings
 import zlib
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -71,12 +70,6 @@ def list_objects(dataset: str | Path) -> list[tuple[str, str, Path]]:
     if not found:
         raise InputError(f"{root} holds no URDF object (looked for <id>/object.urdf and *.urdf)")
     return [(name, categories.get(name, "unknown"), found[name]) for name in sorted(found)]
-
-
-def read_dataset(dataset: str | Path) -> Iterator[GroundTruth]:
-    """Read every object of a dataset folder, one at a time; see `list_objects`."""
-    for name, category, urdf in list_objects(dataset):
-        yield read_object(urdf, name, category)
 
 
 def read_object(urdf: str | Path, name: str = "", category: str = "unknown") -> GroundTruth:

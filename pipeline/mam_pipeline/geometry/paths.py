@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -24,6 +25,10 @@ from mam_pipeline.types import FloatArray, IntArray, Mesh
 Motion = Literal["revolute", "prismatic"]
 SAMPLES = 1500
 STATIC_SAMPLES = 2500
+DENSE = 6
+"""So many times more samples are asked where few of the usual ones are deep."""
+FEW = 25
+"""Up to so many deep samples are few: their number says little about the area."""
 TOUCH = 0.0025
 """Nearer than this at rest is contact, as a share of the diagonal."""
 SURFACE = 1e-4
@@ -31,7 +36,7 @@ SURFACE = 1e-4
 STEPS = 10
 """Joint values that are looked at between rest and an end of the range."""
 FEWEST = 5
-"""Fewer deep samples than this graze an edge, within the error of sampling."""
+"""Fewer deep samples than this, of the dense ones, are rounding at an edge."""
 _CHORD = np.radians(6.0)
 
 
@@ -55,15 +60,15 @@ class Crossing:
         value: joint value of the first pose that penetrates; None where all are free.
         before: the last value that was looked at and is free (0 if there is none).
         depth: metres. area: largest share of the part's area that is deep anywhere on the way.
-        part, static: masks of the part's samples and of the static ones that are deep at `value`.
+        part, static: (n, 3) where the samples of either that are deep at `value` are at rest.
     """
 
     value: float | None
     before: float
     depth: float
     area: float
-    part: NDArray[np.bool_]
-    static: NDArray[np.bool_]
+    part: FloatArray
+    static: FloatArray
 
 
 def motion_points(
@@ -83,11 +88,16 @@ def motion_points(
 class PartPaths:
     """A part, its surroundings, and samples of both that follow the part's motion."""
 
-    def __init__(self, mesh: Mesh, part: IntArray, static: IntArray, seed: int = 0) -> None:
+    def __init__(
+        self, mesh: Mesh, part: IntArray, static: IntArray, seed: int = 0, density: int = 1
+    ) -> None:
         """Prepare from face indices of the moving part and of everything else.
 
-        `close` holds those of everything else that the part can reach; `seed` is of the samples.
+        `close` holds those of everything else that the part can reach; `seed` is of the samples,
+        of which there are `density` times the usual number.
         """
+        self._made_from = mesh, part, static, seed
+        self.density = density
         v = mesh.vertices
         self.diagonal = max(mesh.diagonal, 1e-12)
         corners = v[mesh.faces[part].reshape(-1)]
@@ -98,19 +108,26 @@ class PartPaths:
         self.part_scene = RayScene(v, mesh.faces[part])
         self.static_scene = RayScene(v, mesh.faces[close])
         self.solid = _solid(mesh, static)
-        found = sample_surface(v, mesh.faces[part], SAMPLES, seed)
+        found = sample_surface(v, mesh.faces[part], density * SAMPLES, seed)
         inside = self._within(self.solid, self.static_scene, found.points)
         self.points, self.normals = found.points[~inside], found.normals[~inside]
         self.area = max(found.area, 1e-12)
-        around = sample_surface(v, mesh.faces[close], 4 * STATIC_SAMPLES, seed + 1)
+        most = density * STATIC_SAMPLES
+        around = sample_surface(v, mesh.faces[close], 4 * most, seed + 1)
         nearby = (around.points > self.low - margin) & (around.points < self.high + margin)
         spots = around.points[nearby.all(axis=1)]
-        keep = np.linspace(0, max(len(spots) - 1, 0), min(len(spots), STATIC_SAMPLES)).astype(int)
+        keep = np.linspace(0, max(len(spots) - 1, 0), min(len(spots), most)).astype(int)
         share = around.area * len(spots) / max(len(around.points), 1) / max(len(keep), 1)
         spots = spots[keep]
         self.static_points = spots[~self._within(_solid(mesh, part), self.part_scene, spots)]
         self.static_weight = share / self.area
         self._rest()
+
+    @cached_property
+    def dense(self) -> PartPaths:
+        """The same with more samples."""
+        mesh, part, static, seed = self._made_from
+        return PartPaths(mesh, part, static, seed, DENSE)
 
     def _within(self, solid: Solid, scene: RayScene, points: FloatArray) -> NDArray[np.bool_]:
         """Mask (n,) of points inside a solid; those on its very surface are a matter of rounding
@@ -202,10 +219,15 @@ class PartPaths:
     def crossing(
         self, motion: Motion, axis: FloatArray, origin: FloatArray, values: FloatArray, rule: Rule
     ) -> Crossing:
-        """The first of `values` (n,), monotone and of one sign, at which the part penetrates."""
+        """The first of `values` (n,), monotone and of one sign, at which the part penetrates.
+
+        Where only a few samples are deep, the dense ones decide.
+        """
         part, static = self.depths(motion, axis, origin, values)
         many = (part > rule.depth).sum(axis=1), (static > rule.depth).sum(axis=1)
-        blocked = many[0] / SAMPLES + many[1] * self.static_weight
+        if self.density == 1 and 0 < np.add(*many).max() < FEW:
+            return self.dense.crossing(motion, axis, origin, values, rule)
+        blocked = many[0] / (self.density * SAMPLES) + many[1] * self.static_weight
         area = float(blocked.max())
         seen = np.maximum(*many) >= FEWEST
         for k in np.flatnonzero((blocked > rule.area) & seen):
@@ -214,9 +236,10 @@ class PartPaths:
                 continue
             deep = max(float(d[k].max(initial=0.0)) for d in (part, static))
             before = float(values[k - 1]) if k else 0.0
-            return Crossing(float(values[k]), before, deep, area, *who)
-        none = np.zeros(len(self.points), bool), np.zeros(len(self.static_points), bool)
-        return Crossing(None, float(values[-1]), 0.0, area, *none)
+            where = self.points[who[0]], self.static_points[who[1]]
+            return Crossing(float(values[k]), before, deep, area, *where)
+        none = np.zeros((0, 3))
+        return Crossing(None, float(values[-1]), 0.0, area, none, none)
 
     def free_range(
         self, motion: Motion, axis: FloatArray, origin: FloatArray, end: float, rule: Rule
@@ -242,10 +265,10 @@ class PartPaths:
         if found.value is None:
             return np.zeros(0, dtype=np.int64)
         steps, _ = _substeps(motion, steps_to(found.value))
-        path = motion_points(motion, axis, origin, steps, self.points[found.part])
+        path = motion_points(motion, axis, origin, steps, found.part)
         hits = [self.static_scene.first_hits(a, b - a) for a, b in itertools.pairwise(path)]
         faces = [h.faces[h.t <= 1.0] for h in hits]
-        faces.append(self.static_scene.closest(self.static_points[found.static]).faces)
+        faces.append(self.static_scene.closest(found.static).faces)
         return np.asarray(self.close[np.unique(np.concatenate(faces))], dtype=np.int64)
 
     def escapes(

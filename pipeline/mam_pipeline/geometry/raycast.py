@@ -76,17 +76,6 @@ class RayScene:
         faces[~np.isfinite(t)] = -1
         return Hits(t, answer["primitive_normals"].numpy().astype(np.float64), faces)
 
-    def count_hits(self, origins: FloatArray, directions: FloatArray) -> IntArray:
-        """Number of triangles (n,) that each ray crosses."""
-        n = len(origins)
-        if self.empty or n == 0:
-            return np.zeros(n, dtype=np.int64)
-        rays = np.empty((n, 6), dtype=np.float32)
-        rays[:, :3] = (origins - self._center) / self._unit
-        rays[:, 3:] = directions / self._unit
-        count = self._scene.count_intersections(_tensor(rays), nthreads=_THREADS)
-        return count.numpy().astype(np.int64)
-
     def distance(self, points: FloatArray) -> FloatArray:
         """Unsigned distance (n,) of points (n, 3) to the triangles; inf for an empty scene."""
         if self.empty or len(points) == 0:

@@ -7,7 +7,6 @@ and about which line? Call it once per plausible grouping (about 0.1 s).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -86,81 +85,6 @@ def kind_probabilities(candidates: list[JointCandidate]) -> dict[str, float]:
         kind = c.subtype if c.subtype in ("fixed", "slide") else "revolute"
         out[kind] = float(c.evidence["kind_probability"])
     return out
-
-
-@dataclass(frozen=True)
-class JointOdds:
-    """How one part probably moves.
-
-    Attributes:
-        fixed, slide, hinge, spin: probabilities, sum 1; fixed means "not a part that moves".
-        confidence: probability, given that it moves, that the likeliest type and its best line
-            are both right (axis within 0.1 rad, line within 0.03 diagonals).
-        candidates: what `rank_hypotheses` said.
-    """
-
-    fixed: float
-    slide: float
-    hinge: float
-    spin: float
-    confidence: float
-    candidates: tuple[JointCandidate, ...]
-
-    @property
-    def type(self) -> JointSubtype:
-        """The likeliest way to move, `fixed` left aside."""
-        best = max(("slide", "hinge", "spin"), key=lambda k: getattr(self, k))
-        if best == "slide" and self.slide < self.hinge + self.spin:
-            best = "hinge" if self.hinge >= self.spin else "spin"
-        return best  # type: ignore[return-value]
-
-
-def joint_odds(
-    mesh: Mesh,
-    part_faces: IntArray,
-    static_faces: IntArray,
-    *,
-    frame: ObjectFrame | None = None,
-    parent_faces: IntArray | None = None,
-    others: Sequence[IntArray] | None = None,
-    seed: int = 0,
-) -> JointOdds:
-    """Odds of a part's joint types, calibrated on generated objects of held-back categories.
-
-    Arguments as of `rank_hypotheses`; about 0.1 s.
-    """
-    found = rank_hypotheses(
-        mesh, part_faces, static_faces, frame=frame, parent_faces=parent_faces, others=others,
-        seed=seed, top=1000,
-    )  # fmt: skip
-    return odds_of(found, max(mesh.diagonal, 1e-12))
-
-
-def odds_of(candidates: list[JointCandidate], diagonal: float) -> JointOdds:
-    """The odds from all of one part's candidates (`rank_hypotheses` with a large `top`)."""
-    share = {k: 0.0 for k in ("fixed", "slide", "hinge", "spin")}
-    for c in candidates:
-        share[c.subtype] += float(c.evidence["probability"])
-    moving = max(1.0 - share["fixed"], 1e-9)
-    slides = share["slide"] > share["hinge"] + share["spin"]
-    kind = [c for c in candidates if c.subtype != "fixed" and (c.subtype == "slide") == slides]
-    confidence = 0.0
-    if kind:
-        best = kind[0]
-        near = [c for c in kind if _same(c, best, diagonal)]
-        confidence = sum(float(c.evidence["probability"]) for c in near) / moving
-    return JointOdds(**share, confidence=min(confidence, 1.0), candidates=tuple(candidates))
-
-
-def _same(one: JointCandidate, other: JointCandidate, diagonal: float) -> bool:
-    """Whether two candidates of one kind are the same joint within the tolerances of a reader."""
-    if abs(float(one.axis @ other.axis)) < np.cos(0.1):
-        return False
-    if one.subtype == "slide":
-        return True
-    offset = one.origin - other.origin
-    offset = offset - (offset @ other.axis) * other.axis
-    return bool(np.linalg.norm(offset) < 0.03 * diagonal)
 
 
 def _candidate(

@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from mam_pipeline.check.thresholds import THRESHOLDS
-from mam_pipeline.geometry.paths import Crossing, PartPaths, Rule
+from mam_pipeline.geometry.paths import DENSE, Crossing, PartPaths, Rule
 from mam_pipeline.geometry.sampling import unit
 from mam_pipeline.geometry.sweep import Motion, SweepScene
 from mam_pipeline.types import FloatArray, IntArray, JointSubtype, JointType, Mesh
 
 STRICT = 0.0045  # deepest crossing that the paper's rule allows, of the diagonal
-IN_HAND = 0.9  # share of the check's tolerances that a range may use up
+DEEP, WIDE = 0.9, 0.6  # shares of the check's depth and area (sampled) that a range may use up
 HINGE_CAP = np.pi / 2
 SLIDE_CAP = 0.8  # of the part's extent along the slide: drawers keep some of their rails
 BACK_OFF = 0.93  # of the way to a collision: where exactly it begins is within sampling's error
@@ -61,7 +61,7 @@ class Usual:
 @dataclass(frozen=True)
 class Surroundings:
     """A part and what it may run into: `scene` for contact and curves, `paths` for the check's
-    rule of penetration, `again` the same on a mesh that is moved by `shift` and rounded."""
+    rule of penetration, `again` the same, denser, on a mesh moved by `shift` and rounded."""
 
     scene: SweepScene
     paths: PartPaths
@@ -78,7 +78,7 @@ class Surroundings:
         def again() -> PartPaths:
             moved = mesh.vertices + shift
             single = moved.astype(np.float32).astype(np.float64)  # as files keep them
-            return PartPaths(replace(mesh, vertices=single), part, static)
+            return PartPaths(replace(mesh, vertices=single), part, static, density=DENSE)
 
         return Surroundings(scene, PartPaths(mesh, part, static), again, shift)
 
@@ -87,13 +87,12 @@ class Surroundings:
     ) -> tuple[float, Crossing]:
         """How far towards `end` (signed) the check would let the part go, and what stops it."""
         limit = THRESHOLDS.penetration_share, THRESHOLDS.penetration_area
-        rule = Rule(IN_HAND * limit[0] * self.paths.diagonal, IN_HAND * limit[1])
+        rule = Rule(DEEP * limit[0] * self.paths.diagonal, WIDE * limit[1])
         free, found = self.paths.free_range(motion, axis, origin, end, rule)
-        if found.value is None:
-            return end, found
-        if free != 0.0:  # between coincident surfaces rounding decides: ask twice
-            free = self.again().free_range(motion, axis, origin + self.shift, free, rule)[0]
-        return BACK_OFF * free, found
+        if free != 0.0:  # few samples and, between coincident surfaces, rounding err: ask twice
+            free, second = self.again().free_range(motion, axis, origin + self.shift, free, rule)
+            found = second if found.value is None else found
+        return free if found.value is None else BACK_OFF * free, found
 
 
 @dataclass(frozen=True)

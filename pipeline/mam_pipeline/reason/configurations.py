@@ -59,7 +59,7 @@ def enumerate_sets(masks: Masks, groups: Table, value: FloatArray) -> Sets:
         if chosen and len(found) < MOST:
             found.setdefault(np.packbits(row).tobytes(), row)
 
-    seeds = {t: select_groups(masks, value, t, rescue=0.0) for t in {*THRESHOLDS, *SPREAD}}
+    seeds = {t: select_groups(masks, value, t) for t in {*THRESHOLDS, *SPREAD}}
     for t in THRESHOLDS:
         add(seeds[t])
     best = int(np.argmax(value))

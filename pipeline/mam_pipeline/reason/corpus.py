@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pickle
 import zlib
-from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -137,13 +136,6 @@ def load_example(path: Path) -> Example:
     """Read what `save_example` wrote (a cache of this program's own; not for foreign files)."""
     example: Example = pickle.loads(zlib.decompress(path.read_bytes()))
     return example
-
-
-def load_corpus(folder: Path, names: list[str] | None = None) -> Iterator[Example]:
-    """Examples of a cache folder, sorted by name."""
-    for path in sorted(folder.glob("*.ex")):
-        if names is None or path.stem in names:
-            yield load_example(path)
 
 
 def _bare(probe: Any) -> Any:

@@ -8,9 +8,7 @@ from mam_pipeline.reason.groups import Masks
 from mam_pipeline.types import FloatArray
 
 
-def select_groups(
-    masks: Masks, value: FloatArray, threshold: float, sweeps: int = 3, rescue: float = 0.25
-) -> list[int]:
+def select_groups(masks: Masks, value: FloatArray, threshold: float, sweeps: int = 3) -> list[int]:
     """Indices of a set of disjoint candidates with the largest total of value - threshold.
 
     Greedy by value, then exchanges: one chosen candidate for the free ones that its removal
@@ -20,14 +18,11 @@ def select_groups(
     Args:
         masks: (C, P). value: (C,) predicted overlap with a true part, 0..1.
         threshold: value below which a candidate is worth less than leaving it in the base.
-        rescue: when none reaches the threshold, the best one is taken if it reaches this: whoever
-            asks for an articulation mostly has something that moves; its confidence stays low.
     """
     gain = value - threshold
     order = [int(c) for c in np.argsort(-gain, kind="stable") if gain[c] > 0]
     if not order:
-        best = int(np.argmax(value)) if len(value) else -1
-        return [best] if best >= 0 and value[best] > rescue else []
+        return []
     clash = masks.astype(np.float32) @ masks.T.astype(np.float32) > 0
     chosen = _fill([], order, clash)
     for _ in range(sweeps):
