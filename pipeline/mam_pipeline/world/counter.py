@@ -86,13 +86,15 @@ def toaster(b: Builder) -> None:
         b.block(lever, (-0.014, y, z), (0.022, 0.035, 0.014), "dark")
         b.slide(lever, "base", (0, 0, -1), 0.0, b.uniform(0.3, 0.42) * h)
         b.grasp(lever, "push", (-0.014, y, z + 0.007), (0, 0, -1), (0, 1, 0), 0.0)
+    y = -0.3 * w
     if b.chance(0.7):
         side = b.choice([-1, 1]) * 0.28 * w
+        y = y if side > 0 else -y  # the buttons stand on the other side
         b.rotary("base", (0, side if levers == 1 else 0.0, 0.3 * h), (-1, 0, 0), 0.011, 0.012,
                  "dark", turn=np.radians(270))  # fmt: skip
     if b.chance(0.4):
         for k in range(b.integer(1, 3)):
-            b.button("base", (0, -0.3 * w, 0.36 * h + 0.025 * k), (-1, 0, 0), 0.014, 0.01, 0.002)
+            b.button("base", (0, y, 0.36 * h + 0.025 * k), (-1, 0, 0), 0.014, 0.01, 0.002)
     if b.chance(0.4):
         tray = b.link("crumb_tray", "drawer")
         g = max(b.gap, 0.001)
