@@ -12,6 +12,7 @@ from mam_pipeline.types import CollisionShape, FloatArray, IntArray
 from mam_pipeline.world import shapes
 
 SIDES = ((0.03, 16), (0.015, 12), (0.0, 8))  # of prisms that stand for cones, by radius
+SLIVER = 3e-4  # columns narrower than this are left out, metres
 WAFER = 0.003  # slanting slabs thinner than this count as steps, metres
 WEDGES = 10  # around a hollow vessel
 
@@ -131,15 +132,44 @@ def path(points: ArrayLike, radius: float, loop: bool = False) -> list[Collision
 
 
 def prism(polygon: ArrayLike, height: float) -> list[CollisionShape]:
-    """Prisms over a simple polygon: one if convex, else one for each of its triangles."""
+    """Prisms over a simple polygon: one if it is convex, else one for each of its columns."""
     p = np.asarray(polygon, dtype=float)
     if shapes.signed_area(p) < 0:
         p = p[::-1]
-    outlines = [p] if shapes.is_convex(p) else [p[t] for t in shapes.triangulate(p)]
+    outlines = [p] if shapes.is_convex(p) else _columns(p)
     return [
         rings(np.stack([np.c_[o, np.zeros(len(o))], np.c_[o, np.full(len(o), height)]]))
         for o in outlines
     ]
+
+
+def _columns(polygon: FloatArray) -> list[FloatArray]:
+    """A simple polygon (n, 2) cut at its corners into trapezoids with two sides along y.
+
+    Triangles would be pointed slivers, of which a simulator finds contacts that are none.
+    """
+    ends = np.roll(polygon, -1, axis=0)
+    cuts = [polygon[:, 0].min()]
+    for x in np.unique(polygon[:, 0]):
+        if x - cuts[-1] > SLIVER:
+            cuts.append(x)
+    out = []
+    for x0, x1 in pairwise(cuts):
+        middle = 0.5 * (x0 + x1)
+        over = np.flatnonzero((polygon[:, 0] > middle) != (ends[:, 0] > middle))
+        a, b = polygon[over], ends[over]
+        slope = (b[:, 1] - a[:, 1]) / (b[:, 0] - a[:, 0])
+        at = np.stack([a[:, 1] + (x - a[:, 0]) * slope for x in (x0, middle, x1)], axis=1)
+        edge = np.sort(np.stack([a[:, 1], b[:, 1]], axis=1), axis=1)
+        at = np.clip(at, edge[:, :1], edge[:, 1:])
+        at = at[at[:, 1].argsort()]
+        for low, high in zip(at[::2], at[1::2]):
+            if high[1] - low[1] > SLIVER:
+                outline = [(x0, low[0]), (x1, low[2])]
+                outline += [(x1, high[2])] if high[2] > low[2] + SLIVER else []
+                outline += [(x0, high[0])] if high[0] > low[0] + SLIVER else []
+                out.append(np.array(outline))
+    return out
 
 
 def moved(shape: CollisionShape, matrix: FloatArray) -> CollisionShape:
