@@ -171,8 +171,12 @@ def drawer(b: Builder, m: Manner, c: Cell, depth: float, name: str = "drawer",
     length = min(m.length, 0.55 * c.width)
     if kind == "double":
         length = min(length, 0.3 * c.width)
-    if c.height < 0.07 and kind in ("ring", "recessed", "cup"):
-        kind = "knob"
+    # how far a handle reaches above and below its middle: it must not lie over a neighbour
+    tall = {"ring": 0.35 * length, "recessed": max(0.15 * length, 0.01) + 0.012,
+            "cup": 0.2 * length}.get(kind, 0.0)  # fmt: skip
+    if tall and (c.height < 0.07 or high[2] - low[2] < 2 * tall):
+        kind, tall = "knob", 0.0
+    middle[2] = min(middle[2], high[2] - tall)
     b.handle(link, middle, (-1, 0, 0), (0, 1, 0), length, kind, m.metal)
     b.slide(link, "base", (-1, 0, 0), 0.0, (long - m.inside) * b.uniform(0.6, 0.9))
     return link
