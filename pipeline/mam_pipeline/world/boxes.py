@@ -94,18 +94,7 @@ def toolbox(b: Builder) -> None:
     tray(b, "base", (0, -w / 2, 0), (d, w / 2, k), t, "z", 1)
     paint = b.choice(("body", "accent", "trim"))
     if b.chance(0.35):
-        # two half lids that meet below a fixed bar handle
-        for s in (-1, 1):
-            b.box("base", (d / 2 - 0.012, s * (w / 2 - t), k), (d / 2 + 0.012, s * w / 2, k + 0.08),
-                  "metal")  # fmt: skip
-        b.cylinder("base", (d / 2, -w / 2, k + 0.07), (d / 2, w / 2, k + 0.07), 0.009, None, "wood",
-                   "handle")  # fmt: skip
-        for s, x in ((-1, 0.0), (1, d)):
-            half = part(b, "lid", "half_lid")
-            x0, x1 = sorted((x, d / 2 + s * g))
-            b.box(half, (x0, -w / 2 + t + g, k + g), (x1, w / 2 - t - g, k + g + 0.012), paint)
-            b.hinge(half, "base", (x, 0, k + g), (0, 1, 0), 0, b.uniform(1.5, 2.6), opens=(0, 0, 1),
-                    rest=b.choice((0.0, 0.0, 1.4)))  # fmt: skip
+        _half_lids(b, (d, w, k), t, g, paint)
         return
     lid = part(b, "lid")
     sloped = b.chance(0.5)
@@ -124,27 +113,50 @@ def toolbox(b: Builder) -> None:
             rest=b.choice((0.0, 0.0, 1.0)))  # fmt: skip
     for s in (-1, 1):
         b.block(lid, (d / 2, s * 0.2 * w, h + 0.006), (0.02, 0.02, 0.014), "metal")
-    y = 0.2 * w - 0.012
+    _carrying_handle(b, lid, (d / 2, 0.2 * w - 0.012, h))
+
+
+def _carrying_handle(b: Builder, lid: str, at: tuple[float, float, float]) -> None:
+    """A bail that folds down, or a fixed bow, between `at` and its mirror image in y."""
+    x, y, h = at
     if b.chance(0.5):
         handle = part(b, "handle")
         b.sweep(
             handle,
             [
-                (d / 2, -y, h + 0.008),
-                (d / 2, -y, h + 0.045),
-                (d / 2, -y + 0.012, h + 0.055),
-                (d / 2, y - 0.012, h + 0.055),
-                (d / 2, y, h + 0.045),
-                (d / 2, y, h + 0.008),
+                (x, -y, h + 0.008),
+                (x, -y, h + 0.045),
+                (x, -y + 0.012, h + 0.055),
+                (x, y - 0.012, h + 0.055),
+                (x, y, h + 0.045),
+                (x, y, h + 0.008),
             ],
             0.005,
             "dark",
             "handle",
         )
-        b.hinge(handle, lid, (d / 2, 0, h + 0.008), (0, 1, 0), -1.3, 1.3, closed=0.0)
+        b.hinge(handle, lid, (x, 0, h + 0.008), (0, 1, 0), -1.3, 1.3, closed=0.0)
     else:
-        b.sweep(lid, [(d / 2, -y, h), (d / 2, -y, h + 0.045), (d / 2, y, h + 0.045), (d / 2, y, h)],
+        b.sweep(lid, [(x, -y, h), (x, -y, h + 0.045), (x, y, h + 0.045), (x, y, h)],
                 0.007, "dark", "handle")  # fmt: skip
+
+
+def _half_lids(
+    b: Builder, size: tuple[float, float, float], t: float, g: float, paint: str
+) -> None:
+    """Two half lids that meet below a fixed bar handle; `size` is that of the tray below."""
+    d, w, k = size
+    for s in (-1, 1):
+        b.box("base", (d / 2 - 0.012, s * (w / 2 - t), k), (d / 2 + 0.012, s * w / 2, k + 0.08),
+              "metal")  # fmt: skip
+    b.cylinder("base", (d / 2, -w / 2, k + 0.07), (d / 2, w / 2, k + 0.07), 0.009, None, "wood",
+               "handle")  # fmt: skip
+    for s, x in ((-1, 0.0), (1, d)):
+        half = part(b, "lid", "half_lid")
+        x0, x1 = sorted((x, d / 2 + s * g))
+        b.box(half, (x0, -w / 2 + t + g, k + g), (x1, w / 2 - t - g, k + g + 0.012), paint)
+        b.hinge(half, "base", (x, 0, k + g), (0, 1, 0), 0, b.uniform(1.5, 2.6), opens=(0, 0, 1),
+                rest=b.choice((0.0, 0.0, 1.4)))  # fmt: skip
 
 
 def chest(b: Builder) -> None:

@@ -56,38 +56,7 @@ def cart(b: Builder) -> None:
     b.size(l, w, 0.9)
     b.theme(b.choice(("steel", "paint", "dark", "plastic")))
     if b.chance(0.5):
-        r = b.uniform(0.03, 0.06)
-        z = caster_height(b, r, True)
-        same = caster_height(b, r, False)
-        for x, swivel in ((0.12 * l, True), (0.88 * l, b.chance(0.5))):
-            for s in (-1, 1):
-                if not swivel:
-                    b.cylinder("base", (x, s * 0.4 * w, same), (x, s * 0.4 * w, z + 0.001), 0.6 * r,
-                               None, "metal")  # fmt: skip
-                caster(b, (x, s * 0.4 * w, z if swivel else same), r, swivel)
-        rounded(b, "base", (0, -w / 2, z), (l, w / 2, z + 0.03), 0.03)
-        high = b.uniform(0.6, 0.95)
-        shelves = b.integer(0, 2)
-        if shelves:
-            for k in range(shelves):
-                zz = z + (k + 1) * (high - z) / (shelves + 0.3)
-                tray(b, "base", (0, -w / 2, zz), (l, w / 2, zz + 0.05), 0.006, "z", 1)
-            for x in (0.02, l - 0.02):
-                for s in (-1, 1):
-                    b.cylinder("base", (x, s * (w / 2 - 0.02), z), (x, s * (w / 2 - 0.02), high),
-                               0.012, None, "metal")  # fmt: skip
-        b.sweep(
-            "base",
-            [
-                (l - 0.03, -0.42 * w, z + 0.02),
-                (l + 0.03, -0.42 * w, high),
-                (l + 0.03, 0.42 * w, high),
-                (l - 0.03, 0.42 * w, z + 0.02),
-            ],
-            0.013,
-            "metal",
-            "handle",
-        )
+        _trolley(b, l, w)
         return
     r = b.uniform(0.08, 0.2)
     ww = b.uniform(0.25, 0.5) * r
@@ -132,6 +101,42 @@ def cart(b: Builder) -> None:
             "metal",
             "handle",
         )
+
+
+def _trolley(b: Builder, l: float, w: float) -> None:
+    """A platform on four castors with a push bar, with shelves or not."""
+    r = b.uniform(0.03, 0.06)
+    z = caster_height(b, r, True)
+    same = caster_height(b, r, False)
+    for x, swivel in ((0.12 * l, True), (0.88 * l, b.chance(0.5))):
+        for s in (-1, 1):
+            if not swivel:
+                b.cylinder("base", (x, s * 0.4 * w, same), (x, s * 0.4 * w, z + 0.001), 0.6 * r,
+                           None, "metal")  # fmt: skip
+            caster(b, (x, s * 0.4 * w, z if swivel else same), r, swivel)
+    rounded(b, "base", (0, -w / 2, z), (l, w / 2, z + 0.03), 0.03)
+    high = b.uniform(0.6, 0.95)
+    shelves = b.integer(0, 2)
+    if shelves:
+        for k in range(shelves):
+            zz = z + (k + 1) * (high - z) / (shelves + 0.3)
+            tray(b, "base", (0, -w / 2, zz), (l, w / 2, zz + 0.05), 0.006, "z", 1)
+        for x in (0.02, l - 0.02):
+            for s in (-1, 1):
+                b.cylinder("base", (x, s * (w / 2 - 0.02), z), (x, s * (w / 2 - 0.02), high),
+                           0.012, None, "metal")  # fmt: skip
+    b.sweep(
+        "base",
+        [
+            (l - 0.03, -0.42 * w, z + 0.02),
+            (l + 0.03, -0.42 * w, high),
+            (l + 0.03, 0.42 * w, high),
+            (l - 0.03, 0.42 * w, z + 0.02),
+        ],
+        0.013,
+        "metal",
+        "handle",
+    )
 
 
 def wheelbarrow(b: Builder) -> None:

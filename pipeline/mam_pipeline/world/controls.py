@@ -118,24 +118,29 @@ def lock(b: Builder) -> None:
         )
         b.slide(rod, "base", (0, 1, 0), -0.13 * w, 0.0, closed=0.0, open=-0.13 * w)
     else:
-        b.box("base", (-0.006, -0.1 * w, z + 0.08 * h), (0, 0.1 * w, z + 0.13 * h), "metal")
-        x = -0.006 - 0.09 * w
-        b.box("base", (x - 0.08 * w, -0.3 * w, z - 0.2 * h), (x + 0.08 * w, 0.3 * w, z + 0.03 * h),
-              "gold")  # fmt: skip
-        b.box("base", (x + 0.07 * w, -0.1 * w, z - 0.1 * h), (0, 0.1 * w, z - 0.05 * h), "metal")
-        shackle = part(b, "shackle")
-        q = 0.045 * w
-        top = z + 0.03 * h
-        path = np.concatenate(
-            [
-                [(x, 0.2 * w, top - 0.15 * h)],  # the leg it turns on stays in the body
-                arc((x, 0, top + 0.3 * w), 0.2 * w, 0, np.pi, 9, "x"),
-                [(x, -0.2 * w, top + 0.001)],
-            ]
-        )
-        b.sweep(shackle, path, q, "metal", "handle")
-        b.hinge(shackle, "base", (x, 0.2 * w, top), (0, 0, 1), 0, 1.6, opens=(-1, 0, 0),
-                tip=(x, -0.2 * w, top))  # fmt: skip
+        _padlock(b, w, h, z)
+
+
+def _padlock(b: Builder, w: float, h: float, z: float) -> None:
+    """A padlock on two staples; its shackle swings out."""
+    b.box("base", (-0.006, -0.1 * w, z + 0.08 * h), (0, 0.1 * w, z + 0.13 * h), "metal")
+    x = -0.006 - 0.09 * w
+    b.box("base", (x - 0.08 * w, -0.3 * w, z - 0.2 * h), (x + 0.08 * w, 0.3 * w, z + 0.03 * h),
+          "gold")  # fmt: skip
+    b.box("base", (x + 0.07 * w, -0.1 * w, z - 0.1 * h), (0, 0.1 * w, z - 0.05 * h), "metal")
+    shackle = part(b, "shackle")
+    q = 0.045 * w
+    top = z + 0.03 * h
+    path = np.concatenate(
+        [
+            [(x, 0.2 * w, top - 0.15 * h)],  # the leg it turns on stays in the body
+            arc((x, 0, top + 0.3 * w), 0.2 * w, 0, np.pi, 9, "x"),
+            [(x, -0.2 * w, top + 0.001)],
+        ]
+    )
+    b.sweep(shackle, path, q, "metal", "handle")
+    b.hinge(shackle, "base", (x, 0.2 * w, top), (0, 0, 1), 0, 1.6, opens=(-1, 0, 0),
+            tip=(x, -0.2 * w, top))  # fmt: skip
 
 
 def thermostat(b: Builder) -> None:

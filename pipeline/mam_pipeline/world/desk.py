@@ -85,22 +85,7 @@ def fan(b: Builder) -> None:
     n = b.integer(3, 6)
     g = max(b.gap, 0.002)
     if b.chance(0.25):
-        r *= 2.2
-        b.size(2 * r, 2 * r, 0.4)
-        h = b.uniform(0.3, 0.5)
-        b.cylinder("base", (0, 0, h), (0, 0, h - 0.04), 0.07, 0.05, "body")
-        b.cylinder("base", (0, 0, h - 0.04), (0, 0, 0.12), 0.012, None, "metal")
-        b.cylinder("base", (0, 0, 0.12), (0, 0, 0.06 + g), 0.09, None, "body")
-        blades = part(b, "blade", "rotor")
-        b.cylinder(blades, (0, 0, 0.06), (0, 0, 0.025), 0.09, None, "trim")
-        if b.chance(0.5):
-            b.lathe(blades, [(0.02, 0.0), (0.06, 0.012), (0.07, 0.026)], "light")
-        else:
-            b.cylinder(blades, (0, 0, 0), (0, 0, 0.03), 0.02, None, "metal")
-        for k in range(n):
-            with b.moved((0, 0, 0.042), (0, 0, 1), k * TAU / n), b.moved((0, 0, 0), (1, 0, 0), 0.2):
-                rounded(b, blades, (0.08, -0.07, -0.003), (r, 0.07, 0.003), 0.04, "z", "wood")
-        b.spin(blades, "base", (0, 0, 0), (0, 0, 1))
+        _ceiling_fan(b, 2.2 * r, n, g)
         return
     d = b.uniform(0.05, 0.09)
     zc = r + b.uniform(0.06, 0.14) + (b.uniform(0.3, 0.8) if b.chance(0.3) else 0)
@@ -153,6 +138,25 @@ def fan(b: Builder) -> None:
                     "accent")  # fmt: skip
     b.spin(blades, head, (0, 0, zc), (1, 0, 0))
     b.hinge(head, "base", (x + 0.06, 0, zc), (0, 1, 0), -0.15, 0.35, closed=0.0)
+
+
+def _ceiling_fan(b: Builder, r: float, n: int, g: float) -> None:
+    """A rotor of `n` blades below a rod; it stands on its light."""
+    b.size(2 * r, 2 * r, 0.4)
+    h = b.uniform(0.3, 0.5)
+    b.cylinder("base", (0, 0, h), (0, 0, h - 0.04), 0.07, 0.05, "body")
+    b.cylinder("base", (0, 0, h - 0.04), (0, 0, 0.12), 0.012, None, "metal")
+    b.cylinder("base", (0, 0, 0.12), (0, 0, 0.06 + g), 0.09, None, "body")
+    blades = part(b, "blade", "rotor")
+    b.cylinder(blades, (0, 0, 0.06), (0, 0, 0.025), 0.09, None, "trim")
+    if b.chance(0.5):
+        b.lathe(blades, [(0.02, 0.0), (0.06, 0.012), (0.07, 0.026)], "light")
+    else:
+        b.cylinder(blades, (0, 0, 0), (0, 0, 0.03), 0.02, None, "metal")
+    for k in range(n):
+        with b.moved((0, 0, 0.042), (0, 0, 1), k * TAU / n), b.moved((0, 0, 0), (1, 0, 0), 0.2):
+            rounded(b, blades, (0.08, -0.07, -0.003), (r, 0.07, 0.003), 0.04, "z", "wood")
+    b.spin(blades, "base", (0, 0, 0), (0, 0, 1))
 
 
 def globe(b: Builder) -> None:

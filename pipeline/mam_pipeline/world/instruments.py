@@ -12,22 +12,7 @@ from mam_pipeline.world.solids import TAU, part
 def turntable(b: Builder) -> None:
     """A record player or a lazy Susan: a platter that spins, a tone arm, knobs, sometimes a lid."""
     if b.chance(0.35):
-        r = b.uniform(0.12, 0.25)
-        b.size(2 * r, 2 * r, 0.05)
-        b.lathe(
-            "base", [(0.6 * r, 0), (0.6 * r, 0.008), (0.25 * r, 0.014), (0.25 * r, 0.022)], "body"
-        )
-        top = part(b, "platter")
-        z = 0.022 + max(b.gap, 0.0006)
-        if b.chance(0.5):
-            with b.moved((0, 0, z)):
-                b.vessel(top, [(0.95 * r, 0), (r, 0.03)], 0.008, "wood")
-        else:
-            b.cylinder(top, (0, 0, z), (0, 0, z + 0.015), r, None, "wood")
-        if b.chance(0.4):
-            b.box(top, (-0.1 * r, 0.3 * r, z + 0.008), (0.25 * r, 0.6 * r, z + 0.09), "accent",
-                  "content")  # fmt: skip
-        b.spin(top, "base", (0, 0, z), (0, 0, 1))
+        _lazy_susan(b)
         return
     d, w, h = b.uniform(0.32, 0.38), b.uniform(0.4, 0.46), b.uniform(0.06, 0.12)
     b.size(d, w, h)
@@ -78,6 +63,24 @@ def turntable(b: Builder) -> None:
             b.block("base", (d + 0.004, s * 0.3 * w, h - 0.012), (0.012, 0.05, 0.02), "dark")
             b.block(lid, (d - 0.001, s * 0.3 * w, z0 + 0.008), (0.012, 0.03, 0.016), "glass")
         b.hinge(lid, "base", (d + 0.004, 0, z0), (0, 1, 0), 0, b.uniform(1.0, 1.4), opens=(0, 0, 1))
+
+
+def _lazy_susan(b: Builder) -> None:
+    """A round tray that turns on a foot."""
+    r = b.uniform(0.12, 0.25)
+    b.size(2 * r, 2 * r, 0.05)
+    b.lathe("base", [(0.6 * r, 0), (0.6 * r, 0.008), (0.25 * r, 0.014), (0.25 * r, 0.022)], "body")
+    top = part(b, "platter")
+    z = 0.022 + max(b.gap, 0.0006)
+    if b.chance(0.5):
+        with b.moved((0, 0, z)):
+            b.vessel(top, [(0.95 * r, 0), (r, 0.03)], 0.008, "wood")
+    else:
+        b.cylinder(top, (0, 0, z), (0, 0, z + 0.015), r, None, "wood")
+    if b.chance(0.4):
+        b.box(top, (-0.1 * r, 0.3 * r, z + 0.008), (0.25 * r, 0.6 * r, z + 0.09), "accent",
+              "content")  # fmt: skip
+    b.spin(top, "base", (0, 0, z), (0, 0, 1))
 
 
 def music_box(b: Builder) -> None:

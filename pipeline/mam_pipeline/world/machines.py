@@ -67,13 +67,18 @@ def robot_arm(b: Builder) -> None:
     b.spin(hand, parent, tip, e)
     if b.chance(0.6):
         with b.facing(tip + 0.4 * r * e, e, (0, 1, 0)):
-            b.box(hand, (-0.7 * r, -0.3 * r, 0), (0.7 * r, 0.3 * r, 0.3 * r), "metal")
-            for s in (-1, 1):
-                jaw = part(b, "finger")
-                x = sorted((s * 0.42 * r, s * 0.6 * r))
-                b.box(jaw, (x[0], -0.2 * r, 0.3 * r + 0.2 * g), (x[1], 0.2 * r, 1.2 * r), "dark",
-                      "handle")  # fmt: skip
-                b.slide(jaw, hand, (-s, 0, 0), 0, 0.38 * r)
+            _gripper(b, hand, r, g)
+
+
+def _gripper(b: Builder, hand: str, r: float, g: float) -> None:
+    """Two fingers that close on each other, above local z = 0."""
+    b.box(hand, (-0.7 * r, -0.3 * r, 0), (0.7 * r, 0.3 * r, 0.3 * r), "metal")
+    for s in (-1, 1):
+        jaw = part(b, "finger")
+        x = sorted((s * 0.42 * r, s * 0.6 * r))
+        b.box(jaw, (x[0], -0.2 * r, 0.3 * r + 0.2 * g), (x[1], 0.2 * r, 1.2 * r), "dark",
+              "handle")  # fmt: skip
+        b.slide(jaw, hand, (-s, 0, 0), 0, 0.38 * r)
 
 
 def sliding_gate(b: Builder) -> None:

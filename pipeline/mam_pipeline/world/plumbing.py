@@ -53,23 +53,7 @@ def faucet(b: Builder) -> None:
         near = -b.uniform(0.8, 2.0) if two else 0.0
         b.spin(spout, "base", (0, 0, body), (0, 0, side), near, b.uniform(0.8, 2.0), closed=0.0)
     if two:
-        style = b.choice(("cross", "lever", "knob"))
-        for s in (-1, 1):
-            y = s * span
-            b.cylinder("base", (0, y, 0.01), (0, y, 0.045), 0.9 * r, 0.7 * r, "metal")
-            handle = part(b, "handle")
-            z = 0.045 + max(b.gap, 0.0006)
-            if style == "lever":
-                b.cylinder(handle, (0, y, z), (0, y, z + 0.025), 0.75 * r, None, "metal", "handle")
-                b.cylinder(handle, (0, y, z + 0.017), (0, y + s * 0.07, z + 0.026), 0.006, 0.004,
-                           "metal", "handle")  # fmt: skip
-            else:
-                dial(b, handle, (0, y, z), (0, 0, 1), 1.6 * r, 0.035,
-                     "cross" if style == "cross" else "flute", "metal")  # fmt: skip
-            b.cylinder("base", (0, y, 0.045), (0, y, z + 0.015), 0.3 * r, None, "metal")  # spindle
-            b.disc(handle, (0, y, z + (0.025 if style == "lever" else 0.031)), (0, 0, 1), 0.25 * r,
-                   0.006, b.choice(("red", "green")), "decor", False)  # fmt: skip
-            b.spin(handle, "base", (0, y, 0), (0, 0, s), 0, b.uniform(1.2, 2.0))
+        _two_handles(b, r, span)
         return
     lever = part(b, "lever")
     z = 0.75 * body
@@ -82,6 +66,27 @@ def faucet(b: Builder) -> None:
             tip=(0, y, z + 0.07))  # fmt: skip
 
 
+def _two_handles(b: Builder, r: float, span: float) -> None:
+    """A handle on either side of the spout, `span` away, on its spindle."""
+    style = b.choice(("cross", "lever", "knob"))
+    for s in (-1, 1):
+        y = s * span
+        b.cylinder("base", (0, y, 0.01), (0, y, 0.045), 0.9 * r, 0.7 * r, "metal")
+        handle = part(b, "handle")
+        z = 0.045 + max(b.gap, 0.0006)
+        if style == "lever":
+            b.cylinder(handle, (0, y, z), (0, y, z + 0.025), 0.75 * r, None, "metal", "handle")
+            b.cylinder(handle, (0, y, z + 0.017), (0, y + s * 0.07, z + 0.026), 0.006, 0.004,
+                       "metal", "handle")  # fmt: skip
+        else:
+            dial(b, handle, (0, y, z), (0, 0, 1), 1.6 * r, 0.035,
+                 "cross" if style == "cross" else "flute", "metal")  # fmt: skip
+        b.cylinder("base", (0, y, 0.045), (0, y, z + 0.015), 0.3 * r, None, "metal")  # spindle
+        b.disc(handle, (0, y, z + (0.025 if style == "lever" else 0.031)), (0, 0, 1), 0.25 * r,
+               0.006, b.choice(("red", "green")), "decor", False)  # fmt: skip
+        b.spin(handle, "base", (0, y, 0), (0, 0, s), 0, b.uniform(1.2, 2.0))
+
+
 def valve(b: Builder) -> None:
     """A pipe valve: a hand wheel, a lever on a ball valve, or a knob on a plate."""
     r = b.uniform(0.02, 0.05)
@@ -90,23 +95,7 @@ def valve(b: Builder) -> None:
     b.theme(b.choice(("steel", "dark", "paint")))
     style = b.choice(("gate", "ball", "plate"))
     if style == "plate":
-        n, d = b.integer(3, 6), 4 * r
-        if b.chance(0.5):
-            b.box("base", (-d, -d, 0), (d, d, 0.4 * r), "light")
-        else:
-            b.cylinder("base", (0, 0, 0), (0, 0, 0.4 * r), d, None, "light")
-        b.cylinder("base", (0, 0, 0.4 * r), (0, 0, 0.7 * r), 0.8 * r, None, "metal")
-        studs(b, [(s * 0.6 * d, t * 0.6 * d, 0.4 * r) for s in (-1, 1) for t in (-1, 1)], (0, 0, 1),
-              0.12 * r)  # fmt: skip
-        turn = part(b, "knob", "valve")
-        z = 0.7 * r + max(b.gap, 0.0005)
-        b.cylinder(turn, (0, 0, z), (0, 0, z + 1.2 * r), r, None, "accent", "handle")
-        for k in range(n):
-            t = k * TAU / n
-            p = np.array([np.cos(t), np.sin(t), 0])
-            bar(b, turn, (0.6 * r * p) + (0, 0, z + 0.6 * r), 2.3 * r * p + (0, 0, z + 0.6 * r),
-                0.7 * r, 1.1 * r, material="accent", role="handle")  # fmt: skip
-        b.spin(turn, "base", (0, 0, z), (0, 0, 1))
+        _plate_valve(b, r)
         return
     zc = 1.5 * r
     b.cylinder("base", (0, -half, zc), (0, half, zc), r, None, "body")
@@ -143,6 +132,27 @@ def valve(b: Builder) -> None:
         bar(b, lever, (0, 0.45 * l, z + 0.2 * r), (0, 1.02 * l, z + 0.2 * r), 0.7 * r, 0.3 * r,
             material="red", role="handle")  # fmt: skip
         b.hinge(lever, "base", (0, 0, z), (0, 0, 1), 0, np.pi / 2, rest=b.choice((0.0, 0.0, 1.57)))
+
+
+def _plate_valve(b: Builder, r: float) -> None:
+    """A star-shaped knob on a plate."""
+    n, d = b.integer(3, 6), 4 * r
+    if b.chance(0.5):
+        b.box("base", (-d, -d, 0), (d, d, 0.4 * r), "light")
+    else:
+        b.cylinder("base", (0, 0, 0), (0, 0, 0.4 * r), d, None, "light")
+    b.cylinder("base", (0, 0, 0.4 * r), (0, 0, 0.7 * r), 0.8 * r, None, "metal")
+    studs(b, [(s * 0.6 * d, t * 0.6 * d, 0.4 * r) for s in (-1, 1) for t in (-1, 1)], (0, 0, 1),
+          0.12 * r)  # fmt: skip
+    turn = part(b, "knob", "valve")
+    z = 0.7 * r + max(b.gap, 0.0005)
+    b.cylinder(turn, (0, 0, z), (0, 0, z + 1.2 * r), r, None, "accent", "handle")
+    for k in range(n):
+        t = k * TAU / n
+        p = np.array([np.cos(t), np.sin(t), 0])
+        bar(b, turn, (0.6 * r * p) + (0, 0, z + 0.6 * r), 2.3 * r * p + (0, 0, z + 0.6 * r),
+            0.7 * r, 1.1 * r, material="accent", role="handle")  # fmt: skip
+    b.spin(turn, "base", (0, 0, z), (0, 0, 1))
 
 
 def _hand_wheel(

@@ -24,17 +24,7 @@ def office_chair(b: Builder) -> None:
     z = caster_height(b, r, swivel) if wheels else 0.03
     paint = b.choice(("metal", "dark"))
     b.cylinder("base", (0, 0, z), (0, 0, z + 0.09), 0.045, 0.035, paint)
-    for i in range(5):
-        t = i * TAU / 5
-        e = np.array([np.cos(t), np.sin(t), 0])
-        b.cylinder("base", (0, 0, z + 0.05), reach * e + (0, 0, z + 0.02), 0.022, 0.015, paint)
-        b.cylinder("base", reach * e + (0, 0, z + 0.03), reach * e + (0, 0, z), 0.015, None, paint)
-        if wheels:
-            with b.moved((0, 0, 0), (0, 0, 1), t + np.pi / 2 * (not swivel)):
-                at = (reach, 0.0, z) if swivel else (0.0, -reach, z)
-                caster(b, at, r, swivel)
-        else:
-            b.cylinder("base", reach * e, reach * e + (0, 0, z), 0.02, None, "rubber")
+    _star(b, z, reach, r, wheels, swivel, paint)
     lifts = b.chance(0.4)
     z1 = z + 0.09
     b.tube("base", (0, 0, z1), (0, 0, seat_z - 0.14), 0.028, 0.0215, "dark")
@@ -73,13 +63,35 @@ def office_chair(b: Builder) -> None:
             back, seat, (x, 0, zs + 0.012), (0, 1, 0), 0, b.uniform(0.25, 0.45), opens=(1, 0, 0)
         )
     if b.chance(0.5):
-        for s in (-1, 1):
-            y = s * (w / 2 + 0.03)
-            b.box(seat, (0.0, min(y, s * 0.4 * w), zs + 0.03),
-                  (0.04, max(y, s * 0.4 * w), zs + 0.05), "dark")  # fmt: skip
-            b.box(seat, (0.0, y - 0.012, zs + 0.03), (0.04, y + 0.012, top + 0.2), "dark")
-            b.box(seat, (-0.12, y - 0.03, top + 0.2), (0.14, y + 0.03, top + 0.225), "rubber",
-                  "handle")  # fmt: skip
+        _armrests(b, seat, w, zs, top)
+
+
+def _star(
+    b: Builder, z: float, reach: float, r: float, wheels: bool, swivel: bool, paint: str
+) -> None:
+    """Five arms below z, each on a castor of radius `r` or a fixed foot."""
+    for i in range(5):
+        t = i * TAU / 5
+        e = np.array([np.cos(t), np.sin(t), 0])
+        b.cylinder("base", (0, 0, z + 0.05), reach * e + (0, 0, z + 0.02), 0.022, 0.015, paint)
+        b.cylinder("base", reach * e + (0, 0, z + 0.03), reach * e + (0, 0, z), 0.015, None, paint)
+        if wheels:
+            with b.moved((0, 0, 0), (0, 0, 1), t + np.pi / 2 * (not swivel)):
+                at = (reach, 0.0, z) if swivel else (0.0, -reach, z)
+                caster(b, at, r, swivel)
+        else:
+            b.cylinder("base", reach * e, reach * e + (0, 0, z), 0.02, None, "rubber")
+
+
+def _armrests(b: Builder, seat: str, w: float, zs: float, top: float) -> None:
+    """An armrest on either side of a seat `w` wide."""
+    for s in (-1, 1):
+        y = s * (w / 2 + 0.03)
+        b.box(seat, (0.0, min(y, s * 0.4 * w), zs + 0.03),
+              (0.04, max(y, s * 0.4 * w), zs + 0.05), "dark")  # fmt: skip
+        b.box(seat, (0.0, y - 0.012, zs + 0.03), (0.04, y + 0.012, top + 0.2), "dark")
+        b.box(seat, (-0.12, y - 0.03, top + 0.2), (0.14, y + 0.03, top + 0.225), "rubber",
+              "handle")  # fmt: skip
 
 
 def folding_chair(b: Builder) -> None:
