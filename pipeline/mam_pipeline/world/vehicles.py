@@ -4,11 +4,41 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from mam_pipeline.types import FloatArray
 from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.mech import wheel
 from mam_pipeline.world.solids import TAU, arc, bar, frame, part, profile, rounded
+
+
+@dataclass(frozen=True)
+class _Car:
+    """Sizes of a car, metres: x grows from the front to the rear.
+
+    Attributes:
+        k: scale; 1 is a real car. length, w, r: body length, width, wheel radius.
+        t, g: sheet thickness, clearance. zf, zb: bottom and waist line. inner: half the floor.
+        a, c: where the cabin begins and ends. axles: of the wheels.
+        doors: (front edge, rear edge) of the doors of one side. sill: their lower edge.
+    """
+
+    k: float
+    length: float
+    w: float
+    r: float
+    t: float
+    g: float
+    zf: float
+    zb: float
+    inner: float
+    a: float
+    c: float
+    axles: tuple[float, float]
+    doors: tuple[tuple[float, float], ...]
+    sill: float
 
 
 def car(b: Builder) -> None:
@@ -27,7 +57,29 @@ def car(b: Builder) -> None:
     d1 = min(d1, x2 - 1.3 * r)  # clear of the rear wheel
     mid = [(d0, (d0 + d1) / 2 - 0.04 * k), ((d0 + d1) / 2 + 0.04 * k, d1)] if four else [(d0, d1)]
     live_doors = b.chance(0.8)
-    zs = zf + 0.1 * k
+    m = _Car(k, length, w, r, t, g, zf, zb, w / 2 - 0.32 * k, a, c, (x1, x2), tuple(mid),
+             zf + 0.1 * k)  # fmt: skip
+    _car_body(b, m, live_doors)
+    _cabin(b, k, a, c, w, zf, zb, zr, (mid[0][1] if four else d1))
+    if live_doors:
+        _car_doors(b, m)
+    for name, x0, x1_, pivot in (
+        ("bonnet", 0.01 * k, a - g, a - g),
+        ("boot", c + 0.06 * k, length - 0.01 * k, c + 0.06 * k),
+    ):
+        moving = b.chance(0.75)
+        lid = part(b, "lid", name) if moving else "base"
+        z = zb + (g if moving else 0)
+        rounded(b, lid, (x0, -w / 2 + 0.02 * k, z), (x1_, w / 2 - 0.02 * k, z + 0.03 * k), 0.05 * k)
+        if moving:
+            b.hinge(lid, "base", (pivot, 0, z), (0, 1, 0), 0, b.uniform(0.8, 1.1), opens=(0, 0, 1))
+    _car_wheels(b, m)
+
+
+def _car_body(b: Builder, m: _Car, live_doors: bool) -> None:
+    """Sides with wheel arches and door openings, floor, bumpers, lamps, dashboard."""
+    k, length, w, t, zf, zb = m.k, m.length, m.w, m.t, m.zf, m.zb
+    a, r, inner, (x1, x2) = m.a, m.r, m.inner, m.axles
     outline: list[tuple[float, float]] = [(0, zf)]
     for xc in (x1, x2):
         rise = np.arcsin((zf - r) / (1.2 * r)) if abs(zf - r) < 1.2 * r else 0.0
@@ -35,13 +87,12 @@ def car(b: Builder) -> None:
             (float(p[0]), float(p[2])) for p in arc((xc, 0, r), 1.2 * r, np.pi - rise, rise, 9)
         ]
     outline += [(length, zf), (length, zb)]
-    for near, far in reversed(mid if live_doors else []):
-        outline += [(far, zb), (far, zs), (near, zs), (near, zb)]
+    for near, far in reversed(m.doors if live_doors else ()):
+        outline += [(far, zb), (far, m.sill), (near, m.sill), (near, zb)]
     outline += [(0, zb)]
     for s in (-1, 1):
         y0, y1 = sorted((s * w / 2, s * (w / 2 - t)))
         profile(b, "base", outline, y0, y1, "y")
-    inner = w / 2 - 0.32 * k
     b.box("base", (0, -inner, zf), (length, inner, zf + 0.06 * k), "dark")
     b.box(
         "base", (x1 + 1.25 * r, -w / 2 + t, zf), (x2 - 1.25 * r, w / 2 - t, zf + 0.06 * k), "dark"
@@ -62,33 +113,31 @@ def car(b: Builder) -> None:
           (a + 0.04 * k, w / 2 - t, zb + 0.02 * k), "dark")  # fmt: skip
     b.box("base", (0.35 * a, -0.5 * inner, zf + 0.06 * k), (0.8 * a, 0.5 * inner, zb - 0.2 * k),
           "metal", "content")  # fmt: skip
-    _cabin(b, k, a, c, w, zf, zb, zr, (mid[0][1] if four else d1))
-    if live_doors:
-        for near, far in mid:
-            for s in (-1, 1):
-                door = part(b, "door")
-                y0, y1 = sorted((s * w / 2, s * (w / 2 - 0.8 * t)))
-                b.box(door, (near + g, y0, zs + g), (far - g, y1, zb), "body")
-                hx = far - 0.2 * k
-                yh = s * (w / 2 + 0.015 * k)
-                b.block(
-                    door, (hx, yh, zb - 0.15 * k), (0.14 * k, 0.03 * k, 0.03 * k), "metal", "handle"
-                )
-                if b.chance(0.5) and near == d0:
-                    b.block(door, (near + 0.15 * k, s * (w / 2 + 0.06 * k), zb + 0.02 * k),
-                            (0.08 * k, 0.14 * k, 0.1 * k), "dark", "decor")  # fmt: skip
-                b.hinge(door, "base", (near + g / 2, s * w / 2, zs), (0, 0, 1), 0,
-                        b.uniform(0.9, 1.2), opens=(0, s, 0))  # fmt: skip
-    for name, x0, x1_, pivot in (
-        ("bonnet", 0.01 * k, a - g, a - g),
-        ("boot", c + 0.06 * k, length - 0.01 * k, c + 0.06 * k),
-    ):
-        moving = b.chance(0.75)
-        lid = part(b, "lid", name) if moving else "base"
-        z = zb + (g if moving else 0)
-        rounded(b, lid, (x0, -w / 2 + 0.02 * k, z), (x1_, w / 2 - 0.02 * k, z + 0.03 * k), 0.05 * k)
-        if moving:
-            b.hinge(lid, "base", (pivot, 0, z), (0, 1, 0), 0, b.uniform(0.8, 1.1), opens=(0, 0, 1))
+
+
+def _car_doors(b: Builder, m: _Car) -> None:
+    """Doors on both sides, hinged in front; the front ones may carry mirrors."""
+    k, w, t, g, zb, zs = m.k, m.w, m.t, m.g, m.zb, m.sill
+    for near, far in m.doors:
+        for s in (-1, 1):
+            door = part(b, "door")
+            y0, y1 = sorted((s * w / 2, s * (w / 2 - 0.8 * t)))
+            b.box(door, (near + g, y0, zs + g), (far - g, y1, zb), "body")
+            hx = far - 0.2 * k
+            yh = s * (w / 2 + 0.015 * k)
+            b.block(
+                door, (hx, yh, zb - 0.15 * k), (0.14 * k, 0.03 * k, 0.03 * k), "metal", "handle"
+            )
+            if b.chance(0.5) and near == m.doors[0][0]:
+                b.block(door, (near + 0.15 * k, s * (w / 2 + 0.06 * k), zb + 0.02 * k),
+                        (0.08 * k, 0.14 * k, 0.1 * k), "dark", "decor")  # fmt: skip
+            b.hinge(door, "base", (near + g / 2, s * w / 2, zs), (0, 0, 1), 0,
+                    b.uniform(0.9, 1.2), opens=(0, s, 0))  # fmt: skip
+
+
+def _car_wheels(b: Builder, m: _Car) -> None:
+    """Four wheels; the front ones steer or not."""
+    k, w, r, inner, (x1, x2) = m.k, m.w, m.r, m.inner, m.axles
     style, steer = b.choice(("disc", "tyre", "cast")), b.chance(0.4)
     ww = 0.2 * k
     for x in (x1, x2):
@@ -179,23 +228,7 @@ def bicycle(b: Builder) -> None:
     b.cylinder(
         "base", crank - (0, 0.035 * k, 0), crank + (0, 0.035 * k, 0), 0.022 * k, None, "body"
     )
-    saddle = seat + np.array([0.025, 0, 0.09]) * k
-    profile(
-        b,
-        "base",
-        [
-            (saddle[0] + 0.1 * k, 0.07 * k),
-            (saddle[0] + 0.1 * k, -0.07 * k),
-            (saddle[0] - 0.04 * k, -0.025 * k),
-            (saddle[0] - 0.15 * k, -0.015 * k),
-            (saddle[0] - 0.15 * k, 0.015 * k),
-            (saddle[0] - 0.04 * k, 0.025 * k),
-        ],
-        saddle[2] - 0.02 * k,
-        saddle[2] + 0.02 * k,
-        "z",
-        "dark",
-    )
+    _saddle(b, seat, k)
     for s in (-1, 1):
         e = np.array([0, s * 0.05 * k, 0])
         b.sweep("base", [crank + 0.6 * e, crank + 0.35 * (rear - crank) + e, rear + e], 0.009 * k,
@@ -217,7 +250,37 @@ def bicycle(b: Builder) -> None:
         b.cylinder(fork, crown + (0, s * 0.05 * k, 0), front + (0, s * 0.05 * k, 0), 0.011 * k,
                    None, "body")  # fmt: skip
     b.cylinder(fork, front - (0, 0.055 * k, 0), front + (0, 0.055 * k, 0), 0.008 * k, None, "metal")
-    z = top + 0.06 * k * axis
+    _handlebar(b, fork, top + 0.06 * k * axis, k)
+    b.hinge(fork, "base", head, axis, -0.6, 0.6, closed=0.0)
+    turn = part(b, "wheel", "front_wheel")
+    wheel(b, turn, front, (0, 1, 0), r, ww, style)
+    b.spin(turn, fork, front, (0, 1, 0))
+    _crank(b, crank, k)
+
+
+def _saddle(b: Builder, seat: FloatArray, k: float) -> None:
+    """A saddle above the end of the seat tube; `k` is the bicycle's scale."""
+    saddle = seat + np.array([0.025, 0, 0.09]) * k
+    profile(
+        b,
+        "base",
+        [
+            (saddle[0] + 0.1 * k, 0.07 * k),
+            (saddle[0] + 0.1 * k, -0.07 * k),
+            (saddle[0] - 0.04 * k, -0.025 * k),
+            (saddle[0] - 0.15 * k, -0.015 * k),
+            (saddle[0] - 0.15 * k, 0.015 * k),
+            (saddle[0] - 0.04 * k, 0.025 * k),
+        ],
+        saddle[2] - 0.02 * k,
+        saddle[2] + 0.02 * k,
+        "z",
+        "dark",
+    )
+
+
+def _handlebar(b: Builder, fork: str, z: FloatArray, k: float) -> None:
+    """A bent bar with grips on a stem whose top is at `z`."""
     wide, back = b.uniform(0.24, 0.32) * k, b.uniform(0, 0.12) * k
     points = [
         (back, -wide, 0.02 * k),
@@ -231,10 +294,10 @@ def bicycle(b: Builder) -> None:
     for s in (0, -1):
         p, q = z + np.array(points[s]), z + np.array(points[1 if s == 0 else -2])
         b.cylinder(fork, p, p + 0.4 * (q - p), 0.016 * k, None, "rubber", "handle")
-    b.hinge(fork, "base", head, axis, -0.6, 0.6, closed=0.0)
-    turn = part(b, "wheel", "front_wheel")
-    wheel(b, turn, front, (0, 1, 0), r, ww, style)
-    b.spin(turn, fork, front, (0, 1, 0))
+
+
+def _crank(b: Builder, crank: FloatArray, k: float) -> None:
+    """Chain ring and two arms about `crank`, with turning pedals."""
     arms = part(b, "crank")
     b.cylinder(arms, crank - (0, 0.09 * k, 0), crank + (0, 0.09 * k, 0), 0.012 * k, None, "metal")
     b.cylinder(arms, crank + (0, -0.062 * k, 0), crank + (0, -0.068 * k, 0), 0.09 * k, None, "dark")
