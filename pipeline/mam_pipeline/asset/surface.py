@@ -13,6 +13,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
+from mam_pipeline.geometry.rows import row_keys
 from mam_pipeline.types import Articulation, FloatArray, IntArray
 
 
@@ -95,12 +96,12 @@ def weld(triangles: FloatArray, tolerance: float) -> tuple[FloatArray, IntArray,
     if not len(triangles):
         return np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros(0, np.int64)
     keys = np.round(triangles.reshape(-1, 3) / max(tolerance, 1e-12)).astype(np.int64)
-    _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    _, first, inverse = np.unique(row_keys(keys), return_index=True, return_inverse=True)
     vertices = triangles.reshape(-1, 3)[first]
     faces = inverse.reshape(-1, 3)
     proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2])
     index = np.flatnonzero(proper & (faces[:, 2] != faces[:, 0]))
-    _, once = np.unique(np.sort(faces[index], axis=1), axis=0, return_index=True)
+    _, once = np.unique(row_keys(np.sort(faces[index], axis=1)), return_index=True)
     index = index[np.sort(once)]
     return vertices, faces[index], index
 
@@ -138,12 +139,12 @@ def _edge_labels(faces: IntArray, corners: IntArray | None) -> IntArray:
     """(F,) component of every face; see `components` for the rule."""
     edges = np.sort(_edges(faces), axis=1)
     owner = np.repeat(np.arange(len(faces)), 3)
-    _, edge, count = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
+    _, edge, count = np.unique(row_keys(edges), return_inverse=True, return_counts=True)
     edge = edge.reshape(-1)
     key: IntArray = np.asarray(edge, dtype=np.int64)
     if corners is not None:
         own = np.sort(_edges(corners), axis=1)
-        _, twin, twins = np.unique(own, axis=0, return_inverse=True, return_counts=True)
+        _, twin, twins = np.unique(row_keys(own), return_inverse=True, return_counts=True)
         twin = twin.reshape(-1)
         # crowded edges whose faces have partners by index are joined by index
         partnered = np.zeros(len(count), dtype=bool)

@@ -9,6 +9,7 @@ are set by it: a range that is found in one way and tested in another fails at i
 
 from __future__ import annotations
 
+import copy
 import itertools
 from dataclasses import dataclass
 from functools import cached_property
@@ -60,15 +61,17 @@ class Crossing:
         value: joint value of the first pose that penetrates; None where all are free.
         before: the last value that was looked at and is free (0 if there is none).
         depth: metres. area: largest share of the part's area that is deep anywhere on the way.
-        part, static: (n, 3) where the samples of either that are deep at `value` are at rest.
+        part, static: masks of the part's samples and of the static ones that are deep at `value`.
+        judge: whose samples these are.
     """
 
     value: float | None
     before: float
     depth: float
     area: float
-    part: FloatArray
-    static: FloatArray
+    part: NDArray[np.bool_]
+    static: NDArray[np.bool_]
+    judge: PartPaths
 
 
 def motion_points(
@@ -96,38 +99,57 @@ class PartPaths:
         `close` holds those of everything else that the part can reach; `seed` is of the samples,
         of which there are `density` times the usual number.
         """
-        self._made_from = mesh, part, static, seed
-        self.density = density
         v = mesh.vertices
+        self.vertices, self.part_faces = v, mesh.faces[part]
         self.diagonal = max(mesh.diagonal, 1e-12)
-        corners = v[mesh.faces[part].reshape(-1)]
+        corners = v[self.part_faces.reshape(-1)]
         self.low, self.high = corners.min(axis=0), corners.max(axis=0)
-        margin = float(np.linalg.norm(self.high - self.low)) + 0.02 * self.diagonal
-        near = faces_near(v, mesh.faces[static], self.low - margin, self.high + margin)
-        close = self.close = static[near]
-        self.part_scene = RayScene(v, mesh.faces[part])
-        self.static_scene = RayScene(v, mesh.faces[close])
-        self.solid = _solid(mesh, static)
-        found = sample_surface(v, mesh.faces[part], density * SAMPLES, seed)
+        self.margin = float(np.linalg.norm(self.high - self.low)) + 0.02 * self.diagonal
+        near = faces_near(v, mesh.faces[static], self.low - self.margin, self.high + self.margin)
+        self.close = static[near]
+        self.close_faces = mesh.faces[self.close]
+        self.part_scene = RayScene(v, self.part_faces)
+        self.static_scene = RayScene(v, self.close_faces)
+        self.solid, self.part_solid = _solid(mesh, static), _solid(mesh, part)
+        self._sample(seed, density)
+
+    def _sample(self, seed: int, density: int) -> None:
+        """Draw the samples of both bodies and look at them at rest."""
+        self.seed, self.density = seed, density
+        found = sample_surface(self.vertices, self.part_faces, density * SAMPLES, seed)
         inside = self._within(self.solid, self.static_scene, found.points)
         self.points, self.normals = found.points[~inside], found.normals[~inside]
         self.area = max(found.area, 1e-12)
         most = density * STATIC_SAMPLES
-        around = sample_surface(v, mesh.faces[close], 4 * most, seed + 1)
-        nearby = (around.points > self.low - margin) & (around.points < self.high + margin)
-        spots = around.points[nearby.all(axis=1)]
+        around = sample_surface(self.vertices, self.close_faces, 4 * most, seed + 1)
+        low, high = self.low - self.margin, self.high + self.margin
+        spots = around.points[((around.points > low) & (around.points < high)).all(axis=1)]
         keep = np.linspace(0, max(len(spots) - 1, 0), min(len(spots), most)).astype(int)
         share = around.area * len(spots) / max(len(around.points), 1) / max(len(keep), 1)
         spots = spots[keep]
-        self.static_points = spots[~self._within(_solid(mesh, part), self.part_scene, spots)]
+        self.static_points = spots[~self._within(self.part_solid, self.part_scene, spots)]
         self.static_weight = share / self.area
         self._rest()
 
     @cached_property
     def dense(self) -> PartPaths:
         """The same with more samples."""
-        mesh, part, static, seed = self._made_from
-        return PartPaths(mesh, part, static, seed, DENSE)
+        more = copy.copy(self)
+        more._sample(self.seed, DENSE)
+        return more
+
+    def _only(self, part: NDArray[np.bool_], static: NDArray[np.bool_]) -> PartPaths:
+        """With these samples alone: what is not deep on the whole way is not on a shorter one."""
+        few = copy.copy(self)
+        few.points = np.asarray(self.points[part])
+        few.normals = np.asarray(self.normals[part])
+        few.touching = self.touching[part]
+        few.static_points = np.asarray(self.static_points[static])
+        few.static_touching = self.static_touching[static]
+        kept = part[self.pressed]
+        few.pressed = np.asarray((np.cumsum(part) - 1)[self.pressed[kept]])
+        few.into = np.asarray(self.into[kept])
+        return few
 
     def _within(self, solid: Solid, scene: RayScene, points: FloatArray) -> NDArray[np.bool_]:
         """Mask (n,) of points inside a solid; those on its very surface are a matter of rounding
@@ -158,7 +180,8 @@ class PartPaths:
             share = float((clear > 0).mean()) if len(clear) else 0.5
             if abs(share - 0.5) > 0.35:  # the part lies on one side of the contact
                 into[row] = -np.sign(share - 0.5) * closest.normals[k]
-        self.pressed, self.into = pressed, into
+        self.pressed: IntArray = pressed
+        self.into: FloatArray = into
 
     def depths(
         self, motion: Motion, axis: FloatArray, origin: FloatArray, values: FloatArray
@@ -236,26 +259,28 @@ class PartPaths:
                 continue
             deep = max(float(d[k].max(initial=0.0)) for d in (part, static))
             before = float(values[k - 1]) if k else 0.0
-            where = self.points[who[0]], self.static_points[who[1]]
-            return Crossing(float(values[k]), before, deep, area, *where)
-        none = np.zeros((0, 3))
-        return Crossing(None, float(values[-1]), 0.0, area, none, none)
+            return Crossing(float(values[k]), before, deep, area, *who, self)
+        none = np.zeros(len(self.points), bool), np.zeros(len(self.static_points), bool)
+        return Crossing(None, float(values[-1]), 0.0, area, *none, self)
 
     def free_range(
         self, motion: Motion, axis: FloatArray, origin: FloatArray, end: float, rule: Rule
     ) -> tuple[float, Crossing]:
         """How far towards `end` (signed) the part goes, and what stops it on the whole way."""
         first = found = self.crossing(motion, axis, origin, steps_to(end), rule)
+        judge = self
         for _ in range(6):  # other values are looked at on a shorter way: look again
             if found.value is None:
                 return end, first
+            if found.judge.density > 1:
+                judge = found.judge._only(found.part, found.static)
             inner = np.linspace(found.before, found.value, 5)[1:-1]
             way = steps_to(found.before) if found.before else np.zeros(0)
-            finer = self.crossing(motion, axis, origin, np.concatenate([way, inner]), rule)
+            finer = judge.crossing(motion, axis, origin, np.concatenate([way, inner]), rule)
             end = finer.before
             if end == 0.0:
                 return 0.0, first
-            found = self.crossing(motion, axis, origin, steps_to(end), rule)
+            found = judge.crossing(motion, axis, origin, steps_to(end), rule)
         return 0.0 if found.value is not None else end, first
 
     def obstacles(
@@ -265,10 +290,10 @@ class PartPaths:
         if found.value is None:
             return np.zeros(0, dtype=np.int64)
         steps, _ = _substeps(motion, steps_to(found.value))
-        path = motion_points(motion, axis, origin, steps, found.part)
+        path = motion_points(motion, axis, origin, steps, found.judge.points[found.part])
         hits = [self.static_scene.first_hits(a, b - a) for a, b in itertools.pairwise(path)]
         faces = [h.faces[h.t <= 1.0] for h in hits]
-        faces.append(self.static_scene.closest(found.static).faces)
+        faces.append(self.static_scene.closest(found.judge.static_points[found.static]).faces)
         return np.asarray(self.close[np.unique(np.concatenate(faces))], dtype=np.int64)
 
     def escapes(

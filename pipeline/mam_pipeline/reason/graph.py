@@ -13,6 +13,7 @@ import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
 
+from mam_pipeline.geometry.rows import row_keys
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.prior.probe import Probe, probe
 from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives
@@ -225,7 +226,9 @@ def _borders(
     zero = np.zeros(len(pairs))
     if len(pairs) == 0:
         return zero, zero.copy(), zero.copy()
-    used, inverse = np.unique(np.round(vertices[faces.reshape(-1)], 6), axis=0, return_inverse=True)
+    rounded = np.round(vertices[faces.reshape(-1)], 6)
+    _, first, inverse = np.unique(row_keys(rounded), return_index=True, return_inverse=True)
+    used = rounded[first]
     corner = inverse.reshape(-1, 3)
     ends = np.sort(corner[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     owner = np.repeat(np.arange(len(faces)), 3)
