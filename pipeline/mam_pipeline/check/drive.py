@@ -22,6 +22,9 @@ from mam_pipeline.types import FloatArray
 STEP = 1.0 / 200.0
 RAMP_SECONDS = 1.5
 SETTLE_SECONDS = 0.5
+DRIVE_ITERATIONS, HOLD_ITERATIONS = 64, 255
+"""Of the solver for a step: friction in a chain of links holds only where it has converged; a
+drive needs less, and steps with many contacts cost as much as they have iterations."""
 _OMEGA = 30.0
 _TURN = 2.0 * np.pi
 
@@ -134,6 +137,7 @@ class _Driver:
     def _reach(self, index: int) -> tuple[float, float]:
         """Drive one joint to both ends and home: share of its range seen, error at home."""
         self._reset(self.rest)
+        self.robot.set_solver_position_iterations(DRIVE_ITERATIONS)
         for k, joint in enumerate(self.joints):
             # acceleration drives need no tuning by mass; the others hold their rest pose
             stiffness = _OMEGA**2
@@ -167,6 +171,7 @@ class _Driver:
     def _hold(self, index: int) -> float:
         """Largest drift of the joint, from its rest pose and from half-way, under gravity alone."""
         worst = 0.0
+        self.robot.set_solver_position_iterations(HOLD_ITERATIONS)
         for value in (self.rest[index], 0.5 * (self.low[index] + self.high[index])):
             if self.exploded:
                 break
