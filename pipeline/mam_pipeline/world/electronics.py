@@ -113,7 +113,7 @@ def phone(b: Builder) -> None:
 
 
 def keyboard(b: Builder) -> None:
-    """A keyboard or key pad: some or all of its keys press, the others are fixed."""
+    """A keyboard or key pad: up to twelve of its keys press, the others are fixed."""
     rows, columns = b.choice(((4, 3), (4, 4), (2, 5), (3, 6), (4, 8), (5, 4)))
     pitch = b.uniform(0.016, 0.022)
     depth, width = rows * pitch, columns * pitch
@@ -126,6 +126,8 @@ def keyboard(b: Builder) -> None:
     ]
     skip = b.uniform(0, 0.3) if b.chance(0.4) else 0.0
     moving = [b.rng.random() >= skip for _ in centres]
+    for k in b.rng.permutation(np.flatnonzero(moving))[12:]:
+        moving[k] = False
     holes = [
         (x - slot / 2, y - slot / 2, x + slot / 2, y + slot / 2)
         for (x, y), k in zip(centres, moving)

@@ -8,11 +8,15 @@ from mam_pipeline.world import shapes
 from mam_pipeline.world.kit import Builder
 
 
-def _controls(b: Builder, x: float, width: float, low: float, high: float) -> None:
-    """A strip of controls facing -X: a programme knob, buttons, a display, a detergent drawer."""
+def _controls(b: Builder, x: float, width: float, low: float, high: float, left: float) -> None:
+    """A strip of controls facing -X up to y = `left`: a programme knob, buttons, a display."""
     z, tall = 0.5 * (low + high), high - low
     if b.chance(0.85):
-        b.rotary("base", (x, b.uniform(-0.1, 0.1) * width, z), (-1, 0, 0), 0.3 * tall, 0.025,
+        # between the buttons and the end, with room for its skirt
+        right = -0.16 * width
+        radius = min(0.3 * tall, 0.36 * (left - right))
+        y = float(np.clip(b.uniform(-0.1, 0.1) * width, right + 1.3 * radius, left - 1.3 * radius))
+        b.rotary("base", (x, y, z), (-1, 0, 0), radius, 0.025,
                  b.choice(["metal", "dark", "light"]),
                  turn=b.choice([np.inf, np.radians(330)]))  # fmt: skip
     for k in range(b.integer(0, 5)):
@@ -76,10 +80,11 @@ def washer_front(b: Builder) -> None:
 def _front_strip(b: Builder, w: float, h: float, strip: float, t: float, d: float) -> None:
     """The strip above the door, with a detergent drawer on its left or not."""
     low, high = h - strip, h - t
-    dark = b.choice(["front", "dark", "light"])
+    dark, left = b.choice(["front", "dark", "light"]), w / 2
     if b.chance(0.7):
         dw, g = b.uniform(0.24, 0.34) * w, max(b.gap, 0.001)
         y1 = w / 2 - t
+        left = y1 - dw
         b.box("base", (0, -w / 2, low), (t, y1 - dw, h - t), dark)
         b.box("base", (0, y1 - dw, low), (0.6 * d, y1, low + 0.004), "inside")
         drawer = b.link("detergent_drawer", "drawer")
@@ -92,7 +97,7 @@ def _front_strip(b: Builder, w: float, h: float, strip: float, t: float, d: floa
         b.slide(drawer, "base", (-1, 0, 0), 0.0, 0.35 * d)
     else:
         b.box("base", (0, -w / 2, low), (t, w / 2, h - t), dark)
-    _controls(b, 0.0, w, low, h - t)
+    _controls(b, 0.0, w, low, h - t, left)
 
 
 def _porthole(b: Builder, z: float, radius: float) -> None:
@@ -178,7 +183,7 @@ def dryer_drum(b: Builder) -> None:
     radius, zc = 0.3 * w, 0.5 * (h - strip)
     _plate_with_hole(b, 0.0, t, w, 0.0, h - strip, zc, radius)
     b.box("base", (0, -w / 2, h - strip), (t, w / 2, h - t), "front")
-    _controls(b, 0.0, w, h - strip, h - t)
+    _controls(b, 0.0, w, h - strip, h - t, w / 2)
     drum = b.link("drum", "drum")
     with b.facing((t + 0.004 + g, 0, zc), (1, 0, 0), (0, 0, 1)):
         length = d - 2 * t - 0.012 - 2 * g
