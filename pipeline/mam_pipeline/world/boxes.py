@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mam_pipeline.world.kit import Builder
@@ -27,6 +29,8 @@ def carton(b: Builder) -> None:
         b.box("base", (-0.0005, -0.3 * w, 0.3 * h), (0, 0.1 * w, 0.7 * h), "light", "decor", False)
     pairs = b.choice((("x", "y"), ("x", "y"), ("x", "y"), ("y",), ("x",)))
     lap, open_ = b.chance(0.6), len(pairs) == 2 or b.chance(0.4)
+    if len(pairs) == 2:  # on a table the flaps would be too thin to be seen crossing each other
+        b.style = replace(b.style, setting="none")
     for level, side in enumerate(reversed(pairs)):
         # flaps below others move only while those stand open: the file shows the upper pair open
         top = level == len(pairs) - 1
