@@ -10,22 +10,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mam_pipeline.asset.dynamics import carried_links
-from mam_pipeline.asset.surface import hull_of
 from mam_pipeline.check.model import CheckModel, Hull
 from mam_pipeline.check.thresholds import THRESHOLDS, Thresholds
+from mam_pipeline.geometry.hinge_line import HingeBodies
 from mam_pipeline.geometry.paths import Motion, PartPaths, Rule, motion_points, steps_to
-from mam_pipeline.geometry.raycast import RayScene
-from mam_pipeline.geometry.sampling import sample_surface, unit
+from mam_pipeline.geometry.sampling import sample_surface
 from mam_pipeline.types import FloatArray, IntArray, Joint, Mesh
-
-PINNED = 0.001
-"""Nearer than this to one point of the hinge line, two bodies meet there; share of the diagonal."""
-SECTORS, ROUND = 12, 1.3
-"""A part is round about a line if its reach in all sectors differs by less than this factor."""
-STEEPEST = 0.3
-"""A part that leaves the hinge line faster is shaped so; slower, the line runs askew."""
 
 
 @dataclass(frozen=True)
@@ -112,99 +105,22 @@ class _Sweep:
         return float(np.ptp(points @ self.joint.axis)) >= 0.5 * (self.high - self.low)
 
     def _line_gap(self) -> float | None:
-        """How far the hinge line strays from both bodies over their common extent."""
+        """How far the hinge line strays from both bodies; None for slides."""
         joint = self.joint
         if self.motion == "prismatic":
             return None
-        if self.joint.type == "continuous":
-            return self._hub_gap()
         parent = self._faces_of([joint.parent])
-        if not len(parent):
-            parent = self.static
-        spans = []
-        for faces in (self.part, parent):
-            along = (
-                self.mesh.vertices[self.mesh.faces[faces].reshape(-1)] - joint.origin
-            ) @ joint.axis
-            spans.append((float(along.min()), float(along.max())))
-        low, high = max(s[0] for s in spans), min(s[1] for s in spans)
-        if high - low < 0.02 * self.diagonal:  # a knob on a plate: the line crosses the plate
-            middle = 0.5 * (low + high)
-            low, high = middle, middle
-        if self._round_about_line():
-            return 0.0
-        count = 9
-        stops = np.linspace(low, high, 4 * (count - 1) + 1).astype(np.float64)
-        line = joint.origin + stops[:, None] * joint.axis
-        fine = np.stack(
-            [
-                self._distance(line, self.carried, self.part),
-                self._distance(line, [joint.parent], parent),
-            ]
-        )
-        if (fine.max(axis=0) < PINNED * self.diagonal).any():
-            near = 0.0  # a pin or a knuckle: both bodies meet on the line
-        elif self._in_bearing(parent, low, high):
-            near = float(np.quantile(fine[0, ::4], 0.2))
-        else:
-            # mounts may sit at the ends alone: a fifth of the line must lie on each body
-            near = float(np.quantile(fine[:, ::4], 0.2, axis=1).max())
-        return max(near, _askew(fine[0, ::4], stops[::4])) / self.diagonal
+        bodies = HingeBodies(self.mesh, self.part, parent if len(parent) else self.static)
+        if joint.type == "continuous":
+            return bodies.hub_gap(joint.axis, joint.origin)
 
-    def _distance(self, line: FloatArray, links: list[int], faces: IntArray) -> FloatArray:
-        """Distance (n,) of points from faces, 0 inside the collision pieces of `links`."""
-        distance = RayScene(self.mesh.vertices, self.mesh.faces[faces]).distance(line)
-        for index in links:
-            for hull in self.model.hulls[index]:
-                distance[hull.depth(line) > 0] = 0.0
-        return distance
+        def inside(points: FloatArray, part: bool) -> NDArray[np.bool_]:
+            pieces = [h for i in (self.carried if part else [joint.parent])
+                      for h in self.model.hulls[i]]  # fmt: skip
+            deep = [h.depth(points) > 0 for h in pieces]
+            return np.any(deep, axis=0) if deep else np.zeros(len(points), dtype=bool)
 
-    def _round_about_line(self) -> bool:
-        """Whether the part is a ring, cap or knob about the line: the line need not touch it."""
-        _, sector, radius = self._about_line(self.part)
-        reach = np.zeros(SECTORS)
-        np.maximum.at(reach, sector, radius)
-        return bool(reach.min() > 0 and reach.max() < ROUND * reach.min())
-
-    def _in_bearing(self, parent: IntArray, low: float, high: float) -> bool:
-        """Whether the parent is a round hole about the line, where the part's shaft runs in it."""
-        along, sector, radius = self._about_line(parent)
-        margin = 0.02 * self.diagonal
-        there = (along > low - margin) & (along < high + margin)
-        reach = np.full(SECTORS, np.inf)
-        np.minimum.at(reach, sector[there], radius[there])
-        return bool(np.isfinite(reach).all() and reach.max() < ROUND * reach.min())
-
-    def _about_line(self, faces: IntArray) -> tuple[FloatArray, IntArray, FloatArray]:
-        """Along the line, sector about it and distance from it, of samples and vertices."""
-        spots = np.concatenate([
-            self.mesh.vertices[np.unique(self.mesh.faces[faces])],
-            sample_surface(self.mesh.vertices, self.mesh.faces[faces], 2000, 5).points,
-        ])  # fmt: skip
-        arm = spots - self.joint.origin
-        guess = np.eye(3)[int(np.abs(self.joint.axis).argmin())]
-        side: FloatArray = np.asarray(unit(np.cross(self.joint.axis, guess)), dtype=np.float64)
-        x, y = arm @ side, arm @ np.cross(self.joint.axis, side)
-        sector = ((np.arctan2(y, x) / (2 * np.pi) + 1.0) * SECTORS).astype(int) % SECTORS
-        return arm @ self.joint.axis, sector, np.hypot(x, y)
-
-    def _hub_gap(self) -> float:
-        """How far the axis of a part that turns round and round misses the part's own hull.
-
-        A drum or a wheel is hollow where its axis runs, so its surface says nothing.
-        """
-        corners = self.mesh.vertices[np.unique(self.mesh.faces[self.part])]
-        spots = self.joint.origin + (
-            (corners.mean(axis=0) - self.joint.origin) @ self.joint.axis
-        ) * (self.joint.axis)
-        hull = hull_of(corners)
-        if hull is None:
-            return 0.0
-        vertices, faces = hull
-        a, b, c = (vertices[faces[:, k]] for k in range(3))
-        normals = unit(np.cross(b - a, c - a))
-        outside = float((np.einsum("ij,ij->i", normals, spots - a)).max())
-        return max(outside, 0.0) / self.diagonal
+        return bodies.line_gap(joint.axis, joint.origin, inside)
 
     def _faces_of(self, links: list[int]) -> IntArray:
         return np.concatenate([self.model.articulation.links[i].faces for i in links])
@@ -233,21 +149,6 @@ class _Sweep:
             far = scene.static_scene.distance(where) > deep
             bad[suspect[far]] = ~scene.solid.contains(where[far])
         return float(bad.reshape(len(values), -1).mean(axis=1).max())
-
-
-def _askew(distance: FloatArray, along: FloatArray) -> float:
-    """How far a line leaves its part towards the ends, metres; only half the length is seen."""
-    rise = np.diff(distance)
-    nearest = int(distance.argmin())
-    noise = 0.02 * distance.max()
-    if (rise[:nearest] > noise).any() or (rise[nearest:] < -noise).any():
-        return 0.0  # a tilted line only gets farther on either side
-    rise = np.abs(rise)
-    rise = rise[rise > noise]
-    if not len(rise) or np.median(rise) > STEEPEST * (along[1] - along[0]):
-        return 0.0
-    near, far = np.quantile(distance, [0.2, 0.8])
-    return 2.0 * float(far - near)
 
 
 def _meet(hull: Hull, low: FloatArray, high: FloatArray) -> bool:

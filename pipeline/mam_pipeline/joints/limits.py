@@ -22,7 +22,7 @@ from mam_pipeline.geometry.sweep import Motion, SweepScene
 from mam_pipeline.types import FloatArray, IntArray, JointSubtype, JointType, Mesh
 
 STRICT = 0.0045  # deepest crossing that the paper's rule allows, of the diagonal
-DEEP, WIDE = 0.9, 0.6  # shares of the check's depth and area (sampled) that a range may use up
+DEEP, WIDE = 0.75, 0.6  # shares of the check's depth and area (sampled) that a range may use up
 HINGE_CAP = np.pi / 2
 SLIDE_CAP = 0.8  # of the part's extent along the slide: drawers keep some of their rails
 BACK_OFF = 0.93  # of the way to a collision: where exactly it begins is within sampling's error

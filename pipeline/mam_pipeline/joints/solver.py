@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from mam_pipeline.backends import Availability
+from mam_pipeline.check.thresholds import THRESHOLDS
 from mam_pipeline.geometry.frames import ObjectFrame, estimate_frame
+from mam_pipeline.geometry.hinge_line import HingeBodies
 from mam_pipeline.geometry.sampling import unit
 from mam_pipeline.geometry.sweep import SweepScene
 from mam_pipeline.joints.blockers import STUCK, take_along
@@ -39,8 +41,9 @@ from mam_pipeline.types import (
     Primitives,
 )
 
-FALLBACKS = 6  # hypotheses that are tried when the best ones leave a part stuck
-NEARLY = 2.5  # log odds below the best hypothesis at which trying ends
+FALLBACKS = 12  # hypotheses that are tried when the best ones leave a part stuck
+LINES = 40  # hinge lines, best first, that are tried on both bodies
+ON_LINE = 0.9  # share of the check's tolerance that a line may stray from them
 
 
 @dataclass(frozen=True)
@@ -117,8 +120,10 @@ class EmbeddedSolver:
         seed: int,
     ) -> Joint:  # fmt: skip
         """Choose the best hypothesis by which the part can move, and its limits."""
-        candidates = choose_candidates(mesh, frame, node, faces, seed)
         around = Surroundings.of(mesh, faces.moving, faces.static, seed)
+        candidates = choose_candidates(mesh, frame, node, faces, seed)
+        if node.subtype != "slide" and node.provenance != "user":
+            candidates = _on_both(mesh, faces, candidates, around.paths.rest_gap)
         alone = None
         if len(faces.fixed) < len(faces.static) and len(faces.fixed):
             alone = cache(lambda: Surroundings.of(mesh, faces.moving, faces.fixed, seed))
@@ -127,9 +132,9 @@ class EmbeddedSolver:
                             usual=_usual(c))
             for c in candidates[:1]
         ]  # fmt: skip
-        # a part that cannot move so does not: ask the next hypotheses that are nearly as good
+        # a part that cannot move so does not: ask the next hypotheses
         for c in candidates[1:FALLBACKS]:
-            if moved_share(tried[-1]) >= MOVES or c.score < candidates[0].score - NEARLY:
+            if moved_share(tried[-1]) >= MOVES:
                 break
             tried.append(
                 embedded_limits(around, c.subtype, c.axis, c.origin, alone=alone, usual=_usual(c))
@@ -274,6 +279,16 @@ def choose_candidates(
             ) if c.subtype in kinds
         ]  # fmt: skip
     return known
+
+
+def _on_both(
+    mesh: Mesh, faces: PartFaces, candidates: list[JointCandidate], rest_gap: float
+) -> list[JointCandidate]:
+    """The candidates whose line stays on both bodies, as the check asks; all if none does."""
+    bodies = HingeBodies(mesh, faces.moving, faces.parent if len(faces.parent) else faces.static)
+    most = ON_LINE * THRESHOLDS.gap_share + rest_gap / max(mesh.diagonal, 1e-12)
+    kept = [c for c in candidates[:LINES] if bodies.line_gap(c.axis, c.origin) <= most]
+    return kept or candidates
 
 
 def opening_sign(

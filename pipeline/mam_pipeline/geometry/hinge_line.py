@@ -1,0 +1,135 @@
+"""How far the line of a hinge strays from the two bodies that turn about it.
+
+The check judges by this, and the solver asks it before it settles on a line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mam_pipeline.asset.surface import hull_of
+from mam_pipeline.geometry.raycast import RayScene
+from mam_pipeline.geometry.sampling import sample_surface, unit
+from mam_pipeline.types import FloatArray, IntArray, Mesh
+
+Inside = Callable[[FloatArray, bool], NDArray[np.bool_]]
+"""Which points (n, 3) are inside the part (True) or the body that it hangs on (False)."""
+
+PINNED = 0.001
+"""Nearer than this to one point of the hinge line, two bodies meet there; share of the diagonal."""
+SECTORS, ROUND = 12, 1.3
+"""A part is round about a line if its reach in all sectors differs by less than this factor."""
+STEEPEST = 0.3
+"""A part that leaves the hinge line faster is shaped so; slower, the line runs askew."""
+
+
+class HingeBodies:
+    """A part and the body that it hangs on, for any number of lines."""
+
+    def __init__(self, mesh: Mesh, part: IntArray, parent: IntArray) -> None:
+        """Prepare from face indices of the part, with all that it carries, and of its parent."""
+        self.diagonal = mesh.diagonal
+        faces = mesh.faces[part], mesh.faces[parent]
+        self.corners = [mesh.vertices[np.unique(f)] for f in faces]
+        self.scenes = [RayScene(mesh.vertices, f) for f in faces]
+        self.spots = [
+            np.concatenate([c, sample_surface(mesh.vertices, f, 2000, 5).points])
+            for c, f in zip(self.corners, faces)
+        ]
+
+    def line_gap(self, axis: FloatArray, origin: FloatArray, inside: Inside | None = None) -> float:
+        """How far a line strays from both bodies over their common extent.
+
+        Args:
+            axis, origin: the line. inside: points in a body are on it; without it, surfaces alone.
+
+        Returns:
+            Distance as a share of the diagonal.
+        """
+        spans = []
+        for corners in self.corners:
+            along = (corners - origin) @ axis
+            spans.append((float(along.min()), float(along.max())))
+        low, high = max(s[0] for s in spans), min(s[1] for s in spans)
+        if high - low < 0.02 * self.diagonal:  # a knob on a plate: the line crosses the plate
+            middle = 0.5 * (low + high)
+            low, high = middle, middle
+        if self._round_about(axis, origin):
+            return 0.0
+        count = 9
+        stops = np.linspace(low, high, 4 * (count - 1) + 1).astype(np.float64)
+        line = origin + stops[:, None] * axis
+        fine = np.stack([scene.distance(line) for scene in self.scenes])
+        if inside is not None:
+            for row, part in zip(fine, (True, False)):
+                row[inside(line, part)] = 0.0
+        if (fine.max(axis=0) < PINNED * self.diagonal).any():
+            near = 0.0  # a pin or a knuckle: both bodies meet on the line
+        elif self._in_bearing(axis, origin, low, high):
+            near = float(np.quantile(fine[0, ::4], 0.2))
+        else:
+            # mounts may sit at the ends alone: a fifth of the line must lie on each body
+            near = float(np.quantile(fine[:, ::4], 0.2, axis=1).max())
+        return max(near, _askew(fine[0, ::4], stops[::4])) / self.diagonal
+
+    def hub_gap(self, axis: FloatArray, origin: FloatArray) -> float:
+        """How far the axis of a part that turns round and round misses the part's own hull.
+
+        A drum or a wheel is hollow where its axis runs, so its surface says nothing.
+        """
+        corners = self.corners[0]
+        spots = origin + ((corners.mean(axis=0) - origin) @ axis) * axis
+        hull = hull_of(corners)
+        if hull is None:
+            return 0.0
+        vertices, faces = hull
+        a, b, c = (vertices[faces[:, k]] for k in range(3))
+        normals = unit(np.cross(b - a, c - a))
+        outside = float((np.einsum("ij,ij->i", normals, spots - a)).max())
+        return max(outside, 0.0) / self.diagonal
+
+    def _round_about(self, axis: FloatArray, origin: FloatArray) -> bool:
+        """Whether the part is a ring, cap or knob about the line: the line need not touch it."""
+        _, sector, radius = _about(self.spots[0], axis, origin)
+        reach = np.zeros(SECTORS)
+        np.maximum.at(reach, sector, radius)
+        return bool(reach.min() > 0 and reach.max() < ROUND * reach.min())
+
+    def _in_bearing(self, axis: FloatArray, origin: FloatArray, low: float, high: float) -> bool:
+        """Whether the parent is a round hole about the line, where the part's shaft runs in it."""
+        along, sector, radius = _about(self.spots[1], axis, origin)
+        margin = 0.02 * self.diagonal
+        there = (along > low - margin) & (along < high + margin)
+        reach = np.full(SECTORS, np.inf)
+        np.minimum.at(reach, sector[there], radius[there])
+        return bool(np.isfinite(reach).all() and reach.max() < ROUND * reach.min())
+
+
+def _about(
+    spots: FloatArray, axis: FloatArray, origin: FloatArray
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Along a line, sector about it and distance from it, of points (n, 3)."""
+    arm = spots - origin
+    guess = np.eye(3)[int(np.abs(axis).argmin())]
+    side: FloatArray = np.asarray(unit(np.cross(axis, guess)), dtype=np.float64)
+    x, y = arm @ side, arm @ np.cross(axis, side)
+    sector = ((np.arctan2(y, x) / (2 * np.pi) + 1.0) * SECTORS).astype(int) % SECTORS
+    return arm @ axis, sector, np.hypot(x, y)
+
+
+def _askew(distance: FloatArray, along: FloatArray) -> float:
+    """How far a line leaves its part towards the ends, metres; only half the length is seen."""
+    rise = np.diff(distance)
+    nearest = int(distance.argmin())
+    noise = 0.02 * distance.max()
+    if (rise[:nearest] > noise).any() or (rise[nearest:] < -noise).any():
+        return 0.0  # a tilted line only gets farther on either side
+    rise = np.abs(rise)
+    rise = rise[rise > noise]
+    if not len(rise) or np.median(rise) > STEEPEST * (along[1] - along[0]):
+        return 0.0
+    near, far = np.quantile(distance, [0.2, 0.8])
+    return 2.0 * float(far - near)
