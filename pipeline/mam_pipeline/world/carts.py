@@ -58,7 +58,7 @@ def cart(b: Builder) -> None:
     if b.chance(0.5):
         _trolley(b, l, w)
         return
-    r = b.uniform(0.08, 0.2)
+    r = min(b.uniform(0.08, 0.2), 0.3 * l)  # two axles do not meet
     ww = b.uniform(0.25, 0.5) * r
     if r < 0.12:
         b.box("base", (0, -w / 2, r), (l, w / 2, r + 0.04), "body")

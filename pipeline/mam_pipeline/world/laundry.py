@@ -151,7 +151,7 @@ def washer_top(b: Builder) -> None:
     if b.chance(0.5):
         b.handle(lid, (0.02, 0, h + g + 0.5 * thick), (-1, 0, 0), (0, 1, 0), 0.15,
                  b.choice(["strip", "bar", "bow"]), "trim")  # fmt: skip
-    b.hinge(lid, "base", (x1, 0, h + g), (0, 1, 0), 0.0, np.radians(b.choice([70, 80, 85])),
+    b.hinge(lid, "base", (x1, 0, h + g), (0, 1, 0), 0.0, np.radians(b.choice([65, 70, 75])),
             opens=(0, 0, 1))  # fmt: skip
     tall = b.uniform(0.1, 0.18)
     x = x1 + 0.02 + thick
