@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from mam_envs.grip import bearing
 from mam_envs.objects import ObjectModel
 from mam_envs.robots import RobotSpec
 from mam_envs.spec import JointGoal
@@ -23,6 +24,9 @@ SHALLOW = 0.006
 """Least depth (m) of a recessed pull or rim that fingers hold on to."""
 BOARD_TILT = 25
 """Degrees that the fingers may be tilted against a board's faces."""
+LEAST_BEARING = 0.5
+"""Least pull that a grip on a rim or board must bear, over the squeeze (a hand squeezes with
+40 N)."""
 LAGS = (1.0, 0.6, 0.25)
 
 
@@ -133,16 +137,29 @@ def fitting(model: ObjectModel, goal: JointGoal, robot: RobotSpec, hold: Hold) -
     lags = [1.0] if goal.subtype == "slide" else list(hold.lags)
     start = tool_path(model, goal, hold, q[:1])[0]
     before = {goal.joint: float(q[0])}
+    moving = model.moving_links(goal.joint)
+    hulls = robot.hand_hulls(opened)
     for distance in (BACK_OFF, 0.5 * BACK_OFF, 0.0):
         pose = backed(start[None], distance)[0]
+        if hold.grasp.kind == "push" and distance == 0.0:  # a tilted fingertip's corner goes in
+            tips = fingers @ pose[:3, :3].T + pose[:3, 3]
+            if (model.depth(tips, before) > SLACK + robot.tip_ahead).any():
+                return None
+            if _touches(model, palm, pose, before, SLACK):
+                return None
+            continue
         slack = SLACK if distance == 0.0 else 0.0
-        if pushing and distance == 0.0:
-            slack += robot.tip_ahead
         if _touches(model, np.concatenate([fingers, palm]), pose, before, slack):
             return None
-    moving = model.moving_links(goal.joint)
+        if model.cuts_into(hulls, pose, before, 0.5 * SLACK):
+            return None
     if not pushing and not _grasps_something(model, hold, start, before, moving, robot):
         return None
+    if not pushing and hold.grasp.kind in ("rim", "edge"):  # nothing for the fingers to hook on
+        width = min(robot.max_width, hold.grasp.width + hold.room)
+        pull = _direction(model, goal, np.array(hold.grasp.position))
+        if bearing(model, robot, start, width, pull, moving, before) < LEAST_BEARING:
+            return None
     free = []
     for lag in lags:
         poses = tool_path(model, goal, replace(hold, lag=lag), q)
@@ -186,7 +203,7 @@ def _touches(
     skip: tuple[str, ...] = (),
 ) -> bool:
     moved = points @ pose[:3, :3].T + pose[:3, 3]
-    return bool((model.depth(moved, q, skip) > slack).any())
+    return model.runs_into(moved, q, slack, skip)
 
 
 def _direction(model: ObjectModel, goal: JointGoal, point: FloatArray) -> FloatArray:

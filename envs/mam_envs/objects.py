@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,9 +15,18 @@ from scipy.spatial import ConvexHull, QhullError
 from mam_envs.kinematics import KinematicModel
 from mam_pipeline.asset.card import Asset, CardGrasp, CardJoint
 from mam_pipeline.errors import InputError, NotPhysicalError, unknown_name
-from mam_pipeline.types import FloatArray
+from mam_pipeline.types import FloatArray, IntArray
 
 GRAVITY = 9.81
+WALL, WALL_STEP = 0.008, 0.003
+"""Metres: pieces thinner than the first are walls, sampled at the second."""
+MOST_SAMPLES = 4000
+THIN = 0.25
+"""Share of a piece's thickness that a dip may not exceed: what runs through a thin wall is never
+deep in it."""
+
+Hull = tuple[FloatArray, FloatArray]
+"""A convex shape: its box (2, 3) and planes (M, 4), inside where n . x + d <= 0."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +36,11 @@ class Piece:
 
     planes: FloatArray
     points: FloatArray
+
+    @cached_property
+    def thickness(self) -> float:
+        """Least distance (m) between a face and the corner farthest from it."""
+        return float(-(self.points @ self.planes[:, :3].T + self.planes[:, 3]).min(axis=0).max())
 
 
 @dataclass(frozen=True)
@@ -197,12 +211,69 @@ class ObjectModel:
     def depth(
         self, points: FloatArray, q: Mapping[str, float], skip: tuple[str, ...] = ()
     ) -> FloatArray:
-        """(N,) how deep points (N, 3), asset frame, lie inside the object; -inf outside.
+        """(N,) how deep points (N, 3), asset frame, lie inside the object; -inf outside."""
+        out = np.full(len(points), -np.inf)
+        for rows, depth, _ in self._dips(points, q, skip):
+            out[rows] = np.maximum(out[rows], depth)
+        return out
+
+    def runs_into(
+        self,
+        points: FloatArray,
+        q: Mapping[str, float],
+        slack: float = 0.0,
+        skip: tuple[str, ...] = (),
+    ) -> bool:
+        """Whether any of the points (N, 3), asset frame, is deeper inside the object than `slack`
+        (m), or than a share of a thin piece's thickness."""
+        return any(
+            bool((depth > min(slack, THIN * piece.thickness)).any())
+            for _, depth, piece in self._dips(points, q, skip)
+        )
+
+    @cached_property
+    def walls(self) -> dict[str, FloatArray]:
+        """(N, 3) points, about 3 mm apart, on every link's thin pieces, link frame: what a hand's
+        own points would miss."""
+        out = {}
+        for name, pieces in self.pieces.items():
+            rows = []
+            for piece in pieces:
+                if piece.thickness < WALL:
+                    hull = trimesh.convex.convex_hull(piece.points)
+                    count = min(int(hull.area / WALL_STEP**2), MOST_SAMPLES)
+                    rows += [trimesh.sample.sample_surface(hull, count, seed=0)[0], piece.points]
+            if rows:
+                out[name] = np.concatenate(rows)
+        return out
+
+    def cuts_into(
+        self, hulls: Sequence[Hull], pose: FloatArray, q: Mapping[str, float], slack: float
+    ) -> bool:
+        """Whether a thin piece runs more than `slack` (m) into convex shapes that stand in the
+        frame `pose` (4, 4), asset frame."""
+        poses = self.kinematics.link_poses(q)
+        into = np.linalg.inv(pose)
+        low = np.min([box[0] for box, _ in hulls], axis=0)
+        high = np.max([box[1] for box, _ in hulls], axis=0)
+        for name, points in self.walls.items():
+            m = into @ poses[name][0]
+            here = points @ m[:3, :3].T + m[:3, 3]
+            here = here[((here > low) & (here < high)).all(axis=1)]
+            for box, planes in hulls if len(here) else ():
+                near = here[((here > box[0]) & (here < box[1])).all(axis=1)]
+                if ((near @ planes[:, :3].T + planes[:, 3]).max(axis=1) < -slack).any():
+                    return True
+        return False
+
+    def _dips(
+        self, points: FloatArray, q: Mapping[str, float], skip: tuple[str, ...]
+    ) -> Iterator[tuple[IntArray, FloatArray, Piece]]:
+        """For each piece that points lie in: their indices and depths (>= 0).
 
         Boxes come first: of thousands of point-piece pairs a handful is left to be looked at.
         """
         poses = self.kinematics.link_poses(q)
-        out = np.full(len(points), -np.inf)
         for name, boxes in self.boxes.items():
             if name in skip:
                 continue
@@ -215,12 +286,11 @@ class ObjectModel:
             here = local[near]
             inside = ((here[:, None] >= boxes[:, 0]) & (here[:, None] <= boxes[:, 1])).all(axis=2)
             for k in np.flatnonzero(inside.any(axis=0)):
-                rows = inside[:, k]
-                planes = self.pieces[name][k].planes
-                distance = (here[rows] @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-                value = np.where(distance <= 0.0, -distance, -np.inf)
-                out[near[rows]] = np.maximum(out[near[rows]], value)
-        return out
+                rows, piece = inside[:, k], self.pieces[name][k]
+                distance = (here[rows] @ piece.planes[:, :3].T + piece.planes[:, 3]).max(axis=1)
+                within = distance <= 0.0
+                if within.any():
+                    yield near[rows][within], -distance[within], piece
 
 
 def _pieces(collision: object, urdf: Path, scale: float) -> list[Piece]:

@@ -237,13 +237,14 @@ def clear(
     before = {**others, goal.joint: float(path.q[0])}
     start = robot.rest_arm if begin is None else begin
     swing = np.linspace(start, path.approach[0], 8)[:-1]
-    slack = SLACK if not pushing else robot.tip_ahead + SLACK
+    pressing, pressed = (robot.finger_links, moving) if pushing else ((), ())
     for arm in (*swing, *path.approach[:-1]):
         if not _free(model, robot, arm, opened, path.base, world_asset, before, (), ground, 0.0):
             return False
     if not _free(
-        model, robot, path.approach[-1], opened, path.base, world_asset, before, (), ground, slack
-    ):
+        model, robot, path.approach[-1], opened, path.base, world_asset, before, pressing, ground,
+        SLACK, pressed,
+    ):  # fmt: skip
         return False
     touching = robot.finger_links
     for k in range(1, len(path.q), 2):
@@ -303,9 +304,9 @@ def _free(
         if lifted and (local @ base[2, :3] + base[2, 3]).min() < ground - 0.002:
             return False
     points = np.concatenate(rest) @ into[:3, :3].T + into[:3, 3]
-    if (model.depth(points, q) > slack).any() or _in_stand(model, points):
+    if model.runs_into(points, q, slack) or _in_stand(model, points):
         return False
     if held:
         points = np.concatenate(held) @ into[:3, :3].T + into[:3, 3]
-        return not (model.depth(points, q, skip=moving) > slack).any()
+        return not model.runs_into(points, q, slack, moving)
     return True

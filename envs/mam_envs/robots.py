@@ -17,6 +17,7 @@ import trimesh
 import yourdfpy
 
 from mam_envs.kinematics import Chain, KinematicModel
+from mam_envs.objects import Hull
 from mam_pipeline.errors import ConfigError, unknown_name
 from mam_pipeline.types import FloatArray
 
@@ -143,40 +144,70 @@ class RobotSpec:
 
     def hand_surface(self, gripper: float) -> tuple[FloatArray, FloatArray]:
         """Points (P, 3) on the fingers and (Q, 3) on the rest of the hand, tool frame."""
-        poses = self.link_poses(self.rest_arm[None], gripper)
+        return self._hand(gripper)[:2]
+
+    def hand_hulls(self, gripper: float) -> list[Hull]:
+        """The hand's convex shapes, tool frame."""
+        return self._hand(gripper)[2]
+
+    def _hand(self, gripper: float) -> tuple[FloatArray, FloatArray, list[Hull]]:
+        """Fingers, palm and convex shapes at one opening, remembered."""
+        key = round(gripper, 4)
+        if key in self._hands:
+            return self._hands[key]
+        poses = self.link_poses(self.rest_arm[None], key)
         into = np.linalg.inv(poses[self.tip][0] @ self.chain.tool)
         fingers, palm = [np.zeros((0, 3))], [np.zeros((0, 3))]
+        hulls: list[Hull] = []
         for name in dict.fromkeys((*self.finger_links, *self.hand_links)):
+            m = into @ poses[name][0]
             if name in self.surface:
-                m = into @ poses[name][0]
                 rows = self.surface[name] @ m[:3, :3].T + m[:3, 3]
                 (fingers if name in self.finger_links else palm).append(rows)
-        return np.concatenate(fingers), np.concatenate(palm)
+            for hull in self.hulls.get(name, ()):
+                normals = hull.face_normals @ m[:3, :3].T
+                on = hull.vertices @ m[:3, :3].T + m[:3, 3]
+                rows = np.c_[normals, -(normals * on[hull.faces[:, 0]]).sum(axis=1)]
+                box = np.stack([on.min(axis=0), on.max(axis=0)])
+                hulls.append((box, np.unique(np.round(rows, 4), axis=0)))
+        self._hands[key] = np.concatenate(fingers), np.concatenate(palm), hulls
+        return self._hands[key]
+
+    @cached_property
+    def _hands(self) -> dict[float, tuple[FloatArray, FloatArray, list[Hull]]]:
+        return {}
+
+    @cached_property
+    def hulls(self) -> dict[str, list[trimesh.Trimesh]]:
+        """Convex collision shapes of each link, link frame; wheels and heads left out."""
+        out: dict[str, list[trimesh.Trimesh]] = {}
+        for link in self.model.robot.links:
+            if any(w in link.name for w in ("wheel", "head", "caster", "bellows")):
+                continue
+            rows = [_hull(c, self.path.parent) for c in link.collisions]
+            out[link.name] = [r for r in rows if r is not None]
+        return out
 
     @cached_property
     def surface(self) -> dict[str, FloatArray]:
-        """(P, 3) points on each link's collision shapes, link frame; wheels and heads left out."""
-        out: dict[str, FloatArray] = {}
-        for link in self.model.robot.links:
-            rows = [
-                _surface(c, self.path.parent, 160 if link.name in self.finger_links else 48)
-                for c in link.collisions
-                if not any(w in link.name for w in ("wheel", "head", "caster", "bellows"))
-            ]
-            rows = [r for r in rows if len(r)]
-            if rows:
-                out[link.name] = np.concatenate(rows)
-        return out
+        """(P, 3) points on each link's collision shapes, link frame."""
+        return {
+            name: np.concatenate(
+                [_samples(h, 160 if name in self.finger_links else 48) for h in hulls]
+            )
+            for name, hulls in self.hulls.items()
+            if hulls
+        }
 
 
-def _surface(collision: yourdfpy.Collision, folder: Path, count: int) -> FloatArray:
-    """Points on one collision shape in its link's frame: hull corners and even samples."""
+def _hull(collision: yourdfpy.Collision, folder: Path) -> trimesh.Trimesh | None:
+    """Convex hull of one collision shape in its link's frame; None where its file is missing."""
     g = collision.geometry
     if g.mesh is not None:
         name = g.mesh.filename.replace("package://", "")
         file = next((p / name for p in (folder, *folder.parents) if (p / name).is_file()), None)
         if file is None:
-            return np.zeros((0, 3))
+            return None
         mesh: Any = trimesh.load(file, force="mesh")
         if g.mesh.scale is not None:
             mesh.apply_scale(g.mesh.scale)
@@ -187,12 +218,17 @@ def _surface(collision: yourdfpy.Collision, folder: Path, count: int) -> FloatAr
     elif g.sphere is not None:
         mesh = trimesh.creation.icosphere(1, g.sphere.radius)
     else:
-        return np.zeros((0, 3))
-    hull = mesh.convex_hull
+        return None
+    hull: trimesh.Trimesh = mesh.convex_hull
+    if collision.origin is not None:
+        hull.apply_transform(np.asarray(collision.origin))
+    return hull
+
+
+def _samples(hull: trimesh.Trimesh, count: int) -> FloatArray:
+    """Points on a hull: even samples and corners."""
     samples, _ = trimesh.sample.sample_surface(hull, count, seed=0)
-    points = np.concatenate([samples, hull.vertices[:: max(1, len(hull.vertices) // count)]])
-    origin = np.eye(4) if collision.origin is None else np.asarray(collision.origin)
-    return points @ origin[:3, :3].T + origin[:3, 3]
+    return np.concatenate([samples, hull.vertices[:: max(1, len(hull.vertices) // count)]])
 
 
 PANDA = RobotSpec(

@@ -12,7 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
+from scipy.spatial import cKDTree
 
+from mam_envs.grip import first_hit
 from mam_envs.holds import BACK_OFF, Hold, fitting, push_variants, turn
 from mam_envs.objects import ObjectModel
 from mam_envs.robots import RobotSpec
@@ -20,7 +22,7 @@ from mam_envs.spec import JointGoal
 from mam_pipeline.asset.card import CardGrasp
 from mam_pipeline.types import FloatArray
 
-SAMPLES = 420
+SAMPLES = 600
 GRIP = 0.012
 """How far behind a free edge the fingertips come to lie, metres."""
 ROOM = 0.008
@@ -28,8 +30,13 @@ ROOM = 0.008
 DIRECTIONS = 8
 KEEP = {"pinch": 18, "hook": 12, "push": 8}
 """Holds of each kind that are kept."""
-TRIES = 12
-"""So many times as many are tried: of the cheapest few, all may stand too close to a corner."""
+LEANS = ((0.0, 0.0), (0.3, 0.01), (0.6, 0.01), (0.6, 0.025))
+"""Radians by which hooked fingers lean away from the face that they drag, since a palm is wide, and
+how far (m) before the face's point they then begin."""
+CATCH = 0.03
+"""Metres from the middle of the fingers within which they meet what they are to drag."""
+TRIES = 400
+"""So many are tried: of the cheapest few, all may stand too close to a corner."""
 
 
 @dataclass(frozen=True)
@@ -72,9 +79,11 @@ def surface_holds(model: ObjectModel, goal: JointGoal, robot: RobotSpec) -> list
     found: list[Hold] = []
     for kind, make in (("pinch", _pinches), ("hook", _hooks), ("push", _pushes)):
         rows = make(model, goal, robot, skin)
+        if kind == "hook":
+            rows = _catching(model, robot, skin, rows)
         rows = sorted(_roomy(model, robot, skin, rows), key=lambda h: h.cost)
         kept: list[Hold] = []
-        for hold in _spread(rows, TRIES * KEEP[kind]):
+        for hold in _spread(rows, TRIES):
             fits = fitting(model, goal, robot, _moved(hold, rest))
             if fits is not None:
                 kept.append(fits)
@@ -166,22 +175,44 @@ def _pinches(model: ObjectModel, goal: JointGoal, robot: RobotSpec, skin: Skin) 
 
 
 def _hooks(model: ObjectModel, goal: JointGoal, robot: RobotSpec, skin: Skin) -> list[Hold]:
+    """Closed fingers behind a face, along it, or slanting over its edge with the hand outside."""
     behind = -(skin.heading * skin.normals).sum(axis=1)
     fingers, _ = robot.hand_surface(robot.closed)
-    tips = fingers[fingers[:, 2] > fingers[:, 2].max() - 0.03]
+    tips = fingers[fingers[:, 2] > fingers[:, 2].max() - GRIP - ROOM]
     half = np.abs(tips[:, :2]).max(axis=0)  # across and along the closing direction
     out: list[Hold] = []
     for i in np.flatnonzero((behind > 0.6) & (skin.lever > 0.35)):
         normal = skin.normals[i]
         for a in _round(normal):
-            for closing, gap in ((normal, half[1]), (np.cross(normal, a), half[0])):
-                spot = skin.points[i] + normal * (gap + 0.001) + a * (GRIP - robot.tip_ahead)
-                grasp = _card(goal, model, "push", skin.points[i], a, closing, 0.0)
-                cost = 0.7 + 0.6 * (1 - behind[i]) + 0.8 * (1 - skin.lever[i])
-                cost += 0.3 * max(0.0, float(a[2]))
-                tool = _frame(a, closing, spot)
-                out.append(Hold(grasp, "push", tool, 1.0, float(cost), (1.0, 0.6, 0.25)))
+            for slant, down in LEANS:
+                c, s = np.cos(slant), np.sin(slant)
+                into, off = c * a + s * normal, c * normal - s * a
+                start = skin.points[i] - a * down
+                for closing, gap in ((off, half[1]), (np.cross(off, into), half[0])):
+                    spot = start + off * (gap + 0.001) + into * (GRIP - robot.tip_ahead)
+                    grasp = _card(goal, model, "hook", start, into, closing, 0.0)
+                    cost = 0.7 + 0.6 * (1 - behind[i]) + 0.8 * (1 - skin.lever[i]) + 0.3 * slant
+                    cost += 0.3 * max(0.0, float(into[2]))
+                    tool = _frame(into, closing, spot)
+                    out.append(Hold(grasp, "push", tool, 1.0, float(cost), (1.0, 0.6, 0.25)))
     return out
+
+
+def _catching(
+    model: ObjectModel, robot: RobotSpec, skin: Skin, rows: list[Hold]
+) -> list[Hold]:
+    """Those whose fingers meet the part when they move as it should: material lies ahead of the tip
+    and of the finger behind it."""
+    if not rows:
+        return []
+    along = np.linspace(robot.tip_ahead - 0.002, robot.tip_ahead - GRIP, 4)
+    tools = np.stack([h.tool for h in rows])
+    origins = tools[:, None, :3, 3] + along[:, None] * tools[:, None, :3, 2]
+    _, nearest = cKDTree(skin.points).query(tools[:, :3, 3])
+    ways = np.repeat(skin.heading[nearest], len(along), axis=0)
+    ahead, _ = first_hit(model, origins.reshape(-1, 3), ways, skin.moving, skin.start)
+    caught = (ahead.reshape(len(rows), -1) < CATCH).sum(axis=1) >= 2
+    return [h for h, ok in zip(rows, caught) if ok]
 
 
 def _pushes(model: ObjectModel, goal: JointGoal, robot: RobotSpec, skin: Skin) -> list[Hold]:
@@ -210,7 +241,8 @@ def _roomy(model: ObjectModel, robot: RobotSpec, skin: Skin, rows: list[Hold]) -
     few = [p[:: max(1, len(p) // 12)] for p in (fingers[fingers[:, 2] < -0.005], palm) if len(p)]
     shape = np.concatenate(few)
     # the way in, close enough together to notice a thin wall: no hand from inside a closed body
-    way_in = np.outer(np.arange(0.015, 0.5, 0.008), [0.0, 0.0, -1.0])
+    size = float(np.linalg.norm(np.diff(model.footprint, axis=0)))
+    way_in = np.outer(np.arange(0.015, max(0.5, size), 0.008), [0.0, 0.0, -1.0])
     backs = [shape - [0.0, 0.0, d] for d in (0.5 * BACK_OFF, BACK_OFF)]
     for points, most in ((shape, 0.006), (np.concatenate([way_in, *backs]), 0.0)):
         tools = np.stack([h.tool for h in rows])
