@@ -51,6 +51,9 @@ def main(argv: list[str] | None = None) -> int:
             raise
         print(f"mam-sim: {error}", file=sys.stderr)
         return error.exit_code
+    except BrokenPipeError:  # the reader of our output has gone, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except KeyboardInterrupt:
         print("mam-sim: interrupted", file=sys.stderr)
         return 130

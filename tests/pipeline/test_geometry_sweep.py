@@ -8,7 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from mam_pipeline.geometry.boxes import aligned_box, minimal_box
 from mam_pipeline.geometry.frames import estimate_frame
+from mam_pipeline.geometry.hinge_line import HingeBodies
+from mam_pipeline.geometry.paths import PartPaths, Rule
 from mam_pipeline.geometry.raycast import RayScene
+from mam_pipeline.geometry.rows import row_keys
 from mam_pipeline.geometry.sampling import sample_surface, thin_out
 from mam_pipeline.geometry.sweep import SweepScene
 from mam_pipeline.types import FloatArray, IntArray, Mesh
@@ -154,3 +157,38 @@ def test_sweeps_do_not_depend_on_scale() -> None:
     b = big.sweep("revolute", (0, 1, 0), (0, 0, 5.5), angles)
     assert a.blocked == pytest.approx(b.blocked, abs=0.01)
     assert a.depth * 250 == pytest.approx(b.depth, rel=0.05, abs=0.1)
+
+
+@pytest.mark.parametrize("kind", ["edges", "rounded", "wide"])
+def test_row_keys_answer_as_sorting_whole_rows(kind: str) -> None:
+    rng = np.random.default_rng(3)
+    rows = {
+        "edges": rng.integers(0, 40, (500, 2)),
+        "rounded": np.round(rng.normal(size=(500, 3)), 1),
+        "wide": rng.choice(rng.integers(-(2**62), 2**62, 30), (500, 4)),
+    }[kind]
+    wanted = np.unique(rows, axis=0, return_index=True, return_inverse=True, return_counts=True)
+    found = np.unique(row_keys(rows), return_index=True, return_inverse=True, return_counts=True)
+    for a, b in zip(wanted[1:], found[1:]):
+        np.testing.assert_array_equal(a.reshape(-1), b)
+
+
+def test_a_small_obstacle_is_judged_by_dense_samples() -> None:
+    # a drawer front of 1 x 1 with a rod of 1 % of its area in the way of its edge
+    mesh, owner = boxes(((0, 0, 0), (0.05, 1, 1)), ((0.5, 0.96, 0.0), (0.6, 1.06, 0.4)))
+    paths = PartPaths(mesh, np.flatnonzero(owner == 0), np.flatnonzero(owner == 1))
+    axis, origin = np.array([1.0, 0, 0]), np.zeros(3)
+    rule = Rule(0.005 * mesh.diagonal, 0.004)
+    free, found = paths.free_range("prismatic", axis, origin, 1.0, rule)
+    assert found.value is not None and 0.44 < free < 0.47  # the front's far face is at 0.05
+    again, _ = paths.dense.free_range("prismatic", axis, origin, 1.0, rule)
+    assert abs(again - free) < 0.02
+
+
+def test_a_hinge_line_stays_on_both_bodies_or_is_told_how_far_it_strays() -> None:
+    mesh, owner = boxes(((0, 0, 0), (0.4, 1, 1)), ((-0.02, 0, 0), (0, 1, 1)))
+    bodies = HingeBodies(mesh, np.flatnonzero(owner == 1), np.flatnonzero(owner == 0))
+    up = np.array([0.0, 0, 1])
+    assert bodies.line_gap(up, np.array([0.0, 0, 0])) < 1e-6  # the common edge
+    away = bodies.line_gap(up, np.array([-0.2, -0.3, 0]))
+    assert away == pytest.approx(np.hypot(0.2, 0.3) / mesh.diagonal, rel=0.02)
