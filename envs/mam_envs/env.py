@@ -171,9 +171,7 @@ class OperateJointEnv(BaseEnv):
         self._dof_index = torch.tensor(dofs, device=self.device)
         self.object = Articulation.merge(self._objects, name="object")
         self.add_to_state_dict_registry(self.object)
-        self.targets = [
-            Link.merge(rows, name=f"target_{k}") for k, rows in enumerate(targets)
-        ]
+        self.targets = [Link.merge(rows, name=f"target_{k}") for k, rows in enumerate(targets)]
         self._make_buffers()
 
     def _load_lighting(self, options: dict) -> None:
