@@ -40,6 +40,8 @@ def safe(b: Builder) -> None:
     for kind, (y, dz) in zip(
         kinds, ((-0.1 * s, 0.12 if h > w else 0.0), (0.35 * s, -0.25 if h > w else 0))
     ):
+        if kind == "dial":  # it must not meet the carcass when the door stands open
+            y = s * min(s * y, 0.24)
         at = (x, y * w * 0.8, z + dz * h)
         if kind == "dial":
             b.rotary(door, at, (-1, 0, 0), 0.17 * unit, 0.03, "metal", "dial", np.inf)
