@@ -8,7 +8,7 @@ panels, as many as in truth and all matched at IoU 0.5; handles, at least three 
 truth's hit and three in four of those named right. Seeds from 2000 on: neither those of
 `bench-photo` (0 on) nor those of the handle model (100 on).
 
-    python benchmarks/photo_confidence.py ROWS.jsonl [--first 2000] [--count 40] [--width 560]
+    python benchmarks/photo_confidence.py ROWS.jsonl [--first 2000] [--count 30]
 """
 
 from __future__ import annotations
@@ -138,8 +138,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("rows", type=Path)
     parser.add_argument("--first", type=int, default=2000)
-    parser.add_argument("--count", type=int, default=40)
-    parser.add_argument("--width", type=int, default=560)
+    parser.add_argument("--count", type=int, default=30)
+    parser.add_argument("--width", type=int, default=720)
     parser.add_argument("--out", type=Path, default=KEPT)
     args = parser.parse_args()
     collect(args.rows, args.first, args.count, args.width)

@@ -1,11 +1,12 @@
 """Trains the photo stage's handle classifiers on synthetic photos with exact truth.
 
-Writes, into pipeline/mam_pipeline/photo/, handle_model.txt (a patch alone: 28 numbers) and
-handle_context.txt (its place between the nearest lines too: 39 numbers), both LightGBM as text.
+Writes, into pipeline/mam_pipeline/photo/, handle_model.txt (a patch alone: 32 numbers) and
+handle_context.txt (its place between the nearest lines too: 43 numbers), both LightGBM as text.
 The photos are those of `bench-photo` with seeds from 100 on, so that the benchmark's own seeds
-(0 on) stay unseen; each front is also read mirrored, darker or lighter, smaller and noisier.
+(0 on) stay unseen, small and large by turns; each front is also read mirrored, darker or lighter,
+smaller and noisier. The same command gives the same files, to the byte.
 
-Usage: python benchmarks/photo_handles.py [--first 100] [--count 60] [--width 480] [--only context]
+Usage: python benchmarks/photo_handles.py [--first 100] [--count 60] [--data SAMPLES.npz]
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.photo.camera import apply_homography, quad_homography
-from mam_pipeline.photo.handles import BASIC, Blob, find_blobs
+from mam_pipeline.photo.handles import BASIC, COUNT, handle_candidates
 from mam_pipeline.photo.image import make_photo
 from mam_pipeline.photo.measure import rectify
 from mam_pipeline.photo.score import rect_quad
@@ -29,26 +30,27 @@ from mam_pipeline.photo.truth import PhotoTruth
 
 Array = NDArray[np.float64]
 FOLDER = Path(__file__).parent.parent / "pipeline/mam_pipeline/photo"
-COLUMNS = {"handle_model.txt": list(BASIC), "handle_context.txt": list(range(39))}
+COLUMNS = {"handle_model.txt": list(BASIC), "handle_context.txt": list(range(COUNT))}
 VARIANTS = 2  # readings of each photo
+WIDTHS = (480, 640)  # pixels, by turns
 PARAMS = {
     "objective": "binary", "num_leaves": 15, "learning_rate": 0.05, "min_data_in_leaf": 30,
     "feature_fraction": 0.6, "bagging_fraction": 0.7, "bagging_freq": 1, "lambda_l2": 5,
-    "verbose": -1, "num_threads": 1, "seed": 0,
+    "verbose": -1, "num_threads": 1, "seed": 0, "deterministic": True, "force_col_wise": True,
 }  # fmt: skip
 
 
-def label(blob: Blob, handles: list[Array]) -> int:
+def label(box: Array, handles: list[Array]) -> int:
     """1 a handle, 0 none, -1 a part of one (left out of training)."""
     best = 0
-    (cx, cy), (w, h) = blob.center, blob.size
+    center, (w, h) = (box[:2] + box[2:]) / 2, box[2:] - box[:2]
     for quad in handles:
         low, high = quad.min(axis=0), quad.max(axis=0)
         grow = np.maximum(3, 0.2 * (high - low))
-        if not ((np.array([cx, cy]) > low - grow) & (np.array([cx, cy]) < high + grow)).all():
+        if not ((center > low - grow) & (center < high + grow)).all():
             continue
         ratio = max(w, h) / max(float((high - low).max()), 1.0)
-        common = np.clip(np.minimum(blob.box[2:], high) - np.maximum(blob.box[:2], low), 0, None)
+        common = np.clip(np.minimum(box[2:], high) - np.maximum(box[:2], low), 0, None)
         overlap = common.prod() / max(w * h + (high - low).prod() - common.prod(), 1.0)
         if 0.5 < ratio < 2.2 and overlap > 0.2:
             return 1
@@ -60,7 +62,7 @@ def label(blob: Blob, handles: list[Array]) -> int:
 def samples(
     image: NDArray[np.uint8], truth: PhotoTruth, seed: int, variant: int
 ) -> tuple[Array, Array]:
-    """Candidate features (n, 39) and labels of one photo, its front misplaced a little."""
+    """Candidate features (n, COUNT) and labels of one photo, its front misplaced a little."""
     photo = make_photo(image)
     rng = np.random.default_rng([seed, variant] if variant else seed)
     quad = truth.front * photo.scale
@@ -75,11 +77,9 @@ def samples(
     ]
     if variant:
         front, handles = varied(front, handles, rng)
-    blobs = find_blobs(front, find_seams(front), keep=2000, separate=False)
-    if not blobs:
-        return np.zeros((0, 39)), np.zeros(0)
-    y = np.array([label(b, handles) for b in blobs])
-    return np.array([b.features for b in blobs])[y >= 0], y[y >= 0]
+    boxes, table = handle_candidates(front, find_seams(front))
+    y = np.array([label(b, handles) for b in boxes], dtype=float)
+    return table[y >= 0], y[y >= 0]
 
 
 def varied(
@@ -97,19 +97,12 @@ def varied(
     return np.clip(noisy, 0, 255).astype(np.uint8), [q * k for q in handles]
 
 
-def main() -> None:
-    """Train and save."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--first", type=int, default=100)
-    parser.add_argument("--count", type=int, default=60)
-    parser.add_argument("--width", type=int, default=480)
-    parser.add_argument("--only", choices=["model", "context"])
-    parser.add_argument("--out", type=Path, default=FOLDER)
-    args = parser.parse_args()
+def collect(first: int, count: int) -> tuple[Array, Array, Array]:
+    """Features (n, COUNT), labels and weights of the candidates of `count` photos per level."""
     data = []
-    for seed in range(args.first, args.first + args.count):
+    for seed in range(first, first + count):
         for level in LEVELS:
-            image, truth = synthesise(seed, level, args.width)
+            image, truth = synthesise(seed, level, WIDTHS[seed % len(WIDTHS)])
             data += [samples(image, truth, seed, variant) for variant in range(VARIANTS)]
         print(f"photo {seed}", flush=True)
     data = [d for d in data if len(d[1])]
@@ -117,9 +110,25 @@ def main() -> None:
     y = np.concatenate([b for _, b in data])
     # a pattern with hundreds of candidates is still one photo
     weight = np.concatenate([np.full(len(b), len(b) ** -0.5) for _, b in data])
+    return x, y, weight
+
+
+def main() -> None:
+    """Train and save."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--first", type=int, default=100)
+    parser.add_argument("--count", type=int, default=60)
+    parser.add_argument("--data", type=Path, help="keep the samples here; read them if present")
+    parser.add_argument("--out", type=Path, default=FOLDER)
+    args = parser.parse_args()
+    if args.data is not None and args.data.is_file():
+        kept = np.load(args.data)
+        x, y, weight = kept["x"], kept["y"], kept["weight"]
+    else:
+        x, y, weight = collect(args.first, args.count)
+        if args.data is not None:
+            np.savez_compressed(args.data, x=x, y=y, weight=weight)
     for name, columns in COLUMNS.items():
-        if args.only and args.only not in name:
-            continue
         table = lightgbm.Dataset(x[:, columns], y, weight=weight / weight.mean())
         lightgbm.train(PARAMS, table, 200).save_model(str(args.out / name))
         print(f"{len(y)} candidates, {y.mean():.1%} handles -> {args.out / name}")

@@ -6,9 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
+from mam_pipeline.photo.complete import fix_controls
 from mam_pipeline.photo.confidence import Scale
 from mam_pipeline.photo.front import with_own_handles
-from mam_pipeline.photo.handles import Blob
+from mam_pipeline.photo.handles import COUNT, Blob, handle_candidates
 from mam_pipeline.photo.mouldings import moulding_credit, spans
 from mam_pipeline.photo.panel import Panel
 from mam_pipeline.photo.repeat import handles_by_repetition
@@ -100,3 +101,36 @@ def test_handles_stay_within_their_panel() -> None:
     assert right.handles[0].box == pytest.approx((105.5, 40, 130, 60))
     lost = with_own_handles(Panel((0, 0, 100, 200), "door", "left", (Blob((99, 40, 120, 60), 1),)))
     assert [b.provenance for b in lost.handles] == ["assumed"]  # a virtual grasp line instead
+
+
+def test_a_handle_of_its_panels_own_colour_is_a_candidate() -> None:
+    rng = np.random.default_rng(0)
+    picture = np.full((300, 400, 3), 150.0) + rng.normal(0, 4.0, (300, 400, 3))
+    picture[146:154, 160:240] += 9.0  # about two deviations of the noise
+    image = np.clip(picture, 0, 255).astype(np.uint8)
+    boxes, table = handle_candidates(image, find_seams(image))
+    assert table.shape == (len(boxes), COUNT)
+    off = np.abs(boxes - [160, 146, 240, 154])
+    assert off.max(axis=1).min() <= 8
+
+
+def test_knobs_beside_a_microwaves_door_do_not_open() -> None:
+    door = Panel((0, 0, 300, 200), "door", "left", (blob(280, 100, 0.9, 10, 120),))
+    column = [
+        Panel((310, 0, 400, 100), "drawer", None, (blob(355, 50, 0.8),)),
+        Panel((310, 100, 400, 200), "drawer", None, (blob(355, 150, 0.8),)),
+    ]
+    fixed = fix_controls([door, *column], [], (400, 200))
+    assert [p.kind for p in fixed] == ["door", "fixed", "fixed"]
+    drawers = [Panel(p.box, p.kind, None, (blob(355, 50, 0.8, 10, 115),)) for p in column]
+    kept = fix_controls([door, *drawers], [], (400, 200))
+    assert [p.kind for p in kept] == ["door", "drawer", "drawer"]  # they carry the door's handle
+
+
+def test_three_knobs_in_a_row_are_controls_and_two_are_handles() -> None:
+    strip = Panel((0, 0, 300, 60), "drawer", None, ())
+    door = Panel((0, 60, 300, 400), "door", "bottom", ())
+    knobs = [blob(x, 30, 0.5) for x in (60, 150, 240)]
+    over = fix_controls([strip, door], knobs, (300, 400))
+    assert [p.kind for p in over] == ["fixed", "door"]
+    assert fix_controls([strip, door], knobs[:2], (300, 400))[0].kind == "drawer"

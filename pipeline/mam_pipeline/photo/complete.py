@@ -23,7 +23,8 @@ def complete(
     panels: Sequence[Panel], blobs: Sequence[Blob], size: tuple[int, int], keep_all: bool = False
 ) -> list[Panel]:
     """Complete the panels of a front of (width, height) pixels; `keep_all`: none becomes fixed."""
-    out = agree_on_kinds(list(panels))
+    out = list(panels) if keep_all else fix_controls(list(panels), blobs, size)
+    out = agree_on_kinds(out)
     out = complete_handles(out, blobs)
     if not keep_all:
         out = fix_strips(out, size)
@@ -142,6 +143,56 @@ def fix_strips(panels: list[Panel], size: tuple[int, int]) -> list[Panel]:
         )
         out.append(replace(p, kind="fixed", hinge_side=None) if strip else p)
     return out if any(p.movable for p in out) else panels
+
+
+def fix_controls(
+    panels: list[Panel], blobs: Sequence[Blob], size: tuple[int, int]
+) -> list[Panel]:
+    """Panels with knobs and displays, which do not open: beside a microwave's door, over an oven's.
+
+    Beside: whatever lies in a narrow column next to the one panel that fills the rest of a wide
+    front. Over: a strip that three or more like knobs share; no drawer has three handles.
+    """
+    w, h = size
+    out = list(panels)
+    largest = max(panels, key=_area, default=None)
+    if largest is not None and 1.2 < w / h < 2.6:
+        x0, y0, x1, y1 = largest.box
+        others = [p for p in panels if p is not largest]
+        beside = all(p.box[0] > x1 - 0.02 * w or p.box[2] < x0 + 0.02 * w for p in others)
+        narrow = all(p.box[2] - p.box[0] < 0.31 * w for p in others)
+        one_side = len({p.box[0] > x1 - 0.02 * w for p in others}) == 1
+        fills = x1 - x0 > 0.55 * w and y1 - y0 > 0.7 * h
+        twins = any(_alike(a, b) for p in others for a in p.handles for b in largest.handles)
+        if beside and narrow and one_side and fills and not twins:
+            out = [p if p is largest else _fixed(p) for p in out]
+    return [_fixed(p) if _row_of_knobs(p, blobs, size) else p for p in out]
+
+
+def _fixed(p: Panel) -> Panel:
+    return replace(p, kind="fixed", hinge_side=None, handles=())
+
+
+def _alike(a: Blob, b: Blob) -> bool:
+    return bool(np.abs(np.log(np.array(a.size) / np.array(b.size))).max() < 0.35)
+
+
+def _row_of_knobs(p: Panel, blobs: Sequence[Blob], size: tuple[int, int]) -> bool:
+    """Whether a low strip holds three or more like small candidates side by side."""
+    x0, y0, x1, y1 = p.box
+    if not p.movable or y1 - y0 > 0.25 * size[1] or x1 - x0 < 0.6 * size[0]:
+        return False
+    knobs = [
+        b for b in blobs
+        if b.score > 0.15 and x0 < b.center[0] < x1 and y0 < b.center[1] < y1
+        and max(b.size) < 0.12 * (x1 - x0)
+    ]  # fmt: skip
+    for a in knobs:
+        like = [b for b in knobs if abs(b.center[1] - a.center[1]) < 0.12 * (y1 - y0)]
+        like = [b for b in like if _alike(a, b)]
+        if len(like) >= 3:
+            return True
+    return False
 
 
 def _area(p: Panel) -> float:

@@ -27,6 +27,10 @@ Array = NDArray[np.float64]
 Fit = tuple[Cuboid, ObjectMask]
 NO_BOX_COST = 0.95
 WHOLE = "whole picture"
+LINES = "lines alone"
+LINES_COST = 0.12  # handicap of a box that no mask supports
+LINES_NEED = 0.3  # cost of the best masked box from which lines alone are tried too
+LINES_MOST = 0.42  # worse ones, before the handicap, follow the clutter: measured, never right
 OPEN_SHARE = 0.15
 OPEN_COST = 0.3
 NEAR_COST = 0.3  # boxes this much worse than the best are read too
@@ -127,7 +131,19 @@ def fit_photo(photo: Photo, options: PhotoOptions) -> list[Fit]:
         fits += [(c, mask) for c in fit_cuboids(evidence, keep=2)]
         if min(c.cost for c, _ in fits) < SURE_COST:
             break
+    if box is None and fits[0][1].trust < 1.0 and min(c.cost for c, _ in fits) > LINES_NEED:
+        fits += _fit_lines(photo, lines)
     return sorted(fits, key=lambda x: x[0].cost + _whole_cost(x[1]))
+
+
+def _fit_lines(photo: Photo, lines: Segments) -> list[Fit]:
+    """Boxes that the lines alone suggest: where an object fills the picture, masks mislead."""
+    everywhere = np.ones(photo.small.shape[:2])
+    maps = edge_maps(lines, photo.size)
+    evidence = Evidence(everywhere, 0.0, lines, np.ones(len(lines.length)), maps, photo.focal)
+    mask = ObjectMask(everywhere, LINES, 0.3)
+    good = [c for c in fit_cuboids(evidence, keep=2) if c.own < LINES_MOST]
+    return [(replace(c, cost=c.own + LINES_COST), mask) for c in good]
 
 
 def _best_object(photo: Photo, fits: list[Fit], options: PhotoOptions) -> Found:
@@ -232,7 +248,7 @@ def _without_legs(mask: ObjectMask, quad: Array, height: float) -> tuple[Array, 
 
     Legs are rows at the bottom of the rectified front that the mask covers by less than 60 %.
     """
-    if mask.method == WHOLE:
+    if mask.method in (WHOLE, LINES):
         return quad, height, 0.0
     rows, columns = 200, 160
     flat = cv2.warpPerspective(
@@ -252,7 +268,7 @@ def _without_legs(mask: ObjectMask, quad: Array, height: float) -> tuple[Array, 
 
 def _outside_share(mask: ObjectMask, cuboid: Cuboid) -> float:
     """Share of the mask in one compact blob outside the box: an open door or a pulled drawer."""
-    if mask.method in (WHOLE, "grabcut"):
+    if mask.method in (WHOLE, LINES, "grabcut"):
         return 0.0
     h, w = mask.mask.shape
     hull = cv2.convexHull(np.clip(cuboid.corners, -4000, 4000).astype(np.int32))

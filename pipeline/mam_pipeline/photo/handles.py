@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -15,6 +16,8 @@ from mam_pipeline.photo.seams import Seams
 
 Array = NDArray[np.float64]
 LEVELS = (7.0, 11.0, 17.0, 26.0, 38.0)
+MOST = 250  # patches at one level: more are grain or ornament, in which no handle can be told
+FAINT = (2.5, 4.0, 6.5)  # levels of the smoothed contrast, in units of its noise
 
 
 @dataclass(frozen=True)
@@ -37,17 +40,40 @@ class Blob:
         return self.box[2] - self.box[0], self.box[3] - self.box[1]
 
 
-def contrast_map(rgb: NDArray[np.uint8]) -> tuple[Array, Array]:
+def contrast_maps(rgb: NDArray[np.uint8]) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """(h, w) Lab distance of each pixel to the median of its surroundings, and of lightness alone.
 
-    The second is signed: a bright bar and the dark shadow that it casts are two things.
+    The second is signed: a bright bar and the dark shadow that it casts are two things. Then both
+    again, smoothed: there a handle of its panel's own colour rises above the noise.
     """
     side = max(rgb.shape[:2])
     window = max(9, round(0.075 * side)) | 1
     lab8 = cv2.cvtColor(cv2.GaussianBlur(rgb, (0, 0), 0.9), cv2.COLOR_RGB2LAB)
     base = cv2.medianBlur(lab8, window).astype(np.float64)
     difference = (lab8.astype(np.float64) - base) * [100 / 255, 1.0, 1.0]
-    return np.linalg.norm(difference, axis=2), difference[..., 0]
+    smooth = cv2.GaussianBlur(difference, (0, 0), max(1.2, 0.003 * side))
+    return (
+        (np.linalg.norm(difference, axis=2), difference[..., 0]),
+        (np.linalg.norm(smooth, axis=2), smooth[..., 0]),
+    )
+
+
+def _binaries(
+    rgb_maps: tuple[tuple[Array, Array], tuple[Array, Array]], seams: Seams
+) -> Iterator[NDArray[np.uint8]]:
+    """Pictures whose connected patches are candidates: clear ones, faint ones, bars."""
+    (contrast, lightness), (smooth, smooth_light) = rgb_maps
+    side = max(contrast.shape)
+    lines = long_lines(seams)
+    noise, rest = float(np.median(contrast)), max(float(np.median(smooth)), 0.3)
+    levels = [(contrast, lightness, k, 3) for k in LEVELS if k >= 2.0 * noise]
+    levels += [(smooth, smooth_light, k * rest, 5) for k in FAINT]
+    for value, light, level, gap in levels:
+        above = value > level
+        bright, dark = above & (light > 0.3 * value), above & (light < -0.3 * value)
+        yield from (_patches(k & ~lines, gap) for k in (above, bright, dark))
+        for sign in (bright, dark):
+            yield from _bars(sign, side)
 
 
 def long_lines(seams: Seams, share: float = 0.42) -> NDArray[np.bool_]:
@@ -62,57 +88,62 @@ def long_lines(seams: Seams, share: float = 0.42) -> NDArray[np.bool_]:
     return out
 
 
-def find_blobs(
-    rgb: NDArray[np.uint8], seams: Seams, keep: int = 60, separate: bool = True
-) -> list[Blob]:
-    """Handle candidates, most likely first; overlapping ones only if not `separate`."""
-    h, w = rgb.shape[:2]
-    side = max(h, w)
-    contrast, lightness = contrast_map(rgb)
-    bright, dark = lightness > 0.3 * contrast, lightness < -0.3 * contrast
-    clear = np.where(long_lines(seams), 0.0, contrast)
-    noise = float(np.median(contrast))
-    lab = cv2.cvtColor(rgb.astype(np.float32) / 255.0, cv2.COLOR_RGB2LAB).astype(np.float64)
-    found: list[tuple[Array, tuple[int, int, int, int]]] = []
-    taken: set[tuple[int, int, int, int]] = set()
-    for level in LEVELS:
-        if level < 2.0 * noise:
-            continue
-        shown = clear > level
-        kinds = [_patches(shown), _patches(shown & bright), _patches(shown & dark)]
-        for sign in (bright, dark):
-            kinds += _bars((contrast > level) & sign, side)
-        for binary in kinds:
-            count, labels, stats, _ = cv2.connectedComponentsWithStats(binary, connectivity=8)
-            for k in range(1, count):
-                x, y, bw, bh, area = (int(v) for v in stats[k])
-                box = (x, y, x + bw, y + bh)
-                if box in taken or not _plausible(bw, bh, area, side, w, h, x, y):
-                    continue
-                taken.add(box)
-                part = labels[y : y + bh, x : x + bw] == k
-                row = features(box, part, contrast, lab, seams, noise)
-                found.append((np.concatenate([row, context(box, lab, seams)]), box))
-    if not found:
+def find_blobs(rgb: NDArray[np.uint8], seams: Seams, keep: int = 60) -> list[Blob]:
+    """Handle candidates that do not overlap, most likely first."""
+    boxes, table = handle_candidates(rgb, seams, MOST)
+    if not len(boxes):
         return []
-    table = np.stack([f for f, _ in found])
-    boxes = np.array([b for _, b in found], dtype=float)
-    table = np.column_stack([table, repetition(table, boxes, side), crowding(boxes, side)])
     score = handle_probability(table)
-    order = np.argsort(-score, kind="stable")
     out: list[Blob] = []
-    for i in order:
-        box = found[i][1]
-        if not separate or all(_overlap(box, b.box) < 0.3 for b in out):
-            out.append(Blob(tuple(float(v) for v in box), float(score[i]), tuple(table[i])))  # type: ignore[arg-type]
+    for i in np.argsort(-score, kind="stable"):
+        if all(_overlap(boxes[i], b.box) < 0.3 for b in out):
+            x0, y0, x1, y1 = (float(v) for v in boxes[i])
+            out.append(Blob((x0, y0, x1, y1), float(score[i]), tuple(table[i])))
         if len(out) == keep:
             break
     return out
 
 
-def _patches(above: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Compact patches: small breaks closed, single pixels dropped."""
-    closed = cv2.morphologyEx(above.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+def handle_candidates(
+    rgb: NDArray[np.uint8], seams: Seams, most: int | None = None
+) -> tuple[Array, Array]:
+    """Boxes (n, 4) of all patches that may be handles, and their features (n, COUNT).
+
+    Args:
+        most: levels with more patches than these are left out.
+    """
+    h, w = rgb.shape[:2]
+    side = max(h, w)
+    maps = contrast_maps(rgb)
+    contrast, smooth = maps[0][0], maps[1][0]
+    noise, rest = float(np.median(contrast)), max(float(np.median(smooth)), 0.3)
+    lab = cv2.cvtColor(rgb.astype(np.float32) / 255.0, cv2.COLOR_RGB2LAB).astype(np.float64)
+    found: dict[tuple[int, int, int, int], Array] = {}
+    for binary in _binaries(maps, seams):
+        count, labels, stats, _ = cv2.connectedComponentsWithStats(binary, connectivity=8)
+        if most is not None and count > most:
+            continue
+        for k in range(1, count):
+            x, y, bw, bh, area = (int(v) for v in stats[k])
+            box = (x, y, x + bw, y + bh)
+            if box in found or not _plausible(bw, bh, area, side, w, h, x, y):
+                continue
+            part = labels[y : y + bh, x : x + bw] == k
+            row = [features(box, part, contrast, lab, seams, noise), context(box, lab, seams)]
+            found[box] = np.concatenate([*row, faintness(box, part, smooth, rest)])
+    if not found:
+        return np.zeros((0, 4)), np.zeros((0, COUNT))
+    boxes = np.array(list(found), dtype=float)
+    table = np.stack(list(found.values()))
+    table, faint = table[:, :34], table[:, 34:]
+    more = [repetition(table, boxes, side), crowding(boxes, side), faint]
+    return boxes, np.column_stack([table, *more])
+
+
+def _patches(above: NDArray[np.bool_], gap: int) -> NDArray[np.uint8]:
+    """Compact patches: breaks of up to `gap` pixels closed, single pixels dropped."""
+    near = np.ones((gap, gap), np.uint8)
+    closed = cv2.morphologyEx(above.astype(np.uint8), cv2.MORPH_CLOSE, near)
     return np.asarray(cv2.morphologyEx(closed, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8)), np.uint8)
 
 
@@ -178,6 +209,21 @@ def features(
             *_ends(contrast, box), 1.0 - seams.calm[y0:y1, x0:x1].mean(),
             min(x0, w - x1) / side, noise,
         ]
+    )  # fmt: skip
+
+
+def faintness(
+    box: tuple[int, int, int, int], part: NDArray[np.bool_], smooth: Array, rest: float
+) -> Array:
+    """(4,) the smoothed contrast within a candidate and around it, in units of its noise."""
+    x0, y0, x1, y1 = box
+    pad = max(6, round(0.4 * min(x1 - x0, y1 - y0)))
+    around = smooth[max(0, y0 - pad) : y1 + pad, max(0, x0 - pad) : x1 + pad]
+    mine = smooth[y0:y1, x0:x1][part]
+    beyond = (around.sum() - mine.sum()) / max(around.size - mine.size, 1)
+    return np.array(
+        [mine.mean() / rest, np.percentile(mine, 90) / rest, beyond / rest,
+         mine.mean() / (beyond + 0.5 * rest)]
     )  # fmt: skip
 
 
@@ -269,7 +315,8 @@ def crowding(boxes: Array, side: int) -> Array:
     ).astype(float)
 
 
-BASIC = (*range(23), *range(34, 39))  # columns of shape, contrast, repetition and crowding
+COUNT = 43  # columns of a candidate's table
+BASIC = (*range(23), *range(34, COUNT))  # columns of shape, contrast, repetition and crowding
 CONTEXT_SHARE = (0.35, 0.85)  # of compact patches, of long bars
 BAR = np.log(4.0)  # log of length over thickness from which a patch is a bar
 BUSY = 20  # column of `features`: share of ornament or weave under the patch
@@ -291,7 +338,7 @@ def handle_probability(table: Array) -> Array:
     probability is low: measured, fewer false handles at like recall.
     """
     odds = []
-    for name, columns in (("handle_model.txt", BASIC), ("handle_context.txt", range(39))):
+    for name, columns in (("handle_model.txt", BASIC), ("handle_context.txt", range(COUNT))):
         p = np.asarray(_model(name).predict(table[:, list(columns)], num_threads=1), float)
         p = np.clip(p, 1e-4, 1 - 1e-4)
         odds.append(np.log(p / (1 - p)))

@@ -190,7 +190,7 @@ def judge(found: Found, options: PhotoOptions) -> Judgement:
         words["panels"] = "high"
     words["scale"] = "high" if options.height or options.width or options.depth else "low"
     hint = "--layout" if words["panels"] == "low" and words["cuboid"] != "low" else "--front"
-    if words["cuboid"] == "low" and found.mask.method == "grabcut" and options.bbox is None:
+    if words["cuboid"] == "low" and found.mask.trust < 0.5 and options.bbox is None:
         hint = "--bbox"
     return Judgement(words, hint)
 
