@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -14,7 +16,7 @@ import pytest
 
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import CollisionShape, FloatArray, joint_motion
-from mam_pipeline.world import CATEGORIES, Style, WorldObject, make_object, shapes
+from mam_pipeline.world import CATEGORIES, Style, WorldObject, collide, make_object, shapes
 from mam_pipeline.world.fuse_style import FEWEST, MOST
 from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.object import generator
@@ -50,8 +52,8 @@ def _depth(points: FloatArray, piece: CollisionShape) -> FloatArray:
     return -(points @ normal.T - np.einsum("ij,ij->i", t[keep, 0], normal)).max(axis=1)
 
 
-def _deepest(points: FloatArray, pieces: list[CollisionShape]) -> FloatArray:
-    out = np.zeros(len(points))
+def _deepest(points: FloatArray, pieces: Sequence[CollisionShape]) -> FloatArray:
+    out: FloatArray = np.zeros(len(points), dtype=np.float64)
     for piece in pieces:
         out = np.maximum(out, _depth(points, piece))
     return out
@@ -290,6 +292,52 @@ def test_shapes_are_closed_and_outward() -> None:
         a, b, c = (shape.vertices[shape.faces[:, k]] for k in range(3))
         found = float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
         assert found == pytest.approx(volume, rel=2e-3), name
+
+
+def test_bodies_of_extruded_shapes_fill_them() -> None:
+    angle = np.linspace(0, np.pi, 9)
+    arch = [(-0.2, 0), *zip(-0.1 * np.cos(angle), 0.1 * np.sin(angle)), (0.2, 0), (0.2, 0.2),
+            (-0.2, 0.2)]  # fmt: skip
+    ell = [(0, 0), (0.2, 0), (0.2, 0.1), (0.1, 0.1), (0.1, 0.2), (0, 0.2)]
+    turned = (np.array(ell) @ [[0.8, 0.6], [-0.6, 0.8]]).tolist()
+    for outline in (arch, arch[::-1], ell, turned, [(0, 0), (1, 0), (0, 1)]):
+        pieces = collide.prism(outline, 0.5)
+        found = sum(float(_volume(p)) for p in pieces)
+        assert found == pytest.approx(0.5 * abs(shapes.signed_area(np.array(outline))), rel=1e-3)
+        for piece in pieces:
+            assert (_depth(piece.vertices, piece) > -1e-9).all(), "convex"
+
+
+def test_bodies_of_turned_shapes_are_few_and_without_wafers() -> None:
+    knob = collide.solid([[0.042, 0], [0.042, 0.004], [0.035, 0.005], [0.03, 0.02]])
+    assert [p.kind for p in knob] == ["cylinder", "convex"]
+    assert np.ptp(knob[1].vertices[:, 2]) == pytest.approx(0.016)
+    ball = collide.solid([[0.1 * np.cos(t), 0.1 * np.sin(t)] for t in np.linspace(-1.4, 1.4, 8)])
+    assert len(ball) == 1, "one convex stretch is one piece"
+    waist = collide.solid([[0.1, 0], [0.05, 0.1], [0.1, 0.2]])
+    assert len(waist) == 2
+
+
+@pytest.mark.parametrize("name", ["door_double", "window_casement", "cabinet_two_door"])
+def test_leaves_that_meet_swing_clear_of_each_other(name: str) -> None:
+    pairs = 0
+    for seed in range(6):
+        made = make_object(name, seed, Style())
+        leaves = [j for j in made.articulation.joints if j.parent == 0 and j.type == "revolute"]
+        names = [link.name for link in made.articulation.links]
+        for joint, other in itertools.permutations(leaves, 2):
+            pairs += 1
+            points = _surface(made, {joint.child}, 3000)
+            for value in np.linspace(0.005, 0.25, 20):
+                m = joint_motion(joint.type, joint.axis, joint.origin, value)
+                deep = _deepest(points @ m[:3, :3].T + m[:3, 3], made.collision[names[other.child]])
+                assert deep.max() < 2e-5, f"seed {seed}: {joint.name} at {value:.3f}"
+    assert pairs
+
+
+def _volume(piece: CollisionShape) -> float:
+    a, b, c = (piece.vertices[piece.faces[:, k]] for k in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
 
 
 def test_splits_do_not_meet() -> None:
