@@ -143,8 +143,8 @@ class ObjectModel:
         """asset_T_moved (N, 4, 4): what carries points of the moving link from the rest pose
         (q = 0 of every joint) to joint values `q` (N,), the other joints at `others`."""
         child = self.kinematics.joint(joint).child
-        rest = self.kinematics.link_poses({})[child][0]
-        poses = self.kinematics.link_poses({**others, joint: q})[child]
+        rest = self.kinematics.link_pose(child, {})[0]
+        poses = self.kinematics.link_pose(child, {**others, joint: q})
         return poses @ np.linalg.inv(rest)
 
     def holding_force(
