@@ -43,6 +43,7 @@ from mam_pipeline.types import (
 
 FALLBACKS = 12  # hypotheses that are tried when the best ones leave a part stuck
 LINES = 40  # hinge lines, best first, that are tried on both bodies
+NEARLY = 2.5  # log odds that a line on both bodies may lie below the best one
 ON_LINE = 0.9  # share of the check's tolerance that a line may stray from them
 
 
@@ -284,11 +285,13 @@ def choose_candidates(
 def _on_both(
     mesh: Mesh, faces: PartFaces, candidates: list[JointCandidate], rest_gap: float
 ) -> list[JointCandidate]:
-    """The candidates whose line stays on both bodies, as the check asks; all if none does."""
+    """The candidates whose line stays on both bodies, as the check asks; all if none does so that
+    is nearly as good as the best."""
     bodies = HingeBodies(mesh, faces.moving, faces.parent if len(faces.parent) else faces.static)
     most = ON_LINE * THRESHOLDS.gap_share + rest_gap / max(mesh.diagonal, 1e-12)
     kept = [c for c in candidates[:LINES] if bodies.line_gap(c.axis, c.origin) <= most]
-    return kept or candidates
+    near = kept and kept[0].score >= candidates[0].score - NEARLY
+    return kept if near else candidates
 
 
 def opening_sign(
