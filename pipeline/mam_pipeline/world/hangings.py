@@ -110,10 +110,12 @@ def monitor(b: Builder) -> None:
     b.size(0.25, w, h + lift)
     b.theme(b.choice(("dark", "dark", "steel", "white")))
     z, r = lift + h / 2, 0.02
-    if b.chance(0.6):
-        rounded(b, "base", (-0.1, -0.2 * w, 0), (0.12, 0.2 * w, 0.015), 0.03)
+    plate = b.chance(0.6)
+    foot = 0.2 * w if plate else min(0.25 * w, 0.16)
+    if plate:
+        rounded(b, "base", (-0.1, -foot, 0), (0.12, foot, 0.015), 0.03)
     else:
-        b.cylinder("base", (0, 0, 0), (0, 0, 0.015), min(0.25 * w, 0.16), None, "body")
+        b.cylinder("base", (0, 0, 0), (0, 0, 0.015), foot, None, "body")
     kind, g = b.choice(("tilt", "swivel", "height")), max(b.gap, 0.001)
     x = -r - g - t if kind == "tilt" else -1.6 * r - g - t
     key = part(b, "screen", "monitor")
@@ -124,7 +126,8 @@ def monitor(b: Builder) -> None:
         for s in (-1, 1):
             y = sorted((s * 0.04, s * 0.06))
             b.box("base", (-0.7 * r, y[0], 0.015), (r, y[1], z + 0.5 * r), "trim")
-        b.cylinder(key, (0, -0.055, z), (0, 0.055, z), 0.6 * r, None, "metal")
+        long = max(foot, 0.055)  # as wide as the foot
+        b.cylinder(key, (0, -long, z), (0, long, z), 0.6 * r, None, "metal")
         b.box(key, (x + t, -0.03, z - 0.4 * r), (0, 0.03, z + 0.4 * r), "metal")
         b.hinge(key, "base", (0, 0, z), (0, 1, 0), 0.0, b.uniform(0.15, 0.5))
         return
@@ -136,6 +139,7 @@ def monitor(b: Builder) -> None:
         b.slide(key, "base", (0, 0, 1), 0.0, up)
     else:
         b.cylinder(key, (0, 0, z - r), (0, 0, z + r), 1.6 * r, None, "trim")
+        b.cylinder("base", (0, 0, z - r - 0.4 * g), (0, 0, z), 0.5 * r, None, "metal")  # pin
         far = b.uniform(0.3, 0.8)
         b.spin(key, "base", (0, 0, z), (0, 0, 1), -far, far, closed=0.0)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mam_pipeline.world import collide
 from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.mech import studs
 from mam_pipeline.world.solids import TAU, part, profile, rounded, settle, tray
@@ -63,7 +64,7 @@ def pen(b: Builder) -> None:
 
 def lighter(b: Builder) -> None:
     """A lighter: a flip lid with a wheel, or a plain one with a wheel and a press tab."""
-    w, d, h = b.uniform(0.022, 0.038), b.uniform(0.01, 0.014), b.uniform(0.05, 0.075)
+    w, d, h = b.uniform(0.022, 0.038), b.uniform(0.012, 0.015), b.uniform(0.05, 0.075)
     b.size(d, w, h)
     b.theme(b.choice(("steel", "plastic", "paint", "dark")))
     g = max(0.5 * b.gap, 0.0004)
@@ -72,14 +73,17 @@ def lighter(b: Builder) -> None:
         k = 0.62 * h
         rounded(b, "base", (-d / 2, -w / 2, 0), (d / 2, w / 2, k), 0.002)
         lid = part(b, "lid")
-        tray(b, lid, (-d / 2, -w / 2, k + g), (d / 2, w / 2, h), 0.0006, "z", -1)
+        tray(b, lid, (-d / 2, -w / 2, k + g), (d / 2, w / 2, h), 0.001, "z", -1)
+        # PhysX makes up contacts between millimetre-thin walls and the wheel that stands in them
+        roof = collide.box((-d / 2, -w / 2, 0.75 * h + 0.25 * k), (d / 2, w / 2, h))
+        b.pieces[-1].collision = (roof,)
         r = 0.0007  # the barrel lies outside both
         p, q = (-0.3 * d, w / 2 + r, k + g / 2), (0.3 * d, w / 2 + r, k + g / 2)
         b.cylinder(lid, p, q, r, None, "metal")
         b.hinge(lid, "base", (0, w / 2 + r, k + g / 2), (1, 0, 0), 0, b.uniform(1.6, 2.3),
                 opens=(0, 0, 1), rest=b.choice((0.0, 0.0, 1.55)))  # fmt: skip
         # inside the circle that the lid's far wall describes
-        y, z = 0.5 * w + 0.005 - float(np.sqrt((w - 0.0015) ** 2 - 0.01**2)), k + 0.0052
+        y, z = 0.5 * w + 0.005 - float(np.sqrt((w - 0.002) ** 2 - 0.01**2)), k + 0.0052
         b.box("base", (-0.35 * d, y + 0.0052, k), (0.35 * d, 0.3 * w, k + 0.2 * h), "metal")
         b.box("base", (-0.35 * d, y - 0.002, k), (-0.22 * d, y + 0.002, z + 0.003), "metal")
         b.box("base", (0.22 * d, y - 0.002, k), (0.35 * d, y + 0.002, z + 0.003), "metal")

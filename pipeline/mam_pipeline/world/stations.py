@@ -157,7 +157,7 @@ def play_table(b: Builder) -> None:
     names = [m for m in MECHANISMS if m not in ("pull", "pedal")]
     for y in ys:
         with b.at(shapes.frame((0.3 * free, y, h), (0, 0, 1), (1, 0, 0))):
-            if b.chance(0.55):
+            if b.chance(0.55) or (y == ys[-1] and len(b.links) == 1):  # something must move
                 MECHANISMS[b.choice(names)](b, s)
             else:
                 decoy(b, s)
