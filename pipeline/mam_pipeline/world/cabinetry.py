@@ -173,10 +173,10 @@ def drawer(b: Builder, m: Manner, c: Cell, depth: float, name: str = "drawer",
         length = min(length, 0.3 * c.width)
     # how far a handle reaches above and below its middle: it must not lie over a neighbour
     tall = {"ring": 0.35 * length, "recessed": max(0.15 * length, 0.01) + 0.012,
-            "cup": 0.2 * length}.get(kind, 0.0)  # fmt: skip
-    if tall and (c.height < 0.07 or high[2] - low[2] < 2 * tall):
-        kind, tall = "knob", 0.0
-    middle[2] = min(middle[2], high[2] - tall)
+            "cup": 0.2 * length}.get(kind, 0.02)  # fmt: skip
+    if tall != 0.02 and (c.height < 0.07 or high[2] - low[2] < 2 * tall):
+        kind, tall = "knob", 0.02
+    middle[2] = min(middle[2], max(high[2] - tall, 0.5 * (low[2] + high[2])))
     b.handle(link, middle, (-1, 0, 0), (0, 1, 0), length, kind, m.metal)
     b.slide(link, "base", (-1, 0, 0), 0.0, (long - m.inside) * b.uniform(0.6, 0.9))
     return link
