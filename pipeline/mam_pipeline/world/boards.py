@@ -100,7 +100,10 @@ def pulled(b: Builder, low: ArrayLike, high: ArrayLike, deep: float, inner: Arra
         b.box(link, p, (q[0], q[1], p[2] + t), "inside", "drawer_box")
     at = (lo[0], (lo[1] + hi[1]) / 2, (lo[2] + hi[2]) / 2)
     grip(b, link, at, "y", b.uniform(0.2, 0.5) * (hi[1] - lo[1]))
-    b.slide(link, "base", (-1, 0, 0), 0.0, long * b.uniform(0.5, 0.85))
+    travel = long * b.uniform(0.5, 0.85)
+    if kind == "none":  # a bare front is clearly out, not just off its seat
+        travel = max(travel, 2.1 * float(np.ptp(b.bounds_of(link)[:, 0])))
+    b.slide(link, "base", (-1, 0, 0), 0.0, travel)
     return link
 
 

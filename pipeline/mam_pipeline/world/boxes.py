@@ -35,7 +35,9 @@ def carton(b: Builder) -> None:
         # flaps below others move only while those stand open: the file shows the upper pair open
         top = level == len(pairs) - 1
         stand = open_ and (top or b.chance(0.6))
-        z = h + g + level * (t + g)
+        # farther apart than what counts as touching, or the lower flaps seem to slide on these
+        apart = max(g, 0.003 * float(np.linalg.norm([2 * d, 2 * w, 1.5 * h])))
+        z = h + g + level * (t + apart)
         span, across = (d, w) if side == "x" else (w, d)
         depth = min(span / 2 - g, 0.5 * across if lap else span / 2 - g)
         for s in (-1, 1):
