@@ -103,12 +103,12 @@ def cabinet_nested_drawers(b: Builder) -> None:
     low, top = c.Cell(y0, y1, cell.z0, cell.z1), None
     if b.chance(0.6):
         low, top = c.cut(b, inner, low, d, "z", [1.0, b.uniform(0.4, 1.2)])
-    # the inner fronts stand behind the doors' plane
-    matrix = np.eye(4)
-    matrix[0, 3] = 0.03 + b.gap
+    # the inner fronts and their knobs stand behind the doors' plane
+    matrix, back = np.eye(4), 0.03 if inner.drawer_handle == "none" else 0.05
+    matrix[0, 3] = back + b.gap
     with b.at(matrix):
         for part in c.cut(b, inner, low, d, "z", [1.0] * count, dividers=False):
-            c.drawer(b, inner, part, 0.9 * d - 0.03, "inner_drawer")
+            c.drawer(b, inner, part, 0.9 * d - back, "inner_drawer")
     if top is not None:
         c.shelves(b, m, top, d, 1)
 
