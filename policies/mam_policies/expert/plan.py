@@ -41,6 +41,8 @@ SHORT = 0.06
 PAUSE_STEPS = 4
 """Control steps in which the arm catches up with its target before it closes or pushes: fingers
 that close 5 mm too early close beside a shallow pull."""
+CARD_TRIES = 2
+"""After so many holds that slipped, those on the part's surface come first."""
 
 _SURFACE: dict[tuple[object, ...], list[Hold]] = {}
 
@@ -96,7 +98,8 @@ def plan(now: Situation, skip: Sequence[Hold] = ()) -> Plan:
             return time_path(robot, now, found.paths[0])
     found = Search((), 0, 0, 0)
     refusal: NotPhysicalError | None = None
-    for offer in (lambda: holds(model, goal, robot, TILTS), lambda: _surface(now)):
+    offers = [lambda: holds(model, goal, robot, TILTS), lambda: _surface(now)]
+    for offer in offers if len(skip) < CARD_TRIES else offers[::-1]:
         try:
             candidates = [h for h in offer() if not _tried(h, skip)]
         except PlacementError as error:
