@@ -176,14 +176,17 @@ def judge(found: Found, options: PhotoOptions) -> Judgement:
     """Turn what was found into words; what the user gave is high.
 
     The words are those fitted by benchmarks/photo_confidence.py; without such a fit, limits set
-    by hand.
+    by hand. A box that explains the photo badly stays low whatever was fitted: renders hold no
+    open doors and no rooms, real photos do.
     """
-    words = {
+    by_hand = {
         "cuboid": _word(-found.cost, -0.30, -0.62),
         "panels": _word(found.reading.confidence, 0.8, 0.5),
         "handles": _handle_word(found.reading),
-        **confidence.words(found),
     }
+    words = {**by_hand, **confidence.words(found)}
+    if by_hand["cuboid"] == "low":
+        words["cuboid"] = "low"
     if found.front_given:
         words["cuboid"] = "high"
     if options.layout or options.hints:
