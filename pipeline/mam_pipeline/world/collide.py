@@ -39,20 +39,6 @@ def cylinder(start: ArrayLike, end: ArrayLike, radius: float) -> CollisionShape:
     return CollisionShape("cylinder", pose, np.array([radius, np.linalg.norm(end - start), 0]))
 
 
-def faceted(shape: CollisionShape, sides: int = 8) -> CollisionShape:
-    """A cylinder as a prism; other shapes as they are.
-
-    SAPIEN makes up the contacts of a cylinder by tilting it within its contact distance of two
-    centimetres, which throws things of that size into the air.
-    """
-    if shape.kind != "cylinder":
-        return shape
-    radius, length = shape.size[:2]
-    ring = shapes.circle(float(radius), sides)
-    layers = np.stack([np.c_[ring, np.full(sides, s * length / 2)] for s in (-1, 1)])
-    return moved(rings(layers), shape.pose)
-
-
 def rings(stack: FloatArray) -> CollisionShape:
     """Convex piece from (m, n, 3) rings: m outlines of n points joined side by side."""
     m, n = stack.shape[:2]

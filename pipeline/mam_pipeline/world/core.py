@@ -21,7 +21,6 @@ from mam_pipeline.world.shapes import Shape
 from mam_pipeline.world.style import Style
 
 HAIR = 4e-4  # smallest clearance of sliding neighbours, share of the diagonal
-TINY = 0.12  # objects smaller than this (diagonal, metres) collide without cylinders
 
 
 @dataclass
@@ -177,8 +176,6 @@ class Core:
         if self._frame is not _IDENTITY:
             placed = Shape(self.point(shape.vertices), shape.faces, shape.uv)
             collision = [collide.moved(c, self._frame) for c in collision]
-        if self.diagonal < TINY:
-            collision = [collide.faceted(c) for c in collision]
         piece = Piece(placed, self.index(link), material, role, is_box, tuple(collision))
         self.pieces.append(piece)
         return piece
