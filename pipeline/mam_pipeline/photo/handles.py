@@ -51,10 +51,11 @@ def contrast_maps(rgb: NDArray[np.uint8]) -> tuple[tuple[Array, Array], tuple[Ar
     lab8 = cv2.cvtColor(cv2.GaussianBlur(rgb, (0, 0), 0.9), cv2.COLOR_RGB2LAB)
     base = cv2.medianBlur(lab8, window).astype(np.float64)
     difference = (lab8.astype(np.float64) - base) * [100 / 255, 1.0, 1.0]
-    smooth = cv2.GaussianBlur(difference, (0, 0), max(1.2, 0.003 * side))
+    blurred = cv2.GaussianBlur(difference, (0, 0), max(1.2, 0.003 * side))
+    smooth = np.asarray(blurred, dtype=np.float64)
     return (
         (np.linalg.norm(difference, axis=2), difference[..., 0]),
-        (np.linalg.norm(smooth, axis=2), smooth[..., 0]),
+        (np.asarray(np.linalg.norm(smooth, axis=2)), smooth[..., 0]),
     )
 
 
