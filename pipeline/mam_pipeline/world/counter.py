@@ -92,7 +92,7 @@ def toaster(b: Builder) -> None:
         y = y if side > 0 else -y  # the buttons stand on the other side
         b.rotary("base", (0, side if levers == 1 else 0.0, 0.3 * h), (-1, 0, 0), 0.011, 0.012,
                  "dark", turn=np.radians(270))  # fmt: skip
-    if b.chance(0.4):
+    if b.chance(0.4) and levers == 1:
         for k in range(b.integer(1, 3)):
             b.button("base", (0, y, 0.36 * h + 0.025 * k), (-1, 0, 0), 0.014, 0.01, 0.002)
     if b.chance(0.4):

@@ -19,10 +19,10 @@ def _frame(b: Builder, width: float, high: float, depth: float, rail: float,
         b.box("base", (0, -width / 2, 0), (depth, width / 2, rail), "trim")
 
 
-def _swing(thick: float, width: float) -> float:
+def _swing(b: Builder, thick: float, width: float) -> float:
     """Clearance at the free edge of a leaf whose pin is in its front face: its back corner runs on
-    a larger circle than its front one."""
-    return float(np.hypot(thick, width)) - width + 0.0008
+    a larger circle than its front one, and needs a little more or it catches on its way back."""
+    return float(np.hypot(thick, width)) - width + 1.6e-3 * b.diagonal
 
 
 def lever(b: Builder, door: str, y: float, z: float, x0: float, x1: float, inward: float) -> None:
@@ -104,7 +104,7 @@ def door_knob(b: Builder) -> None:
 def _room_door(b: Builder, fitting: str) -> None:
     w, h, depth = b.uniform(0.65, 1.0), b.uniform(1.9, 2.15), b.uniform(0.06, 0.12)
     b.size(w, h, depth)
-    rail, g = b.uniform(0.04, 0.09), max(min(b.gap, 0.012), _swing(THICKEST, w))
+    rail, g = b.uniform(0.04, 0.09), max(min(b.gap, 0.012), _swing(b, THICKEST, w))
     _frame(b, w, h, depth, rail, False)
     if b.chance(0.25):
         b.box("base", (0.3 * depth, -w / 2, 0), (depth, w / 2, 0.004), "trim")
@@ -123,7 +123,7 @@ def door_double(b: Builder) -> None:
     """Two leaves in one frame, with pulls, knobs or a lever on one of them."""
     w, h, depth = b.uniform(1.1, 1.7), b.uniform(1.9, 2.2), b.uniform(0.06, 0.12)
     b.size(w, h, depth)
-    g = max(min(b.gap, 0.012), _swing(THICKEST, 0.48 * w))
+    g = max(min(b.gap, 0.012), _swing(b, THICKEST, 0.48 * w))
     _frame(b, w, h, depth, b.uniform(0.04, 0.08), False)
     fitting = b.choice(["bar", "bow", "knob", "lever"])
     second = fitting if fitting != "lever" else b.choice(["none", "lever"])
@@ -204,7 +204,7 @@ def window_casement(b: Builder) -> None:
     b.size(w, h)
     rail, t, g = b.uniform(0.035, 0.06), b.uniform(0.035, 0.05), min(b.gap, 0.008)
     _frame(b, w, h, b.uniform(0.06, 0.1), b.uniform(0.04, 0.07), True)
-    g = max(g, _swing(t, 0.48 * w) if wings == 2 else 0.0)
+    g = max(g, _swing(b, t, 0.48 * w) if wings == 2 else 0.0)
     base = b.pieces[-1].shape.vertices[:, 2].max()
     awning = wings == 1 and b.chance(0.25)
     for k in range(wings):

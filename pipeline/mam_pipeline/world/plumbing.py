@@ -49,6 +49,7 @@ def faucet(b: Builder) -> None:
     b.sweep(spout, path, 0.6 * r, "metal")
     if g:
         b.cylinder(spout, (0, 0, body + g), (0, 0, body + g + 0.02), 0.95 * r, None, "metal")
+        b.cylinder("base", (0, 0, body), (0, 0, body + g + 0.018), 0.4 * r, None, "metal")  # pin
         # away from a single lever the spout swings freely, towards it only where there is none
         near = -b.uniform(0.8, 2.0) if two else 0.0
         b.spin(spout, "base", (0, 0, body), (0, 0, side), near, b.uniform(0.8, 2.0), closed=0.0)

@@ -130,7 +130,7 @@ def pot(b: Builder) -> None:
         b.sweep(lid, arc((0, 0, dome - 0.006), 0.035, 0, np.pi, 9, "x"), 0.005, "dark", "handle")
     if b.chance(0.35):
         half = 0.27 * r  # of the barrel: shorter, it would hardly touch its line
-        b.block("base", (1.05 * r + 0.006, 0, 0.95 * h), (0.02, 2 * half, 0.02), "metal")
+        b.block("base", (1.05 * r + 0.006, 0, z - 0.0105), (0.02, 2 * half, 0.02), "metal")
         b.cylinder(lid, (1.05 * r + 0.006, -half, z + 0.002), (1.05 * r + 0.006, half, z + 0.002),
                    0.004, None, "metal")  # fmt: skip
         b.hinge(lid, "base", (1.05 * r + 0.006, 0, z + 0.002), (0, 1, 0), 0, b.uniform(1.2, 1.7),
