@@ -157,7 +157,7 @@ def test_cloning_a_drawer_learns(run_folder: Path) -> None:
 @pytest.mark.slow  # runs the simulator for some hundred steps
 def test_ppo_runs_and_goes_further(drawer: Path, tmp_path: Path) -> None:
     """From the clone of one demonstration; a longer wish goes on from the last checkpoint."""
-    choice = EnvChoice((str(drawer),), control_mode=CONTROL_MODE, max_steps=60)
+    choice = EnvChoice((str(drawer),), control_mode=CONTROL_MODE, max_steps=100)
     config = RlConfig("ppo", 128, rollout=128, save_every=128, warm_episodes=1)
     told: list[int] = []
     train_rl(choice, config, tmp_path, on_checkpoint=lambda n, _: told.append(n))
