@@ -77,7 +77,8 @@ def _collision(element: ET.Element, shape: CollisionShape, path: str, origin: Fl
     if shape.kind == "convex":
         xyz = np.zeros(3)  # the file is in the link frame
     elif not np.allclose(shape.pose[:3, :3], np.eye(3), atol=1e-12):
-        rpy = Rotation.from_matrix(shape.pose[:3, :3]).as_euler("xyz")
+        turn = Rotation.from_matrix(shape.pose[:3, :3])
+        rpy = turn.as_euler("xyz", suppress_warnings=True)  # any angles of a gimbal lock will do
     ET.SubElement(collision, "origin", xyz=numbers(xyz), rpy=numbers(rpy))
     geometry = ET.SubElement(collision, "geometry")
     if shape.kind == "box":
