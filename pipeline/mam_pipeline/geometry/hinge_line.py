@@ -129,7 +129,7 @@ def _askew(distance: FloatArray, along: FloatArray) -> float:
         return 0.0  # a tilted line only gets farther on either side
     rise = np.abs(rise)
     rise = rise[rise > noise]
-    if not len(rise) or np.median(rise) > STEEPEST * (along[1] - along[0]):
+    if len(rise) < 3 or np.median(rise) > STEEPEST * (along[1] - along[0]):
         return 0.0
     near, far = np.quantile(distance, [0.2, 0.8])
     return 2.0 * float(far - near)

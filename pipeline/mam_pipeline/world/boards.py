@@ -63,7 +63,9 @@ def leaf(b: Builder, low: ArrayLike, high: ArrayLike, how: str, outer: bool = Tr
     at[k] = (hi if away > 0 else lo)[k] - away * side * (hi - lo)[k]
     if k == 1 and b.chance(0.3):
         at[2] = lo[2] + b.uniform(0.3, 0.8) * h
-    grip(b, link, at, "z" if k == 1 else "y", min(0.4 * (h if k == 1 else w), 0.25 * b.diagonal))
+    long = min(0.4 * (h if k == 1 else w), 0.25 * b.diagonal)
+    long = min(long, 6 * side * (hi - lo)[k])  # so thick it is that it stays on the plate
+    grip(b, link, at, "z" if k == 1 else "y", long)
     pin = np.array([lo[0], mid[1], mid[2]])
     pin[k] = (lo if away > 0 else hi)[k]
     if outer and b.chance(0.5):

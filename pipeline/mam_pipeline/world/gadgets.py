@@ -238,7 +238,7 @@ def balance(b: Builder) -> None:
     h, half = b.uniform(0.15, 0.4), b.uniform(0.1, 0.3)
     b.size(0.1, 2 * half, h)
     b.theme(b.choice(("wood", "steel", "dark")))
-    r = b.uniform(0.006, 0.015)
+    r = max(b.uniform(0.006, 0.015), 0.05 * half)
     b.cylinder("base", (0, 0, 0), (0, 0, 0.06 * h), 0.4 * half, None, "body")
     b.cylinder("base", (0, 0, 0.06 * h), (0, 0, h - 0.8 * r), r, 0.7 * r, "metal")
     for s in (-1, 1):
@@ -247,6 +247,7 @@ def balance(b: Builder) -> None:
     b.box("base", (-2 * r, -r, h - 3.2 * r), (2 * r, r, h - 2.2 * r), "metal")
     beam, drop = part(b, "beam", "rocker"), b.uniform(0.2, 0.5) * h
     b.cylinder(beam, (-1.25 * r, 0, h), (1.25 * r, 0, h), 0.7 * r, None, "metal")
+    b.cylinder(beam, (-1.9 * r, 0, h), (1.9 * r, 0, h), 0.2 * r, None, "metal")  # in the cheeks
     profile(b, beam, [(-half, h + 0.3 * r), (0, h - 0.8 * r), (half, h + 0.3 * r),
                       (0, h + 2 * r)], -0.5 * r, 0.5 * r, "x", "gold")  # fmt: skip
     pan = b.uniform(0.25, 0.4) * half

@@ -124,7 +124,7 @@ def monitor(b: Builder) -> None:
           "screen", "decor", False)  # fmt: skip
     if kind == "tilt":
         for s in (-1, 1):
-            y = sorted((s * 0.04, s * 0.06))
+            y = sorted((s * 0.04, s * (0.06 + 0.3 * max(foot - 0.055, 0.0))))
             b.box("base", (-0.7 * r, y[0], 0.015), (r, y[1], z + 0.5 * r), "trim")
         long = max(foot, 0.055)  # as wide as the foot
         b.cylinder(key, (0, -long, z), (0, long, z), 0.6 * r, None, "metal")

@@ -137,11 +137,11 @@ def box_with_lid(b: Builder) -> None:
         reach = b.uniform(0.0, 0.02) if kind == "overhang" else 0.0
         b.panel(lid, (-reach, -w / 2 - reach, z), (d, w / 2 + reach, z + t), "front")
         top = z + 0.5 * t
-    front = b.bounds_of(lid)[0][0]
+    front, _, under = b.bounds_of(lid)[0]
     if b.chance(0.6):
         b.handle(lid, (front, 0, top), (-1, 0, 0), (0, 1, 0), min(0.3 * w, 0.12),
                  b.choice(["knob", "bar", "bow", "strip", "ring"]))  # fmt: skip
-    pin = z if b.chance(0.7) else b.bounds_of(lid)[0][2]
+    pin = z if b.chance(0.7) else under
     b.hinge(lid, "base", (d, 0, pin), (0, 1, 0), 0.0, np.radians(b.choice([75, 90, 100, 110])),
             opens=(0, 0, 1))  # fmt: skip
     if b.chance(0.35):

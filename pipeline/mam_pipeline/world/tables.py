@@ -89,6 +89,7 @@ def desk(b: Builder) -> None:
         ends = [y - np.sign(y) * t, middles[0] - np.sign(middles[0]) * p / 2]
     y0, y1 = min(ends), max(ends)
     if b.chance(0.6) and y1 - y0 > 0.35:
+        y0, y1 = y0 + m.front, y1 - m.front  # a pedestal's door turns about its edge
         cell = c.Cell(y0, y1, h - b.uniform(0.08, 0.13), h, (0, 0, 0, 0), (False, False))
         b.panel("base", (m.inside + 0.01, y0, cell.z0 - 0.01), (0.7 * depth, y1, cell.z0 - 0.002))
         c.drawer(b, m, cell, 0.7 * depth, handle=b.choice(["none", "bar", "knob"]))

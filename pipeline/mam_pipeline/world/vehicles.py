@@ -73,6 +73,9 @@ def car(b: Builder) -> None:
         rounded(b, lid, (x0, -w / 2 + 0.02 * k, z), (x1_, w / 2 - 0.02 * k, z + 0.03 * k), 0.05 * k)
         if moving:
             b.hinge(lid, "base", (pivot, 0, z), (0, 1, 0), 0, b.uniform(0.8, 1.1), opens=(0, 0, 1))
+            if name == "boot":  # the shelf that it hangs on
+                b.box("base", (pivot - 0.08 * k, -w / 2 + t, zb - 0.03 * k),
+                      (pivot, w / 2 - t, zb), "dark")  # fmt: skip
     _car_wheels(b, m)
 
 
