@@ -97,7 +97,7 @@ def articulate(
         json: print the asset card as JSON.
     """
     screen = Screen(quiet or json)
-    names = ["read", "segment", "prior", "reason", "joints", "asset", "report"]
+    names = ["read", "segment", "prior", "reason", "joints", "asset", "check", "report"]
     with screen.stages(names) as bar:
         config = make_config(hints, interiors, engine, size, photo)
         with given(models.settings()), one_ledger() as ledger:
@@ -111,7 +111,7 @@ def articulate(
     describe(screen, asset)
     tell_cost(screen, ledger)
     screen.say(f"report: {asset.folder / 'report.html'}")
-    screen.say(f"next:   mam-sim check {out}")
+    screen.say(f"next:   mam-sim make-env {source} --out {out}")
     return 0
 
 
@@ -200,3 +200,9 @@ def describe(screen: Screen, asset: Asset) -> None:
         tall = high[2] - low[2]
         screen.say(f"scale ASSUMED: {tall:.2f} m high; fix it with --height")
     screen.say(f"asset:  {asset.folder}")
+    verdict = card.checks["executability"]
+    if verdict["passed"]:
+        screen.say("check:  passes")
+    else:
+        reasons = ", ".join(verdict["reasons"])
+        screen.say(f"check:  FAILS ({reasons}); see: mam-sim check {asset.folder}")

@@ -62,8 +62,6 @@ def make_env(
         config = make_config(hints, interiors, engine, size, photo)
         with given(models.settings()), one_ledger() as ledger:
             asset = build(source, target, config, bar)
-        bar("check")
-        asset = _checked(asset)
         bar("environment")
         tried = try_environment(asset, robot)
         asset = _noted(asset, {"environment": tried})
@@ -75,12 +73,6 @@ def make_env(
         screen.json(asdict(asset.card))
     describe(screen, asset)
     tell_cost(screen, ledger)
-    verdict = asset.card.checks.get("executability", {})
-    if verdict.get("passed"):
-        screen.say("check:  passes")
-    else:
-        reasons = ", ".join(verdict.get("reasons", [])) or "unknown"
-        screen.say(f"check:  FAILS ({reasons}); see: mam-sim check {target}")
     screen.say(f"report: {asset.folder / 'report.html'}")
     if tried["ok"]:
         screen.say(
@@ -128,14 +120,6 @@ def try_environment(asset: Asset, robot: str, steps: int = 20) -> dict[str, Any]
             env.close()
     why = refusals[0] if refusals else "the asset has no joints"
     return {"ok": False, "joint": None, "robot": robot, "why": why, "refusals": refusals}
-
-
-def _checked(asset: Asset) -> Asset:
-    from mam_pipeline.check import check_asset
-
-    report = check_asset(asset.folder)
-    summary = {"passed": report.passed, "reasons": list(report.reasons)}
-    return _noted(asset, {"executability": summary})
 
 
 def _noted(asset: Asset, more: dict[str, Any]) -> Asset:

@@ -15,6 +15,7 @@ import shutil
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -96,6 +97,7 @@ def make_asset(
     Raises:
         MamSimError: one of its subclasses; `out` is then as it was before.
     """
+    from mam_pipeline.asset.mend import written_and_checked
     from mam_pipeline.asset.writer import replace_folder, write_asset
     from mam_pipeline.models.retexture import repainted
 
@@ -126,10 +128,9 @@ def make_asset(
         tell("asset")
         if config.retexture:
             articulation, used["retexturer"] = repainted(articulation, config.retexture)
-        started = time.perf_counter()
-        asset = write_asset(
-            articulation,
-            work / "asset",
+        write = partial(
+            write_asset,
+            out=work / "asset",
             name=out.name,
             source={"path": source.name, "sha256": file_digest(source), "kind": kind},
             source_to_asset=yaw @ read.source_to_asset,
@@ -140,7 +141,7 @@ def make_asset(
             notes=[n for n in (read.summary, *read.notes) if n],
             interiors=config.interiors and read.shell,
         )
-        seconds["asset"] = round(time.perf_counter() - started, 3)
+        asset = written_and_checked(articulation, write, kind != "urdf", lambda: tell("check"))
         (stages / "frame.json").write_text(json.dumps({"asset_T_engine": yaw.tolist()}))
         (stages / "config.json").write_text(json.dumps(asdict(config), indent=1, default=str))
         stages.rename(work / "asset" / "stages")

@@ -192,3 +192,14 @@ def test_a_hinge_line_stays_on_both_bodies_or_is_told_how_far_it_strays() -> Non
     assert bodies.line_gap(up, np.array([0.0, 0, 0])) < 1e-6  # the common edge
     away = bodies.line_gap(up, np.array([-0.2, -0.3, 0]))
     assert away == pytest.approx(np.hypot(0.2, 0.3) / mesh.diagonal, rel=0.02)
+
+
+def test_a_line_through_one_knuckle_beside_a_lid_does_not_run_askew() -> None:
+    mesh, owner = boxes(
+        ((-0.4, 0, 0), (0.02, 1, 0.99)),
+        ((-0.4, 0, 1), (0, 1, 1.05)),
+        ((0, 0.35, 0.98), (0.02, 0.65, 1.0)),
+    )
+    bodies = HingeBodies(mesh, np.flatnonzero(owner > 0), np.flatnonzero(owner == 0))
+    gap = bodies.line_gap(np.array([0, 1.0, 0]), np.array([0.02, 0, 1.0]))
+    assert gap < 0.011 / mesh.diagonal

@@ -168,7 +168,7 @@ def _planes(corners: FloatArray, faces: IntArray) -> FloatArray:
 
 
 def _shape(piece: _Piece) -> CollisionShape:
-    """A planed piece as a shape: still a box if it is one, else a hull."""
-    from mam_pipeline.asset.collision import shape_of_points
+    """A planed piece as a shape that does not grow again over where it was cut."""
+    from mam_pipeline.asset.collision import shape_inside
 
-    return shape_of_points(piece.corners)
+    return shape_inside(piece.corners)

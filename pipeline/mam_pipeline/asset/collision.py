@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.cluster.hierarchy import fcluster, linkage
 
 from mam_pipeline.asset.clearance import keep_apart
-from mam_pipeline.asset.decompose import Chunk, decompose, merge
+from mam_pipeline.asset.decompose import Chunk, decompose, hull_volume, merge
 from mam_pipeline.asset.dynamics import carried_links
 from mam_pipeline.asset.patches import plates
 from mam_pipeline.asset.surface import Component, Solid, hull_of, link_components, weld
@@ -237,15 +237,16 @@ def _shape(chunk: Chunk, margin: float) -> CollisionShape:
     return CollisionShape("convex", vertices=small[0], faces=small[1])
 
 
-def shape_of_points(points: FloatArray) -> CollisionShape:
-    """The simplest shape that holds the hull of points (n, 3)."""
+def shape_inside(points: FloatArray) -> CollisionShape:
+    """A box if the hull of points (n, 3) is one, else a hull that reaches nowhere beyond them."""
     found = hull_of(points)
-    if found is None:
-        return _box(minimal_box(points, 20), 0.0)
-    vertices, faces = found
-    a, b, c = (vertices[faces[:, k]] - vertices.mean(axis=0) for k in range(3))
-    volume = float(np.abs(np.einsum("ij,ij->i", a, np.cross(b, c))).sum()) / 6.0
-    return _shape(Chunk(vertices, faces, 0.0, volume), 0.0)
+    box = minimal_box(points, 20)
+    if found is None or hull_volume(points) > 0.999 * box.volume:
+        return _box(box, 0.0)
+    few = hull_of(_few_points(found[0]))
+    if few is None:
+        return _box(box, 0.0)
+    return CollisionShape("convex", vertices=few[0], faces=few[1])
 
 
 def _box(box: Box, margin: float) -> CollisionShape:

@@ -149,7 +149,7 @@ def _best_cut(chunk: Chunk) -> list[tuple[FloatArray, IntArray]] | None:
                 continue
             volume = 0.0
             for side in (1.0, -1.0):
-                volume += _hull_volume(_half_points(triangles, side * (heights - level)))
+                volume += hull_volume(_half_points(triangles, side * (heights - level)))
             gain += 1.0 - volume / chunk.volume
             if gain > best_gain:
                 best, best_gain = (direction, level), gain
@@ -197,7 +197,7 @@ def _union(a: Chunk, b: Chunk) -> Chunk | None:
     reach = 0.02 * max(np.ptp(pa, axis=0).max(), np.ptp(pb, axis=0).max())
     if gap.max() > reach:
         return None
-    volume = _hull_volume(np.concatenate([pa, pb]))
+    volume = hull_volume(np.concatenate([pa, pb]))
     if volume > 1.02 * (a.volume + b.volume):
         return None
     faces = np.concatenate([a.faces, b.faces + len(a.vertices)])
@@ -258,7 +258,8 @@ def _half_points(triangles: FloatArray, signed: FloatArray) -> FloatArray:
     return np.concatenate(points)
 
 
-def _hull_volume(points: FloatArray) -> float:
+def hull_volume(points: FloatArray) -> float:
+    """Of the convex hull of points (n, 3), m3; 0 where they are flat."""
     if len(points) < 4:
         return 0.0
     try:

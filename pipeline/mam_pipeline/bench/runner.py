@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -210,19 +210,20 @@ def grouping_bound(mesh: Any, labels: Any, truth: GroundTruth) -> float:
 
 def execute(found: Articulation, name: str) -> tuple[bool, tuple[str, ...]]:
     """Write the asset to a temporary folder and run the check: (holds, reason codes)."""
+    from mam_pipeline.asset.mend import written_and_checked
     from mam_pipeline.asset.writer import write_asset
-    from mam_pipeline.check import check_asset
 
     with tempfile.TemporaryDirectory(prefix="mam_sim_bench_") as folder:
         try:
             low, high = found.mesh.bounds
             shift = np.eye(4)
             shift[:3, 3] = [*(-(low + high)[:2] / 2), -low[2]]
-            asset = write_asset(moved(found, shift), Path(folder) / "asset", name=name)
-            report = check_asset(asset.folder)
+            write = partial(write_asset, out=Path(folder) / "asset", name=name)
+            asset = written_and_checked(moved(found, shift), write)
         except Exception as error:  # an asset that cannot be written or loaded does not execute
             return False, (f"{type(error).__name__}: {error}"[:120],)
-    return report.passed, report.reasons
+    verdict = asset.card.checks["executability"]
+    return verdict["passed"], tuple(verdict["reasons"])
 
 
 def run_bench(
