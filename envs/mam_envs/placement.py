@@ -27,6 +27,10 @@ TABLE_LIFTS = (0.0, 0.15, -0.15, 0.3, -0.3, 0.5, -0.5, 0.75, 1.0, 1.3)
 FLOOR_LIFTS = (0.0, -0.3, -0.6)
 ENOUGH = 0.5
 """Share of displaced poses at which a way of holding is taken without looking for others."""
+FLOOR = 0.06
+"""Metres: a wide slab at the object's foot that is thinner than this is a floor to stand on."""
+TIGHT = 10.0
+"""Cost of a metre by which a stand is too near to where a displaced object's parts pass."""
 GROUPS = 3
 """Places on the part's surface that are tried in turn."""
 ANGLES = (0.0, 25.0, -25.0, 50.0, -50.0, 75.0, -75.0)
@@ -166,13 +170,15 @@ def _stand(
     best: Placement | None = None
     furthest = Search((), 0, 0, 0)
     handle = np.mean([h.tool[:3, 3] for h in candidates], axis=0)
+    floor = _floor(model)
     for lift in FLOOR_LIFTS if robot.floor_only else TABLE_LIFTS:
         rise = max(0.0, -lift)
         world_asset = object_pose(model, rise, (0.0, 0.0), 0.0)
-        height = float(handle[2] + world_asset[2, 3]) - max(lift, 0.0)
+        level = max(lift, 0.0 if rise else floor)
+        height = float(handle[2] + world_asset[2, 3]) - level
         if not -0.9 * robot.reach < height - robot.shoulder < 0.95 * robot.reach:
             continue
-        bases, costs = _bases(model, goal, robot, candidates, world_asset, max(lift, 0.0), q)
+        bases, costs = _bases(model, goal, robot, candidates, world_asset, level, q, chance)
         found = search(
             model, goal, robot, candidates, bases, world_asset, q, keep=6, base_costs=costs
         )
@@ -217,9 +223,11 @@ def _bases(
     world_asset: FloatArray,
     height: float,
     q: FloatArray,
+    chance: RandomisationConfig,
 ) -> tuple[FloatArray, FloatArray]:
     """(B, 4, 4) upright base poses round the handle, clear of the object's footprint, and (B,)
-    what they cost: standing in front of the handle is preferred."""
+    what they cost: preferred are those in front of the handle, and those from which the displaced
+    object's parts keep clear, too."""
     tools = np.stack([h.tool for h in candidates])
     spot = tools[:, :3, 3].mean(axis=0)
     motion = model.motion(goal.joint, q, {})
@@ -232,7 +240,7 @@ def _bases(
     facing[2] = 0.0
     if np.linalg.norm(facing) < 0.5:
         facing = np.array([-1.0, 0.0, 0.0])
-    outlines = _outlines(model, goal, q, world_asset)
+    outlines = _outlines(model, goal, q, world_asset, height)
     rows, costs = [], []
     start = np.arctan2(facing[1], facing[0])
     rise = abs(handle[2] - height - robot.shoulder)
@@ -243,23 +251,39 @@ def _bases(
             a = start + np.deg2rad(angle)
             at = handle[:2] + flat * np.array([np.cos(a), np.sin(a)])
             # a base under the object's moving part is fine only if that part passes overhead
-            if any(
-                (lines[:, :2] @ at + lines[:, 2]).max() < robot.base_radius
+            room = [
+                float((lines[:, :2] @ at + lines[:, 2]).max()) - robot.base_radius
                 for lines, low in outlines
                 if low <= height + robot.shoulder + 0.3
-            ):
+            ]
+            if room and min(room) < 0.0:
                 continue
+            spare = chance.position + np.sin(np.deg2rad(chance.yaw)) * flat
+            tight = max(0.0, spare - min(room)) if room else 0.0
             rows.append(base_pose(robot, at, height, handle[:2]))
-            costs.append(0.008 * abs(angle))
+            costs.append(0.008 * abs(angle) + TIGHT * tight)
     return (np.stack(rows) if rows else np.zeros((0, 4, 4))), np.array(costs)
 
 
+def _floor(model: ObjectModel) -> float:
+    """How high above its lowest point one may stand on the object: it may bring a floor along."""
+    low, high = model.footprint
+    top = 0.0
+    for pieces in model.pieces.values():
+        for piece in pieces:
+            size = np.ptp(piece.points, axis=0)
+            under = float(piece.points[:, 2].max() - low[2])
+            if under < FLOOR and (size[:2] > 0.5 * (high - low)[:2]).all():
+                top = max(top, under + 0.001)
+    return top
+
+
 def _outlines(
-    model: ObjectModel, goal: JointGoal, q: FloatArray, pose: FloatArray
+    model: ObjectModel, goal: JointGoal, q: FloatArray, pose: FloatArray, height: float
 ) -> list[tuple[FloatArray, float]]:
-    """What no base may stand in, world: lines (M, 3) of plan outlines (outside where any row
-    n . (x, y) + d > 0), and the height of their underside. The whole object at the start, and the
-    moving links at some moments of the way."""
+    """What no base at `height` may stand in, world: lines (M, 3) of plan outlines (outside where
+    any row n . (x, y) + d > 0), and the height of their underside. The whole object at the start,
+    and the moving links at some moments of the way."""
     moving = model.moving_links(goal.joint)
     out = []
     for value, names in ((q[0], tuple(model.pieces)), *((v, moving) for v in q[:: len(q) // 4])):
@@ -269,8 +293,10 @@ def _outlines(
             for name in names
             for piece in model.pieces.get(name, ())
         ]
+        rows = [points @ pose[:3, :3].T + pose[:3, 3] for points in rows]
+        rows = [points for points in rows if points[:, 2].max() > height]
         if rows:
-            points = np.concatenate(rows) @ pose[:3, :3].T + pose[:3, 3]
+            points = np.concatenate(rows)
             try:
                 lines = ConvexHull(points[:, :2]).equations
             except QhullError:  # flat: a line is no obstacle

@@ -144,6 +144,30 @@ def test_unconnected_neighbours_do_not_overlap() -> None:
     assert below.size[2] > 0.185 and above.size[2] > 0.185
 
 
+def test_a_planed_hull_does_not_grow_again() -> None:
+    """A many-cornered piece is simplified after it was cut: never beyond the cut."""
+    ball = trimesh.creation.icosphere(3, radius=0.5)
+    box = trimesh.creation.box(bounds=[[-0.5, -0.5, 0.45], [0.5, 0.5, 0.6]])
+    whole = trimesh.util.concatenate([trimesh.creation.box(bounds=[[-1, -1, -1], [1, 1, -0.9]]),
+                                      ball, box])  # fmt: skip
+    ends = np.cumsum([12, len(ball.faces), 12])
+    links = tuple(
+        Link(f"l{i}", "part", np.arange(end - n, end))
+        for i, (end, n) in enumerate(zip(ends, (12, len(ball.faces), 12)))
+    )
+    joints = tuple(
+        Joint(f"j{i}", "prismatic", "slide", 0, i, np.array([1.0, 0, 0]), np.zeros(3), 0.0, 0.5)
+        for i in (1, 2)
+    )
+    found = Articulation(Mesh(whole.vertices, whole.faces), links, joints)
+    hull = CollisionShape("convex", vertices=ball.vertices, faces=ball.faces)
+    lid = CollisionShape("box", pose=_at(0, 0, 0.525), size=np.array([1, 1, 0.15]))
+    apart = keep_apart(found, {"l0": [], "l1": [hull], "l2": [lid]})
+    cut, other = apart["l1"][0], apart["l2"][0]
+    assert cut.vertices[:, 2].max() < other.pose[2, 3] - other.size[2] / 2
+    assert 0.4 < cut.vertices[:, 2].max() < 0.5
+
+
 def _at(*xyz: float) -> np.ndarray:
     pose = np.eye(4)
     pose[:3, 3] = xyz

@@ -6,12 +6,14 @@ import re
 import shutil
 import signal
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
+from mam_pipeline.asset.mend import written_and_checked
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.check import REASONS, CheckReport, check_asset, thresholds
 from mam_pipeline.check.clock import OutOfTime, limited
@@ -110,6 +112,29 @@ def test_wrong_joints_are_rejected(
     report = check_asset(asset.folder, drive=False)
     assert not report.passed
     assert code in reasons(report, joint), report.joints
+
+
+@pytest.mark.parametrize("may", [True, False])
+def test_a_way_that_ends_in_a_wall_is_cut_and_said_so(tmp_path: Path, may: bool) -> None:
+    truth = cabinet()
+    wall = trimesh.creation.box(bounds=[[-0.3, -0.7, 0.0], [0.1, -0.45, 0.9]])
+    mesh, count = truth.mesh, len(truth.mesh.vertices)
+    body = np.append(truth.links[0].faces, len(mesh.faces) + np.arange(12))
+    blocked = replace(
+        with_joint("hinge", upper=2.9, open=2.9),
+        mesh=Mesh(np.append(mesh.vertices, wall.vertices, 0),
+                  np.append(mesh.faces, wall.faces + count, 0)),
+        links=(replace(truth.links[0], faces=body), *truth.links[1:]),
+    )  # fmt: skip
+    write = partial(write_asset, out=tmp_path / "a", name="a")
+    card = written_and_checked(blocked, write, shorten=may).card
+    hinge = next(j for j in card.joints if j.name == "hinge")
+    assert card.checks["executability"]["passed"] == may
+    if may:
+        assert 1.0 < hinge.upper < 2.4 and "hinge: way cut" in " ".join(card.notes)
+    else:
+        assert hinge.upper == 2.9 and "penetration" in card.checks["executability"]["reasons"]
+    assert next(j for j in card.joints if j.name == "slide").upper == 0.28
 
 
 def test_a_hull_that_fills_the_cavity_is_rejected(tmp_path: Path) -> None:

@@ -13,9 +13,10 @@ from mam_pipeline.check import check_asset
 from mam_pipeline.check.report import CheckReport, JointReport
 from mam_pipeline.types import Articulation, Joint
 
-ROUNDS = 2
-KEPT = 0.95
-"""Share of the way that was free which is kept."""
+ROUNDS = 3
+KEPT, CUT = 0.95, 0.75
+"""Share that is kept of the way that was driven, and of that to where a part is deepest in another:
+where it enters is not known."""
 LEAST = 0.1
 """A way cut to less than this share is not worth it: the joint stays as it was found."""
 
@@ -93,10 +94,9 @@ def _free_share(joint: Joint, report: JointReport) -> float | None:
         return None
     if "penetration" in report.reasons and report.penetration_at:
         end = joint.upper if report.penetration_at > 0 else joint.lower
-        share = abs(report.penetration_at / end) if end else 0.0
+        share = CUT * abs(report.penetration_at / end) if end else 0.0
     elif {"frozen", "sags", "no_return"} & set(report.reasons) and report.reached is not None:
-        share = min(report.reached, 1.0)
+        share = KEPT * min(report.reached, 1.0)
     else:
         return None
-    share *= KEPT
     return share if LEAST <= share < 1.0 else None
