@@ -18,10 +18,13 @@ from mam_pipeline.types import Articulation, CollisionShape, FloatArray, IntArra
 
 GAP = 0.0005
 """Room left between such pieces, as a share of the diagonal."""
-_POSES = 7
+STEP, LEAST_POSES, MOST_POSES = 0.005, 7, 60
+"""A part moves by this share of the diagonal between two poses that are looked at: a drawer's back
+wall passes the front below it within millimetres."""
 _CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
-_LEAST = 0.3
-"""A piece of which less than this share would be left is dropped, if its link has others."""
+_LEAST, THINNEST = 0.3, 0.002
+"""A piece of which less than this share, or less than these metres, would be left is dropped, if
+its link has others."""
 
 
 @dataclass
@@ -43,7 +46,7 @@ def keep_apart(
         articulation: asset frame. shapes: pieces by link name, asset frame at rest.
     """
     links = articulation.links
-    pieces = [[_piece(s) for s in shapes.get(link.name, ())] for link in links]
+    pieces = [_Pieces([_piece(s) for s in shapes.get(link.name, ())]) for link in links]
     joined = {frozenset((j.parent, j.child)) for j in articulation.joints}
     room = GAP * articulation.mesh.diagonal
     for joint in articulation.joints:
@@ -54,18 +57,48 @@ def keep_apart(
         pairs = [(i, k) for i in carried for k in others if frozenset((i, k)) not in joined]
         if not pairs:
             continue
-        for values in _poses(articulation, joint):
+        reach = _reach(joint, [pieces[i] for i in carried]) / articulation.mesh.diagonal
+        count = int(np.clip(np.ceil(reach / STEP) + 1, LEAST_POSES, MOST_POSES))
+        for values in _poses(articulation, joint, count):
             frames = articulation.link_poses(values)
             for i, k in pairs:
-                motion = np.linalg.inv(frames[k]) @ frames[i]
-                pieces[i] = _planed(pieces[i], pieces[k], motion, room)
+                if pieces[i].items and pieces[k].items:
+                    motion = np.linalg.inv(frames[k]) @ frames[i]
+                    pieces[i] = _planed(pieces[i], pieces[k], motion, room)
     return {
-        link.name: [_shape(p) if p.planed else p.shape for p in own]
+        link.name: [_shape(p) if p.planed else p.shape for p in own.items]
         for link, own in zip(links, pieces)
     }
 
 
-def _poses(articulation: Articulation, joint: Joint) -> list[dict[str, float]]:
+class _Pieces:
+    """The pieces of one link, with all their corners in one array."""
+
+    def __init__(self, items: list[_Piece]) -> None:
+        self.items = items
+        self.corners = np.concatenate([p.corners for p in items]) if items else np.zeros((0, 3))
+        self.starts = np.cumsum([0] + [len(p.corners) for p in items])[:-1]
+        if items:
+            self.low, self.high = self.bounds(np.eye(4))
+
+    def bounds(self, motion: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n, 3) low and high corners of the pieces, moved by `motion` (4, 4)."""
+        moved = self.corners @ motion[:3, :3].T + motion[:3, 3]
+        return np.minimum.reduceat(moved, self.starts), np.maximum.reduceat(moved, self.starts)
+
+
+def _reach(joint: Joint, moving: Sequence[_Pieces]) -> float:
+    """How far a joint carries a part, metres."""
+    low = joint.lower if np.isfinite(joint.lower) else -np.pi
+    high = joint.upper if np.isfinite(joint.upper) else np.pi
+    if joint.type == "prismatic":
+        return high - low
+    arm = np.concatenate([p.corners for p in moving]) - joint.origin
+    arm = arm - np.outer(arm @ joint.axis, joint.axis)
+    return (high - low) * float(np.linalg.norm(arm, axis=1).max(initial=0.0))
+
+
+def _poses(articulation: Articulation, joint: Joint, count: int) -> list[dict[str, float]]:
     """Joint values along the joint's range; the others are at rest, then closed."""
     closed = {j.name: j.closed for j in articulation.joints if np.isfinite(j.closed)}
     low = joint.lower if np.isfinite(joint.lower) else -np.pi
@@ -73,34 +106,34 @@ def _poses(articulation: Articulation, joint: Joint) -> list[dict[str, float]]:
     bases = [dict.fromkeys(closed, 0.0)]
     if any(abs(v) > 1e-9 for name, v in closed.items() if name != joint.name):
         bases.append(closed)
-    along = [0.0, *np.linspace(low, high, _POSES)]
+    along = [0.0, *np.linspace(low, high, count)]
     return [{**base, joint.name: float(q)} for base in bases for q in along]
 
 
-def _planed(
-    mine: list[_Piece], theirs: list[_Piece], motion: FloatArray, room: float
-) -> list[_Piece]:
+def _planed(mine: _Pieces, theirs: _Pieces, motion: FloatArray, room: float) -> _Pieces:
     """Pieces of one link, moved by `motion` (4, 4) in the other's frame, cut back from its own."""
+    low, high = mine.bounds(motion)
+    below, above = low[:, None] <= theirs.high, high[:, None] >= theirs.low
+    near = np.asarray((below & above).all(axis=2))
+    if not near.any():
+        return mine
     turn, shift = motion[:3, :3], motion[:3, 3]
     out = []
-    for piece in mine:
+    for piece, row in zip(mine.items, near):
         current: _Piece | None = piece
-        for other in theirs:
+        for k in np.flatnonzero(row):
             if current is None:
                 break
             moved = current.corners @ turn.T + shift
-            if (moved.min(0) > other.corners.max(0)).any() or (
-                moved.max(0) < other.corners.min(0)
-            ).any():
-                continue
-            plane = _separating(moved, current.planes, other, turn, shift)
+            plane = _separating(moved, current.planes, theirs.items[k], turn, shift)
             if plane is None:
                 continue
             normal, level = plane  # the moving piece must stay where normal . x <= level - room
             current = _cut(current, turn.T @ normal, level - room - float(normal @ shift))
-        if current is not None or len(mine) == 1:
+        if current is not None or len(mine.items) == 1:
             out.append(current or piece)
-    return out or mine[:1]
+    changed = len(out) < len(mine.items) or any(a is not b for a, b in zip(out, mine.items))
+    return _Pieces(out or mine.items[:1]) if changed else mine
 
 
 def _separating(
@@ -126,7 +159,7 @@ def _cut(piece: _Piece, normal: FloatArray, level: float) -> _Piece | None:
     span = float(np.ptp(height))
     if height.max() <= 0.0:
         return piece
-    if -height.min() < _LEAST * span:
+    if -height.min() < max(_LEAST * span, THINNEST):
         return None
     inside, outside = piece.corners[height <= 0], piece.corners[height > 0]
     a, b = height[height <= 0], height[height > 0]

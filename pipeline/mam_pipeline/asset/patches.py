@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mam_pipeline.geometry.boxes import Box, minimal_box
+from mam_pipeline.geometry.boxes import Box, aligned_box, least_rectangle, minimal_box
 from mam_pipeline.types import FloatArray
 
 FEWEST = 3
@@ -49,7 +49,7 @@ def plates(
         group = heapq.heappop(heap)[2]
         if len(group) < FEWEST:
             break
-        box = minimal_box(group, 8)
+        box = _snug(group)
         if good(box) and float(empty(_grid(box)).mean()) <= _WASTE:
             out.append(box)
             continue
@@ -57,6 +57,26 @@ def plates(
             if len(half) < len(group):
                 heapq.heappush(heap, (-len(half), next(counter), half))
     return out
+
+
+def _snug(points: FloatArray) -> Box:
+    """A box about points (n, 3); one about a flat patch stands out nowhere beside it."""
+    box = minimal_box(points, 8)
+    thin = int(box.half.argmin())
+    if box.half[thin] > 0.1 * np.median(box.half):
+        return box
+    normal = box.axes[thin]
+    snug = aligned_box(points, least_rectangle(points, normal))
+    upright = aligned_box(points, np.eye(3))
+    if np.abs(normal).max() > 0.999 and _area(upright) < 1.1 * _area(snug):
+        return upright  # few points of an upright patch seem to be of a tilted one
+    return snug
+
+
+def _area(box: Box) -> float:
+    """Of the largest side, a quarter."""
+    a, b = np.sort(box.half)[1:]
+    return float(a * b)
 
 
 def _halves(points: FloatArray, box: Box) -> Sequence[FloatArray]:

@@ -59,14 +59,14 @@ def minimal_box(points: FloatArray, directions: int = 40) -> Box:
     for group in np.argsort(-mass)[:directions]:
         members = np.flatnonzero(inverse.reshape(-1) == group)
         normal = unit(normals[members[np.argmax(areas[members])]])
-        box = aligned_box(corners, _least_rectangle(corners, normal))
+        box = aligned_box(corners, least_rectangle(corners, normal))
         if best is None or box.volume < best.volume * (1 - 1e-9):
             best = box
     assert best is not None
     return best
 
 
-def _least_rectangle(points: FloatArray, normal: FloatArray) -> FloatArray:
+def least_rectangle(points: FloatArray, normal: FloatArray) -> FloatArray:
     """Axes (3, 3) with `normal` last whose other two bound the projection by least area."""
     helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
     u = unit(np.cross(normal, helper))

@@ -147,7 +147,7 @@ class EmbeddedSolver:
             **_contact_evidence(around.scene),
             "candidates": [_plain(c) for c in candidates[:6]],
             "chosen": chosen,
-            "limits": {"rule": limits.rule, **limits.evidence},
+            "limits": {"rule": limits.rule, "by": node.provenance, **limits.evidence},
         }
         own = float(best.evidence.get("within_kind", 1.0))
         confidence = node.confidence * (1.0 if node.provenance == "user" else max(own, 0.5))
@@ -189,7 +189,7 @@ class PaperInitSolver(EmbeddedSolver):
             around = Surroundings.of(mesh, faces.moving, faces.static, seed)
             limits = embedded_limits(around, node.subtype, axis, origin, given=node.limits)
         evidence.update(_contact_evidence(scene))
-        evidence["limits"] = {"rule": limits.rule, **limits.evidence}
+        evidence["limits"] = {"rule": limits.rule, "by": node.provenance, **limits.evidence}
         return _joint(node, index, axis, origin, limits, node.confidence, evidence)
 
 

@@ -67,6 +67,9 @@ class _Builder:
 
     def __init__(self, spec: BodySpec) -> None:
         self.s = spec
+        # a hinge line runs along the front's face, and must not lie far from the body behind it
+        size = float(np.linalg.norm([spec.width, spec.depth, spec.height]))
+        self.board = min(BOARD, 0.018 * size - GAP)
         self.vertices: list[Array] = []
         self.uv: list[Array] = []
         self.faces: list[NDArray[np.int64]] = []
@@ -146,7 +149,7 @@ def build_object(spec: BodySpec) -> tuple[Mesh, Hints]:
             b.box(
                 f"{cell.name}_front",
                 b.at(0, rect[0], rect[1]),
-                b.at(BOARD + GAP, rect[2], rect[3]),
+                b.at(b.board + GAP, rect[2], rect[3]),
                 ("front",),
             )
         elif cell.kind in ("drawer", "door"):
@@ -172,8 +175,8 @@ def _plain(box: HintBox) -> HintBox:
 
 def _carcass(b: _Builder) -> None:
     w, d, h = b.s.width, b.s.depth, b.s.height
-    t = min(BOARD, 0.06 * w, 0.06 * h)
-    x = BOARD + GAP
+    t = min(b.board, 0.06 * w, 0.06 * h)
+    x = b.board + GAP
     b.box("carcass_left", b.at(x, 0, 0), b.at(d, t, h), ("left",))
     b.box("carcass_right", b.at(x, w - t, 0), b.at(d, w, h), ("right",))
     b.box("carcass_top", b.at(x, t, h - t), b.at(d, w - t, h), ("top",))
@@ -203,7 +206,7 @@ def _frame(b: _Builder) -> None:
         free[np.ix_(inside_t, inside_s)] = False
     number = 0
     for i0, i1, j0, j1 in _rectangles(free):
-        low, high = b.at(0, ss[j0], ts[i0]), b.at(BOARD + GAP, ss[j1], ts[i1])
+        low, high = b.at(0, ss[j0], ts[i0]), b.at(b.board + GAP, ss[j1], ts[i1])
         b.box(f"carcass_frame_{number}", low, high, ("front",))
         number += 1
     t = THIN
@@ -215,9 +218,9 @@ def _frame(b: _Builder) -> None:
             (s0, t0 - t, s1, t0), (s0, t1, s1, t1 + t),
             (s0 - t, t0, s0, t1), (s1, t0, s1 + t, t1),
         ):  # fmt: skip
-            if a < BOARD or e < BOARD or f > w - BOARD or g > h - BOARD:
+            if a < b.board or e < b.board or f > w - b.board or g > h - b.board:
                 continue
-            lo, hi = b.at(BOARD + GAP, a, e), b.at(d - 0.008, f, g)
+            lo, hi = b.at(b.board + GAP, a, e), b.at(d - 0.008, f, g)
             b.box(f"carcass_shelf_{number}", lo, hi, inside=True)
             number += 1
 
@@ -252,8 +255,8 @@ def _movable(b: _Builder, cell: CellSpec) -> HintPart:
     s0, t0, s1, t1 = _shrink(cell.rect, GAP / 2)
     front = f"{cell.name}_front"
     nodes = [front]
-    b.box(front, b.at(0, s0, t0), b.at(BOARD, s1, t1), ("front",))
-    low, high = b.at(0, s0, t0), b.at(BOARD, s1, t1)
+    b.box(front, b.at(0, s0, t0), b.at(b.board, s1, t1), ("front",))
+    low, high = b.at(0, s0, t0), b.at(b.board, s1, t1)
     if cell.kind == "drawer":
         nodes.append(f"{cell.name}_box")
         high = _drawer_box(b, cell, (s0, t0, s1, t1))
@@ -273,12 +276,12 @@ def _movable(b: _Builder, cell: CellSpec) -> HintPart:
 def _drawer_box(b: _Builder, cell: CellSpec, r: tuple[float, float, float, float]) -> Array:
     """Five boards behind the front (floor, two sides, back); returns the far upper corner."""
     w, d, h = b.s.width, b.s.depth, b.s.height
-    t = min(BOARD, 0.06 * w, 0.06 * h)
+    t = min(b.board, 0.06 * w, 0.06 * h)
     play = 0.006
     s0, s1 = max(r[0] + 0.012, t + play), min(r[2] - 0.012, w - t - play)
     t0, t1 = max(r[1] + 0.012, t + play), min(r[3] - 0.02, h - t - play)
     t1 = max(t0 + 0.03, t0 + 0.75 * (t1 - t0))
-    x0, x1 = BOARD, max(BOARD + 0.05, d - 0.008 - 0.02)
+    x0, x1 = b.board, max(b.board + 0.05, d - 0.008 - 0.02)
     k = min(THIN, 0.2 * (s1 - s0), 0.3 * (t1 - t0))
     name = f"{cell.name}_box"
     b.box(name, b.at(x0, s0, t0), b.at(x1, s1, t0 + k), inside=True)
