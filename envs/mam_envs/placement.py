@@ -266,16 +266,17 @@ def _bases(
 
 
 def _floor(model: ObjectModel) -> float:
-    """How high above its lowest point one may stand on the object: it may bring a floor along."""
-    low, high = model.footprint
-    top = 0.0
-    for pieces in model.pieces.values():
-        for piece in pieces:
-            size = np.ptp(piece.points, axis=0)
-            under = float(piece.points[:, 2].max() - low[2])
-            if under < FLOOR and (size[:2] > 0.5 * (high - low)[:2]).all():
-                top = max(top, under + 0.001)
-    return top
+    """How high above its lowest point one may stand on the object: it may bring a floor along.
+
+    A floor is low and reaches, in plan, well beyond all that stands on it; a bottom board does not.
+    """
+    base = model.footprint[0][2]
+    points = [p.points for pieces in model.pieces.values() for p in pieces]
+    flat = [p for p in points if p[:, 2].max() - base < FLOOR]
+    rest = [p for p in points if p[:, 2].max() - base >= FLOOR]
+    taken = np.prod(np.ptp(np.concatenate(rest)[:, :2], axis=0)) if rest else np.inf
+    wide = [p for p in flat if np.prod(np.ptp(p[:, :2], axis=0)) > 1.5 * taken]
+    return max((float(p[:, 2].max() - base) + 0.001 for p in wide), default=0.0)
 
 
 def _outlines(
@@ -305,9 +306,7 @@ def _outlines(
     return out
 
 
-def base_pose(
-    robot: RobotSpec, at: FloatArray, height: float, facing: FloatArray
-) -> FloatArray:
+def base_pose(robot: RobotSpec, at: FloatArray, height: float, facing: FloatArray) -> FloatArray:
     """(4, 4) upright world_T_base at (x, y), its arm pointing at the point `facing` (x, y)."""
     yaw = np.arctan2(facing[1] - at[1], facing[0] - at[0]) - robot.forward
     out = np.eye(4)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from mam_envs.objects import ObjectModel
-from mam_envs.placement import object_pose, place
+from mam_envs.placement import _floor, object_pose, place
 from mam_envs.reach import PlacementError, holds, tool_path
 from mam_envs.robots import robot_spec
 from mam_envs.spec import EnvConfig, RandomisationConfig, TaskConfig, joint_goal
@@ -82,6 +83,20 @@ def test_a_place_serves_displaced_objects(drawer: Path) -> None:
     )
     np.testing.assert_allclose(world, wanted[:, :3, 3], atol=0.008)
     assert (found.path.follow >= chain.limits[:, 0]).all()
+
+
+@pytest.mark.parametrize(("board", "stands"), [((0.5, 0.6), 0.0), ((1.0, 1.0), 0.031)])
+def test_a_floor_reaches_beyond_what_stands_on_it(
+    board: tuple[float, float], stands: float
+) -> None:
+    def box(w: float, d: float, low: float, high: float) -> SimpleNamespace:
+        x, y = w / 2, d / 2
+        corners = [(a, b, c) for a in (-x, x) for b in (-y, y) for c in (low, high)]
+        return SimpleNamespace(points=np.array(corners))
+
+    pieces = {"base": [box(*board, 0.0, 0.03), box(0.5, 0.6, 0.03, 0.7)]}
+    model = SimpleNamespace(pieces=pieces, footprint=(np.zeros(3), np.ones(3)))
+    assert _floor(model) == pytest.approx(stands)  # type: ignore[arg-type]
 
 
 def test_refusals_name_the_reason(drawer: Path, tmp_path: Path) -> None:

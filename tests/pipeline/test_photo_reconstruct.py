@@ -22,9 +22,12 @@ from mam_pipeline.photo.camera import (
     rotation,
 )  # fmt: skip
 from mam_pipeline.photo.evaluate import score_image, yolo_items
+from mam_pipeline.photo.find import find_object
 from mam_pipeline.photo.handles import Blob
 from mam_pipeline.photo.image import make_photo
 from mam_pipeline.photo.layout import split
+from mam_pipeline.photo.lines import find_segments
+from mam_pipeline.photo.mask import middle_mask
 from mam_pipeline.photo.measure import settle_sizes
 from mam_pipeline.photo.options import PhotoOptions, parse_options
 from mam_pipeline.photo.partition import best_partition
@@ -122,14 +125,50 @@ def test_split_follows_lines_within_the_named_count() -> None:
 
 
 def test_scale_and_depth_rules() -> None:
-    seen = settle_sizes((1.0, 0.5, 1.0), 0.3, "cabinet", PhotoOptions(height=0.8))
+    seen = settle_sizes((1.0, 0.5, 1.0), "observed", "cabinet", PhotoOptions(height=0.8))
     assert (seen.width, seen.depth, seen.height) == pytest.approx((0.8, 0.4, 0.8))
     assert (seen.depth_from, seen.scale_from) == ("observed", "user")
-    frontal = settle_sizes((1.0, 1.9, 1.0), 0.01, "cabinet", PhotoOptions())
+    frontal = settle_sizes((1.0, 1.9, 1.0), "assumed", "cabinet", PhotoOptions())
     assert frontal.depth_from == frontal.scale_from == "assumed"
     assert frontal.depth == pytest.approx(0.42) and frontal.height == pytest.approx(0.85)
-    legged = settle_sizes((1.0, 0.5, 1.0), 0.3, "cabinet", PhotoOptions(height=1.2), legs=0.2)
+    loose = settle_sizes((1.0, 1.0, 1.0), "inferred", "cabinet", PhotoOptions())
+    assert loose.depth_from == "inferred" and 0.42 < loose.depth < 0.85
+    tall = PhotoOptions(height=1.2)
+    legged = settle_sizes((1.0, 0.5, 1.0), "observed", "cabinet", tall, legs=0.2)
     assert legged.height == pytest.approx(1.0)  # the user measures with the legs
+
+
+@pytest.mark.parametrize(("seed", "depth"), [(30, "observed"), (8, "inferred")])
+def test_depth_is_measured_only_where_the_picture_holds_it(seed: int, depth: str) -> None:
+    image, truth = synthesise(seed, "clean")
+    found = find_object(make_photo(image), PhotoOptions())
+    assert found.depth_from == depth
+    off = abs(found.shape[1] / found.shape[2] / (truth.size[1] / truth.size[2]) - 1)
+    assert (off < 0.05) == (depth == "observed")
+
+
+def test_an_edge_of_hue_alone_is_a_segment() -> None:
+    image = np.full((240, 240, 3), (150, 120, 120), np.uint8)
+    image[60:180, 60:180] = (104, 138, 120)  # as light as its surroundings
+    image = np.clip(image + np.random.default_rng(0).normal(0, 4, image.shape), 0, 255)
+    found = find_segments(image.astype(np.uint8))
+    upright = np.abs(found.direction[:, 1]) > 0.99
+    near = np.abs(found.middle[:, 0] - 60) < 3
+    assert found.length[upright & near].sum() > 60
+
+
+def test_the_colours_of_the_middle_are_the_object() -> None:
+    rng = np.random.default_rng(1)
+    image = np.full((240, 320, 3), (60, 90, 120), np.uint8)
+    image[150:] = (160, 60, 50)
+    image[50:190, 90:240] = (190, 160, 110)
+    image = np.clip(image + rng.normal(0, 6, image.shape), 0, 255).astype(np.uint8)
+    mask = middle_mask(image)
+    truth = np.zeros(image.shape[:2])
+    truth[50:190, 90:240] = 1
+    assert mask is not None
+    assert np.minimum(mask, truth).sum() > 0.9 * np.maximum(mask, truth).sum()
+    assert middle_mask(np.full((240, 320, 3), 120, np.uint8)) is None
 
 
 def spec() -> BodySpec:

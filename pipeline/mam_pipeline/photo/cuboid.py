@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ FACE_NAMES = ("front", "right", "left", "top", "bottom")
 WEAK_MASK = 0.4  # weight of a mask that is not trusted, against 1
 COVER = 0.5  # weight of the aligned segments that a box leaves outside, with such a mask
 GRID_FOCAL = (0.6, 0.8, 1.1, 1.6, 3.0)
+SPREAD = np.array([0.05, 0.05, 0.012, 0.12, 0.012, 0.012, 0.05, 0.05, 0.12])  # of a search
 
 
 @dataclass(frozen=True)
@@ -340,13 +342,12 @@ def fit_cuboids(evidence: Evidence, seed: int = 0, keep: int = 3) -> list[Cuboid
         shape[:, 3] = np.log(span[1] * rng.uniform(0.5, 1.1, 40))
         shape[:, 4] = np.log(np.sqrt(span.prod()) * rng.uniform(0.25, 0.9, 40))
 
-        def partial(s: Array, pose: Array = pose) -> Array:
+        def posed(s: Array, pose: Array = pose) -> Array:
             return objective(np.hstack([np.tile(pose, (len(s), 1)), s]))
 
-        rows, values = evolve(partial, shape, 28, rng)
+        rows, values = evolve(posed, shape, 28, rng)
         found += [(v, np.hstack([pose, r])) for v, r in zip(values[:2], rows[:2])]
     found.sort(key=lambda x: x[0])
-    spread = np.array([0.05, 0.05, 0.012, 0.12, 0.012, 0.012, 0.05, 0.05, 0.12])
     out: list[Cuboid] = []
     seeds: list[Array] = []
     for _, p in found:
@@ -355,15 +356,43 @@ def fit_cuboids(evidence: Evidence, seed: int = 0, keep: int = 3) -> list[Cuboid
         ):
             seeds.append(p)
     for p in seeds:
-        start = p + rng.normal(0, 1, (48, 9)) * spread
+        start = p + rng.normal(0, 1, (48, 9)) * SPREAD
         start[0] = p
         rows, _ = evolve(objective, start, 50, rng)
-        simplex = rows[0] + np.vstack([np.zeros(9), np.diag(spread * 0.15)])
-        polished = optimize.minimize(
-            lambda x: float(objective(x[None])[0]),
-            rows[0],
-            method="Nelder-Mead",
-            options={"maxfev": 400, "initial_simplex": simplex},
-        )
-        out.append(objective.report(polished.x))
+        best, _ = _polish(lambda x: float(objective(x[None])[0]), rows[0], SPREAD * 0.15, 400)
+        out.append(objective.report(best))
     return sorted(out, key=lambda c: c.own)
+
+
+def _polish(
+    cost: Callable[[Array], float], start: Array, step: Array, most: int
+) -> tuple[Array, float]:
+    simplex = start + np.vstack([np.zeros(len(start)), np.diag(step)])
+    options = {"maxfev": most, "initial_simplex": simplex}
+    found = optimize.minimize(cost, start, method="Nelder-Mead", options=options)
+    return found.x, float(found.fun)
+
+
+def hold_of_length(evidence: Evidence, cuboid: Cuboid, length: int, change: float = 0.15) -> float:
+    """How firmly the picture holds one length of the box: the profile of the cost.
+
+    Args:
+        length: 0 width, 1 height, 2 depth.
+        change: of the length's logarithm, both ways.
+
+    Returns:
+        The least rise of the cost when the length is forced shorter or longer and all the rest
+        is fitted again; about 0 where the picture does not tell the length.
+    """
+    objective = Objective(evidence)
+    index = 6 + length
+    rest = np.delete(np.arange(9), index)
+
+    def forced(x: Array, value: float) -> float:
+        return float(objective(np.insert(x, index, value)[None])[0])
+
+    rises = []
+    for value in (cuboid.params[index] - change, cuboid.params[index] + change):
+        cost = partial(forced, value=value)
+        rises.append(_polish(cost, cuboid.params[rest], SPREAD[rest] * 0.3, 300)[1])
+    return min(rises) - cuboid.own

@@ -38,7 +38,7 @@ def predict(
     options = options or PhotoOptions()
     found = find_object(photo, options)
     words = judge(found, options).words
-    return found.quad, found.shape, panels_of(found), _depth_seen(found), words
+    return found.quad, found.shape, panels_of(found), found.depth_from == "observed", words
 
 
 def panels_of(found: Found) -> list[FoundPanel]:
@@ -58,13 +58,9 @@ def panels_of(found: Found) -> list[FoundPanel]:
     ]
 
 
-def _depth_seen(found: Found) -> bool:
-    return found.side_share >= 0.06 and not found.front_given
-
-
 def score_found(found: Found, photo: Photo, truth: PhotoTruth) -> PhotoScore:
     """Score what was found in a synthetic photo; no confidence words."""
-    seen = _depth_seen(found) and truth.depth_visible
+    seen = found.depth_from == "observed" and truth.depth_visible
     return score_photo(truth, found.quad / photo.scale, found.shape, panels_of(found), seen, {})
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -12,7 +13,13 @@ from mam_pipeline.errors import ConfigError
 from mam_pipeline.hints import HintBox, Hints
 from mam_pipeline.photo.camera import apply_homography, quad_homography
 from mam_pipeline.photo.complete import virtual_grasp
-from mam_pipeline.photo.cuboid import WEAK_MASK, Cuboid, Evidence, fit_cuboids
+from mam_pipeline.photo.cuboid import (
+    WEAK_MASK,
+    Cuboid,
+    Evidence,
+    fit_cuboids,
+    hold_of_length,
+)  # fmt: skip
 from mam_pipeline.photo.front import FrontReading, read_front
 from mam_pipeline.photo.handles import Blob
 from mam_pipeline.photo.image import Photo
@@ -24,7 +31,6 @@ from mam_pipeline.photo.panel import Panel
 from mam_pipeline.photo.quad import aspect_of_quad
 
 Array = NDArray[np.float64]
-Fit = tuple[Cuboid, ObjectMask]
 NO_BOX_COST = 0.95
 WHOLE = "whole picture"
 LINES = "lines alone"
@@ -36,6 +42,21 @@ OPEN_COST = 0.3
 NEAR_COST = 0.3  # boxes this much worse than the best are read too
 HANDLE_GAIN = 0.05  # cost that each panel with a handle makes up for
 SURE_COST = 0.22  # no other mask needs to be tried
+SEEN_SHARE = 0.06  # of the visible area: a depth seen more obliquely is not seen
+HELD = 0.03  # rise of the cost with a wrong depth from which the depth counts as measured
+
+
+class Fit(NamedTuple):
+    """A box, the mask it was fitted to, and all that it was fitted to."""
+
+    cuboid: Cuboid
+    mask: ObjectMask
+    evidence: Evidence
+
+    @property
+    def value(self) -> float:
+        """Cost with the handicap of a mask that is the whole picture."""
+        return self.cuboid.cost + _whole_cost(self.mask)
 
 
 @dataclass(frozen=True)
@@ -47,8 +68,10 @@ class Found:
         shape: (width, depth, height) of the body in an arbitrary unit.
         legs: height of the legs over the body's height.
         side_share: share of the visible area that is not the front.
+        depth_hold: how firmly the picture holds the depth (cuboid.hold_of_length).
         cost: of the fitted box; 0 where the user gave the front.
         margin: by how much the next-best, different box is worse; 0.5 where there is none.
+        face: which face of the fitted box is the front: front, left or right.
     """
 
     mask: ObjectMask
@@ -65,6 +88,15 @@ class Found:
     open_object: bool = False
     why: str = ""
     margin: float = 0.5
+    depth_hold: float = 0.0
+    face: str = "front"
+
+    @property
+    def depth_from(self) -> str:
+        """observed; inferred where a side is seen that does not tell how deep it is; assumed."""
+        if self.front_given or self.side_share < SEEN_SHARE:
+            return "assumed"
+        return "observed" if self.depth_hold >= HELD else "inferred"
 
 
 def find_object(photo: Photo, options: PhotoOptions) -> Found:
@@ -128,12 +160,13 @@ def fit_photo(photo: Photo, options: PhotoOptions) -> list[Fit]:
         weight = 1.0 if mask.trust > 0.5 else WEAK_MASK
         maps = edge_maps(segments, photo.size)
         evidence = Evidence(mask.mask, weight, lines, on.astype(float), maps, photo.focal)
-        fits += [(c, mask) for c in fit_cuboids(evidence, keep=2)]
-        if min(c.cost for c, _ in fits) < SURE_COST:
+        fits += [Fit(c, mask, evidence) for c in fit_cuboids(evidence, keep=2)]
+        if min(f.cuboid.cost for f in fits) < SURE_COST:
             break
-    if box is None and fits[0][1].trust < 1.0 and min(c.cost for c, _ in fits) > LINES_NEED:
+    unsure = min(f.cuboid.cost for f in fits) > LINES_NEED
+    if box is None and fits[0].mask.trust < 1.0 and unsure:
         fits += _fit_lines(photo, lines)
-    return sorted(fits, key=lambda x: x[0].cost + _whole_cost(x[1]))
+    return sorted(fits, key=lambda f: f.value)
 
 
 def _fit_lines(photo: Photo, lines: Segments) -> list[Fit]:
@@ -143,7 +176,7 @@ def _fit_lines(photo: Photo, lines: Segments) -> list[Fit]:
     evidence = Evidence(everywhere, 0.0, lines, np.ones(len(lines.length)), maps, photo.focal)
     mask = ObjectMask(everywhere, LINES, 0.3)
     good = [c for c in fit_cuboids(evidence, keep=2) if c.own < LINES_MOST]
-    return [(replace(c, cost=c.own + LINES_COST), mask) for c in good]
+    return [Fit(replace(c, cost=c.own + LINES_COST), mask, evidence) for c in good]
 
 
 def _best_object(photo: Photo, fits: list[Fit], options: PhotoOptions) -> Found:
@@ -151,25 +184,25 @@ def _best_object(photo: Photo, fits: list[Fit], options: PhotoOptions) -> Found:
 
     Part of an object often fits as well as the whole; the whole explains more handles.
     """
-    limit = fits[0][0].cost + _whole_cost(fits[0][1]) + NEAR_COST
+    limit = fits[0].value + NEAR_COST
     chosen: list[Fit] = []
     for fit in fits:
-        near = fit[0].cost + _whole_cost(fit[1]) < limit
-        if near and all(_hull_iou(fit[0], c[0]) < 0.9 for c in chosen) and len(chosen) < 3:
+        other = all(_hull_iou(fit.cuboid, c.cuboid) < 0.9 for c in chosen)
+        if fit.value < limit and other and len(chosen) < 3:
             chosen.append(fit)
-    best: tuple[float, Found] | None = None
-    values = []
-    for cuboid, mask in chosen:
-        found = _best_front(photo, mask, cuboid, options)
+    ranked: list[tuple[float, int, Found]] = []
+    for i, fit in enumerate(chosen):
+        found = _best_front(photo, fit.mask, fit.cuboid, options)
         shown = [p for p in found.reading.movable if any(b.score > 0.6 for b in p.handles)]
-        larger = any(_encloses(cuboid, c) for c, _ in chosen) and mask.method != WHOLE
-        value = cuboid.cost + _whole_cost(mask) - HANDLE_GAIN * min(len(shown), 9) - 0.1 * larger
-        values.append(value)
-        if best is None or value < best[0]:
-            best = value, found
-    assert best is not None  # the first fit is always near
-    margin = 0.5 if len(values) < 2 else sorted(values)[1] - best[0]
-    return replace(best[1], margin=min(margin, 0.5))
+        larger = any(_encloses(fit.cuboid, c.cuboid) for c in chosen) and fit.mask.method != WHOLE
+        value = fit.value - HANDLE_GAIN * min(len(shown), 9) - 0.1 * larger
+        ranked.append((value, i, found))
+    ranked.sort(key=lambda x: x[:2])
+    value, i, found = ranked[0]
+    margin = 0.5 if len(ranked) < 2 else ranked[1][0] - value
+    depth = 2 if found.face == "front" else 0
+    hold = hold_of_length(chosen[i].evidence, chosen[i].cuboid, depth)
+    return replace(found, margin=min(margin, 0.5), depth_hold=hold)
 
 
 def _hull_iou(a: Cuboid, b: Cuboid) -> float:
@@ -235,6 +268,7 @@ def _read_face(
         open_object=bulge > OPEN_SHARE and cuboid.cost > OPEN_COST,
         why=f"{bulge:.0%} of it lies outside the box" if bulge > OPEN_SHARE
         else f"the best box explains it badly, cost {cuboid.cost:.2f}",
+        face=face,
     )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from mam_pipeline.photo.image import Photo
 
 Array = NDArray[np.float64]
 NO_RECT = (0, 0, 1, 1)  # unused when GrabCut starts from a mask
+LIKE = 2.6  # standard deviations within which a colour is one of the middle's
 
 
 @dataclass(frozen=True)
@@ -33,8 +34,9 @@ def find_masks(
 ) -> list[ObjectMask]:
     """Segment the object in one to four ways; `bbox` (small pixels) restricts all.
 
-    One mask where the user or the file gives it; else plain backdrop, salient object and centred
-    GrabCut, the whole picture: the box fitted to each tells which is right.
+    One mask where the user or the file gives it; else plain backdrop, salient object, the colours
+    of the picture's middle, centred GrabCut, and the whole picture where it seems cropped to its
+    object: the box fitted to each tells which is right.
     """
     window = np.ones(photo.small.shape[:2])
     if bbox is not None:
@@ -56,10 +58,11 @@ def find_masks(
         out.append(ObjectMask(plain * window, "plain backdrop", 0.9))
     if bbox is None:
         salient = ObjectMask(salient_mask(photo.small), "salient", 0.4)
-        cropped = salient.mask.mean() > 0.5  # the picture is likely cropped to its object
-        whole = ObjectMask(np.ones_like(window), "whole picture", 0.3 if cropped else 0.0)
-        centred = ObjectMask(grabcut(photo.small, window, False), "grabcut", 0.4)
-        return [*out, salient, whole, centred] if cropped else [*out, salient, centred, whole]
+        middle = middle_mask(photo.small)
+        out += [salient] + ([] if middle is None else [ObjectMask(middle, "middle", 0.4)])
+        if salient.mask.mean() > 0.5:  # the picture is likely cropped to its object
+            out.append(ObjectMask(np.ones_like(window), "whole picture", 0.3))
+        return [*out, ObjectMask(grabcut(photo.small, window, False), "grabcut", 0.4)]
     out.append(ObjectMask(grabcut(photo.small, window, True), "grabcut", 0.4))
     return out
 
@@ -152,11 +155,7 @@ def salient_mask(rgb: NDArray[np.uint8], side: int = 220) -> Array:
     to the border over colour steps (Wei et al., geodesic saliency, 2012).
     """
     h, w = rgb.shape[:2]
-    k = side / max(h, w)
-    size = (max(24, round(w * k)), max(24, round(h * k)))
-    small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
-    flat = cv2.pyrMeanShiftFiltering(np.ascontiguousarray(small[..., ::-1]), 4, 10)[..., ::-1]
-    lab = cv2.cvtColor(flat.astype(np.float32) / 255.0, cv2.COLOR_RGB2LAB).astype(np.float64)
+    small, lab = _flattened(rgb, side, 4, 10)
     n = max(3, round(0.06 * side))
     sides = [lab[:n], lab[-n:], lab[:, :n], lab[:, -n:]]
     far = np.stack([_unlike(lab, s.reshape(-1, 3)) for s in sides])
@@ -174,23 +173,80 @@ def salient_mask(rgb: NDArray[np.uint8], side: int = 220) -> Array:
     state = np.where(salience > level, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
     state[salience > 0.5 * (level + 1)] = cv2.GC_FGD
     state[salience < 0.35 * level] = cv2.GC_BGD
-    try:
-        cv2.setRNGSeed(1)
-        back, fore = np.zeros((1, 65)), np.zeros((1, 65))
-        cv2.grabCut(small, state, NO_RECT, back, fore, 3, cv2.GC_INIT_WITH_MASK)
-        blob = _main_blob((state == cv2.GC_FGD) | (state == cv2.GC_PR_FGD))
-    except cv2.error:
-        blob = None
+    blob = _cut(small, state, 3)
     if blob is None:
         blob = (salience > level).astype(float)
     return (cv2.resize(blob, (w, h), interpolation=cv2.INTER_LINEAR) > 0.5).astype(float)
 
 
+def middle_mask(rgb: NDArray[np.uint8], side: int = 220) -> Array | None:
+    """What has the colours of the picture's middle and hangs together with it, then GrabCut.
+
+    Furniture is mostly of one or two materials, which its neighbours and the floor rarely share;
+    None where all of the picture has them.
+    """
+    h, w = rgb.shape[:2]
+    small, lab = _flattened(rgb, side, 6, 14)
+    y, x = np.mgrid[0 : lab.shape[0], 0 : lab.shape[1]]
+    r = np.maximum(np.abs(x / lab.shape[1] - 0.5), np.abs(y / lab.shape[0] - 0.5))
+    sample = lab[r < 0.18].astype(np.float32)
+    cv2.setRNGSeed(1)
+    stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 20, 0.5)
+    labels = cv2.kmeans(sample, 3, np.empty(0), stop, 3, cv2.KMEANS_PP_CENTERS)[1].ravel()
+    usual = [g for k in range(3) if len(g := sample[labels == k]) >= len(sample) / 4]
+    far = np.min([_deviation(lab, g, np.diag([30.0, 6.0, 6.0])) for g in usual], axis=0)
+    like = ndimage.binary_opening(far < LIKE)
+    blobs, _ = ndimage.label(like)
+    area = np.bincount(blobs[r < 0.25], minlength=blobs.max() + 1)
+    area[0] = 0
+    if not area.max():
+        return None
+    core = blobs == area.argmax()
+    if core.mean() > 0.9:
+        return None
+    state = np.where(core, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
+    state[ndimage.binary_erosion(core, iterations=3)] = cv2.GC_FGD
+    state[((far > 2.5 * LIKE) & (r > 0.3)) | (r > 0.485)] = cv2.GC_BGD
+    blob = _cut(small, state, 2)
+    if blob is None:
+        return None
+    return (cv2.resize(blob, (w, h), interpolation=cv2.INTER_LINEAR) > 0.5).astype(float)
+
+
+def _flattened(
+    rgb: NDArray[np.uint8], side: int, space: int, colour: int
+) -> tuple[NDArray[np.uint8], Array]:
+    """The picture at `side` pixels, and its smoothed Lab colours (mean shift)."""
+    h, w = rgb.shape[:2]
+    k = side / max(h, w)
+    size = (max(24, round(w * k)), max(24, round(h * k)))
+    small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
+    flat = cv2.pyrMeanShiftFiltering(np.ascontiguousarray(small[..., ::-1]), space, colour)
+    lab = cv2.cvtColor(flat.astype(np.float32) / 255.0, cv2.COLOR_BGR2LAB)
+    return np.asarray(small, np.uint8), np.asarray(lab, np.float64)
+
+
+def _cut(small: NDArray[np.uint8], state: NDArray[np.uint8], rounds: int) -> Array | None:
+    """The main blob of GrabCut from a state of its own; None where it has none."""
+    cv2.setRNGSeed(1)
+    back, fore = np.zeros((1, 65)), np.zeros((1, 65))
+    try:
+        cv2.grabCut(small, state, NO_RECT, back, fore, rounds, cv2.GC_INIT_WITH_MASK)
+    except cv2.error:  # one colour only: no two models can be fitted
+        return None
+    return _main_blob((state == cv2.GC_FGD) | (state == cv2.GC_PR_FGD))
+
+
+def _deviation(lab: Array, sample: Array, least: Array) -> Array:
+    """(h, w) Mahalanobis distance of colours to a sample, whose spread `least` (3, 3) widens."""
+    spread = np.linalg.inv(np.cov(sample.T) + least)
+    d = lab - sample.mean(axis=0)
+    return np.sqrt(np.einsum("ijk,kl,ijl->ij", d, spread, d))
+
+
 def _unlike(lab: Array, sample: Array) -> Array:
     """(h, w) 0..1 Mahalanobis distance of colours to a sample's distribution."""
-    spread = np.linalg.inv(np.cov(sample.T) + 4.0 * np.eye(3))
-    d = lab - sample.mean(axis=0)
-    return _unit(np.sqrt(np.einsum("ijk,kl,ijl->ij", d, spread, d)))
+    return _unit(_deviation(lab, sample, 4.0 * np.eye(3)))
 
 
 def _unit(values: Array) -> Array:

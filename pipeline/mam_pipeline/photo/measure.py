@@ -24,7 +24,6 @@ DEFAULTS = {
     "microwave": (0.29, 0.37), "oven": (0.60, 0.55), "dishwasher": (0.82, 0.58),
     "washing_machine": (0.85, 0.58),
 }  # fmt: skip
-OBSERVABLE_SHARE = 0.06
 
 
 @dataclass(frozen=True)
@@ -34,7 +33,7 @@ class Sizes:
     width: float
     depth: float
     height: float
-    depth_from: str  # observed | assumed | user
+    depth_from: str  # observed | inferred | assumed | user
     scale_from: str  # assumed | user
 
 
@@ -95,14 +94,16 @@ def guess_category(width: float, height: float, kinds: list[str], given: str | N
 
 def settle_sizes(
     shape: tuple[float, float, float],
-    share: float,
+    depth_from: str,
     category: str,
     options: PhotoOptions,
     legs: float = 0.0,
 ) -> Sizes:
     """Scale a shape (width, depth, height of the body, any unit; `legs` share of body height).
 
-    A depth seen too obliquely is replaced by the category's usual one, and said to be assumed.
+    Args:
+        depth_from: observed, as the shape has it; inferred, half way (in logs) between that and the
+            category's usual depth; assumed, the usual one.
     """
     w, d, h = shape
     tall, deep = DEFAULTS[category]
@@ -112,14 +113,17 @@ def settle_sizes(
         k = options.height / full
     elif options.width:
         k = options.width / w
-    elif options.depth and share >= OBSERVABLE_SHARE:
+    elif options.depth and depth_from != "assumed":
         k = options.depth / d
     else:
         k, scale_from = tall / full, "assumed"
-    depth, depth_from = d * k, "observed"
+    depth = d * k
+    usual = deep if scale_from == "assumed" else deep / tall * full * k
+    usual = min(usual, 1.2 * max(w, h) * k)
     if options.depth:
         depth, depth_from = options.depth, "user"
-    elif share < OBSERVABLE_SHARE or not 0.12 * min(w, h) < d < 2.2 * max(w, h):
-        depth = deep if scale_from == "assumed" else deep / tall * full * k
-        depth, depth_from = min(depth, 1.2 * max(w, h) * k), "assumed"
+    elif depth_from == "assumed" or not 0.12 * min(w, h) < d < 2.2 * max(w, h):
+        depth, depth_from = usual, "assumed"
+    elif depth_from == "inferred":
+        depth = float(np.sqrt(depth * usual))
     return Sizes(w * k, depth, h * k, depth_from, scale_from)

@@ -15,19 +15,16 @@ from mam_pipeline.backends import Availability, Reconstruction
 from mam_pipeline.errors import HintNeeded, NotThisKind
 from mam_pipeline.photo import confidence
 from mam_pipeline.photo.build import BodySpec, CellSpec, HandleSpec, build_object
-from mam_pipeline.photo.cuboid import Cuboid
 from mam_pipeline.photo.find import Found, find_object
 from mam_pipeline.photo.front import FrontReading
 from mam_pipeline.photo.image import Photo, read_photo
 from mam_pipeline.photo.measure import (
-    DEFAULTS,
     TEXTURE_SIDE,
     Sizes,
     guess_category,
     jpeg,
     rectify,
     settle_sizes,
-    side_share,
 )  # fmt: skip
 from mam_pipeline.photo.options import PhotoOptions, parse_options
 from mam_pipeline.photo.overlay import draw_front, draw_overlay
@@ -126,7 +123,7 @@ def sizes_of(found: Found, options: PhotoOptions) -> tuple[Sizes, str]:
         return Sizes(w, d, h, "user", "user"), options.category or "cabinet"
     kinds = [p.kind for p in found.reading.panels]
     category = guess_category(w, h * (1 + found.legs), kinds, options.category)
-    return settle_sizes((w, d, h), found.side_share, category, options, found.legs), category
+    return settle_sizes((w, d, h), found.depth_from, category, options, found.legs), category
 
 
 def body_of(photo: Photo, found: Found, sizes: Sizes) -> BodySpec:
@@ -265,19 +262,12 @@ def summarise(reading: FrontReading, sizes: Sizes) -> str:
     seen = sum(b.provenance == "observed" for p in reading.movable for b in p.handles)
     more = sum(b.provenance != "observed" for p in reading.movable for b in p.handles)
     handles = f"{seen} handle{'s' if seen != 1 else ''}" + (f" (+{more} inferred)" if more else "")
-    depth = {"observed": "depth measured", "assumed": "depth ASSUMED", "user": "depth given"}
+    depth = {
+        "observed": "depth measured", "inferred": "depth INFERRED", "assumed": "depth ASSUMED",
+        "user": "depth given",
+    }  # fmt: skip
     scale = f"scale {'ASSUMED' if sizes.scale_from == 'assumed' else 'given'}"
     return (
         f"found {', '.join([*(counts or ['no panels']), handles])}; {depth[sizes.depth_from]} "
         f"{sizes.depth:.2f} m; {scale} {sizes.width:.2f} m wide, {sizes.height:.2f} m high"
     )
-
-
-__all__ = [
-    "DEFAULTS",
-    "Cuboid",
-    "EmbeddedReconstructor",
-    "reconstruct_photo",
-    "replace",
-    "side_share",
-]
