@@ -7,7 +7,8 @@ import pytest
 import trimesh
 
 from mam_pipeline.asset.clearance import keep_apart
-from mam_pipeline.asset.collision import MAX_HULL_POINTS, collision_shapes, outside
+from mam_pipeline.asset.collision import collision_shapes, outside
+from mam_pipeline.asset.shapes import MAX_HULL_POINTS
 from mam_pipeline.geometry.sampling import sample_surface
 from mam_pipeline.types import Articulation, CollisionShape, Joint, Link, Mesh
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mam_pipeline.asset.dynamics import carried_links
+from mam_pipeline.asset.shapes import shape_inside
 from mam_pipeline.asset.surface import hull_of
 from mam_pipeline.types import Articulation, CollisionShape, FloatArray, IntArray, Joint
 
@@ -66,7 +67,7 @@ def keep_apart(
                     motion = np.linalg.inv(frames[k]) @ frames[i]
                     pieces[i] = _planed(pieces[i], pieces[k], motion, room)
     return {
-        link.name: [_shape(p) if p.planed else p.shape for p in own.items]
+        link.name: [shape_inside(p.corners) if p.planed else p.shape for p in own.items]
         for link, own in zip(links, pieces)
     }
 
@@ -198,10 +199,3 @@ def _planes(corners: FloatArray, faces: IntArray) -> FloatArray:
     normals = normals[good] / length[good]
     offsets = -np.einsum("ij,ij->i", normals, a[good])
     return np.unique(np.round(np.column_stack([normals, offsets]), 9), axis=0)
-
-
-def _shape(piece: _Piece) -> CollisionShape:
-    """A planed piece as a shape that does not grow again over where it was cut."""
-    from mam_pipeline.asset.collision import shape_inside
-
-    return shape_inside(piece.corners)

@@ -15,20 +15,18 @@ from numpy.typing import NDArray
 from scipy.cluster.hierarchy import fcluster, linkage
 
 from mam_pipeline.asset.clearance import keep_apart
-from mam_pipeline.asset.decompose import Chunk, decompose, hull_volume, merge
+from mam_pipeline.asset.decompose import decompose, merge
 from mam_pipeline.asset.dynamics import carried_links
 from mam_pipeline.asset.patches import plates
-from mam_pipeline.asset.surface import Component, Solid, hull_of, link_components, weld
-from mam_pipeline.geometry.boxes import Box, minimal_box
+from mam_pipeline.asset.shapes import box_shape, shape_around
+from mam_pipeline.asset.surface import Component, Solid, link_components, weld
+from mam_pipeline.geometry.boxes import Box
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import sample_surface
 from mam_pipeline.types import Articulation, CollisionShape, FloatArray, IntArray, joint_motion
 
 MAX_PIECES = 32
-MAX_HULL_POINTS = 60
-"""PhysX on a GPU takes hulls of at most 64 vertices and faces."""
 SECONDS_PER_LINK = 2.5
-MIN_THICKNESS = 0.001
 TOLERANCE = 0.006
 """How far a piece may reach beyond its surface, as a share of the diagonal."""
 MARGIN = 0.001
@@ -83,12 +81,12 @@ def _link_shapes(
     margin = MARGIN * diagonal if moving else 0.0
     shapes = []
     for chunk in merge(chunks, space.tolerance):
-        shape = _shape(chunk, margin)
+        shape = shape_around(chunk, margin)
         if not _holds(shape, path, space):
             shapes.append(shape)
     shapes = _with_plates(parts, shapes, path, space, margin, max_pieces)
     # a link without any piece would fall through the world: better a bold hull than none
-    return shapes or [_shape(max(chunks, key=lambda c: c.volume), margin)]
+    return shapes or [shape_around(max(chunks, key=lambda c: c.volume), margin)]
 
 
 def _with_plates(
@@ -110,10 +108,10 @@ def _with_plates(
         return shapes
 
     def good(box: Box) -> bool:
-        return not _holds(_box(box, margin), path, space)
+        return not _holds(box_shape(box, margin), path, space)
 
     boxes = plates(found.points[bare], found.normals[bare], good, space.empty, most)
-    shapes = shapes + [_box(b, margin) for b in boxes]
+    shapes = shapes + [box_shape(b, margin) for b in boxes]
     near += [outside(s, found.points) < _BARE * space.diagonal for s in shapes[len(near) :]]
     left, chosen = list(range(len(shapes))), list[int]()
     bare = np.ones(len(found.points), dtype=bool)
@@ -204,127 +202,6 @@ def _reduced(part: Component) -> tuple[FloatArray, IntArray]:
     )
     small = mesh.simplify_quadric_decimation(_MAX_FACES)
     return np.asarray(small.vertices), np.asarray(small.triangles, dtype=np.int64)
-
-
-def _shape(chunk: Chunk, margin: float) -> CollisionShape:
-    """The simplest shape that holds a chunk: box (plates too), cylinder, ball, or hull."""
-    points = chunk.points
-    hull = hull_of(points)
-    box = minimal_box(points, 20)
-    if hull is None or box.half.min() < MIN_THICKNESS / 2:
-        return _box(box, margin)
-    if chunk.volume > 0.975 * box.volume:
-        return _box(box, margin)
-    cylinder = _cylinder(box, chunk.volume, margin)
-    if cylinder is not None:
-        return cylinder
-    radius = float(box.half.mean())
-    ball = 4.0 / 3.0 * np.pi * radius**3
-    if np.ptp(box.half) < 0.03 * radius and 0.955 < chunk.volume / ball < 1.01:
-        pose = np.eye(4)
-        pose[:3, 3] = box.center
-        return CollisionShape("sphere", pose=pose, size=np.array([radius - margin, 0.0, 0.0]))
-    vertices = _few_points(hull[0])
-    middle = (vertices.max(axis=0) + vertices.min(axis=0)) / 2
-    if len(vertices) < len(hull[0]):
-        vertices = middle + (vertices - middle) * _balance(vertices, hull[0], middle)
-    least = float(box.half.min())
-    if margin > 0.0:
-        vertices = middle + (vertices - middle) * (1.0 - min(margin / max(least, 1e-9), 0.1))
-    small = hull_of(vertices)
-    if small is None:
-        return _box(box, margin)
-    return CollisionShape("convex", vertices=small[0], faces=small[1])
-
-
-def shape_inside(points: FloatArray) -> CollisionShape:
-    """A box if the hull of points (n, 3) is one, else a hull that reaches nowhere beyond them."""
-    found = hull_of(points)
-    box = minimal_box(points, 20)
-    if found is None or hull_volume(points) > 0.999 * box.volume:
-        return _box(box, 0.0)
-    few = hull_of(_few_points(found[0]))
-    if few is None:
-        return _box(box, 0.0)
-    return CollisionShape("convex", vertices=few[0], faces=few[1])
-
-
-def _box(box: Box, margin: float) -> CollisionShape:
-    pose = np.eye(4)
-    pose[:3, :3] = box.axes.T
-    pose[:3, 3] = box.center
-    if np.linalg.det(pose[:3, :3]) < 0:
-        pose[:3, 2] *= -1.0
-    order = _upright(pose[:3, :3])
-    pose[:3, :3] = pose[:3, :3] @ order
-    half = np.abs(order.T) @ box.half
-    half = np.maximum(half - np.minimum(margin, 0.2 * half), MIN_THICKNESS / 2)
-    return CollisionShape("box", pose=pose, size=2 * half)
-
-
-def _upright(axes: FloatArray) -> FloatArray:
-    """(3, 3) signed permutation that turns box axes (columns) as near to the identity as may be."""
-    out = np.zeros((3, 3))
-    left = [0, 1, 2]
-    for row in range(3):
-        column = max(left, key=lambda c: abs(axes[row, c]))
-        left.remove(column)
-        out[column, row] = 1.0 if axes[row, column] >= 0 else -1.0
-    if np.linalg.det(axes @ out) < 0:
-        out[:, 2] *= -1.0
-    return out
-
-
-def _cylinder(box: Box, volume: float, margin: float) -> CollisionShape | None:
-    for axis in range(3):
-        a, b = (box.half[k] for k in range(3) if k != axis)
-        radius = float(max(a, b))
-        if abs(a - b) > 0.03 * radius:
-            continue
-        ideal = np.pi * radius**2 * 2 * box.half[axis]
-        if not 0.955 < volume / ideal < 1.01:
-            continue
-        pose = np.eye(4)
-        z = box.axes[axis]
-        x = box.axes[(axis + 1) % 3]
-        pose[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
-        pose[:3, 3] = box.center
-        length = 2 * float(box.half[axis])
-        radius, length = radius - min(margin, 0.2 * radius), length - min(2 * margin, 0.4 * length)
-        size = np.array([radius, length, 0.0])
-        return CollisionShape("cylinder", pose=pose, size=size)
-    return None
-
-
-def _few_points(vertices: FloatArray) -> FloatArray:
-    """Few of a hull's vertices: the extreme ones in evenly spread directions."""
-    if len(vertices) <= MAX_HULL_POINTS // 2:
-        return vertices
-    # a hull of n vertices has 2 n - 4 triangles, and faces are limited as well
-    count = MAX_HULL_POINTS // 2
-    k = np.arange(4 * count) + 0.5
-    z, turn = 1 - 2 * k / (4 * count), np.pi * (1 + 5**0.5) * k
-    ring = np.sqrt(1 - z**2)
-    directions = np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
-    scale = np.maximum(np.ptp(vertices, axis=0), 1e-9)
-    winners = np.argmax(directions @ (vertices / scale).T, axis=1)
-    chosen, votes = np.unique(winners, return_counts=True)
-    return vertices[chosen[np.argsort(-votes, kind="stable")][:count]]
-
-
-def _balance(few: FloatArray, all_points: FloatArray, middle: FloatArray) -> float:
-    """Growth of a hull of few points so that it lies half inside and half outside the full one."""
-    found = hull_of(few)
-    if found is None:
-        return 1.0
-    vertices, faces = found
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    reach = np.einsum("ij,ij->i", normals, a - middle)
-    missing = ((all_points - middle) @ normals.T).max(axis=0) - reach
-    good = reach > 0.2 * np.median(reach)
-    return 1.0 + 0.5 * min(float((missing[good] / reach[good]).max(initial=0.0)), 0.06)
 
 
 def _moving_paths(articulation: Articulation) -> list[FloatArray]:
