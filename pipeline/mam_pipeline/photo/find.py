@@ -213,9 +213,7 @@ def _hull_iou(a: Cuboid, b: Cuboid) -> float:
 
 def _whole_cost(mask: ObjectMask) -> float:
     """Handicap of the whole picture as a mask: any box that fills the picture fits it."""
-    if mask.method != WHOLE:
-        return 0.0
-    return 0.08 if mask.trust > 0.0 else 0.25
+    return 0.08 if mask.method == WHOLE else 0.0
 
 
 def _encloses(outer: Cuboid, inner: Cuboid, factor: float = 1.5) -> bool:

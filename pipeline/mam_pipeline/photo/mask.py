@@ -32,7 +32,7 @@ class ObjectMask:
 def find_masks(
     photo: Photo, user: Path | None = None, bbox: tuple[float, ...] | None = None
 ) -> list[ObjectMask]:
-    """Segment the object in one to four ways; `bbox` (small pixels) restricts all.
+    """Segment the object in one to five ways; `bbox` (small pixels) restricts all.
 
     One mask where the user or the file gives it; else plain backdrop, salient object, the colours
     of the picture's middle, centred GrabCut, and the whole picture where it seems cropped to its
