@@ -10,6 +10,7 @@ from mam_pipeline.geometry.sampling import face_geometry, unit
 from mam_pipeline.types import FloatArray, Mesh, readonly
 
 TILT = np.deg2rad(12.0)  # largest tilt against Z that is looked for
+TREND = 1.2  # ratio of level variances from which one direction stands out
 
 
 @dataclass(frozen=True)
@@ -20,12 +21,15 @@ class ObjectFrame:
         axes: (3, 3) rows: two horizontal unit directions and up, right-handed, asset frame.
         low, high: (3,) corners of the object's box in that frame (asset points times `axes`.T).
         diagonal: of the asset-frame bounding box, metres: the unit of relative lengths.
+        trend: (3,) level direction in which the surface reaches farthest from its middle, such as
+            from a kettle's spout to its handle; None where it is as wide as long.
     """
 
     axes: FloatArray
     low: FloatArray
     high: FloatArray
     diagonal: float
+    trend: FloatArray | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axes", readonly(self.axes, np.float64, (3, 3)))
@@ -49,7 +53,25 @@ def estimate_frame(mesh: Mesh) -> ObjectFrame:
     x = np.cos(yaw) * _horizontal(up) + np.sin(yaw) * np.cross(up, _horizontal(up))
     axes = np.stack([x, np.cross(up, x), up])
     points = mesh.vertices[np.unique(mesh.faces)] @ axes.T
-    return ObjectFrame(axes, points.min(axis=0), points.max(axis=0), max(mesh.diagonal, 1e-12))
+    low, high = points.min(axis=0), points.max(axis=0)
+    return ObjectFrame(axes, low, high, max(mesh.diagonal, 1e-12), _trend(mesh, areas, axes))
+
+
+def _trend(mesh: Mesh, areas: FloatArray, axes: FloatArray) -> FloatArray | None:
+    """The larger level principal direction of the surface, by the exact moments of its faces."""
+    corners = mesh.vertices[mesh.faces] @ axes[:2].T  # (F, 3, 2)
+    total = float(areas.sum())
+    if total <= 0.0:
+        return None
+    middle = corners.mean(axis=1)
+    corners = corners - (areas @ middle) / total
+    middle = corners.mean(axis=1)
+    moment = np.einsum("f,fki,fkj->ij", areas, corners, corners)
+    moment = (moment + 9.0 * np.einsum("f,fi,fj->ij", areas, middle, middle)) / (12.0 * total)
+    values, vectors = np.linalg.eigh(moment)
+    if values[1] < TREND * values[0]:
+        return None
+    return np.asarray(unit(vectors[:, 1] @ axes[:2]))
 
 
 def _horizontal(up: FloatArray) -> FloatArray:

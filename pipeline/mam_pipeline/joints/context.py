@@ -15,6 +15,7 @@ from mam_pipeline.geometry.sweep import ContactSet, SweepScene
 from mam_pipeline.types import FloatArray, IntArray, Mesh
 
 _OFF = np.deg2rad(6.0)  # directions closer than this are the same
+MOST = 9  # directions looked at
 
 
 @dataclass(frozen=True)
@@ -223,6 +224,10 @@ def directions_of(context: PartContext) -> list[FloatArray]:
             extra.append(axes[0])
         if values[1] > 4.0 * values[2]:
             extra.append(axes[2])
+    else:  # held at a spot or two, as a globe between its pins
+        extra += _between_pins(context)
+    if context.frame.trend is not None:
+        extra += [context.frame.trend, np.cross(context.frame.up, context.frame.trend)]
     part_axes, spread = principal_axes(context.scene.points)
     if spread[0] > 1.5 * spread[1]:
         extra.append(part_axes[0])
@@ -231,7 +236,18 @@ def directions_of(context: PartContext) -> list[FloatArray]:
     for axis in extra:
         if all(abs(float(unit(axis) @ a)) < np.cos(_OFF) for a in found):
             found.append(unit(axis))
-    return found[:7]
+    return found[:MOST]
+
+
+def _between_pins(context: PartContext) -> list[FloatArray]:
+    """From the spot that is nearest to what stands still to the nearest one opposite it."""
+    points = context.scene.dense.points - context.box.center
+    distance = context.scene.static_scene.distance(context.scene.dense.points)
+    first = points[int(np.argmin(distance))]
+    opposite = np.flatnonzero(points @ first < -0.5 * float(first @ first))
+    if len(opposite) == 0 or not first.any():
+        return []
+    return [points[opposite[int(np.argmin(distance[opposite]))]] - first]
 
 
 def revolute_lines(context: PartContext, axis: FloatArray) -> list[FloatArray]:

@@ -35,13 +35,13 @@ COMMON = {"verbosity": -1, "num_threads": 1, "seed": 0, "deterministic": True,
           "bagging_freq": 1, "min_data_in_leaf": 20, "lambda_l2": 5.0, "max_bin": 63}  # fmt: skip
 RANK = {**COMMON, "objective": "lambdarank", "num_leaves": 15, "learning_rate": 0.06,
         "lambdarank_truncation_level": 5, "label_gain": [0, 1, 3]}  # fmt: skip
-KIND = {**COMMON, "objective": "binary", "num_leaves": 7, "learning_rate": 0.05,
+KIND = {**COMMON, "objective": "binary", "num_leaves": 11, "learning_rate": 0.05,
         "feature_fraction": 0.3}  # fmt: skip
 BINARY = {**COMMON, "objective": "binary", "num_leaves": 7, "learning_rate": 0.05}
 REACH = {**COMMON, "objective": "l1", "num_leaves": 7, "learning_rate": 0.05}
 FOLDS = 3
 BAGS = 3
-ROUNDS = {"line": 160, "slide": 100, "moves": 200, "slides": 200}
+ROUNDS = {"line": 260, "slide": 160, "moves": 350, "slides": 350}
 
 
 def weights(data: Sequence[Example]) -> FloatArray:

@@ -22,6 +22,7 @@ from mam_pipeline.types import Articulation, FloatArray, IntArray, Joint, Mesh
 
 AXIS_OK = 0.1
 PIVOT_OK = 0.03
+REST_CLOSED = 0.25  # resting farther from its closed end, as a share of its range, a hinge is open
 OTHERS_KNOWN = 0.65  # share of examples that know their siblings: a reasoner may ask without
 
 
@@ -175,6 +176,8 @@ def _labels(
     opens = np.zeros(len(hypotheses), dtype=np.int64)
     direction = unit(joint.axis)
     towards = joint.open if joint.open != 0.0 else -joint.closed
+    if not slide and abs(joint.closed) > REST_CLOSED * (abs(joint.open) + abs(joint.closed)):
+        towards = 0.0  # it rests half open, or swings both ways: nobody can say which side opens
     for i, h in enumerate(hypotheses):
         if h.revolute == slide:
             continue

@@ -156,12 +156,22 @@ def _shrunk(item: Any) -> Any:
 
 def abstract_kinds() -> dict[str, Any]:
     """Builders of the abstract training objects, by name."""
-    from mam_pipeline.reason import curriculum, curriculum_cases
+    from mam_pipeline.reason import (
+        curriculum,
+        curriculum_cases,
+        curriculum_large,
+        curriculum_slides,
+    )
 
     return {
         "abstract_mechanism": curriculum.mechanism, "abstract_vehicle": curriculum.vehicle,
         "abstract_case": curriculum_cases.case, "abstract_console": curriculum_cases.console,
         "abstract_doorway": curriculum_cases.doorway, "abstract_lidded": curriculum_cases.lidded,
+        "abstract_plunger": curriculum_slides.plunger, "abstract_sash": curriculum_slides.sash,
+        "abstract_slot": curriculum_slides.slot, "abstract_tracks": curriculum_slides.tracks,
+        "abstract_keys": curriculum_slides.keys, "abstract_board": curriculum_large.board,
+        "abstract_leaf": curriculum_large.leaf, "abstract_opened": curriculum_large.opened,
+        "abstract_tap": curriculum_large.tap,
     }  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from mam_pipeline.prior.probe import Probe
 from mam_pipeline.reason.configurations import enumerate_sets, set_features
 from mam_pipeline.reason.features import pair_features, primitive_features
 from mam_pipeline.reason.graph import Graph, build_graph
-from mam_pipeline.reason.group_features import group_features, joined, with_rivals
+from mam_pipeline.reason.group_features import joined, measured, with_rivals
 from mam_pipeline.reason.groups import Masks, enumerate_groups, expand_groups
 from mam_pipeline.reason.joint_view import with_joints
 from mam_pipeline.reason.scores import Scores, load_scores
@@ -51,17 +51,18 @@ def decide(graph: Graph, prior: KinematicPrior | None, scores: Scores) -> tuple[
     """Candidates and what was chosen of them."""
     unary = primitive_features(graph, prior)
     pairs = pair_features(graph, unary, prior)
-    same, move = scores.same(pairs), scores.move(unary)
+    reading = scores.read(graph, unary, pairs)
+    same, move = reading.same, reading.move
     masks = enumerate_groups(graph, same, move)
     if len(masks) == 0 or graph.count < 2:
         empty = np.zeros((0, graph.count), dtype=bool)
         return empty, Choice((), np.zeros(0), np.zeros((0, 3)), np.zeros(0), 0.0)
-    groups = group_features(graph, masks, same, move, prior)
+    groups = measured(graph, masks, reading, prior)
     value = scores.value(groups)
     more = expand_groups(graph, masks, value, same)
     if len(more):
         masks = np.concatenate([masks, more])
-        groups = joined(groups, group_features(graph, more, same, move, prior), masks)
+        groups = joined(groups, measured(graph, more, reading, prior), masks)
         value = scores.value(groups)
     value = scores.revise(with_rivals(groups, masks, value))
     odds = scores.subtype(groups)

@@ -15,6 +15,7 @@ from mam_pipeline.reason.features import (
 )
 from mam_pipeline.reason.graph import TOUCH, Graph, roundness, tight_box
 from mam_pipeline.reason.groups import Masks
+from mam_pipeline.reason.network import Reading
 from mam_pipeline.types import FloatArray
 
 SWING = 0.35  # rad: a hinge that does not turn so far is none
@@ -27,11 +28,13 @@ def group_features(
     same: FloatArray,
     move: FloatArray,
     prior: KinematicPrior | None,
+    views: dict[str, FloatArray] | None = None,
 ) -> Table:
     """(C, F) features of candidate groups.
 
     Args:
         masks: (C, P). same: (E,), move: (P,) probabilities from the pair and primitive models.
+        views: more columns (C,): what networks say of the groups.
     """
     weight = masks * graph.area[None]
     area = np.maximum(weight.sum(axis=1), 1e-9)
@@ -51,7 +54,13 @@ def group_features(
     columns |= _surroundings(graph, masks, low, high)
     columns |= _handles(graph, masks, see, low, high)
     columns |= _freedom(graph, masks, axes, size, prior)
-    return table(columns)
+    return table(columns | (views or {}))
+
+
+def measured(graph: Graph, masks: Masks, reading: Reading, prior: KinematicPrior | None) -> Table:
+    """(C, F) the same, with what the networks of a reading say of the groups."""
+    views = reading.group_columns(graph, masks)
+    return group_features(graph, masks, reading.same, reading.move, prior, views)
 
 
 def joined(groups: Table, more: Table, masks: Masks) -> Table:

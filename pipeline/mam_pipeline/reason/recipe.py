@@ -16,6 +16,10 @@ MIX = (
     "abstract_mechanism", "abstract_case", "abstract_console", "abstract_doorway",
     "abstract_mechanism", "abstract_case", "abstract_vehicle", "abstract_mechanism",
     "abstract_case", "abstract_console", "abstract_doorway", "abstract_lidded",
+    "abstract_tracks", "abstract_sash", "abstract_slot", "abstract_plunger", "abstract_keys",
+    "abstract_leaf", "abstract_opened", "abstract_tap", "abstract_board", "abstract_tracks",
+    "abstract_sash", "abstract_slot", "abstract_plunger", "abstract_keys", "abstract_leaf",
+    "abstract_opened", "abstract_tap", "abstract_board",
 )  # fmt: skip
 Job = tuple[str, int, bool]  # kind, seed, fused
 

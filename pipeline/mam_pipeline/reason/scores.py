@@ -1,6 +1,7 @@
-"""The scores the reasoner goes by: gradient-boosted trees from package data, or hand-set rules.
+"""The scores the reasoner goes by: boosted trees and graph networks, or hand-set rules.
 
-Weights are LightGBM's text format, packed; `reason.train` writes them from procedural objects.
+Weights are LightGBM's text format and NumPy arrays, packed; `reason.train` writes them from
+procedural objects.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ import numpy as np
 
 from mam_pipeline.reason import rules
 from mam_pipeline.reason.features import Table
+from mam_pipeline.reason.graph import Graph
+from mam_pipeline.reason.network import Network, Reading, load_network, read
 from mam_pipeline.types import FloatArray
 
 MODELS = ("same", "move", "value", "revise", "subtype", "choose")
@@ -24,11 +27,8 @@ MODELS = ("same", "move", "value", "revise", "subtype", "choose")
 class Scores(Protocol):
     """Everything that may be learned."""
 
-    def same(self, pairs: Table) -> FloatArray:
-        """(E,) probability that a pair is one rigid body."""
-
-    def move(self, unary: Table) -> FloatArray:
-        """(P,) probability that a primitive belongs to a moving part."""
+    def read(self, graph: Graph, unary: Table, pairs: Table) -> Reading:
+        """How likely each pair is one rigid body and each primitive moves; views of networks."""
 
     def value(self, groups: Table) -> FloatArray:
         """(C,) expected overlap of a candidate with a true part, each looked at alone."""
@@ -51,13 +51,9 @@ class RuleScores:
 
     threshold = 0.55
 
-    def same(self, pairs: Table) -> FloatArray:
-        """See `rules.same_part`."""
-        return rules.same_part(pairs)
-
-    def move(self, unary: Table) -> FloatArray:
-        """See `rules.may_move`."""
-        return rules.may_move(unary)
+    def read(self, graph: Graph, unary: Table, pairs: Table) -> Reading:
+        """See `rules.same_part` and `rules.may_move`."""
+        return Reading(rules.same_part(pairs), rules.may_move(unary))
 
     def value(self, groups: Table) -> FloatArray:
         """See `rules.part_value`."""
@@ -88,10 +84,15 @@ class LearnedScores:
     Args:
         members: boosters by name (MODELS); whole sets are judged by the last member alone.
         settings: the calibration curve, (value, odds) pairs.
+        networks: the graph networks whose views the members were trained on.
     """
 
-    def __init__(self, members: Sequence[Mapping[str, Any]], settings: Mapping[str, Any]) -> None:
+    def __init__(
+        self, members: Sequence[Mapping[str, Any]], settings: Mapping[str, Any],
+        networks: Sequence[Network] = (),
+    ) -> None:  # fmt: skip
         self.members = tuple(members)
+        self.networks = tuple(networks)
         self._curve = np.asarray(settings["calibration"], dtype=np.float64)  # (k, 2) value, odds
 
     def _predict(self, name: str, features: Table) -> FloatArray:
@@ -106,13 +107,10 @@ class LearnedScores:
         out: FloatArray = np.mean(answers, axis=0)
         return out
 
-    def same(self, pairs: Table) -> FloatArray:
-        """Pair model."""
-        return self._predict("same", pairs)
-
-    def move(self, unary: Table) -> FloatArray:
-        """Primitive model."""
-        return self._predict("move", unary)
+    def read(self, graph: Graph, unary: Table, pairs: Table) -> Reading:
+        """Pair and primitive models, with the networks."""
+        same, move = self._predict("same", pairs), self._predict("move", unary)
+        return read(self.networks, graph, unary, pairs, same, move)
 
     def value(self, groups: Table) -> FloatArray:
         """Group model."""
@@ -154,4 +152,5 @@ def load_scores() -> Scores:
                 text = gzip.decompress(file.read_bytes()).decode("utf-8")
                 boosters[name] = lightgbm.Booster(model_str=text)
         members.append(boosters)
-    return LearnedScores(members, settings)
+    networks = [load_network(folder / f"{name}.npz") for name in settings.get("networks", ())]
+    return LearnedScores(members, settings, networks)

@@ -1,8 +1,9 @@
 """Trains the reasoner on procedural objects: `python -m mam_pipeline.reason.train --count N`.
 
 Recipe: objects of the world's training split in every style, abstract ones, and both as one fused
-skin, through the real segmenter and probing; (1) pair and primitive models, cross-fitted in folds
-by object; (2) candidates from the cross-fitted scores, and a model of their overlap with true
+skin, through the real segmenter and probing; (0) a graph network for each fold, from the other
+folds (`reason.train_network`); (1) pair and primitive models, cross-fitted in the same folds by
+object; (2) candidates from the cross-fitted scores, and a model of their overlap with true
 parts; (3) the same again with more candidates beside the best and with what the first look says of
 rivals and twins; (4) the type of parts; (5) the score of whole sets of candidates. Some examples
 are seen a second time without a kinematic prior. The confidence is calibrated on the validation
@@ -16,6 +17,7 @@ import gzip
 import json
 import sys
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,8 +30,9 @@ from mam_pipeline.reason.configurations import enumerate_sets, set_features
 from mam_pipeline.reason.corpus import FUSED, load_example
 from mam_pipeline.reason.embedded import decide
 from mam_pipeline.reason.features import Table, pair_features, primitive_features
-from mam_pipeline.reason.group_features import group_features, joined, with_rivals
+from mam_pipeline.reason.group_features import joined, measured, with_rivals
 from mam_pipeline.reason.groups import Masks, enumerate_groups, expand_groups
+from mam_pipeline.reason.network import Network, Reading, read
 from mam_pipeline.reason.recipe import gather, jobs
 from mam_pipeline.reason.scores import MODELS, LearnedScores
 from mam_pipeline.reason.select import select_groups
@@ -129,7 +132,7 @@ class Look:
     Attributes:
         path, fold, prior: which example, its cross-fitting fold, whether seen with a prior.
         masks, features: (C, P) candidates and what the group models see of them.
-        same, move: what the bond models say. overlap: (C, L) with the true links.
+        reading: what bond models and networks say. overlap: (C, L) with the true links.
         subtype: (L,). truth: number of visible movable links.
     """
 
@@ -138,26 +141,26 @@ class Look:
     prior: bool
     masks: Masks
     features: Table
-    same: FloatArray
-    move: FloatArray
+    reading: Reading
     overlap: FloatArray
     subtype: np.ndarray
     truth: int
 
 
-def look(path: Path, same: Any, move: Any, with_prior: bool) -> Look:
-    """Enumerate and measure the first candidates of one example under given bond models."""
+def look(path: Path, same: Any, move: Any, networks: Sequence[Network], with_prior: bool) -> Look:
+    """Enumerate and measure the first candidates of one example under given models."""
     example = load_example(path)
     prior = example.prior() if with_prior else None
     unary = primitive_features(example.graph, prior)
     pairs = pair_features(example.graph, unary, prior)
     s = same.predict(pairs.values, num_threads=1) if len(pairs.values) else np.zeros(0)
     m = move.predict(unary.values, num_threads=1)
-    masks = enumerate_groups(example.graph, s, m)
-    features = group_features(example.graph, masks, s, m, prior)
+    reading = read(networks, example.graph, unary, pairs, s, m)
+    masks = enumerate_groups(example.graph, reading.same, reading.move)
+    features = measured(example.graph, masks, reading, prior)
     visible = (example.overlap.sum(axis=0) > 0) & (example.subtype >= 0)
     return Look(
-        path, fold_of(example.name), with_prior, masks, features, s, m,
+        path, fold_of(example.name), with_prior, masks, features, reading,
         example.part_overlap(masks), example.subtype, int(visible.sum()),
     )  # fmt: skip
 
@@ -167,9 +170,9 @@ def widen(item: Look, value: Any) -> None:
     example = load_example(item.path)
     prior = example.prior() if item.prior else None
     guess = value.predict(item.features.values, num_threads=1)
-    more = expand_groups(example.graph, item.masks, guess, item.same)
+    more = expand_groups(example.graph, item.masks, guess, item.reading.same)
     if len(more):
-        extra = group_features(example.graph, more, item.same, item.move, prior)
+        extra = measured(example.graph, more, item.reading, prior)
         item.masks = np.concatenate([item.masks, more])
         item.features = joined(item.features, extra, item.masks)
         item.overlap = example.part_overlap(item.masks)
@@ -223,8 +226,9 @@ def options(item: Look, guess: Guess) -> tuple[Table, np.ndarray]:
     graph = load_example(item.path).graph
     sets = enumerate_sets(item.masks, item.features, guess.value)
     features = set_features(
-        graph, item.masks, item.features, guess.value, guess.odds, sets, item.same, item.move
-    )
+        graph, item.masks, item.features, guess.value, guess.odds, sets,
+        item.reading.same, item.reading.move,
+    )  # fmt: skip
     return features, np.array([outcome(item, chosen) for chosen in sets.rows()])
 
 
@@ -300,29 +304,38 @@ def calibrate(answers: list[tuple[Look, FloatArray, list[int]]]) -> list[tuple[f
 
 
 def validate(
-    paths: list[Path], members: list[dict[str, Any]], with_prior: bool
+    paths: list[Path],
+    members: list[dict[str, Any]],
+    networks: Sequence[Network],
+    with_prior: bool,
 ) -> list[tuple[Look, FloatArray, list[int]]]:
     """What the finished models choose on examples that they have not seen."""
-    scores = LearnedScores(members, {"calibration": [(0, 0), (1, 1)]})
+    scores = LearnedScores(members, {"calibration": [(0, 0), (1, 1)]}, networks)
     out = []
     for path in paths:
         example = load_example(path)
-        item = look(path, members[-1]["same"], members[-1]["move"], with_prior)
+        item = look(path, members[-1]["same"], members[-1]["move"], (), with_prior)
         item.masks, choice = decide(example.graph, example.prior() if with_prior else None, scores)
         item.overlap = example.part_overlap(item.masks)
         out.append((item, choice.value, list(choice.chosen)))
     return out
 
 
-def fit_member(train: list[Path]) -> dict[str, Any]:
-    """All models of one member, trained on examples."""
+def fit_member(train: list[Path], networks: Sequence[Network]) -> dict[str, Any]:
+    """All models of one member, trained on examples.
+
+    Args:
+        networks: one for each fold, trained on the other folds.
+    """
     folds, models = fit_bonds(train)
     print("pair and primitive models are trained", file=sys.stderr, flush=True)
     looks = []
     for n, path in enumerate(train):
         k = fold_of(path.stem)
         for with_prior in (True, False) if n % 4 == 0 else (True,):
-            looks.append(look(path, folds["same"][k], folds["move"][k], with_prior))
+            looks.append(
+                look(path, folds["same"][k], folds["move"][k], networks[k : k + 1], with_prior)
+            )
     print(f"{len(looks)} looks", file=sys.stderr, flush=True)
     models["value"], first = fit_first(looks)
     for item in looks:
@@ -332,11 +345,17 @@ def fit_member(train: list[Path]) -> dict[str, Any]:
     return models | final | {"choose": fit_choice(looks, guesses)}
 
 
-def finish(members: list[dict[str, Any]], held: list[Path], sizes: list[int], out: Path) -> None:
+def finish(
+    members: list[dict[str, Any]], networks: list[dict[str, Any]], held: list[Path],
+    sizes: list[int], out: Path,
+) -> None:  # fmt: skip
     """Score the members together on held-back examples, calibrate, write the weights."""
-    settings: dict[str, Any] = {"objects": sizes, "members": [str(k) for k in range(len(members))]}
+    settings: dict[str, Any] = {
+        "objects": sizes, "members": [str(k) for k in range(len(members))],
+        "networks": [f"network_{k}" for k in range(len(networks))],
+    }  # fmt: skip
     for with_prior in (False, True):
-        answers = validate(held, members, with_prior)
+        answers = validate(held, members, [Network(w) for w in networks], with_prior)
         result = np.array([outcome(item, chosen) for item, _, chosen in answers])
         fused = np.array([item.path.stem.endswith(FUSED) for item, _, _ in answers])
         settings |= {"calibration": calibrate(answers)}
@@ -344,8 +363,10 @@ def finish(members: list[dict[str, Any]], held: list[Path], sizes: list[int], ou
         for name, rows in (("", ~fused), ("_fused", fused)):
             settings[tag + name] = result[rows].mean(axis=0).round(4).tolist() if rows.any() else []
     out.mkdir(parents=True, exist_ok=True)
-    for old in out.glob("*.txt.gz"):
+    for old in (*out.glob("*.txt.gz"), *out.glob("*.npz")):
         old.unlink()
+    for name, weights in zip(settings["networks"], networks):
+        np.savez_compressed(out / f"{name}.npz", **weights)
     for member, models in zip(settings["members"], members):
         for name in MODELS:
             if name == "choose" and member != settings["members"][-1]:
@@ -358,26 +379,31 @@ def finish(members: list[dict[str, Any]], held: list[Path], sizes: list[int], ou
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Make the corpus, train the members on draws of it, write the weights."""
+    """Make the corpus, train the networks and the members on draws of it, write the weights."""
+    from mam_pipeline.reason.train_network import train as train_network
+
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=3300, help="objects of the world")
-    parser.add_argument("--abstract", type=int, default=600, help="abstract objects")
-    parser.add_argument("--fused", type=int, default=900, help="fused objects of either sort")
+    parser.add_argument("--abstract", type=int, default=2300, help="abstract objects")
+    parser.add_argument("--fused", type=int, default=1500, help="fused objects of either sort")
     parser.add_argument("--validation", type=int, default=100, help="objects of each sort")
     parser.add_argument("--members", type=int, default=2, help="models whose mean is taken")
+    parser.add_argument("--epochs", type=int, default=6, help="of the graph networks")
     parser.add_argument("--cache", type=Path, required=True, help="folder for examples")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "weights")
     options = parser.parse_args(arguments)
     train = gather(jobs("train", options.count, options.abstract, options.fused), options.cache)
     few = options.validation
     held = gather(jobs("validation", few, few, few), options.cache)
+    arrays = [train_network(train, fold, options.epochs) for fold in range(FOLDS)]
+    networks = [Network(weights) for weights in arrays]
     members, sizes = [], []
     for seed in range(options.members):
         order = np.random.default_rng(seed).permutation(len(train))
         draw = [train[k] for k in order[: int(DRAW * len(train))]]
-        members.append(fit_member(draw))
+        members.append(fit_member(draw, networks))
         sizes.append(len(draw))
-    finish(members, held, sizes, options.out)
+    finish(members, arrays, held, sizes, options.out)
 
 
 if __name__ == "__main__":

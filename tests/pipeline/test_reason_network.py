@@ -1,0 +1,129 @@
+"""The graph network: what runs here with NumPy is what was trained with torch."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from mam_pipeline.reason.corpus import (
+    Example,
+    abstract_example,
+    abstract_kinds,
+    load_example,
+    save_example,
+)
+from mam_pipeline.reason.features import Table, pair_features, primitive_features
+from mam_pipeline.reason.group_features import measured
+from mam_pipeline.reason.groups import enumerate_groups
+from mam_pipeline.reason.network import Network, Reading, normalised, read, together
+from mam_pipeline.reason.train_network import Net, batch_of, fit, item_of, spread, weights_of
+
+NEW = [k for k in abstract_kinds() if k.split("_")[1] in ("tracks", "sash", "leaf", "board")]
+
+
+@lru_cache(maxsize=2)
+def seen(kind: str = "abstract_board", seed: int = 4) -> tuple[Example, Table, Table]:
+    example = abstract_example(kind, seed)
+    unary = primitive_features(example.graph, example.prior())
+    return example, unary, pair_features(example.graph, unary, example.prior())
+
+
+def untrained() -> tuple[Net, dict[str, np.ndarray]]:
+    _, unary, pairs = seen()
+    torch.manual_seed(1)
+    net = Net(len(unary.names), len(pairs.names)).eval()
+    scales = [spread(unary.values), spread(pairs.values)]
+    return net, weights_of(net, scales, (unary.names, pairs.names))
+
+
+def test_numpy_gives_what_torch_gives(tmp_path: Path) -> None:
+    net, weights = untrained()
+    path = tmp_path / "abstract_board_000004.ex"
+    save_example(seen()[0], path)
+    example = load_example(path)
+    unary = primitive_features(example.graph, example.prior())
+    pairs = pair_features(example.graph, unary, example.prior())
+    found = item_of(path)
+    assert found is not None
+    item = found[0]
+    item.unary = normalised(item.unary, weights["primitive_scale"])
+    item.pair = normalised(item.pair, weights["pair_scale"])
+
+    class Never(np.random.Generator):
+        """Leaves no column out."""
+
+        def random(self, *_: object, **__: object) -> float:  # type: ignore[override]
+            return 1.0
+
+    batch = batch_of([item], Never(np.random.PCG64(0)), [np.zeros(0, int)] * 2)
+    state = net.state_dict()
+    net.load_state_dict({k: v.half().float() for k, v in state.items()})  # as they are kept
+    with torch.no_grad():
+        same, move, groups = net(batch)
+    network = Network(weights)
+    encoded = network.encode(example.graph, unary, pairs)
+    assert encoded.same == pytest.approx(torch.sigmoid(same).numpy(), abs=2e-4)
+    assert encoded.move == pytest.approx(torch.sigmoid(move).numpy(), abs=2e-4)
+    if len(item.masks) <= 40:
+        value, odds = network.judge(example.graph, encoded, item.masks)
+        assert value == pytest.approx(torch.sigmoid(groups[:, 0]).numpy(), abs=5e-4)
+        assert odds.sum(axis=1) == pytest.approx(1.0)
+
+
+def test_training_learns_what_moves(tmp_path: Path) -> None:
+    items, names = [], ((), ())
+    for seed in range(14):
+        example = abstract_example("abstract_leaf", seed)
+        path = tmp_path / f"abstract_leaf_{seed:06d}.ex"
+        save_example(example, path)
+        found = item_of(path)
+        if found is not None:
+            items.append(found[0])
+            names = found[1:]
+    scales = [spread(np.concatenate([getattr(i, n) for i in items])) for n in ("unary", "pair")]
+    for item in items:
+        item.unary = normalised(item.unary, scales[0])
+        item.pair = normalised(item.pair, scales[1])
+    network = Network(weights_of(fit(items, names, 100), scales, names))
+    right = []
+    for seed in range(14):
+        example = abstract_example("abstract_leaf", seed)
+        unary = primitive_features(example.graph, example.prior())
+        pairs = pair_features(example.graph, unary, example.prior())
+        move = network.encode(example.graph, unary, pairs).move
+        right += list((move > 0.5) == (example.subtype[example.link] >= 0))
+    assert np.mean(right) > 0.8
+
+
+def test_other_features_are_refused_and_views_join_the_groups() -> None:
+    example, unary, pairs = seen()
+    network = Network(untrained()[1])
+    other = Table((*unary.names[:-1], "something"), unary.values)
+    with pytest.raises(ValueError, match="train again"):
+        network.encode(example.graph, other, pairs)
+    half = np.full(len(example.graph.pairs), 0.5), np.full(example.graph.count, 0.5)
+    reading = read([network], example.graph, unary, pairs, *half)
+    masks = enumerate_groups(example.graph, reading.same, reading.move)
+    groups = measured(example.graph, masks, reading, example.prior())
+    assert {"net_value", "net_slide"} <= set(groups.names)
+    bare = measured(example.graph, masks, Reading(*half), example.prior())
+    assert "net_value" not in bare.names
+
+
+def test_two_opinions_meet_in_the_middle() -> None:
+    a = together(np.array([0.9, 0.5, 0.2]), np.array([0.1, 0.9, 0.2]))
+    assert a == pytest.approx([0.5, 0.75, 0.2])
+    assert together(np.zeros(1), np.ones(1)) == pytest.approx([0.5])
+
+
+@pytest.mark.parametrize("kind", NEW)
+def test_what_slides_and_what_turns_both_occur(kind: str) -> None:
+    types = set()
+    for seed in range(12):
+        subtype = abstract_example(kind, seed).subtype
+        types |= set(subtype[subtype >= 0].tolist())
+    assert len(types) >= 2
