@@ -20,6 +20,7 @@ from mam_pipeline.reason.features import Table, pair_features, primitive_feature
 from mam_pipeline.reason.group_features import measured
 from mam_pipeline.reason.groups import enumerate_groups
 from mam_pipeline.reason.network import Network, Reading, normalised, read, together
+from mam_pipeline.reason.scores import load_scores
 from mam_pipeline.reason.train_network import Net, batch_of, fit, item_of, spread, weights_of
 
 NEW = [k for k in abstract_kinds() if k.split("_")[1] in ("tracks", "sash", "leaf", "board")]
@@ -127,3 +128,10 @@ def test_what_slides_and_what_turns_both_occur(kind: str) -> None:
         subtype = abstract_example(kind, seed).subtype
         types |= set(subtype[subtype >= 0].tolist())
     assert len(types) >= 2
+
+def test_the_shipped_scores_read_with_networks() -> None:
+    example, unary, pairs = seen()
+    reading = load_scores().read(example.graph, unary, pairs)
+    assert len(reading.views) == 2
+    assert reading.same.shape == (len(example.graph.pairs),)
+    assert ((reading.move > 0) & (reading.move < 1)).all()
