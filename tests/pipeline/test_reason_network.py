@@ -129,6 +129,7 @@ def test_what_slides_and_what_turns_both_occur(kind: str) -> None:
         types |= set(subtype[subtype >= 0].tolist())
     assert len(types) >= 2
 
+
 def test_the_shipped_scores_read_with_networks() -> None:
     example, unary, pairs = seen()
     reading = load_scores().read(example.graph, unary, pairs)
