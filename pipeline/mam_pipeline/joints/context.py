@@ -227,7 +227,8 @@ def directions_of(context: PartContext) -> list[FloatArray]:
     else:  # held at a spot or two, as a globe between its pins
         extra += _between_pins(context)
     if context.frame.trend is not None:
-        extra += [context.frame.trend, np.cross(context.frame.up, context.frame.trend)]
+        extra.append(context.frame.trend)
+        extra.append(np.asarray(np.cross(context.frame.up, context.frame.trend)))
     part_axes, spread = principal_axes(context.scene.points)
     if spread[0] > 1.5 * spread[1]:
         extra.append(part_axes[0])

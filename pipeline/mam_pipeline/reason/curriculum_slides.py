@@ -269,7 +269,7 @@ def plunger(b: Builder) -> None:
     low, high = base_body(b)
     size = high - low
     faces = [float(np.delete(size, k).min()) for k in range(3)]
-    axis = int(b.choice(np.argsort(faces)[1:]))  # not a slab's edge
+    axis = b.choice([int(k) for k in np.argsort(faces)[1:]])  # not a slab's edge
     normal = np.zeros(3)
     normal[axis] = 1.0 if axis == 2 else b.choice((-1, 1))
     spot = (low + high) / 2 + b.rng.uniform(-0.25, 0.25, 3) * size * b.choice((0, 1))
