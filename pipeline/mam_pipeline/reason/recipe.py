@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+import zlib
 from pathlib import Path
 
 from mam_pipeline.reason.corpus import FUSED, abstract_example, save_example, world_example
@@ -21,6 +22,7 @@ MIX = (
     "abstract_sash", "abstract_slot", "abstract_plunger", "abstract_keys", "abstract_leaf",
     "abstract_opened", "abstract_tap", "abstract_board",
 )  # fmt: skip
+FOLDS = 2  # of the cross-fitting
 Job = tuple[str, int, bool]  # kind, seed, fused
 
 
@@ -55,3 +57,8 @@ def gather(wanted: list[Job], cache: Path) -> list[Path]:
         out.append(path)
     print(f"{len(out)} examples, {time.time() - started:.0f} s", file=sys.stderr)
     return out
+
+
+def fold_of(name: str) -> int:
+    """The cross-fitting fold of an object."""
+    return zlib.crc32(name.encode()) % FOLDS

@@ -16,7 +16,6 @@ import argparse
 import gzip
 import json
 import sys
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,12 +32,11 @@ from mam_pipeline.reason.features import Table, pair_features, primitive_feature
 from mam_pipeline.reason.group_features import joined, measured, with_rivals
 from mam_pipeline.reason.groups import Masks, enumerate_groups, expand_groups
 from mam_pipeline.reason.network import Network, Reading, read
-from mam_pipeline.reason.recipe import gather, jobs
+from mam_pipeline.reason.recipe import FOLDS, fold_of, gather, jobs
 from mam_pipeline.reason.scores import MODELS, LearnedScores
 from mam_pipeline.reason.select import select_groups
 from mam_pipeline.types import FloatArray
 
-FOLDS = 2
 KEEP = 60  # candidates of one object that train the group models
 COMMON: dict[str, Any] = {
     "learning_rate": 0.08, "num_leaves": 31, "min_data_in_leaf": 40, "feature_fraction": 0.5,
@@ -90,11 +88,6 @@ class Rows:
             free_raw_data=True,
         )
         return lightgbm.train(COMMON | parameters, data, num_boost_round=rounds)
-
-
-def fold_of(name: str) -> int:
-    """The cross-fitting fold of an object."""
-    return zlib.crc32(name.encode()) % FOLDS
 
 
 def fit_bonds(paths: list[Path]) -> tuple[dict[str, list[lightgbm.Booster]], dict[str, Any]]:

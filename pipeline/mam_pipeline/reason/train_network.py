@@ -25,6 +25,7 @@ from mam_pipeline.reason.corpus import load_example
 from mam_pipeline.reason.features import pair_features, primitive_features
 from mam_pipeline.reason.groups import Masks, enumerate_groups
 from mam_pipeline.reason.network import normalised
+from mam_pipeline.reason.recipe import fold_of
 from mam_pipeline.reason.scores import RuleScores
 
 WIDTH, LAYERS = 64, 3
@@ -287,8 +288,6 @@ def weights_of(
 
 def train(paths: list[Path], fold: int, epochs: int) -> dict[str, NDArray]:
     """The weights of the network that never saw the examples of `fold`."""
-    from mam_pipeline.reason.train import fold_of
-
     found = [item_of(p) for p in paths if fold_of(p.stem) != fold]
     kept = [f for f in found if f is not None]
     items, names = [f[0] for f in kept], kept[0][1:]
