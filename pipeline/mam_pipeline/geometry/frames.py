@@ -35,6 +35,8 @@ class ObjectFrame:
         object.__setattr__(self, "axes", readonly(self.axes, np.float64, (3, 3)))
         object.__setattr__(self, "low", readonly(self.low, np.float64, (3,)))
         object.__setattr__(self, "high", readonly(self.high, np.float64, (3,)))
+        if self.trend is not None:
+            object.__setattr__(self, "trend", readonly(self.trend, np.float64, (3,)))
 
     @property
     def up(self) -> FloatArray:
