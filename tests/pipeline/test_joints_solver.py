@@ -118,6 +118,19 @@ def test_a_door_turns_about_the_edge_away_from_its_handle() -> None:
     assert joint.open == pytest.approx(joint.upper)
 
 
+def test_doubled_faces_change_no_joint() -> None:
+    mesh, owner = door_cabinet()
+    plain = solve((mesh, owner), "hinge")
+    faces = np.concatenate([mesh.faces, mesh.faces[:, ::-1]])
+    doubled = Mesh(mesh.vertices, faces), np.concatenate([owner, owner])
+    again = solve(doubled, "hinge")
+    assert again.axis == pytest.approx(plain.axis, abs=1e-9)
+    assert again.origin == pytest.approx(plain.origin, abs=1e-9)
+    assert (again.lower, again.upper) == pytest.approx((plain.lower, plain.upper))
+    found = EmbeddedSolver().solve(doubled[0], Primitives(doubled[1]), tree("hinge"))
+    assert found.mesh is doubled[0] and (found.face_link == doubled[1]).all()
+
+
 def test_a_drawer_slides_out_of_its_cabinet() -> None:
     joint = solve(drawer_cabinet(), "slide")
     assert joint.type == "prismatic"

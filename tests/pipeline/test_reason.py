@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -9,12 +10,19 @@ import pytest
 
 from mam_pipeline.prior.embedded import EmbeddedPrior
 from mam_pipeline.reason.corpus import Example, abstract_example, abstract_kinds
-from mam_pipeline.reason.embedded import EmbeddedReasoner
+from mam_pipeline.reason.embedded import (
+    SAMPLINGS,
+    EmbeddedReasoner,
+    View,
+    bonds_of,
+    decide,
+    sampled_views,
+)
 from mam_pipeline.reason.features import pair_features, primitive_features
 from mam_pipeline.reason.graph import build_graph, roundness, tight_box
 from mam_pipeline.reason.group_features import group_features, with_rivals
 from mam_pipeline.reason.groups import components, enumerate_groups, merge_tree
-from mam_pipeline.reason.scores import RuleScores, load_scores
+from mam_pipeline.reason.scores import RuleScores, load_scores, one_skin
 from mam_pipeline.reason.select import select_groups
 from mam_pipeline.types import Mesh, Primitives
 
@@ -161,6 +169,42 @@ def test_the_door_of_a_cupboard_is_found() -> None:
         parts = {n.primitives: n for n in tree.nodes[1:]}
         assert (5, 6) in parts
         assert parts[5, 6].candidates and parts[5, 6].runner_up
+
+
+def test_samplings_are_averaged() -> None:
+    mesh, primitives = cupboard()
+    prior = EmbeddedPrior().observe(mesh, primitives)
+    views = sampled_views(mesh, primitives, prior, 0)
+    assert len(views) == SAMPLINGS and views[0].prior is prior
+    assert not np.array_equal(views[0].graph.probe.points, views[1].graph.probe.points)
+    moves = [bonds_of([v], load_scores())[0].move for v in views]
+    together = bonds_of(views, load_scores())
+    assert (together[0].move <= np.max(moves, axis=0)).all()
+    assert (together[0].move >= np.min(moves, axis=0)).all()
+    assert all(np.array_equal(together[0].move, r.move) for r in together)
+    once, thrice = decide(views[:1], load_scores()), decide(views[:1] * 3, load_scores())
+    assert np.array_equal(once[0], thrice[0]) and once[1].chosen == thrice[1].chosen
+    assert once[1].value == pytest.approx(thrice[1].value)
+    assert all(v.prior is None for v in sampled_views(mesh, primitives, None, 0))
+
+
+def test_a_pair_that_one_sampling_misses_is_judged_by_the_others() -> None:
+    mesh, primitives = cupboard()
+    graph = build_graph(mesh, primitives)
+    edges = ("pairs", "gap", "touch", "patch", "border", "concave", "convex")
+    fewer = replace(graph, **{name: getattr(graph, name)[1:] for name in edges})
+    alone = [bonds_of([View(g, None)], RuleScores())[0].same for g in (graph, fewer)]
+    first, second = bonds_of([View(graph, None), View(fewer, None)], RuleScores())
+    assert first.same[0] == pytest.approx(alone[0][0], abs=1e-4)
+    assert len(second.same) == len(graph.pairs) - 1
+    assert np.array_equal(first.same[1:], second.same)
+
+
+def test_a_mesh_is_fused_when_nearly_all_cuts_are_on_one_skin() -> None:
+    labels = np.arange(4)
+    assert not one_skin(Primitives(labels))
+    assert not one_skin(Primitives(labels, np.array([[0, 1]])))
+    assert one_skin(Primitives(labels, np.array([[0, 1], [4, 2], [5, 3]])))
 
 
 def test_one_lump_has_nothing_that_moves_and_says_so() -> None:

@@ -20,6 +20,7 @@ from mam_pipeline.reason.features import Table, pair_features, primitive_feature
 from mam_pipeline.reason.group_features import measured
 from mam_pipeline.reason.groups import enumerate_groups
 from mam_pipeline.reason.network import Network, Reading, normalised, read, together
+from mam_pipeline.reason.recipe import FOLDS
 from mam_pipeline.reason.scores import load_scores
 from mam_pipeline.reason.train_network import (
     GROUPS,
@@ -28,6 +29,7 @@ from mam_pipeline.reason.train_network import (
     fit,
     item_of,
     spread,
+    train,
     weights_of,
 )
 
@@ -146,3 +148,17 @@ def test_the_shipped_scores_read_with_networks() -> None:
     assert len(reading.views) == 2
     assert reading.same.shape == (len(example.graph.pairs),)
     assert ((reading.move > 0) & (reading.move < 1)).all()
+
+
+def test_tuning_goes_on_from_given_weights(tmp_path: Path) -> None:
+    paths = []
+    for seed in range(28):
+        paths.append(tmp_path / f"abstract_leaf_{seed:06d}.ex")
+        save_example(abstract_example("abstract_leaf", seed), paths[-1])
+    start = [untrained()[1]] * FOLDS
+    tuned = train(paths, 0, 2, start)
+    assert set(tuned) == set(start[0])
+    for name in ("primitive_scale", "pair_scale", "primitive_names"):
+        assert np.array_equal(tuned[name], start[0][name])
+    moved = np.abs(tuned["move.0.weight"].astype(float) - start[0]["move.0.weight"]).max()
+    assert 0 < moved < 0.1  # two short epochs move it a little: it did not begin anew

@@ -11,8 +11,8 @@ from scipy.cluster.hierarchy import is_valid_linkage
 from mam_pipeline.errors import InputError
 from mam_pipeline.geometry.fuse import fuse_mesh
 from mam_pipeline.segment.geometric import GeometricSegmenter
-from mam_pipeline.segment.topology import topology, weld
-from mam_pipeline.types import IntArray, Mesh
+from mam_pipeline.segment.topology import topology, weld, without_repeats
+from mam_pipeline.types import IntArray, Mesh, Primitives
 
 
 def boxes(*items: tuple[tuple[float, ...], tuple[float, ...]]) -> tuple[Mesh, IntArray]:
@@ -128,6 +128,18 @@ def test_repeated_faces_have_one_keeper() -> None:
     topo = topology(doubled)
     assert topo.kept.sum() == len(mesh.faces)
     assert (topo.twin[len(mesh.faces) :] == np.arange(len(mesh.faces))).all()
+
+
+def test_only_copies_within_a_primitive_are_left_out() -> None:
+    mesh, _ = CABINET
+    labels = np.arange(len(mesh.faces)) % 3
+    assert without_repeats(mesh, Primitives(labels))[0] is mesh
+    doubled = Mesh(mesh.vertices, np.concatenate([mesh.faces, mesh.faces[:, [2, 1, 0]]]))
+    once, few = without_repeats(doubled, Primitives(np.concatenate([labels, labels])))
+    assert np.array_equal(once.vertices[once.faces], mesh.vertices[mesh.faces])
+    assert np.array_equal(few.labels, labels)
+    other, _ = without_repeats(doubled, Primitives(np.concatenate([labels, (labels + 1) % 3])))
+    assert len(other.faces) == 2 * len(mesh.faces)
 
 
 def test_an_empty_mesh_is_refused() -> None:

@@ -28,6 +28,7 @@ from mam_pipeline.joints.limits import (
 )
 from mam_pipeline.joints.optimise import Method, refine
 from mam_pipeline.joints.paper import initialise, paper_part
+from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import (
     Articulation,
     FloatArray,
@@ -83,6 +84,8 @@ class EmbeddedSolver:
         Returns:
             One link per node, one joint per node but the base, parents first.
         """
+        whole, of_whole = mesh, primitives
+        mesh, primitives = without_repeats(mesh, primitives)
         frame = estimate_frame(mesh)
 
         def solved(tree: KinematicTree, index: int) -> Joint:
@@ -104,7 +107,7 @@ class EmbeddedSolver:
                 around = Surroundings.of(mesh, faces.moving, faces.static, seed)
         order = topological_order(tree)
         parents = [replace(joints[i], parent=tree.nodes[i].parent) for i in order]
-        return Articulation(mesh, _links(primitives, tree), tuple(parents))
+        return Articulation(whole, _links(of_whole, tree), tuple(parents))
 
     def _joint(
         self, mesh: Mesh, frame: ObjectFrame, tree: KinematicTree, links: Sequence[Link],

@@ -12,6 +12,7 @@ import numpy as np
 from mam_pipeline.backends import Availability, KinematicPrior
 from mam_pipeline.prior.masks import with_masks
 from mam_pipeline.prior.probe import NEAR, Probe, probe
+from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import FloatArray, Mesh, Primitives
 
 
@@ -25,15 +26,18 @@ class EmbeddedPrior:
 
     def observe(self, mesh: Mesh, primitives: Primitives, seed: int = 0) -> KinematicPrior:
         """Probe every primitive; `evidence["probe"]` keeps the crossings for whole groups."""
-        sampled = probe(mesh, primitives, seed)
-        near = sampled.cover(NEAR)
-        found = KinematicPrior(
-            mobility=mobility(sampled),
-            affinity=affinity(near),
-            source="embedded",
-            evidence={"probe": sampled},
-        )
-        return with_masks(found, mesh, primitives, sampled.area)
+        sampled = probe(*without_repeats(mesh, primitives), seed)
+        return with_masks(prior_of(sampled), mesh, primitives, sampled.area)
+
+
+def prior_of(sampled: Probe) -> KinematicPrior:
+    """What one probing says, without the masks."""
+    return KinematicPrior(
+        mobility=mobility(sampled),
+        affinity=affinity(sampled.cover(NEAR)),
+        source="embedded",
+        evidence={"probe": sampled},
+    )
 
 
 def mobility(sampled: Probe) -> FloatArray:

@@ -13,8 +13,7 @@ import numpy as np
 from mam_pipeline.backends import KinematicPrior
 from mam_pipeline.geometry.fuse import fuse_mesh, nearest_faces
 from mam_pipeline.geometry.sampling import face_geometry
-from mam_pipeline.prior.embedded import affinity, mobility
-from mam_pipeline.prior.probe import NEAR
+from mam_pipeline.prior.embedded import prior_of
 from mam_pipeline.reason.graph import Graph, build_graph
 from mam_pipeline.segment.geometric import GeometricSegmenter
 from mam_pipeline.types import Articulation, FloatArray, IntArray, Mesh, Primitives
@@ -59,8 +58,7 @@ class Example:
 
     def prior(self) -> KinematicPrior:
         """What the embedded prior says of it."""
-        sampled = self.graph.probe
-        return KinematicPrior(mobility(sampled), affinity(sampled.cover(NEAR)))
+        return prior_of(self.graph.probe)
 
     def part_overlap(self, masks: np.ndarray) -> FloatArray:
         """(C, L) IoU of groups with the true links; the base's and empty columns are 0."""

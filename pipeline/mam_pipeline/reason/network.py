@@ -77,8 +77,14 @@ def read(
 
 def together(a: FloatArray, b: FloatArray) -> FloatArray:
     """Two opinions as one: the mean of their log-odds."""
-    a, b = np.clip(a, 1e-4, 1 - 1e-4), np.clip(b, 1e-4, 1 - 1e-4)
-    out: FloatArray = expit(0.5 * (np.log(a / (1 - a)) + np.log(b / (1 - b))))
+    out: FloatArray = expit(0.5 * (log_odds(a) + log_odds(b)))
+    return out
+
+
+def log_odds(p: FloatArray) -> FloatArray:
+    """Log-odds of probabilities, cut at 1e-4."""
+    p = np.clip(p, 1e-4, 1 - 1e-4)
+    out: FloatArray = np.log(p / (1 - p))
     return out
 
 

@@ -11,7 +11,7 @@ import json
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from importlib import resources
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -19,8 +19,9 @@ from mam_pipeline.reason import rules
 from mam_pipeline.reason.features import Table
 from mam_pipeline.reason.graph import Graph
 from mam_pipeline.reason.network import Network, Reading, load_network, read
-from mam_pipeline.types import FloatArray
+from mam_pipeline.types import FloatArray, Primitives
 
+ONE_SKIN = 0.8  # share of the cuts that undo merges: above it a mesh is fused
 MODELS = ("same", "move", "value", "revise", "subtype", "choose")
 
 
@@ -134,12 +135,24 @@ class LearnedScores:
         return out
 
 
-@lru_cache(maxsize=1)
-def load_scores() -> Scores:
-    """The learned scores of this package, or the rules when it was built without weights."""
-    folder = resources.files("mam_pipeline.reason") / "weights"
+def one_skin(primitives: Primitives) -> bool:
+    """Whether (nearly) all primitives were cut out of one surface, as generators and scans give it.
+
+    What separates parts there is the cuts' creases, not gaps: other weights judge such objects.
+    """
+    return len(primitives.merges) > ONE_SKIN * max(primitives.count - 1, 1)
+
+
+@lru_cache(maxsize=2)
+def load_scores(kind: Literal["authored", "fused"] = "authored") -> Scores:
+    """The learned scores of this package, or the rules when it was built without weights.
+
+    Args:
+        kind: "authored" for meshes of separate pieces, "fused" for one skin (`one_skin`).
+    """
+    folder = resources.files("mam_pipeline.reason") / "weights" / kind
     if not (folder / "settings.json").is_file():
-        return RuleScores()
+        return load_scores() if kind == "fused" else RuleScores()
     import lightgbm
 
     settings = json.loads((folder / "settings.json").read_text(encoding="utf-8"))

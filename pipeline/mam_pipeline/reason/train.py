@@ -7,7 +7,8 @@ object; (2) candidates from the cross-fitted scores, and a model of their overla
 parts; (3) the same again with more candidates beside the best and with what the first look says of
 rivals and twins; (4) the type of parts; (5) the score of whole sets of candidates. Some examples
 are seen a second time without a kinematic prior. The confidence is calibrated on the validation
-split, which has categories of its own.
+split, which has categories of its own. All of it is done twice: on everything, which gives the
+weights for authored meshes, and on the fused objects alone, the networks going on from the first.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from scipy.optimize import linear_sum_assignment
 
 from mam_pipeline.reason.configurations import enumerate_sets, set_features
 from mam_pipeline.reason.corpus import FUSED, load_example
-from mam_pipeline.reason.embedded import decide
+from mam_pipeline.reason.embedded import View, decide
 from mam_pipeline.reason.features import Table, pair_features, primitive_features
 from mam_pipeline.reason.group_features import joined, measured, with_rivals
 from mam_pipeline.reason.groups import Masks, enumerate_groups, expand_groups
@@ -308,7 +309,8 @@ def validate(
     for path in paths:
         example = load_example(path)
         item = look(path, members[-1]["same"], members[-1]["move"], (), with_prior)
-        item.masks, choice = decide(example.graph, example.prior() if with_prior else None, scores)
+        view = View(example.graph, example.prior() if with_prior else None)
+        item.masks, choice = decide([view], scores)
         item.overlap = example.part_overlap(item.masks)
         out.append((item, choice.value, list(choice.chosen)))
     return out
@@ -378,7 +380,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=3300, help="objects of the world")
     parser.add_argument("--abstract", type=int, default=2300, help="abstract objects")
-    parser.add_argument("--fused", type=int, default=1500, help="fused objects of either sort")
+    parser.add_argument("--fused", type=int, default=2000, help="fused objects of either sort")
     parser.add_argument("--validation", type=int, default=100, help="objects of each sort")
     parser.add_argument("--members", type=int, default=2, help="models whose mean is taken")
     parser.add_argument("--epochs", type=int, default=6, help="of the graph networks")
@@ -389,14 +391,23 @@ def main(arguments: list[str] | None = None) -> None:
     few = options.validation
     held = gather(jobs("validation", few, few, few), options.cache)
     arrays = [train_network(train, fold, options.epochs) for fold in range(FOLDS)]
-    networks = [Network(weights) for weights in arrays]
+    fit_members(train, held, arrays, options.members, options.out / "authored")
+    skins, held = ([p for p in paths if p.stem.endswith(FUSED)] for paths in (train, held))
+    arrays = [train_network(skins, fold, 3 * options.epochs, arrays) for fold in range(FOLDS)]
+    fit_members(skins, held, arrays, options.members, options.out / "fused")
+
+
+def fit_members(
+    train: list[Path], held: list[Path], networks: list[dict[str, Any]], number: int, out: Path
+) -> None:
+    """Train members on draws of the examples, score them together and write the weights."""
     members, sizes = [], []
-    for seed in range(options.members):
+    for seed in range(number):
         order = np.random.default_rng(seed).permutation(len(train))
         draw = [train[k] for k in order[: int(DRAW * len(train))]]
-        members.append(fit_member(draw, networks))
+        members.append(fit_member(draw, [Network(weights) for weights in networks]))
         sizes.append(len(draw))
-    finish(members, arrays, held, sizes, options.out)
+    finish(members, networks, held, sizes, out)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 import time
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from torch.nn import functional
 from mam_pipeline.reason.corpus import load_example
 from mam_pipeline.reason.features import pair_features, primitive_features
 from mam_pipeline.reason.groups import Masks, enumerate_groups
-from mam_pipeline.reason.network import normalised
+from mam_pipeline.reason.network import Network, normalised
 from mam_pipeline.reason.recipe import fold_of
 from mam_pipeline.reason.scores import RuleScores
 
@@ -32,6 +32,7 @@ WIDTH, LAYERS = 64, 3
 DROPOUT, LEFT_OUT, WITHOUT_PRIOR = 0.2, 0.12, 0.2
 BATCH, GROUPS, LARGEST = 12, 40, 90  # objects in a step, groups of each, primitives at most
 RATE, DECAY = 2e-3, 0.05
+TUNING_RATE = 1.2e-3
 PRIOR = ("mobility", "affinity")  # columns whose names hold these come from the kinematic prior
 
 
@@ -56,8 +57,14 @@ class Item:
     kind: NDArray
 
 
-def item_of(path: Path) -> tuple[Item, tuple[str, ...], tuple[str, ...]] | None:
-    """An example's arrays and the names of its features; None if it is too large or too small."""
+def item_of(
+    path: Path, guide: Network | None = None
+) -> tuple[Item, tuple[str, ...], tuple[str, ...]] | None:
+    """An example's arrays and the names of its features; None if it is too large or too small.
+
+    Args:
+        guide: a network that never saw the example, after which groups are drawn up; else rules.
+    """
     example = load_example(path)
     graph, link = example.graph, example.link
     if not 2 <= graph.count <= LARGEST:
@@ -65,7 +72,7 @@ def item_of(path: Path) -> tuple[Item, tuple[str, ...], tuple[str, ...]] | None:
     prior = example.prior()
     unary = primitive_features(graph, prior)
     pairs = pair_features(graph, unary, prior)
-    guess = RuleScores().read(graph, unary, pairs)
+    guess = guide.encode(graph, unary, pairs) if guide else RuleScores().read(graph, unary, pairs)
     masks = enumerate_groups(graph, guess.same, guess.move)
     if len(masks) == 0:
         return None
@@ -241,11 +248,18 @@ def loss_of(answer: tuple[Tensor, Tensor, Tensor], truth: tuple[Tensor, ...]) ->
     return out
 
 
-def fit(items: list[Item], names: Sequence[Sequence[str]], epochs: int, seed: int = 0) -> Net:
-    """Train one network on normalised items."""
+def fit(
+    items: list[Item], names: Sequence[Sequence[str]], epochs: int, seed: int = 0,
+    start: Mapping[str, NDArray] | None = None,
+) -> Net:  # fmt: skip
+    """Train one network on normalised items, from the weights `start` on if there are any."""
     rng = np.random.default_rng(seed)
     torch.manual_seed(seed)
     net = Net(items[0].unary.shape[1], items[0].pair.shape[1])
+    if start is not None:
+        known = {k: torch.as_tensor(start[k].astype(np.float32)) for k in net.state_dict()}
+        net.load_state_dict(known)
+    fastest = RATE if start is None else TUNING_RATE
     blind = [np.flatnonzero([any(p in n for p in PRIOR) for n in columns]) for columns in names]
     optimiser = torch.optim.AdamW(net.parameters(), lr=RATE, weight_decay=DECAY)
     steps, done, started = epochs * (len(items) // BATCH), 0, time.time()
@@ -253,7 +267,7 @@ def fit(items: list[Item], names: Sequence[Sequence[str]], epochs: int, seed: in
         total = 0.0
         for rows in _batches(len(items), rng):
             warm = min(1.0, done / max(1, min(300, steps // 10)))
-            rate = RATE * warm * (0.5 * (1 + np.cos(np.pi * done / steps)) + 0.01)
+            rate = fastest * warm * (0.5 * (1 + np.cos(np.pi * done / steps)) + 0.01)
             for group in optimiser.param_groups:
                 group["lr"] = rate
             batch = batch_of([items[k] for k in rows], rng, blind)
@@ -286,16 +300,28 @@ def weights_of(
     return out
 
 
-def train(paths: list[Path], fold: int, epochs: int) -> dict[str, NDArray]:
-    """The weights of the network that never saw the examples of `fold`."""
-    found = [item_of(p) for p in paths if fold_of(p.stem) != fold]
+def train(
+    paths: list[Path], fold: int, epochs: int, start: Sequence[Mapping[str, NDArray]] = ()
+) -> dict[str, NDArray]:
+    """The weights of the network that never saw the examples of `fold`.
+
+    Args:
+        start: the networks of all folds to go on from, with other examples.
+    """
+    chosen = [p for p in paths if fold_of(p.stem) != fold]
+    guides = [Network(weights) for weights in start]
+    found = [item_of(p, guides[fold_of(p.stem)] if guides else None) for p in chosen]
     kept = [f for f in found if f is not None]
     items, names = [f[0] for f in kept], kept[0][1:]
-    scales = [
-        spread(np.concatenate([i.unary for i in items])),
-        spread(np.concatenate([i.pair for i in items if len(i.pair)])),
-    ]
+    if start:
+        scales = [start[fold]["primitive_scale"], start[fold]["pair_scale"]]
+    else:
+        scales = [
+            spread(np.concatenate([i.unary for i in items])),
+            spread(np.concatenate([i.pair for i in items if len(i.pair)])),
+        ]
     for item in items:
         item.unary = normalised(item.unary, scales[0])
         item.pair = normalised(item.pair.reshape(-1, len(names[1])), scales[1])
-    return weights_of(fit(items, names, epochs, fold), scales, names)
+    net = fit(items, names, epochs, fold, start[fold] if start else None)
+    return weights_of(net, scales, names)

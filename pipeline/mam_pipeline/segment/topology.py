@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from mam_pipeline.types import FloatArray, IntArray, Mesh
+from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives
 
 WELD = 1e-5  # of the bounding-box diagonal: twice what single precision loses on a turned mesh
 
@@ -45,10 +45,7 @@ class Topology:
 
 def topology(mesh: Mesh) -> Topology:
     """Weld, drop repeated faces and count edges; linear in the number of faces up to sorting."""
-    low = mesh.bounds[0]
-    diagonal = mesh.diagonal or 1.0
-    scaled = (mesh.vertices - low) / diagonal
-    welded = weld(scaled, WELD)
+    scaled, welded = _welded(mesh)
     first = np.full(int(welded.max()) + 1, -1, dtype=np.int64)
     first[welded[::-1]] = np.arange(len(welded))[::-1]
     points, faces = scaled[first], welded[mesh.faces]
@@ -76,6 +73,26 @@ def topology(mesh: Mesh) -> Topology:
         rim_edge,
         open_face,
     )
+
+
+def without_repeats(mesh: Mesh, primitives: Primitives) -> tuple[Mesh, Primitives]:
+    """The mesh with one copy of every face, and its primitives.
+
+    What samples a surface counts a doubled face twice, and sees its normal both ways. Copies in
+    another primitive stay: parts may lie face to face.
+    """
+    label = primitives.labels
+    twin = repeated_faces(_welded(mesh)[1][mesh.faces])
+    kept = (twin == np.arange(len(twin))) | (label[twin] != label)
+    if kept.all():
+        return mesh, primitives
+    return mesh.submesh(kept), replace(primitives, labels=label[kept])
+
+
+def _welded(mesh: Mesh) -> tuple[FloatArray, IntArray]:
+    """(V, 3) vertices in units of the diagonal, and (V,) which of them are one."""
+    scaled = (mesh.vertices - mesh.bounds[0]) / (mesh.diagonal or 1.0)
+    return scaled, weld(scaled, WELD)
 
 
 def weld(points: FloatArray, tolerance: float) -> IntArray:
