@@ -205,6 +205,8 @@ def test_a_mesh_is_fused_when_nearly_all_cuts_are_on_one_skin() -> None:
     assert not one_skin(Primitives(labels))
     assert not one_skin(Primitives(labels, np.array([[0, 1]])))
     assert one_skin(Primitives(labels, np.array([[0, 1], [4, 2], [5, 3]])))
+    kinds = load_scores("authored"), load_scores("fused")
+    assert kinds[0] is not kinds[1] and not any(isinstance(k, RuleScores) for k in kinds)
 
 
 def test_one_lump_has_nothing_that_moves_and_says_so() -> None:

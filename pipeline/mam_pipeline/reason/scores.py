@@ -152,7 +152,7 @@ def load_scores(kind: Literal["authored", "fused"] = "authored") -> Scores:
     """
     folder = resources.files("mam_pipeline.reason") / "weights" / kind
     if not (folder / "settings.json").is_file():
-        return load_scores() if kind == "fused" else RuleScores()
+        return RuleScores()
     import lightgbm
 
     settings = json.loads((folder / "settings.json").read_text(encoding="utf-8"))
