@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from mam_pipeline.backends import KinematicPrior
 from mam_pipeline.prior.embedded import EmbeddedPrior
 from mam_pipeline.reason.corpus import Example, abstract_example, abstract_kinds
 from mam_pipeline.reason.embedded import (
@@ -186,6 +187,18 @@ def test_samplings_are_averaged() -> None:
     assert np.array_equal(once[0], thrice[0]) and once[1].chosen == thrice[1].chosen
     assert once[1].value == pytest.approx(thrice[1].value)
     assert all(v.prior is None for v in sampled_views(mesh, primitives, None, 0))
+
+
+def test_a_prior_from_a_file_gives_what_a_fresh_one_gives_and_an_edit_holds() -> None:
+    mesh, primitives = cupboard()
+    prior = EmbeddedPrior().observe(mesh, primitives)
+    stored = KinematicPrior(prior.mobility, prior.affinity)  # as read back: without its samples
+    fresh, read = (sampled_views(mesh, primitives, p, 0) for p in (prior, stored))
+    for a, b in zip(fresh, read):
+        assert np.array_equal(a.prior.mobility, b.prior.mobility)  # type: ignore[union-attr]
+    assert not np.array_equal(fresh[1].prior.mobility, prior.mobility)  # type: ignore[union-attr]
+    edited = KinematicPrior(np.zeros(primitives.count), prior.affinity)
+    assert all(v.prior is edited for v in sampled_views(mesh, primitives, edited, 0))
 
 
 def test_a_pair_that_one_sampling_misses_is_judged_by_the_others() -> None:

@@ -16,6 +16,7 @@ from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.prior.embedded import prior_of
 from mam_pipeline.reason.graph import Graph, build_graph
 from mam_pipeline.segment.geometric import GeometricSegmenter
+from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import Articulation, FloatArray, IntArray, Mesh, Primitives
 from mam_pipeline.world import make_object
 from mam_pipeline.world.kit import Builder
@@ -96,7 +97,7 @@ def from_labels(
     area = face_geometry(mesh.vertices, mesh.faces)[1]
     overlap = np.zeros((primitives.count, len(truth.links)))
     np.add.at(overlap, (primitives.labels, root[face_link]), area / max(float(area.sum()), 1e-30))
-    graph = build_graph(mesh, primitives)
+    graph = build_graph(*without_repeats(mesh, primitives))
     fused = len(primitives.merges) > 0
     return Example(name, category, fused, graph, overlap, parent, subtype)
 

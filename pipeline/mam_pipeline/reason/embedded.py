@@ -73,14 +73,26 @@ class View:
 def sampled_views(
     mesh: Mesh, primitives: Primitives, prior: KinematicPrior | None, seed: int
 ) -> list[View]:
-    """Several samplings of one object; the embedded prior is asked again for each of them."""
+    """Several samplings of one object.
+
+    The embedded prior is asked again for each of them. One that came from elsewhere, or was edited,
+    holds for all; one that was read from a file without its samples is recognised by its values.
+    """
     probed = None if prior is None else prior.evidence.get("probe")
-    probed = probed if isinstance(probed, Probe) else None
-    views = [View(build_graph(mesh, primitives, seed, probed), prior)]
+    first = build_graph(mesh, primitives, seed, probed if isinstance(probed, Probe) else None)
+    again = prior is not None and _alike(prior, prior_of(first.probe))
+    views = [View(first, prior)]
     for k in range(1, SAMPLINGS if primitives.count > 1 else 1):
         graph = build_graph(mesh, primitives, seed + k * SEED_STEP)
-        views.append(View(graph, prior if probed is None else prior_of(graph.probe)))
+        views.append(View(graph, prior_of(graph.probe) if again else prior))
     return views
+
+
+def _alike(a: KinematicPrior, b: KinematicPrior) -> bool:
+    return all(
+        x.shape == y.shape and np.allclose(x, y, atol=1e-5)
+        for x, y in ((a.mobility, b.mobility), (a.affinity, b.affinity))
+    )
 
 
 def decide(views: Sequence[View], scores: Scores) -> tuple[Masks, Choice]:
