@@ -1,8 +1,8 @@
 """Train the joint ranker on generated objects and pack its weights.
 
-    python -m mam_pipeline.joints.train_ranker --objects 600 --cache FOLDER
+    python -m mam_pipeline.joints.train_ranker --cache FOLDER
 
-Measures the features of `--objects` objects of the world's training split (and a tenth as many of
+Measures the features of `--objects` objects of the world's training split (and an eighth as many of
 its validation split, categories included that are never trained on), fits small boosted trees, sets
 the temperatures on the validation split, prints its figures and writes the packaged weights.
 """
@@ -283,7 +283,7 @@ def collect(split: str, count: int, cache: Path, budget: float) -> list[Example]
 def main(argv: Sequence[str] | None = None) -> None:
     """Command line; see the module's text."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
-    parser.add_argument("--objects", type=int, default=600)
+    parser.add_argument("--objects", type=int, default=4000)
     parser.add_argument("--cache", type=Path, required=True)
     parser.add_argument("--seconds", type=float, default=1e9, help="limit of new measurements")
     parser.add_argument("--out", type=Path, default=Path(__file__).with_name(WEIGHTS))
