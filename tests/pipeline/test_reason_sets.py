@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from mam_pipeline.reason.configurations import enumerate_sets, set_features
+from mam_pipeline.reason.configurations import enumerate_sets, promise, set_features
 from mam_pipeline.reason.corpus import Example, abstract_example
 from mam_pipeline.reason.features import Table, table
 from mam_pipeline.reason.group_features import group_features, joined
@@ -86,3 +88,20 @@ def test_a_box_swings_about_the_edge_that_touches() -> None:
     assert seen.column("swing_free").min() > 0.5
     blind = group_features(item.graph, parts, same, move, None)
     assert np.isnan(blind.column("swing_free")).all()
+
+
+def test_four_like_parts_promise_more_than_the_best_of_them() -> None:
+    sure, faint = np.array([0.7, 0.6, 0.6, 0.55]), np.array([0.7, 0.05, 0.05, 0.05])
+    for value, best in ((sure, 4), (faint, 1)):
+        numbers = np.arange(1, 5)
+        sets = table({"number": numbers, "value_sum": np.cumsum(value)})
+        assert numbers[int(np.argmax(promise(sets)))] == best
+
+
+def test_an_example_knows_how_well_its_primitives_hold_the_parts() -> None:
+    item, *_ = measured()
+    assert 0.9 < item.bound <= 1.0
+    mixed = replace(item, overlap=np.ones_like(item.overlap) * item.graph.area[:, None])
+    assert mixed.bound < 0.6
+    still = replace(item, subtype=np.full_like(item.subtype, -1))
+    assert still.bound == 1.0

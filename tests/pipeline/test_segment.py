@@ -90,12 +90,13 @@ def test_a_fused_surface_splits_along_its_creases() -> None:
     mesh, _ = boxes(((0, 0, 0), (1, 1, 1)), ((0, -0.6, 0), (0.5, 0.2, 0.5)))
     fused = fuse_mesh(mesh, 48)
     got = GeometricSegmenter().segment(fused)
-    assert 5 < got.count <= 80 and len(got.labels) == len(fused.faces)
+    assert 5 < got.count <= 60 and len(got.labels) == len(fused.faces)
     front = fused.vertices[fused.faces].mean(axis=1)[:, 1] < -0.54
     inside = np.bincount(got.labels, weights=front) / np.bincount(got.labels)
     # the knob can be put together from primitives that hold hardly anything else
     assert ((inside < 0.1) | (inside > 0.8)).mean() > 0.9
     assert is_valid_tree(got.merges, got.count)
+    assert GeometricSegmenter(clear=0.002).segment(fused).count > got.count
 
 
 def is_valid_tree(merges: IntArray, count: int) -> bool:

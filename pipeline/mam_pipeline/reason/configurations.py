@@ -20,6 +20,7 @@ from mam_pipeline.types import FloatArray, IntArray
 THRESHOLDS = (0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85)
 SPREAD = (0.3, 0.5, 0.7)  # the sets of these thresholds are varied
 MOST = 90  # sets looked at
+FURTHER = 0.1  # worth of a further part, times the logarithm of their number
 LEADERS = 6  # candidates that are tried alone with all that is like them
 RIVALS = 3  # replacements tried for a chosen candidate
 NEWCOMERS = 6  # candidates tried as an addition to a set
@@ -75,6 +76,21 @@ def enumerate_sets(masks: Masks, groups: Table, value: FloatArray) -> Sets:
         for variant in _variants(masks, value, clash, chosen, order):
             add(variant)
     return Sets(np.array(list(found.values()), dtype=bool))
+
+
+def promise(sets: Table) -> FloatArray:
+    """(M,) what the candidates' own values promise of every set.
+
+    The expected mIoU, as if the object had as many parts as the largest total of values, and a
+    little more for every further part.
+
+    Args:
+        sets: all sets of one object, as `set_features` gives them.
+    """
+    number, total = (sets.column(n).astype(np.float64) for n in ("number", "value_sum"))
+    parts = np.maximum(number, max(total.max(initial=0.0), 1.0))
+    out: FloatArray = total / parts + FURTHER * np.log(number)
+    return out
 
 
 def _alike(groups: Table, tolerance: float) -> Masks:

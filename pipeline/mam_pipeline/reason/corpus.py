@@ -15,7 +15,7 @@ from mam_pipeline.geometry.fuse import fuse_mesh, nearest_faces
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.prior.embedded import prior_of
 from mam_pipeline.reason.graph import Graph, build_graph
-from mam_pipeline.segment.geometric import GeometricSegmenter
+from mam_pipeline.segment.geometric import CLEAR, GeometricSegmenter
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import Articulation, FloatArray, IntArray, Mesh, Primitives
 from mam_pipeline.world import make_object
@@ -24,8 +24,9 @@ from mam_pipeline.world.object import finish, generator
 from mam_pipeline.world.style import draw_style
 
 FUSED = "_f"  # ends the names of fused examples
-RESOLUTIONS = (96, 112, 128, 160, 192)  # cells along a fused example's longest side
+RESOLUTIONS = (112, 128, 160, 192, 192)  # cells along a fused example's longest side
 ROUGHNESS = (0.0, 0.0, 0.0, 0.0003, 0.001)  # of its diagonal
+COARSENESS = (0.4, 1.6)  # times the bound on the cost of a cut, for fused examples
 SUBTYPE_OF = {"hinge": 0, "spin": 1, "slide": 2}
 
 
@@ -56,6 +57,18 @@ class Example:
     def purity(self) -> FloatArray:
         """(P,) share of a primitive's area that its link owns."""
         return self.overlap.max(axis=1) / np.maximum(self.overlap.sum(axis=1), 1e-12)
+
+    @property
+    def bound(self) -> float:
+        """Mean IoU of the movable links when each is given the primitives that are mostly its own.
+
+        1 when nothing that moves is visible.
+        """
+        links = np.flatnonzero((self.overlap.sum(axis=0) > 0) & (self.subtype >= 0))
+        if not len(links):
+            return 1.0
+        own = self.part_overlap(self.link == links[:, None])
+        return float(own[np.arange(len(links)), links].mean())
 
     def prior(self) -> KinematicPrior:
         """What the embedded prior says of it."""
@@ -111,13 +124,15 @@ def world_example(category: str, seed: int, fused: bool = False) -> Example:
 def _seen(kind: str, seed: int, truth: Articulation, fused: bool) -> Example:
     """The object as it is, or as one skin at a drawn resolution and roughness."""
     name, mesh, face_link = f"{kind}_{seed:06d}", truth.mesh, truth.face_link
+    segmenter = GeometricSegmenter()
     if fused:
         rng = np.random.default_rng(zlib.crc32(f"{kind}{seed}".encode()))
         resolution, noise = int(rng.choice(RESOLUTIONS)), float(rng.choice(ROUGHNESS))
         skin = fuse_mesh(mesh, resolution, noise, seed, faces=60_000)
         name, face_link = name + FUSED, np.asarray(face_link)[nearest_faces(mesh, skin)]
         mesh = skin
-    primitives = GeometricSegmenter().segment(mesh)
+        segmenter = GeometricSegmenter(CLEAR * np.exp(rng.uniform(*np.log(COARSENESS))))
+    primitives = segmenter.segment(mesh)
     return from_labels(name, kind, mesh, face_link, truth, primitives)
 
 

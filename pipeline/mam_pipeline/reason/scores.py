@@ -16,6 +16,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from mam_pipeline.reason import rules
+from mam_pipeline.reason.configurations import promise
 from mam_pipeline.reason.features import Table
 from mam_pipeline.reason.graph import Graph
 from mam_pipeline.reason.network import Network, Reading, load_network, read
@@ -83,8 +84,8 @@ class LearnedScores:
     """Boosted trees: the mean of several members that were trained on corpora of their own.
 
     Args:
-        members: boosters by name (MODELS); whole sets are judged by the last member alone.
-        settings: the calibration curve, (value, odds) pairs.
+        members: boosters by name (MODELS); a member may leave whole sets to the others.
+        settings: the calibration curve, (value, odds) pairs; weight of `promise` (default 0).
         networks: the graph networks whose views the members were trained on.
     """
 
@@ -94,10 +95,11 @@ class LearnedScores:
     ) -> None:  # fmt: skip
         self.members = tuple(members)
         self.networks = tuple(networks)
+        self._promise = float(settings.get("promise", 0.0))
         self._curve = np.asarray(settings["calibration"], dtype=np.float64)  # (k, 2) value, odds
 
     def _predict(self, name: str, features: Table) -> FloatArray:
-        boosters = [self.members[-1][name]] if name == "choose" else [m[name] for m in self.members]
+        boosters = [m[name] for m in self.members if name in m]
         answers = []
         for booster in boosters:
             if tuple(booster.feature_name()) != features.names:
@@ -126,8 +128,8 @@ class LearnedScores:
         return self._predict("subtype", groups).reshape(-1, 3)
 
     def choose(self, sets: Table) -> FloatArray:
-        """Set model."""
-        return self._predict("choose", sets)
+        """Set model, and what the candidates promise by themselves."""
+        return self._predict("choose", sets) + self._promise * promise(sets)
 
     def confidence(self, value: FloatArray) -> FloatArray:
         """Calibrated on validation objects: how often such a candidate was a true part."""

@@ -16,15 +16,21 @@ from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives
 DOMINANT = 0.98  # share of all area: a piece beyond it must hold more than the base
 DENSE = 1000  # faces
 EVEN = 0.004  # typical face over its piece's area: authored panels have far larger faces
-CLEAR = 0.004  # merges above this cost are left to the reasoner
-MOST = 80  # primitives from splitting
+CLEAR = 0.02  # merges above this cost are left to the reasoner
+FEWEST, MOST = 16, 60  # primitives from splitting
 
 
 class GeometricSegmenter:
     """Primitives from connectivity (authored meshes) and from creases (fused ones).
 
     Deterministic; the partition does not depend on scale, rotation or the order of faces.
+
+    Args:
+        clear: cost above which pieces of one surface stay apart (`segment.fused`).
     """
+
+    def __init__(self, clear: float = CLEAR) -> None:
+        self.clear = clear
 
     @classmethod
     def available(cls) -> Availability:
@@ -50,7 +56,7 @@ class GeometricSegmenter:
             return Primitives(by_area(spread(topo, whole), topo.areas), method="geometric")
         tree = hierarchy(topo, np.flatnonzero(inside))
         # every surface of its own keeps at least one node, so disjoint ones are never joined
-        count = max(min(1 + int((tree.costs > CLEAR).sum()), MOST), MOST // 4)
+        count = int(np.clip(1 + (tree.costs > self.clear).sum(), FEWEST, MOST))
         split, merges = cut(tree, count)
         others = np.unique(np.where(inside, -1, whole), return_inverse=True)[1] - 1
         label = np.where(inside, split, np.where(whole >= 0, others + 1 + split.max(), -1))
