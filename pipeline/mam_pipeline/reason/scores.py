@@ -99,7 +99,7 @@ class LearnedScores:
         self._curve = np.asarray(settings["calibration"], dtype=np.float64)  # (k, 2) value, odds
 
     def _predict(self, name: str, features: Table) -> FloatArray:
-        boosters = [m[name] for m in self.members if name in m]
+        boosters = [m[name] for m in self.members if name != "choose" or name in m]
         answers = []
         for booster in boosters:
             if tuple(booster.feature_name()) != features.names:
