@@ -7,10 +7,11 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+import trimesh
 
 from mam_pipeline.backends import KinematicPrior
 from mam_pipeline.prior.embedded import EmbeddedPrior
-from mam_pipeline.reason.corpus import Example, abstract_example, abstract_kinds
+from mam_pipeline.reason.corpus import Example, abstract_example, abstract_kinds, united
 from mam_pipeline.reason.embedded import (
     SAMPLINGS,
     EmbeddedReasoner,
@@ -26,6 +27,7 @@ from mam_pipeline.reason.groups import components, enumerate_groups, merge_tree
 from mam_pipeline.reason.scores import RuleScores, load_scores, one_skin
 from mam_pipeline.reason.select import select_groups
 from mam_pipeline.types import Mesh, Primitives
+from mam_pipeline.world import Style, make_object
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -234,6 +236,21 @@ def test_reasoning_is_deterministic() -> None:
     first, second = (EmbeddedReasoner().reason(mesh, primitives, None) for _ in range(2))
     assert [n.primitives for n in first.nodes] == [n.primitives for n in second.nodes]
     assert [n.confidence for n in first.nodes] == [n.confidence for n in second.nodes]
+
+
+def test_the_pieces_of_a_link_become_one_solid() -> None:
+    made = make_object("cabinet_two_door", 3, Style())
+    before, after = made.truth(), united(made, (0,)).truth()
+    assert [j.child for j in after.joints] == [j.child for j in before.joints]
+    shells = [
+        len(trimesh.Trimesh(t.mesh.vertices, t.mesh.faces[t.face_link == 0]).split())
+        for t in (before, after)
+    ]
+    assert shells[1] < shells[0]
+    low, high = (np.sort(t.mesh.vertices, axis=0)[[0, -1]] for t in (before, after))
+    np.testing.assert_allclose(low, high, atol=1e-6)
+    doors = [t.mesh.vertices[t.mesh.faces[t.face_link > 0]] for t in (before, after)]
+    assert len(doors[0]) == len(doors[1])
 
 
 @pytest.mark.parametrize("kind", abstract_kinds())

@@ -24,6 +24,7 @@ from mam_pipeline.reason.recipe import FOLDS
 from mam_pipeline.reason.scores import load_scores
 from mam_pipeline.reason.train_network import (
     GROUPS,
+    Lesson,
     Net,
     batch_of,
     fit,
@@ -101,7 +102,7 @@ def test_training_learns_what_moves(tmp_path: Path) -> None:
     for item in items:
         item.unary = normalised(item.unary, scales[0])
         item.pair = normalised(item.pair, scales[1])
-    network = Network(weights_of(fit(items, names, 100), scales, names))
+    network = Network(weights_of(fit(items, names, Lesson(100, 0.2, 0.12)), scales, names))
     right = []
     for seed in range(14):
         example = abstract_example("abstract_leaf", seed)
@@ -145,7 +146,7 @@ def test_what_slides_and_what_turns_both_occur(kind: str) -> None:
 def test_the_shipped_scores_read_with_networks() -> None:
     example, unary, pairs = seen()
     reading = load_scores().read(example.graph, unary, pairs)
-    assert len(reading.views) == 2
+    assert len(reading.views) == 2 * FOLDS  # of two lessons
     assert reading.same.shape == (len(example.graph.pairs),)
     assert ((reading.move > 0) & (reading.move < 1)).all()
 
@@ -156,7 +157,7 @@ def test_tuning_goes_on_from_given_weights(tmp_path: Path) -> None:
         paths.append(tmp_path / f"abstract_leaf_{seed:06d}.ex")
         save_example(abstract_example("abstract_leaf", seed), paths[-1])
     start = [untrained()[1]] * FOLDS
-    tuned = train(paths, 0, 2, start)
+    tuned = train(paths, 0, Lesson(2), start)
     assert set(tuned) == set(start[0])
     for name in ("primitive_scale", "pair_scale", "primitive_names"):
         assert np.array_equal(tuned[name], start[0][name])

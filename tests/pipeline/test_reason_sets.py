@@ -11,6 +11,7 @@ from mam_pipeline.reason.corpus import Example, abstract_example
 from mam_pipeline.reason.features import Table, table
 from mam_pipeline.reason.group_features import group_features, joined
 from mam_pipeline.reason.groups import enumerate_groups, expand_groups
+from mam_pipeline.reason.select import completed
 
 # panel and handle, the panel, the handle, another front
 MASKS = np.array([[1, 1, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], dtype=bool)
@@ -105,3 +106,18 @@ def test_an_example_knows_how_well_its_primitives_hold_the_parts() -> None:
     assert mixed.bound < 0.6
     still = replace(item, subtype=np.full_like(item.subtype, -1))
     assert still.bound == 1.0
+
+
+def test_what_was_left_of_a_part_joins_it_and_what_the_base_holds_more_does_not() -> None:
+    item, *_ = measured()
+    pairs = np.array([[0, 1], [0, 2], [2, 3], [1, 4]])
+    graph = replace(item.graph, pairs=pairs)
+    move = np.full(graph.count, 0.1)
+    move[[0, 1, 2]] = 0.9
+    part = np.arange(graph.count)[None] == 0
+    found = completed(graph, part, np.array([0.8, 0.6, 0.7, 0.9]), move)
+    assert np.flatnonzero(found[0]).tolist() == [0]  # 4 and 3 are still and hold 1 and 2 more
+    found = completed(graph, part, np.array([0.8, 0.6, 0.7, 0.2]), move)
+    assert np.flatnonzero(found[0]).tolist() == [0, 1]
+    found = completed(graph, part, np.array([0.4, 0.6, 0.5, 0.2]), move)
+    assert np.flatnonzero(found[0]).tolist() == [0, 2]  # 1 is bound too weakly

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import pickle
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
 
 from mam_pipeline.backends import KinematicPrior
 from mam_pipeline.geometry.fuse import fuse_mesh, nearest_faces
@@ -20,13 +22,15 @@ from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import Articulation, FloatArray, IntArray, Mesh, Primitives
 from mam_pipeline.world import make_object
 from mam_pipeline.world.kit import Builder
-from mam_pipeline.world.object import finish, generator
+from mam_pipeline.world.object import WorldObject, finish, generator
+from mam_pipeline.world.static import Soup
 from mam_pipeline.world.style import draw_style
 
 FUSED = "_f"  # ends the names of fused examples
 RESOLUTIONS = (112, 128, 160, 192, 192)  # cells along a fused example's longest side
 ROUGHNESS = (0.0, 0.0, 0.0, 0.0003, 0.001)  # of its diagonal
 COARSENESS = (0.4, 1.6)  # times the bound on the cost of a cut, for fused examples
+UNITED = 0.4  # share of authored examples whose base, or every link, is made one solid
 SUBTYPE_OF = {"hinge": 0, "spin": 1, "slide": 2}
 
 
@@ -57,6 +61,11 @@ class Example:
     def purity(self) -> FloatArray:
         """(P,) share of a primitive's area that its link owns."""
         return self.overlap.max(axis=1) / np.maximum(self.overlap.sum(axis=1), 1e-12)
+
+    @property
+    def movable(self) -> IntArray:
+        """Links that move and own a primitive; smaller ones cannot be found."""
+        return np.intersect1d(np.flatnonzero(self.subtype >= 0), self.link)
 
     @property
     def bound(self) -> float:
@@ -118,15 +127,21 @@ def from_labels(
 def world_example(category: str, seed: int, fused: bool = False) -> Example:
     """One procedural object, segmented as in the product, in a style of its own."""
     style = replace(draw_style(generator(category, seed, stream=1)), fused=False)
-    return _seen(category, seed, make_object(category, seed, style).truth(), fused)
+    return _seen(category, seed, make_object(category, seed, style), fused)
 
 
-def _seen(kind: str, seed: int, truth: Articulation, fused: bool) -> Example:
-    """The object as it is, or as one skin at a drawn resolution and roughness."""
+def _seen(kind: str, seed: int, made: WorldObject, fused: bool) -> Example:
+    """The object as it is, some of its links made one solid, or as one skin.
+
+    The skin's resolution and roughness are drawn.
+    """
+    rng = np.random.default_rng(zlib.crc32(f"{kind}{seed}".encode()))
+    if not fused and (draw := rng.random()) < UNITED:
+        made = united(made, (0,) if draw < UNITED / 2 else range(len(made.articulation.links)))
+    truth = made.truth()
     name, mesh, face_link = f"{kind}_{seed:06d}", truth.mesh, truth.face_link
     segmenter = GeometricSegmenter()
     if fused:
-        rng = np.random.default_rng(zlib.crc32(f"{kind}{seed}".encode()))
         resolution, noise = int(rng.choice(RESOLUTIONS)), float(rng.choice(ROUGHNESS))
         skin = fuse_mesh(mesh, resolution, noise, seed, faces=60_000)
         name, face_link = name + FUSED, np.asarray(face_link)[nearest_faces(mesh, skin)]
@@ -134,6 +149,42 @@ def _seen(kind: str, seed: int, truth: Articulation, fused: bool) -> Example:
         segmenter = GeometricSegmenter(CLEAR * np.exp(rng.uniform(*np.log(COARSENESS))))
     primitives = segmenter.segment(mesh)
     return from_labels(name, kind, mesh, face_link, truth, primitives)
+
+
+def united(made: WorldObject, links: Sequence[int]) -> WorldObject:
+    """With the pieces of some links made one solid each, as many a real body is one shell.
+
+    Pieces that enclose no volume stay as they are.
+    """
+    soup = made.soup
+    out = soup
+    for link in links:
+        pieces = np.flatnonzero(soup.piece_link == link)
+        shut = {int(k): m for k in pieces if (m := _piece(soup, k)).is_volume}
+        if len(shut) < 2:
+            continue
+        whole = trimesh.boolean.union(list(shut.values()), engine="manifold")
+        out = out.keep(~np.isin(out.face_piece, list(shut)))
+        first = min(shut)
+        owner = np.append(out.face_piece, np.full(len(whole.faces), first))
+        order = np.argsort(owner, kind="stable")
+        out = replace(
+            out, vertices=np.concatenate([out.vertices, whole.vertices]),
+            uv=np.concatenate([out.uv, whole.vertices[:, :2]]),
+            faces=np.concatenate([out.faces, whole.faces + len(out.vertices)])[order],
+            face_piece=owner[order],
+            piece_is_box=out.piece_is_box & (np.arange(len(out.piece_link)) != first),
+        )  # fmt: skip
+    return replace(made, soup=out)
+
+
+def _piece(soup: Soup, k: int) -> trimesh.Trimesh:
+    """One piece as a mesh whose equal vertices are one."""
+    faces = soup.faces[soup.face_piece == k]
+    mesh = trimesh.Trimesh(soup.vertices, faces, process=False)
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    mesh.remove_unreferenced_vertices()
+    return mesh
 
 
 def save_example(example: Example, path: Path) -> None:
@@ -174,6 +225,7 @@ def abstract_kinds() -> dict[str, Any]:
         curriculum,
         curriculum_cases,
         curriculum_large,
+        curriculum_several,
         curriculum_slides,
     )
 
@@ -185,7 +237,7 @@ def abstract_kinds() -> dict[str, Any]:
         "abstract_slot": curriculum_slides.slot, "abstract_tracks": curriculum_slides.tracks,
         "abstract_keys": curriculum_slides.keys, "abstract_board": curriculum_large.board,
         "abstract_leaf": curriculum_large.leaf, "abstract_opened": curriculum_large.opened,
-        "abstract_tap": curriculum_large.tap,
+        "abstract_tap": curriculum_large.tap, "abstract_several": curriculum_several.several,
     }  # fmt: skip
 
 
@@ -193,4 +245,4 @@ def abstract_example(kind: str, seed: int, fused: bool = False) -> Example:
     """One abstract object (`reason.curriculum`)."""
     b = Builder(generator(kind, seed), draw_style(generator(kind, seed, stream=1), 0.0))
     abstract_kinds()[kind](b)
-    return _seen(kind, seed, finish(b, kind, seed).truth(), fused)
+    return _seen(kind, seed, finish(b, kind, seed), fused)

@@ -264,7 +264,7 @@ def mechanism(b: Builder) -> None:
         kind = MOVERS[b.integer(0, len(MOVERS) - 1)]
         side = np.cross(normal, along)
         extent = float(np.abs(size @ np.abs(side)))
-        s = extent / count / b.uniform(3, 6)
+        s = extent / count / b.uniform(2.5, 6)
         for k in range(count):
             shift = side * extent * ((k + 0.5) / count - 0.5)
             centre = (low + high) / 2
@@ -272,7 +272,7 @@ def mechanism(b: Builder) -> None:
             with b.facing(centre + shift, normal, along):
                 kind(b, b.link("part", "part"), s)
     else:
-        s = room * float(np.exp(b.uniform(np.log(0.04), np.log(0.45))))
+        s = room * float(np.exp(b.uniform(np.log(0.07), np.log(0.45))))
         with b.facing(spot, normal, along):
             MOVERS[b.integer(0, len(MOVERS) - 1)](b, b.link("part", "part"), s)
     decoys(b, low, high, b.choice((0, 1, 2, 4, 6)), normal)

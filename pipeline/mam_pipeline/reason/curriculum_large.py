@@ -245,7 +245,7 @@ def board(b: Builder) -> None:
             room = min(width, size[0] if face == "top" else size[2])
             with b.facing(spot, normal, along):
                 MOVERS[b.integer(0, len(MOVERS) - 1)](
-                    b, b.link("part", "part"), room * b.uniform(0.06, 0.2)
+                    b, b.link("part", "part"), room * b.uniform(0.09, 0.24)
                 )
     if not b.joints:
         with b.facing((low[0] + 0.5 * size[0], 0, high[2]), (0, 0, 1), (1, 0, 0)):

@@ -23,6 +23,7 @@ from mam_pipeline.reason.groups import Masks, enumerate_groups, expand_groups
 from mam_pipeline.reason.joint_view import with_joints
 from mam_pipeline.reason.network import Reading, log_odds
 from mam_pipeline.reason.scores import Scores, load_scores, one_skin
+from mam_pipeline.reason.select import completed
 from mam_pipeline.reason.tree import Choice, build_tree
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import FloatArray, KinematicTree, Mesh, Primitives
@@ -124,6 +125,8 @@ def decide(views: Sequence[View], scores: Scores) -> tuple[Masks, Choice]:
         ])  # fmt: skip
         chosen = sets.rows()[int(np.argmax(quality))]
         chosen.sort(key=lambda c: -value[c])
+        masks = masks.copy()
+        masks[chosen] = completed(graph, masks[chosen], same, readings[0].move)
     return masks, Choice(tuple(chosen), value, odds, scores.confidence(value), float(value.max()))
 
 

@@ -20,7 +20,9 @@ MIX = (
     "abstract_tracks", "abstract_sash", "abstract_slot", "abstract_plunger", "abstract_keys",
     "abstract_leaf", "abstract_opened", "abstract_tap", "abstract_board", "abstract_tracks",
     "abstract_sash", "abstract_slot", "abstract_plunger", "abstract_keys", "abstract_leaf",
-    "abstract_opened", "abstract_tap", "abstract_board",
+    "abstract_opened", "abstract_tap", "abstract_board", "abstract_several", "abstract_leaf",
+    "abstract_several", "abstract_console", "abstract_several", "abstract_doorway",
+    "abstract_several", "abstract_leaf", "abstract_several", "abstract_console",
 )  # fmt: skip
 FOLDS = 2  # of the cross-fitting
 Job = tuple[str, int, bool]  # kind, seed, fused

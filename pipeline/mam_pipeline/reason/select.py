@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from mam_pipeline.reason.graph import Graph
 from mam_pipeline.reason.groups import Masks
 from mam_pipeline.types import FloatArray
+
+LIKELY = 0.5  # from here on a primitive is taken to move, and to belong with another
 
 
 def select_groups(masks: Masks, value: FloatArray, threshold: float, sweeps: int = 3) -> list[int]:
@@ -37,6 +40,32 @@ def select_groups(masks: Masks, value: FloatArray, threshold: float, sweeps: int
         if not improved:
             break
     return sorted(chosen, key=lambda c: -value[c])
+
+
+def completed(graph: Graph, parts: Masks, same: FloatArray, move: FloatArray) -> Masks:
+    """Parts (K, P) with the primitives that were left in the base and belong to them.
+
+    A front without its handle overlaps the true part well, so its score hardly asks for the
+    handle; the bonds do. A primitive joins the part that it is bound to most, if it is likely to
+    move and is bound to no still one as much; the strongest bond first.
+
+    Args:
+        same: (E,), move: (P,) probabilities of the bonds and of moving.
+    """
+    owner = np.where(parts.any(axis=0), np.argmax(parts, axis=0), -1)
+    one, other = graph.pairs[:, 0], graph.pairs[:, 1]
+    a, b = np.concatenate([one, other]), np.concatenate([other, one])
+    bond = np.concatenate([same, same])
+    while True:
+        still = np.zeros(graph.count)
+        base = (owner[b] < 0) & (move[b] < LIKELY)
+        np.maximum.at(still, a[base], bond[base])
+        joins = (owner[a] < 0) & (owner[b] >= 0) & (move[a] > LIKELY) & (bond > LIKELY)
+        joins &= bond > still[a]
+        if not joins.any():
+            return np.arange(len(parts))[:, None] == owner[None]
+        best = int(np.argmax(np.where(joins, bond, -1.0)))
+        owner[a[best]] = owner[b[best]]
 
 
 def _fill(start: list[int], order: list[int], clash: Masks) -> list[int]:

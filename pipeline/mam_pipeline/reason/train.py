@@ -7,9 +7,8 @@ object; (2) candidates from the cross-fitted scores, and a model of their overla
 parts; (3) the same again with more candidates beside the best and with what the first look says of
 rivals and twins; (4) the type of parts; (5) the score of whole sets of candidates. Some examples
 are seen a second time without a kinematic prior. The confidence is calibrated on the validation
-split, which has categories of its own. All of it is done twice: on everything, which gives the
-weights for authored meshes, and on the fused objects alone, those whose cuts part what moves, the
-networks going on from the first.
+split, which has categories of its own. All of it is done twice: on authored meshes, and on the
+fused ones whose cuts part what moves, the networks going on from the first.
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ COMMON: dict[str, Any] = {
 OVERLAP: dict[str, Any] = {"objective": "cross_entropy"}
 TYPES: dict[str, Any] = {"objective": "multiclass", "num_class": 3}
 WORTH = np.array([2 / 3, 1 / 3])  # of mIoU and of the right count, in a set's score
-DRAW = 0.8  # share of the corpus that trains one member
+DRAW, MOST = 0.8, 5500  # share of the corpus that trains one member, and examples at most
 SETS = 28  # sets of one look that train the set model
 # beside the learned score of a set of fused pieces, which leaves parts out: most objects have one
 PROMISE = 1.0
@@ -131,7 +130,7 @@ class Look:
         path, fold, prior: which example, its cross-fitting fold, whether seen with a prior.
         masks, features: (C, P) candidates and what the group models see of them.
         reading: what bond models and networks say. overlap: (C, L) with the true links.
-        subtype: (L,). truth: number of visible movable links.
+        subtype: (L,). truth: number of movable links that own a primitive.
     """
 
     path: Path
@@ -156,10 +155,9 @@ def look(path: Path, same: Any, move: Any, networks: Sequence[Network], with_pri
     reading = read(networks, example.graph, unary, pairs, s, m)
     masks = enumerate_groups(example.graph, reading.same, reading.move)
     features = measured(example.graph, masks, reading, prior)
-    visible = (example.overlap.sum(axis=0) > 0) & (example.subtype >= 0)
     return Look(
         path, fold_of(example.name), with_prior, masks, features, reading,
-        example.part_overlap(masks), example.subtype, int(visible.sum()),
+        example.part_overlap(masks), example.subtype, len(example.movable),
     )  # fmt: skip
 
 
@@ -379,41 +377,59 @@ def finish(
 
 def main(arguments: list[str] | None = None) -> None:
     """Make the corpus, train the networks and the members on draws of it, write the weights."""
-    from mam_pipeline.reason.train_network import train as train_network
+    from mam_pipeline.reason import train_network as networks
 
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--count", type=int, default=3300, help="objects of the world")
-    parser.add_argument("--abstract", type=int, default=2300, help="abstract objects")
-    parser.add_argument("--fused", type=int, default=2000, help="fused objects of either sort")
+    parser.add_argument("--count", type=int, default=9800, help="objects of the world")
+    parser.add_argument("--abstract", type=int, default=12400, help="abstract objects")
+    parser.add_argument("--fused", type=int, default=2400, help="fused objects of either sort")
     parser.add_argument("--validation", type=int, default=100, help="objects of each sort")
     parser.add_argument("--members", type=int, default=2, help="models whose mean is taken")
-    parser.add_argument("--epochs", type=int, default=6, help="of the graph networks")
     parser.add_argument("--cache", type=Path, required=True, help="folder for examples")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "weights")
     options = parser.parse_args(arguments)
     train = gather(jobs("train", options.count, options.abstract, options.fused), options.cache)
     few = options.validation
     held = gather(jobs("validation", few, few, few), options.cache)
-    arrays = [train_network(train, fold, options.epochs) for fold in range(FOLDS)]
-    fit_members(train, held, arrays, options.members, options.out / "authored")
-    skins, held = ([p for p in paths if p.stem.endswith(FUSED)] for paths in (train, held))
+    (plain, skins), (held, held_skins) = _apart(train), _apart(held)
+    long = [networks.train(plain, fold, networks.LONG) for fold in range(FOLDS)]
+    wary = [networks.train(plain, fold, networks.WARY) for fold in range(FOLDS)]
+    fit_members(plain, held, wary, options.members, options.out / "authored", beside=long)
     skins = [p for p in skins if load_example(p).bound >= PARTED]
-    arrays = [train_network(skins, fold, 3 * options.epochs, arrays) for fold in range(FOLDS)]
-    fit_members(skins, held, arrays, options.members, options.out / "fused", PROMISE)
+    tuned = [networks.train(skins, fold, networks.TUNING, long) for fold in range(FOLDS)]
+    fit_members(skins, held_skins, tuned, options.members, options.out / "fused", PROMISE)
+
+
+def _apart(paths: list[Path]) -> tuple[list[Path], list[Path]]:
+    """Examples of authored meshes, and of fused ones."""
+    fused = [p for p in paths if p.stem.endswith(FUSED)]
+    return [p for p in paths if p not in set(fused)], fused
 
 
 def fit_members(
     train: list[Path], held: list[Path], networks: list[dict[str, Any]], number: int, out: Path,
-    promise: float = 0.0,
+    promise: float = 0.0, beside: Sequence[dict[str, Any]] = (),
 ) -> None:  # fmt: skip
-    """Train members on draws of the examples, score them together and write the weights."""
+    """Train members on draws of the examples, score them together and write the weights.
+
+    Args:
+        networks: one for each fold, whose views the members learn to read.
+        beside: more of the same kind, asked with them in use.
+    """
     members, sizes = [], []
-    for seed in range(number):
-        order = np.random.default_rng(seed).permutation(len(train))
-        draw = [train[k] for k in order[: int(DRAW * len(train))]]
+    for member in range(number):
+        draw = draw_of(train, member, number)
         members.append(fit_member(draw, [Network(weights) for weights in networks]))
         sizes.append(len(draw))
-    finish(members, networks, held, sizes, out, promise)
+    finish(members, [*beside, *networks], held, sizes, out, promise)
+
+
+def draw_of(train: list[Path], member: int, number: int) -> list[Path]:
+    """The examples of one of several members: a stretch of one shuffled row, far from others."""
+    order = np.random.default_rng(0).permutation(len(train))
+    size = min(int(DRAW * len(train)), MOST)
+    first = member * (len(train) - size) // max(number - 1, 1)
+    return [train[k] for k in order[first : first + size]]
 
 
 if __name__ == "__main__":

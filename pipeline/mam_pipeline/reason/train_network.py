@@ -29,11 +29,26 @@ from mam_pipeline.reason.recipe import fold_of
 from mam_pipeline.reason.scores import RuleScores
 
 WIDTH, LAYERS = 64, 3
-DROPOUT, LEFT_OUT, WITHOUT_PRIOR = 0.2, 0.12, 0.2
+WITHOUT_PRIOR = 0.2
 BATCH, GROUPS, LARGEST = 12, 40, 90  # objects in a step, groups of each, primitives at most
 RATE, DECAY = 2e-3, 0.05
 TUNING_RATE = 1.2e-3
 PRIOR = ("mobility", "affinity")  # columns whose names hold these come from the kinematic prior
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """How long a network is trained, and how much is kept from it: states, columns of features."""
+
+    epochs: int
+    dropout: float = 0.35
+    left_out: float = 0.3
+
+
+# on kinds that are never trained on the first is surer of what belongs together, the second less
+# often wrong of what moves, and their mean is better than either
+LONG, WARY = Lesson(12, 0.2, 0.12), Lesson(5)
+TUNING = Lesson(18, 0.2, 0.12)  # of long networks on fused examples
 
 
 @dataclass
@@ -110,7 +125,7 @@ def _mlp(inside: int, outside: int, between: int) -> nn.Sequential:
 class Net(nn.Module):
     """The network of `reason.network`, for training; the names of its weights are the same."""
 
-    def __init__(self, unary: int, pair: int) -> None:
+    def __init__(self, unary: int, pair: int, dropout: float = 0.0) -> None:
         super().__init__()
         d = WIDTH
         self.inu, self.inq = _mlp(unary, d, d), _mlp(pair, d, d)
@@ -120,7 +135,7 @@ class Net(nn.Module):
         self.le = nn.ModuleList([nn.LayerNorm(d) for _ in range(LAYERS)])
         self.same, self.move, self.gp = _mlp(3 * d, 1, d), _mlp(2 * d, 1, d), _mlp(2 * d, d, d)
         self.group, self.gout = _mlp(6 * d + 4, 2 * d, 2 * d), nn.Linear(2 * d, 4)
-        self.drop = nn.Dropout(DROPOUT)
+        self.drop = nn.Dropout(dropout)
 
     def forward(self, b: Batch) -> tuple[Tensor, Tensor, Tensor]:
         """Logits of pairs (E,), of primitives (P,), of groups (C, 4): overlap and three types."""
@@ -249,21 +264,21 @@ def loss_of(answer: tuple[Tensor, Tensor, Tensor], truth: tuple[Tensor, ...]) ->
 
 
 def fit(
-    items: list[Item], names: Sequence[Sequence[str]], epochs: int, seed: int = 0,
+    items: list[Item], names: Sequence[Sequence[str]], lesson: Lesson, seed: int = 0,
     start: Mapping[str, NDArray] | None = None,
 ) -> Net:  # fmt: skip
     """Train one network on normalised items, from the weights `start` on if there are any."""
     rng = np.random.default_rng(seed)
     torch.manual_seed(seed)
-    net = Net(items[0].unary.shape[1], items[0].pair.shape[1])
+    net = Net(items[0].unary.shape[1], items[0].pair.shape[1], lesson.dropout)
     if start is not None:
         known = {k: torch.as_tensor(start[k].astype(np.float32)) for k in net.state_dict()}
         net.load_state_dict(known)
     fastest = RATE if start is None else TUNING_RATE
     blind = [np.flatnonzero([any(p in n for p in PRIOR) for n in columns]) for columns in names]
     optimiser = torch.optim.AdamW(net.parameters(), lr=RATE, weight_decay=DECAY)
-    steps, done, started = epochs * (len(items) // BATCH), 0, time.time()
-    for epoch in range(epochs):
+    steps, done, started = lesson.epochs * (len(items) // BATCH), 0, time.time()
+    for epoch in range(lesson.epochs):
         total = 0.0
         for rows in _batches(len(items), rng):
             warm = min(1.0, done / max(1, min(300, steps // 10)))
@@ -272,7 +287,7 @@ def fit(
                 group["lr"] = rate
             batch = batch_of([items[k] for k in rows], rng, blind)
             for values in (batch.unary, batch.pair):
-                values[:, torch.rand(values.shape[1]) < LEFT_OUT] = 0.0
+                values[:, torch.rand(values.shape[1]) < lesson.left_out] = 0.0
             loss = loss_of(net(batch), batch.truth)
             optimiser.zero_grad()
             loss.backward()
@@ -301,7 +316,7 @@ def weights_of(
 
 
 def train(
-    paths: list[Path], fold: int, epochs: int, start: Sequence[Mapping[str, NDArray]] = ()
+    paths: list[Path], fold: int, lesson: Lesson, start: Sequence[Mapping[str, NDArray]] = ()
 ) -> dict[str, NDArray]:
     """The weights of the network that never saw the examples of `fold`.
 
@@ -323,5 +338,5 @@ def train(
     for item in items:
         item.unary = normalised(item.unary, scales[0])
         item.pair = normalised(item.pair.reshape(-1, len(names[1])), scales[1])
-    net = fit(items, names, epochs, fold, start[fold] if start else None)
+    net = fit(items, names, lesson, fold, start[fold] if start else None)
     return weights_of(net, scales, names)

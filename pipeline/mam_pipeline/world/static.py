@@ -37,7 +37,7 @@ class Soup:
         """(F,) link of every face."""
         return self.piece_link[self.face_piece]
 
-    def keep(self, mask: IntArray) -> Soup:
+    def keep(self, mask: np.ndarray) -> Soup:
         """Only the faces of a boolean mask; unused vertices go."""
         faces = self.faces[mask]
         used = np.zeros(len(self.vertices), dtype=bool)
