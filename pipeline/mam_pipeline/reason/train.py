@@ -402,8 +402,8 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _apart(paths: list[Path]) -> tuple[list[Path], list[Path]]:
     """Examples of authored meshes, and of fused ones."""
-    fused = [p for p in paths if p.stem.endswith(FUSED)]
-    return [p for p in paths if p not in set(fused)], fused
+    plain = [p for p in paths if not p.stem.endswith(FUSED)]
+    return plain, [p for p in paths if p.stem.endswith(FUSED)]
 
 
 def fit_members(

@@ -45,8 +45,8 @@ class Lesson:
     left_out: float = 0.3
 
 
-# on kinds that are never trained on the first is surer of what belongs together, the second less
-# often wrong of what moves, and their mean is better than either
+# the first knows the trained kinds better, the second is less sure of others: trees learn to read
+# the second, and both are asked together
 LONG, WARY = Lesson(12, 0.2, 0.12), Lesson(5)
 TUNING = Lesson(18, 0.2, 0.12)  # of long networks on fused examples
 
