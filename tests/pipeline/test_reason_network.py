@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from mam_pipeline.reason.corpus import (
+    FUSED,
     Example,
     abstract_example,
     abstract_kinds,
@@ -20,7 +21,7 @@ from mam_pipeline.reason.features import Table, pair_features, primitive_feature
 from mam_pipeline.reason.group_features import measured
 from mam_pipeline.reason.groups import enumerate_groups
 from mam_pipeline.reason.network import Network, Reading, normalised, read, together
-from mam_pipeline.reason.recipe import FOLDS
+from mam_pipeline.reason.recipe import FOLDS, fold_of, jobs
 from mam_pipeline.reason.scores import load_scores
 from mam_pipeline.reason.train_network import (
     GROUPS,
@@ -146,9 +147,18 @@ def test_what_slides_and_what_turns_both_occur(kind: str) -> None:
 def test_the_shipped_scores_read_with_networks() -> None:
     example, unary, pairs = seen()
     reading = load_scores().read(example.graph, unary, pairs)
-    assert len(reading.views) == 2 * FOLDS  # of two lessons
+    assert len(reading.views) == 2  # of two halves of the objects
     assert reading.same.shape == (len(example.graph.pairs),)
     assert ((reading.move > 0) & (reading.move < 1)).all()
+
+
+def test_all_of_a_kind_is_in_one_fold() -> None:
+    folds: dict[str, set[int]] = {}
+    for kind, seed, fused in jobs("train", 300, 300, 200):
+        name = f"{kind}_{seed:06d}" + (FUSED if fused else "")
+        folds.setdefault(kind, set()).add(fold_of(name))
+    assert all(len(found) == 1 for found in folds.values())
+    assert set.union(*folds.values()) == set(range(FOLDS))
 
 
 def test_tuning_goes_on_from_given_weights(tmp_path: Path) -> None:
@@ -156,10 +166,10 @@ def test_tuning_goes_on_from_given_weights(tmp_path: Path) -> None:
     for seed in range(28):
         paths.append(tmp_path / f"abstract_leaf_{seed:06d}.ex")
         save_example(abstract_example("abstract_leaf", seed), paths[-1])
-    start = [untrained()[1]] * FOLDS
-    tuned = train(paths, 0, Lesson(2), start)
-    assert set(tuned) == set(start[0])
+    start = untrained()[1]
+    tuned = train(paths, Lesson(2), start=start, guides=[start] * FOLDS)
+    assert set(tuned) == set(start)
     for name in ("primitive_scale", "pair_scale", "primitive_names"):
-        assert np.array_equal(tuned[name], start[0][name])
-    moved = np.abs(tuned["move.0.weight"].astype(float) - start[0]["move.0.weight"]).max()
+        assert np.array_equal(tuned[name], start[name])
+    moved = np.abs(tuned["move.0.weight"].astype(float) - start["move.0.weight"]).max()
     assert 0 < moved < 0.1  # two short epochs move it a little: it did not begin anew

@@ -57,11 +57,11 @@ def several(b: Builder) -> None:
         columns = b.integer(1, max(1, min(4, int(3 * face.wide / max(face.tall, 0.1)))))
         for i in range(rows):
             for j in range(columns):
-                if len(b.joints) >= most:
-                    return
                 if not alike:
                     fill, which = _draw(b, False), b.integer(0, len(SMALL) - 1)
                     size = b.uniform(0, 1)
+                if len(b.joints) >= most:
+                    fill = b.choice(("still", "nothing"))
                 _cell(b, face, (i, rows), (j, columns), fill, (which, size))
     if not b.joints:
         _cell(b, faces[0], (0, 1), (0, 1), "small", (which, size))
@@ -69,7 +69,7 @@ def several(b: Builder) -> None:
 
 
 def _draw(b: Builder, moves: bool) -> str:
-    share = (0.42, 0.14, 0.1, 0.14, 0.1, 0.1)
+    share = (0.37, 0.12, 0.1, 0.13, 0.18, 0.1)
     fill = str(b.choice(FILLS, share))
     return "small" if moves and fill in ("still", "nothing") else fill
 

@@ -3,12 +3,14 @@
 Recipe: objects of the world's training split in every style, abstract ones, and both as one fused
 skin, through the real segmenter and probing; (0) a graph network for each fold, from the other
 folds (`reason.train_network`); (1) pair and primitive models, cross-fitted in the same folds by
-object; (2) candidates from the cross-fitted scores, and a model of their overlap with true
-parts; (3) the same again with more candidates beside the best and with what the first look says of
-rivals and twins; (4) the type of parts; (5) the score of whole sets of candidates. Some examples
-are seen a second time without a kinematic prior. The confidence is calibrated on the validation
-split, which has categories of its own. All of it is done twice: on authored meshes, and on the
-fused ones whose cuts part what moves, the networks going on from the first.
+kind of object, so that what comes after learns how such views err on kinds they never saw; (2)
+candidates from the cross-fitted scores, and a model of their overlap with true parts; (3) the same
+again with more candidates beside the best and with what the first look says of rivals and twins;
+(4) the type of parts; (5) the score of whole sets of candidates. Some examples are seen a second
+time without a kinematic prior. In use networks are asked that know all kinds, each from one half
+of the objects. The confidence is calibrated on the validation split, which has categories of its
+own. All of it is done twice: on authored meshes, and on the fused ones whose cuts part what moves,
+the networks going on from the first.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import argparse
 import gzip
 import json
 import sys
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,8 +54,9 @@ TYPES: dict[str, Any] = {"objective": "multiclass", "num_class": 3}
 WORTH = np.array([2 / 3, 1 / 3])  # of mIoU and of the right count, in a set's score
 DRAW, MOST = 0.8, 5500  # share of the corpus that trains one member, and examples at most
 SETS = 28  # sets of one look that train the set model
-# beside the learned score of a set of fused pieces, which leaves parts out: most objects have one
-PROMISE = 1.0
+# weight of what the parts promise by themselves, beside the learned score of a set, which leaves
+# parts out: most objects have one. Most of all among fused pieces
+PROMISE, FUSED_PROMISE = 0.2, 1.0
 PARTED = 0.6  # fused examples whose primitives hold the parts worse teach what cannot be seen
 
 
@@ -103,8 +107,8 @@ def fit_bonds(paths: list[Path]) -> tuple[dict[str, list[lightgbm.Booster]], dic
         moving = (example.subtype[link] >= 0).astype(float)
         pair_label = (link[graph.pairs[:, 0]] == link[graph.pairs[:, 1]]).astype(float)
         trust = purity[graph.pairs].min(axis=1)
-        priors = (example.prior(), None) if fold_of(example.name + "?") == 0 else (example.prior(),)
-        for prior in priors:
+        blind = zlib.crc32(path.stem.encode()) % 2  # every second is also seen without a prior
+        for prior in (example.prior(), None)[: 1 + blind]:
             unary = primitive_features(graph, prior)
             pairs = pair_features(graph, unary, prior)
             n, e = max(graph.count, 1), max(len(graph.pairs), 1)
@@ -377,14 +381,14 @@ def finish(
 
 def main(arguments: list[str] | None = None) -> None:
     """Make the corpus, train the networks and the members on draws of it, write the weights."""
-    from mam_pipeline.reason import train_network as networks
+    from mam_pipeline.reason import train_network as lessons
 
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=9800, help="objects of the world")
     parser.add_argument("--abstract", type=int, default=12400, help="abstract objects")
     parser.add_argument("--fused", type=int, default=2400, help="fused objects of either sort")
     parser.add_argument("--validation", type=int, default=100, help="objects of each sort")
-    parser.add_argument("--members", type=int, default=2, help="models whose mean is taken")
+    parser.add_argument("--members", type=int, default=4, help="models whose mean is taken")
     parser.add_argument("--cache", type=Path, required=True, help="folder for examples")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "weights")
     options = parser.parse_args(arguments)
@@ -392,12 +396,19 @@ def main(arguments: list[str] | None = None) -> None:
     few = options.validation
     held = gather(jobs("validation", few, few, few), options.cache)
     (plain, skins), (held, held_skins) = _apart(train), _apart(held)
-    long = [networks.train(plain, fold, networks.LONG) for fold in range(FOLDS)]
-    wary = [networks.train(plain, fold, networks.WARY) for fold in range(FOLDS)]
-    fit_members(plain, held, wary, options.members, options.out / "authored", beside=long)
+    learn = lessons.train
+    guides = [learn(plain, lessons.WARY, fold=k) for k in range(FOLDS)]
+    asked = [learn(half, lessons.LONG, seed=k) for k, half in enumerate(_halves(plain))]
+    fit_members(plain, held, guides, asked, options.members, options.out / "authored", PROMISE)
     skins = [p for p in skins if load_example(p).bound >= PARTED]
-    tuned = [networks.train(skins, fold, networks.TUNING, long) for fold in range(FOLDS)]
-    fit_members(skins, held_skins, tuned, options.members, options.out / "fused", PROMISE)
+    tuned = [learn(skins, lessons.SHORT, k, 0, net, guides) for k, net in enumerate(guides)]
+    asked = [learn(skins, lessons.TUNING, None, k, net, guides) for k, net in enumerate(asked)]
+    fit_members(skins, held_skins, tuned, asked, 2, options.out / "fused", FUSED_PROMISE)
+
+
+def _halves(paths: list[Path]) -> list[list[Path]]:
+    """The examples in two, so that what is trained on either errs in its own way."""
+    return [[p for p in paths if zlib.crc32(p.stem.encode()) % 2 != k] for k in range(2)]
 
 
 def _apart(paths: list[Path]) -> tuple[list[Path], list[Path]]:
@@ -407,21 +418,21 @@ def _apart(paths: list[Path]) -> tuple[list[Path], list[Path]]:
 
 
 def fit_members(
-    train: list[Path], held: list[Path], networks: list[dict[str, Any]], number: int, out: Path,
-    promise: float = 0.0, beside: Sequence[dict[str, Any]] = (),
+    train: list[Path], held: list[Path], guides: list[dict[str, Any]],
+    asked: list[dict[str, Any]], number: int, out: Path, promise: float,
 ) -> None:  # fmt: skip
     """Train members on draws of the examples, score them together and write the weights.
 
     Args:
-        networks: one for each fold, whose views the members learn to read.
-        beside: more of the same kind, asked with them in use.
+        guides: one network for each fold, whose views the members learn to read.
+        asked: the networks that are asked in use.
     """
     members, sizes = [], []
     for member in range(number):
         draw = draw_of(train, member, number)
-        members.append(fit_member(draw, [Network(weights) for weights in networks]))
+        members.append(fit_member(draw, [Network(weights) for weights in guides]))
         sizes.append(len(draw))
-    finish(members, [*beside, *networks], held, sizes, out, promise)
+    finish(members, asked, held, sizes, out, promise)
 
 
 def draw_of(train: list[Path], member: int, number: int) -> list[Path]:

@@ -1,9 +1,10 @@
 """Trains the graph networks of the reasoner; `reason.train` calls it.
 
-One network for each fold of the cross-fitting of `reason.train`, on the examples of the other
-folds; together they are asked in use. Four losses: pairs in one body, primitives that move, overlap
-of sampled groups with a true part, and the type of good groups. Columns of features are left out
-at random, the kinematic prior among them, so that none is leant on alone.
+For each fold of the cross-fitting of `reason.train` one on the other folds, which the trees learn
+to read, and some on examples of all kinds, which are asked in use. Four losses: pairs in one body,
+primitives that move, overlap of sampled groups with a true part, and the type of good groups.
+Columns of features are left out at random, the kinematic prior among them, so that none is leant
+on alone.
 """
 
 from __future__ import annotations
@@ -45,10 +46,10 @@ class Lesson:
     left_out: float = 0.3
 
 
-# the first knows the trained kinds better, the second is less sure of others: trees learn to read
-# the second, and both are asked together
-LONG, WARY = Lesson(12, 0.2, 0.12), Lesson(5)
-TUNING = Lesson(18, 0.2, 0.12)  # of long networks on fused examples
+# trees learn to read networks that know little but the other kinds, and are surer of them; those
+# that are asked in use know all kinds, and well
+WARY, LONG = Lesson(5), Lesson(12, 0.2, 0.12)
+SHORT, TUNING = Lesson(10, 0.3, 0.25), Lesson(18, 0.2, 0.12)  # either goes on, on fused examples
 
 
 @dataclass
@@ -316,20 +317,23 @@ def weights_of(
 
 
 def train(
-    paths: list[Path], fold: int, lesson: Lesson, start: Sequence[Mapping[str, NDArray]] = ()
-) -> dict[str, NDArray]:
-    """The weights of the network that never saw the examples of `fold`.
+    paths: list[Path], lesson: Lesson, fold: int | None = None, seed: int = 0,
+    start: Mapping[str, NDArray] | None = None, guides: Sequence[Mapping[str, NDArray]] = (),
+) -> dict[str, NDArray]:  # fmt: skip
+    """The weights of a network.
 
     Args:
-        start: the networks of all folds to go on from, with other examples.
+        fold: kinds of objects that it never sees; None: it sees all examples.
+        start: weights to go on from, with other examples.
+        guides: the networks of all folds, after which groups are drawn up; by default rules.
     """
     chosen = [p for p in paths if fold_of(p.stem) != fold]
-    guides = [Network(weights) for weights in start]
-    found = [item_of(p, guides[fold_of(p.stem)] if guides else None) for p in chosen]
+    read = [Network(weights) for weights in guides]
+    found = [item_of(p, read[fold_of(p.stem)] if read else None) for p in chosen]
     kept = [f for f in found if f is not None]
     items, names = [f[0] for f in kept], kept[0][1:]
-    if start:
-        scales = [start[fold]["primitive_scale"], start[fold]["pair_scale"]]
+    if start is not None:
+        scales = [start["primitive_scale"], start["pair_scale"]]
     else:
         scales = [
             spread(np.concatenate([i.unary for i in items])),
@@ -338,5 +342,4 @@ def train(
     for item in items:
         item.unary = normalised(item.unary, scales[0])
         item.pair = normalised(item.pair.reshape(-1, len(names[1])), scales[1])
-    net = fit(items, names, lesson, fold, start[fold] if start else None)
-    return weights_of(net, scales, names)
+    return weights_of(fit(items, names, lesson, seed, start), scales, names)
