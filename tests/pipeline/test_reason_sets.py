@@ -119,5 +119,7 @@ def test_what_was_left_of_a_part_joins_it_and_what_the_base_holds_more_does_not(
     assert np.flatnonzero(found[0]).tolist() == [0]  # 4 and 3 are still and hold 1 and 2 more
     found = completed(graph, part, np.array([0.8, 0.6, 0.7, 0.2]), move)
     assert np.flatnonzero(found[0]).tolist() == [0, 1]
-    found = completed(graph, part, np.array([0.4, 0.6, 0.5, 0.2]), move)
+    found = completed(graph, part, np.array([0.4, 0.6, 0.5, 0.1]), move)
+    assert np.flatnonzero(found[0]).tolist() == [0, 1, 2]
+    found = completed(graph, part, np.array([0.2, 0.6, 0.5, 0.1]), move)
     assert np.flatnonzero(found[0]).tolist() == [0, 2]  # 1 is bound too weakly

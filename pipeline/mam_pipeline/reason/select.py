@@ -8,7 +8,8 @@ from mam_pipeline.reason.graph import Graph
 from mam_pipeline.reason.groups import Masks
 from mam_pipeline.types import FloatArray
 
-LIKELY = 0.5  # from here on a primitive is taken to move, and to belong with another
+LIKELY = 0.5  # from here on a primitive is taken to move
+FAINT = 0.3  # bonds below this say nothing of where a primitive belongs
 
 
 def select_groups(masks: Masks, value: FloatArray, threshold: float, sweeps: int = 3) -> list[int]:
@@ -46,8 +47,8 @@ def completed(graph: Graph, parts: Masks, same: FloatArray, move: FloatArray) ->
     """Parts (K, P) with the primitives that were left in the base and belong to them.
 
     A front without its handle overlaps the true part well, so its score hardly asks for the
-    handle; the bonds do. A primitive joins the part that it is bound to most, if it is likely to
-    move and is bound to no still one as much; the strongest bond first.
+    handle; the bonds do. A primitive that is likely to move, and is no part of its own, joins the
+    part that it is bound to most, if it is bound to no still one as much; the strongest bond first.
 
     Args:
         same: (E,), move: (P,) probabilities of the bonds and of moving.
@@ -57,11 +58,10 @@ def completed(graph: Graph, parts: Masks, same: FloatArray, move: FloatArray) ->
     a, b = np.concatenate([one, other]), np.concatenate([other, one])
     bond = np.concatenate([same, same])
     while True:
-        still = np.zeros(graph.count)
+        still = np.full(graph.count, FAINT)
         base = (owner[b] < 0) & (move[b] < LIKELY)
         np.maximum.at(still, a[base], bond[base])
-        joins = (owner[a] < 0) & (owner[b] >= 0) & (move[a] > LIKELY) & (bond > LIKELY)
-        joins &= bond > still[a]
+        joins = (owner[a] < 0) & (owner[b] >= 0) & (move[a] > LIKELY) & (bond > still[a])
         if not joins.any():
             return np.arange(len(parts))[:, None] == owner[None]
         best = int(np.argmax(np.where(joins, bond, -1.0)))
