@@ -26,7 +26,8 @@ from mam_pipeline.reason.group_features import group_features, with_rivals
 from mam_pipeline.reason.groups import components, enumerate_groups, merge_tree
 from mam_pipeline.reason.scores import RuleScores, load_scores, one_skin
 from mam_pipeline.reason.select import select_groups
-from mam_pipeline.types import Mesh, Primitives
+from mam_pipeline.reason.tree import named
+from mam_pipeline.types import JointSubtype, KinematicTree, Mesh, PartNode, Primitives
 from mam_pipeline.world import Style, make_object
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
@@ -236,6 +237,21 @@ def test_reasoning_is_deterministic() -> None:
     first, second = (EmbeddedReasoner().reason(mesh, primitives, None) for _ in range(2))
     assert [n.primitives for n in first.nodes] == [n.primitives for n in second.nodes]
     assert [n.confidence for n in first.nodes] == [n.confidence for n in second.nodes]
+
+
+def test_a_part_is_named_after_its_last_type() -> None:
+    graph = example("abstract_case", 3).graph
+    base = PartNode("base", "body", (0,), -1, "fixed")
+    words: dict[JointSubtype, set[str]] = {
+        "slide": {"drawer", "panel", "button"}, "hinge": {"door", "lid", "lever"},
+        "spin": {"knob", "wheel"},
+    }  # fmt: skip
+    for subtype, known in words.items():
+        parts = [PartNode(f"part_{k}", "part", (k + 1,), 0, subtype) for k in range(2)]
+        nodes = named(graph, KinematicTree((base, *parts))).nodes
+        assert nodes[0] == base
+        assert {n.kind for n in nodes[1:]} <= known
+        assert len({n.name for n in nodes}) == 3
 
 
 def test_the_pieces_of_a_link_become_one_solid() -> None:

@@ -24,7 +24,7 @@ from mam_pipeline.reason.joint_view import with_joints
 from mam_pipeline.reason.network import Reading, log_odds
 from mam_pipeline.reason.scores import Scores, load_scores, one_skin
 from mam_pipeline.reason.select import completed
-from mam_pipeline.reason.tree import Choice, build_tree
+from mam_pipeline.reason.tree import Choice, build_tree, named
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import FloatArray, KinematicTree, Mesh, Primitives
 
@@ -60,7 +60,8 @@ class EmbeddedReasoner:
         views = sampled_views(mesh, primitives, prior, seed)
         scores = self.scores or load_scores("fused" if one_skin(primitives) else "authored")
         masks, choice = decide(views, scores)
-        return with_joints(build_tree(views[0].graph, masks, choice), mesh, primitives, seed)
+        tree = build_tree(views[0].graph, masks, choice)
+        return named(views[0].graph, with_joints(tree, mesh, primitives, seed))
 
 
 @dataclass(frozen=True)

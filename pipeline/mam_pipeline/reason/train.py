@@ -403,7 +403,8 @@ def main(arguments: list[str] | None = None) -> None:
     skins = [p for p in skins if load_example(p).bound >= PARTED]
     tuned = [learn(skins, lessons.SHORT, k, 0, net, guides) for k, net in enumerate(guides)]
     asked = [learn(skins, lessons.TUNING, None, k, net, guides) for k, net in enumerate(asked)]
-    fit_members(skins, held_skins, tuned, asked, 2, options.out / "fused", FUSED_PROMISE)
+    few = min(2, options.members)  # there are too few skins for more draws that differ
+    fit_members(skins, held_skins, tuned, asked, few, options.out / "fused", FUSED_PROMISE)
 
 
 def _halves(paths: list[Path]) -> list[list[Path]]:

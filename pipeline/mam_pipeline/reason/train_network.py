@@ -46,8 +46,8 @@ class Lesson:
     left_out: float = 0.3
 
 
-# trees learn to read networks that know little but the other kinds, and are surer of them; those
-# that are asked in use know all kinds, and well
+# the first for networks whose views of kinds they never saw the trees learn to read: longer lessons
+# make them too sure of such kinds; the second for those that know all kinds and are asked in use
 WARY, LONG = Lesson(5), Lesson(12, 0.2, 0.12)
 SHORT, TUNING = Lesson(10, 0.3, 0.25), Lesson(18, 0.2, 0.12)  # either goes on, on fused examples
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,7 +31,10 @@ class Choice:
 
 
 def build_tree(graph: Graph, masks: Masks, choice: Choice) -> KinematicTree:
-    """Assemble the tree; with nothing chosen, the base says why in its evidence."""
+    """Assemble the tree; with nothing chosen, the base says why in its evidence.
+
+    The parts are `named` when their types are settled.
+    """
     taken: np.ndarray = np.zeros(graph.count, dtype=bool)
     for c in choice.chosen:
         taken |= masks[c]
@@ -45,16 +48,13 @@ def build_tree(graph: Graph, masks: Masks, choice: Choice) -> KinematicTree:
     base = PartNode("base", "body", _indices(~taken), -1, "fixed", evidence=evidence)
     nodes = [base]
     parents = _parents(graph, [masks[c] for c in choice.chosen])
-    counts: dict[str, int] = {}
     for c, parent in zip(choice.chosen, parents):
         order = np.argsort(-choice.subtype[c], kind="stable")
         first, second = SUBTYPES[order[0]], SUBTYPES[order[1]]
-        kind = part_kind(graph, masks[c], first)
-        counts[kind] = counts.get(kind, -1) + 1
         nodes.append(
             PartNode(
-                name=f"{kind}_{counts[kind]}",
-                kind=kind,
+                name=f"part_{len(nodes) - 1}",
+                kind="part",
                 primitives=_indices(masks[c]),
                 parent=parent + 1,
                 subtype=first,
@@ -66,6 +66,17 @@ def build_tree(graph: Graph, masks: Masks, choice: Choice) -> KinematicTree:
                 },
             )
         )
+    return KinematicTree(tuple(nodes))
+
+
+def named(graph: Graph, tree: KinematicTree) -> KinematicTree:
+    """The tree with every part named after its shape and its type."""
+    nodes = [tree.nodes[0]]
+    counts: dict[str, int] = {}
+    for node in tree.nodes[1:]:
+        kind = part_kind(graph, np.isin(np.arange(graph.count), node.primitives), node.subtype)
+        counts[kind] = counts.get(kind, -1) + 1
+        nodes.append(replace(node, name=f"{kind}_{counts[kind]}", kind=kind))
     return KinematicTree(tuple(nodes))
 
 
