@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import gzip
 import json
+from dataclasses import replace
 from importlib import resources
 
 import numpy as np
@@ -24,10 +25,13 @@ from mam_pipeline.joints.features import (
     SLIDE_NAMES,
     enumerate_hypotheses,
     part_features,
+    remeasured,
 )
 from mam_pipeline.joints.line_features import ANGLES
 from mam_pipeline.joints.slide_features import STEPS
 from mam_pipeline.joints.surroundings import SIBLING_NAMES
+from mam_pipeline.joints.training_data import make_examples
+from mam_pipeline.reason.corpus import as_met
 from mam_pipeline.types import IntArray, Mesh
 
 
@@ -121,6 +125,44 @@ def test_odds_of_a_drawer() -> None:
     assert max(odds, key=lambda k: odds[k]) == "slide" and odds["slide"] > 0.5
     best = next(c for c in found if c.subtype == "slide")
     assert angle_between(best.axis, np.array([1.0, 0, 0])) < 0.02
+
+
+def test_another_sampling_sees_the_same_hypotheses() -> None:
+    mesh, owner = drawers()
+    frame = estimate_frame(mesh)
+    contexts = [part_context(mesh, *faces(owner, 1), frame, seed=k) for k in (0, 1)]
+    first = enumerate_hypotheses(contexts[0])
+    assert [h.axis.tolist() for h in remeasured(contexts[0], first)] == [
+        h.axis.tolist() for h in first
+    ]
+    again = remeasured(contexts[1], first)
+    assert [h.revolute for h in again] == [h.revolute for h in first]
+    assert all(abs(float(a.axis @ b.axis)) > 1 - 1e-9 for a, b in zip(first, again))
+    assert any((a.features != b.features).any() for a, b in zip(first, again))
+
+
+def test_samplings_agree_on_odds_and_vote_on_the_sense() -> None:
+    mesh, owner = drawers()
+    context = part_context(mesh, *faces(owner, 1), estimate_frame(mesh))
+    here = enumerate_hypotheses(context)
+    turned = [replace(h, axis=-h.axis) for h in here]
+    one = ranker.rank(part_features(context), here)
+    same = ranker.agreed([here, here], [one, one])
+    assert same.kind == pytest.approx(one.kind, abs=1e-6)
+    assert same.line == pytest.approx(one.line, abs=1e-6)
+    against = replace(one, slide_side=-one.slide_side)  # the same sense, as its axes are turned
+    assert (ranker.agreed([here, turned], [one, against]).slide_side == one.slide_side).all()
+    sure = replace(one, kind=np.array([0.0, 0.9, 0.1]))
+    unsure = replace(one, kind=np.array([0.0, 0.5, 0.5]))
+    assert ranker.agreed([here, here], [sure, unsure]).kind[1] == pytest.approx(0.75, abs=0.01)
+
+
+def test_fused_examples_are_parts_of_whole_primitives() -> None:
+    truth, primitives = as_met("nightstand", 200_001, fused=True)
+    found = make_examples("nightstand", 200_001, fused=True)
+    assert found and all(e.fused and e.name.endswith("_f") for e in found)
+    assert len(truth.mesh.faces) == len(primitives.labels)
+    assert max(e.grade.max() for e in found if e.variant == "true") == 2
 
 
 @pytest.mark.parametrize("change", ["cut", "doubled", "unshared"])

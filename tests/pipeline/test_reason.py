@@ -11,7 +11,7 @@ import trimesh
 
 from mam_pipeline.backends import KinematicPrior
 from mam_pipeline.prior.embedded import EmbeddedPrior
-from mam_pipeline.reason.corpus import Example, abstract_example, abstract_kinds, united
+from mam_pipeline.reason.corpus import Example, abstract_kinds, generated_example, united
 from mam_pipeline.reason.embedded import (
     SAMPLINGS,
     EmbeddedReasoner,
@@ -58,7 +58,7 @@ def cupboard() -> tuple[Mesh, Primitives]:
 
 @lru_cache(maxsize=4)
 def example(kind: str = "abstract_case", seed: int = 3) -> Example:
-    return abstract_example(kind, seed)
+    return generated_example(kind, seed)
 
 
 def test_graph_measures_gap_contact_and_boxes() -> None:

@@ -10,11 +10,11 @@ import pytest
 import torch
 
 from mam_pipeline.reason.corpus import (
-    FUSED,
     Example,
-    abstract_example,
     abstract_kinds,
+    generated_example,
     load_example,
+    object_name,
     save_example,
 )
 from mam_pipeline.reason.features import Table, pair_features, primitive_features
@@ -40,7 +40,7 @@ NEW = [k for k in abstract_kinds() if k.split("_")[1] in ("tracks", "sash", "lea
 
 @lru_cache(maxsize=2)
 def seen(kind: str = "abstract_board", seed: int = 4) -> tuple[Example, Table, Table]:
-    example = abstract_example(kind, seed)
+    example = generated_example(kind, seed)
     unary = primitive_features(example.graph, example.prior())
     return example, unary, pair_features(example.graph, unary, example.prior())
 
@@ -92,7 +92,7 @@ def test_numpy_gives_what_torch_gives(tmp_path: Path) -> None:
 def test_training_learns_what_moves(tmp_path: Path) -> None:
     items, names = [], ((), ())
     for seed in range(14):
-        example = abstract_example("abstract_leaf", seed)
+        example = generated_example("abstract_leaf", seed)
         path = tmp_path / f"abstract_leaf_{seed:06d}.ex"
         save_example(example, path)
         found = item_of(path)
@@ -106,7 +106,7 @@ def test_training_learns_what_moves(tmp_path: Path) -> None:
     network = Network(weights_of(fit(items, names, Lesson(100, 0.2, 0.12)), scales, names))
     right = []
     for seed in range(14):
-        example = abstract_example("abstract_leaf", seed)
+        example = generated_example("abstract_leaf", seed)
         unary = primitive_features(example.graph, example.prior())
         pairs = pair_features(example.graph, unary, example.prior())
         move = network.encode(example.graph, unary, pairs).move
@@ -139,7 +139,7 @@ def test_two_opinions_meet_in_the_middle() -> None:
 def test_what_slides_and_what_turns_both_occur(kind: str) -> None:
     types = set()
     for seed in range(12):
-        subtype = abstract_example(kind, seed).subtype
+        subtype = generated_example(kind, seed).subtype
         types |= set(subtype[subtype >= 0].tolist())
     assert len(types) >= 2
 
@@ -152,20 +152,21 @@ def test_the_shipped_scores_read_with_networks() -> None:
     assert ((reading.move > 0) & (reading.move < 1)).all()
 
 
-def test_all_of_a_kind_is_in_one_fold() -> None:
-    folds: dict[str, set[int]] = {}
-    for kind, seed, fused in jobs("train", 300, 300, 200):
-        name = f"{kind}_{seed:06d}" + (FUSED if fused else "")
-        folds.setdefault(kind, set()).add(fold_of(name))
-    assert all(len(found) == 1 for found in folds.values())
+def test_all_of_a_kind_is_in_one_fold_but_for_fused_ones() -> None:
+    folds: dict[tuple[str, bool], set[int]] = {}
+    for kind, seed, fused in jobs("train", 300, 300, 400):
+        fold = fold_of(object_name(kind, seed, fused))
+        folds.setdefault((kind, fused), set()).add(fold)
+    assert all(len(found) == 1 for (_, fused), found in folds.items() if not fused)
     assert set.union(*folds.values()) == set(range(FOLDS))
+    assert folds["abstract_case", True] == set(range(FOLDS))
 
 
 def test_tuning_goes_on_from_given_weights(tmp_path: Path) -> None:
     paths = []
     for seed in range(28):
         paths.append(tmp_path / f"abstract_leaf_{seed:06d}.ex")
-        save_example(abstract_example("abstract_leaf", seed), paths[-1])
+        save_example(generated_example("abstract_leaf", seed), paths[-1])
     start = untrained()[1]
     tuned = train(paths, Lesson(2), start=start, guides=[start] * FOLDS)
     assert set(tuned) == set(start)

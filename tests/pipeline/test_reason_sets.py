@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from mam_pipeline.reason.configurations import enumerate_sets, promise, set_features
-from mam_pipeline.reason.corpus import Example, abstract_example
+from mam_pipeline.reason.corpus import Example, generated_example
 from mam_pipeline.reason.features import Table, table
 from mam_pipeline.reason.group_features import group_features, joined
 from mam_pipeline.reason.groups import enumerate_groups, expand_groups
@@ -24,7 +24,7 @@ def sizes(*longest: float) -> Table:
 
 
 def measured() -> tuple[Example, np.ndarray, np.ndarray, np.ndarray]:
-    item = abstract_example("abstract_case", 3)
+    item = generated_example("abstract_case", 3)
     same = (item.link[item.graph.pairs[:, 0]] == item.link[item.graph.pairs[:, 1]]).astype(float)
     move = (item.subtype[item.link] >= 0).astype(float)
     same, move = 0.9 * same + 0.05, 0.9 * move + 0.05

@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike
 
 from mam_pipeline.types import FloatArray, IntArray
 
+SEED_STEP = 1000  # between the seeds of several samplings of one thing
+
 
 @dataclass(frozen=True)
 class SurfaceSamples:

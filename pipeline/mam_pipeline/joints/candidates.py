@@ -11,10 +11,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from mam_pipeline.geometry.frames import ObjectFrame, estimate_frame
+from mam_pipeline.geometry.sampling import SEED_STEP
 from mam_pipeline.joints.context import part_context
-from mam_pipeline.joints.features import Hypothesis, enumerate_hypotheses, part_features
-from mam_pipeline.joints.ranker import KINDS, rank, settle, usual_reach
+from mam_pipeline.joints.features import (
+    Hypothesis,
+    enumerate_hypotheses,
+    part_features,
+    remeasured,
+)
+from mam_pipeline.joints.ranker import KINDS, agreed, rank, settle, usual_reach
 from mam_pipeline.types import FloatArray, IntArray, JointCandidate, JointSubtype, Mesh
+
+# a part is sampled so often and the rankings are averaged: of 538 parts in use, four samplings put
+# the right joint first in 1 to 2 % more than one
+SAMPLINGS = 3
 
 
 def rank_hypotheses(
@@ -50,13 +60,17 @@ def rank_hypotheses(
         to open and back to closed (`usual_open`, `usual_back`: radians, or shares of the part's
         extent) and the probability of being `endless`. Positive motion opens. Deterministic.
     """
-    context = part_context(
-        mesh, part_faces, static_faces, frame or estimate_frame(mesh),
-        parent_faces=parent_faces, others=others, seed=seed,
-    )  # fmt: skip
-    part = part_features(context)
-    hypotheses = enumerate_hypotheses(context)
-    ranking = rank(part, hypotheses, rules=rules)
+    frame = frame or estimate_frame(mesh)
+    contexts = [
+        part_context(mesh, part_faces, static_faces, frame, parent_faces=parent_faces,
+                     others=others, seed=seed + k * SEED_STEP)
+        for k in range(SAMPLINGS)
+    ]  # fmt: skip
+    parts = [part_features(c) for c in contexts]
+    hypotheses = enumerate_hypotheses(contexts[0])
+    views = [hypotheses, *(remeasured(c, hypotheses) for c in contexts[1:])]
+    ranking = agreed(views, [rank(p, v, rules=rules) for p, v in zip(parts, views)])
+    context, part = contexts[0], parts[0]
     lines = [h for h in hypotheses if h.revolute]
     slides = [h for h in hypotheses if not h.revolute]
     p_fixed, p_slide, p_turn = (float(p) for p in ranking.kind)

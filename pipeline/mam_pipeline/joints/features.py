@@ -7,7 +7,8 @@ up, against the part's own box and against the front it shows to the outside.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,7 +37,8 @@ _OWN = (
 PART_NAMES = (*_OWN, *SURROUNDING_NAMES, *SIBLING_NAMES)
 
 __all__ = ["LINE_NAMES", "PART_NAMES", "SLIDE_NAMES", "Hypothesis", "enumerate_hypotheses",
-           "part_features"]  # fmt: skip
+           "part_features",
+           "remeasured"]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,18 @@ def enumerate_hypotheses(context: PartContext) -> list[Hypothesis]:
         for f, a, o, r, s in zip(off, axes, origins, rows, sure)
     ]
     return out
+
+
+def remeasured(context: PartContext, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """The same lines and directions in another sampling of the part; a sense may turn."""
+    ways, lines = ([h for h in hypotheses if h.revolute == turns] for turns in (False, True))
+    found: list[tuple[Hypothesis, FloatArray, FloatArray, float]] = []
+    if ways:
+        found += zip(ways, *measure_slides(context, np.array([h.axis for h in ways])))
+    if lines:
+        axes, origins = np.array([h.axis for h in lines]), np.array([h.origin for h in lines])
+        found += zip(lines, *measure_lines(context, axes, origins))
+    return [replace(h, axis=a, features=row, sure=float(s)) for h, a, row, s in found]
 
 
 def part_features(context: PartContext) -> FloatArray:

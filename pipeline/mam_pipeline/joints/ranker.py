@@ -248,6 +248,31 @@ def rank(part: FloatArray, hypotheses: Sequence[Hypothesis], *, rules: bool = Fa
     )
 
 
+def agreed(views: Sequence[Sequence[Hypothesis]], rankings: Sequence[Ranking]) -> Ranking:
+    """One ranking of what was measured in several samplings: geometric means, and most votes.
+
+    Args:
+        views: the same hypotheses in every sampling, in the same order. rankings: one of each.
+    """
+
+    def mean(rows: Sequence[FloatArray]) -> FloatArray:
+        return softmax(np.mean([np.log(np.maximum(r, 1e-12)) for r in rows], axis=0))
+
+    def side(sides: Sequence[FloatArray], revolute: bool) -> FloatArray:
+        axes = [np.array([h.axis for h in v if h.revolute == revolute]).reshape(-1, 3)
+                for v in views]  # fmt: skip
+        votes = [s * np.sign((a * axes[0]).sum(axis=1)) for s, a in zip(sides, axes)]
+        return np.where(np.mean(votes, axis=0) < 0, -1.0, 1.0)
+
+    return Ranking(
+        mean([r.kind for r in rankings]),
+        mean([r.line for r in rankings]),
+        mean([r.slide for r in rankings]),
+        side([r.line_side for r in rankings], True),
+        side([r.slide_side for r in rankings], False),
+    )
+
+
 def _odds(booster: Any, row: FloatArray, temperature: float) -> float:
     """Probability from a binary booster's margin at a temperature."""
     margin = float(booster.predict(row[None], raw_score=True, num_threads=1)[0])

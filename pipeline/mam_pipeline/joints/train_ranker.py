@@ -2,22 +2,21 @@
 
     python -m mam_pipeline.joints.train_ranker --cache FOLDER
 
-Measures the features of `--objects` objects of the world's training split (and an eighth as many of
-its validation split, categories included that are never trained on), fits small boosted trees, sets
-the temperatures on the validation split, prints its figures and writes the packaged weights.
+Measures the features of `--objects` objects of the training split, and of `--fused` more as one
+skin (of the validation split a tenth as many, categories included that are never trained on), fits
+small boosted trees, sets the temperatures on the validation split, prints its figures and writes
+the packaged weights.
 """
 
 from __future__ import annotations
 
 import argparse
 import gzip
-import itertools
 import json
 import sys
-import time
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +27,7 @@ from scipy.optimize import minimize_scalar
 from mam_pipeline.joints.features import LINE_NAMES, PART_NAMES, SLIDE_NAMES
 from mam_pipeline.joints.ranker import WEIGHTS, Bag, kind_features, model_rows, softmax
 from mam_pipeline.joints.training_data import Example, cached_examples
+from mam_pipeline.reason.recipe import jobs
 from mam_pipeline.types import FloatArray
 
 COMMON = {"verbosity": -1, "num_threads": 1, "seed": 0, "deterministic": True,
@@ -41,7 +41,7 @@ BINARY = {**COMMON, "objective": "binary", "num_leaves": 7, "learning_rate": 0.0
 REACH = {**COMMON, "objective": "l1", "num_leaves": 7, "learning_rate": 0.05}
 FOLDS = 3
 BAGS = 3
-ROUNDS = {"line": 260, "slide": 160, "moves": 350, "slides": 350}
+ROUNDS = {"line": 442, "slide": 272, "moves": 595, "slides": 595}
 
 
 def weights(data: Sequence[Example]) -> FloatArray:
@@ -243,54 +243,31 @@ def report(data: Sequence[Example]) -> dict[str, float]:
     return {k: round(float(np.mean(v)), 3) for k, v in sorted(hit.items())} | {"parts": len(data)}
 
 
-def order(split: str, count: int) -> Iterator[tuple[str, int]]:
-    """(name, seed) of a split: one object of every category, then the next of every one.
-
-    Abstract mechanisms join the training split, three of each kind per round.
-    """
-    from mam_pipeline.reason.corpus import abstract_kinds
-    from mam_pipeline.world import CATEGORIES
-    from mam_pipeline.world.splits import split_of
-
-    def endless() -> Iterator[tuple[str, int]]:
-        for seed in itertools.count():
-            yield from ((n, seed) for n in CATEGORIES if split_of(n, seed) == split)
-            if split == "train":
-                yield from ((n, 3 * seed + k) for n in sorted(abstract_kinds()) for k in range(3))
-
-    return itertools.islice(endless(), count)
-
-
-def collect(split: str, count: int, cache: Path, budget: float) -> list[Example]:
-    """Examples of `count` objects of a split, within `budget` seconds of new measurements."""
+def collect(split: str, count: int, fused: int, cache: Path) -> list[Example]:
+    """Examples of `count` objects of a split, a quarter of abstract kinds, and of `fused` skins."""
     out: list[Example] = []
-    spent, skipped = 0.0, 0
-    for n, (name, seed) in enumerate(order(split, count)):
-        known = (cache / f"{name}_{seed:06d}.pkl").is_file()
-        if not known and spent > budget:
-            skipped += 1
-            continue
-        start = time.perf_counter()
-        out += cached_examples(name, seed, cache)
-        spent += 0.0 if known else time.perf_counter() - start
+    wanted = jobs(split, count - count // 4, count // 4, fused)
+    for n, (kind, seed, skin) in enumerate(wanted):
+        try:
+            out += cached_examples(kind, seed, skin, cache)
+        except Exception as error:  # one bad object must not end an hour of work
+            print(f"skipped {kind} {seed}: {error!r}", file=sys.stderr)
         if n % 50 == 0:
-            print(f"{split}: {n} objects, {len(out)} parts, {spent:.0f} s", file=sys.stderr)
-    if skipped:
-        print(f"{split}: {skipped} objects left out, the time was up", file=sys.stderr)
+            print(f"{split}: {n} objects, {len(out)} parts", file=sys.stderr)
     return out
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Command line; see the module's text."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
-    parser.add_argument("--objects", type=int, default=4000)
+    parser.add_argument("--objects", type=int, default=9000)
+    parser.add_argument("--fused", type=int, default=2000)
     parser.add_argument("--cache", type=Path, required=True)
-    parser.add_argument("--seconds", type=float, default=1e9, help="limit of new measurements")
     parser.add_argument("--out", type=Path, default=Path(__file__).with_name(WEIGHTS))
     args = parser.parse_args(argv)
     warnings.filterwarnings("ignore")
-    train = collect("train", args.objects, args.cache, args.seconds)
-    check = collect("validation", max(args.objects // 8, 10), args.cache, args.seconds / 4)
+    train = collect("train", args.objects, args.fused, args.cache)
+    check = collect("validation", args.objects // 10, args.fused // 10, args.cache)
     packed = fit(train, check)
     args.out.write_bytes(gzip.compress(json.dumps(packed).encode(), mtime=0))
     from mam_pipeline.joints import ranker

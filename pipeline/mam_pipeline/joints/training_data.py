@@ -18,7 +18,8 @@ from mam_pipeline.geometry.frames import ObjectFrame, estimate_frame
 from mam_pipeline.geometry.sampling import face_geometry, unit
 from mam_pipeline.joints.context import part_context
 from mam_pipeline.joints.features import Hypothesis, enumerate_hypotheses, part_features
-from mam_pipeline.types import Articulation, FloatArray, IntArray, Joint, Mesh
+from mam_pipeline.reason.corpus import as_met, object_name, relabelled
+from mam_pipeline.types import Articulation, FloatArray, IntArray, Joint
 
 AXIS_OK = 0.1
 PIVOT_OK = 0.03
@@ -75,12 +76,13 @@ def line_error(points: FloatArray, truth: Joint, axis: FloatArray, origin: Float
 
 
 def examples(
-    truth: Articulation, name: str, category: str, seed: int, *, fused: bool = False,
-    per_object: int = 2, spoiled: float = 0.45, still: float = 0.4,
+    truth: Articulation, labels: IntArray, name: str, category: str, seed: int, *,
+    fused: bool = False, per_object: int = 3, spoiled: float = 0.45, still: float = 0.4,
 ) -> Iterator[Example]:  # fmt: skip
     """Examples of one object.
 
     Args:
+        labels: (F,) primitive of every face.
         per_object: most movable parts taken. spoiled, still: chances of one imperfect part and of
             one piece that does not move.
     """
@@ -95,7 +97,6 @@ def examples(
     with_spoiled, with_still = bool(joints) and rng.random() < spoiled, rng.random() < still
     if not (with_spoiled or with_still):
         return
-    labels = _pieces(truth.mesh)
     if with_spoiled:
         joint = joints[int(rng.integers(len(joints)))]
         spoil = _spoiled(truth, joint, labels, rng)
@@ -218,13 +219,6 @@ def _with_fixed(truth: Articulation, link: int) -> list[int]:
     return out
 
 
-def _pieces(mesh: Mesh) -> IntArray:
-    """(F,) primitive of every face, as the segmenter cuts them."""
-    from mam_pipeline.segment.geometric import GeometricSegmenter
-
-    return np.asarray(GeometricSegmenter().segment(mesh).labels)
-
-
 def _spoiled(
     truth: Articulation, joint: Joint, labels: IntArray, rng: np.random.Generator
 ) -> tuple[str, IntArray] | None:
@@ -283,35 +277,28 @@ def _still_pieces(
     yield from found
 
 
-def make_examples(name: str, seed: int, fused_share: int = 8) -> list[Example]:
+def make_examples(kind: str, seed: int, fused: bool) -> list[Example]:
     """Examples of one generated object: a category of the world or an abstract kind.
 
-    Fusing costs seconds, so of the objects whose style is fused only one in `fused_share` is.
+    Of one skin a reasoner can take only whole primitives, so these are the parts there.
     """
-    from mam_pipeline.reason.corpus import abstract_kinds
-    from mam_pipeline.world import make_object
-    from mam_pipeline.world.kit import Builder
-    from mam_pipeline.world.object import finish, generator
-    from mam_pipeline.world.style import draw_style
-
-    if name in abstract_kinds():
-        builder = Builder(generator(name, seed), draw_style(generator(name, seed, 1), fused=0.05))
-        abstract_kinds()[name](builder)
-        made = finish(builder, name, seed)
-    else:
-        style = draw_style(generator(name, seed, stream=1))
-        if style.fused and generator(name, seed, stream=9).integers(fused_share):
-            style = replace(style, fused=False)
-        made = make_object(name, seed, style)
-    return list(examples(made.truth(), made.name, name, seed, fused=made.style.fused))
+    truth, primitives = as_met(kind, seed, fused)
+    labels = primitives.labels
+    if fused:
+        area = face_geometry(truth.mesh.vertices, truth.mesh.faces)[1]
+        inside = np.zeros((primitives.count, len(truth.links)))
+        np.add.at(inside, (labels, truth.face_link), area)
+        truth = relabelled(truth, inside.argmax(axis=1)[labels])
+    name = object_name(kind, seed, fused)
+    return list(examples(truth, labels, name, kind, seed, fused=fused))
 
 
-def cached_examples(name: str, seed: int, cache: Path) -> list[Example]:
+def cached_examples(kind: str, seed: int, fused: bool, cache: Path) -> list[Example]:
     """Examples of one generated object, kept in a cache folder."""
-    file = cache / f"{name}_{seed:06d}.pkl"
+    file = cache / f"{object_name(kind, seed, fused)}.pkl"
     if file.is_file():
         return list(pickle.loads(file.read_bytes()))
-    found = make_examples(name, seed)
+    found = make_examples(kind, seed, fused)
     cache.mkdir(parents=True, exist_ok=True)
     temporary = file.with_suffix(".part")
     temporary.write_bytes(pickle.dumps(found))

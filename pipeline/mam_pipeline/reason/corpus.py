@@ -19,7 +19,7 @@ from mam_pipeline.prior.embedded import prior_of
 from mam_pipeline.reason.graph import Graph, build_graph
 from mam_pipeline.segment.geometric import CLEAR, GeometricSegmenter
 from mam_pipeline.segment.topology import without_repeats
-from mam_pipeline.types import Articulation, FloatArray, IntArray, Mesh, Primitives
+from mam_pipeline.types import Articulation, FloatArray, IntArray, Primitives
 from mam_pipeline.world import make_object
 from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.object import WorldObject, finish, generator
@@ -93,20 +93,8 @@ class Example:
 
 
 def make_example(name: str, category: str, truth: Articulation, primitives: Primitives) -> Example:
-    """Measure one object whose links are known."""
+    """Measure one object whose links are known; fixed joints melt into their parents."""
     mesh = truth.mesh
-    return from_labels(name, category, mesh, truth.face_link, truth, primitives)
-
-
-def from_labels(
-    name: str,
-    category: str,
-    mesh: Mesh,
-    face_link: IntArray,
-    truth: Articulation,
-    primitives: Primitives,
-) -> Example:
-    """As `make_example`, with the faces' links given; fixed joints melt into their parents."""
     parent = np.full(len(truth.links), -1)
     subtype = np.full(len(truth.links), -1)
     root = np.arange(len(truth.links))
@@ -118,37 +106,64 @@ def from_labels(
             subtype[joint.child] = SUBTYPE_OF[joint.subtype]
     area = face_geometry(mesh.vertices, mesh.faces)[1]
     overlap = np.zeros((primitives.count, len(truth.links)))
-    np.add.at(overlap, (primitives.labels, root[face_link]), area / max(float(area.sum()), 1e-30))
+    rows = primitives.labels, root[truth.face_link]
+    np.add.at(overlap, rows, area / max(float(area.sum()), 1e-30))
     graph = build_graph(*without_repeats(mesh, primitives))
     fused = len(primitives.merges) > 0
     return Example(name, category, fused, graph, overlap, parent, subtype)
 
 
-def world_example(category: str, seed: int, fused: bool = False) -> Example:
-    """One procedural object, segmented as in the product, in a style of its own."""
-    style = replace(draw_style(generator(category, seed, stream=1)), fused=False)
-    return _seen(category, seed, make_object(category, seed, style), fused)
+def generated_example(kind: str, seed: int, fused: bool = False) -> Example:
+    """One generated object, segmented as in the product, in a style of its own or as one skin."""
+    return make_example(object_name(kind, seed, fused), kind, *as_met(kind, seed, fused))
 
 
-def _seen(kind: str, seed: int, made: WorldObject, fused: bool) -> Example:
-    """The object as it is, some of its links made one solid, or as one skin.
+def object_name(kind: str, seed: int, fused: bool) -> str:
+    """What the example of a generated object is called."""
+    return f"{kind}_{seed:06d}{FUSED if fused else ''}"
+
+
+def as_met(kind: str, seed: int, fused: bool) -> tuple[Articulation, Primitives]:
+    """A generated object with its truth, and its primitives; as one skin if `fused`.
 
     The skin's resolution and roughness are drawn.
     """
-    rng = np.random.default_rng(zlib.crc32(f"{kind}{seed}".encode()))
-    if not fused and (draw := rng.random()) < UNITED:
+    truth = generated(kind, seed, solids=not fused).truth()
+    if not fused:
+        return truth, GeometricSegmenter().segment(truth.mesh)
+    rng = _draws(kind, seed)
+    resolution, noise = int(rng.choice(RESOLUTIONS)), float(rng.choice(ROUGHNESS))
+    skin = fuse_mesh(truth.mesh, resolution, noise, seed, faces=60_000)
+    label = np.asarray(truth.face_link)[nearest_faces(truth.mesh, skin)]
+    segmenter = GeometricSegmenter(CLEAR * np.exp(rng.uniform(*np.log(COARSENESS))))
+    return relabelled(replace(truth, mesh=skin), label), segmenter.segment(skin)
+
+
+def relabelled(truth: Articulation, label: IntArray) -> Articulation:
+    """The same links on other faces: (F,) link of every face."""
+    links = (replace(link, faces=np.flatnonzero(label == i)) for i, link in enumerate(truth.links))
+    return replace(truth, links=tuple(links))
+
+
+def generated(kind: str, seed: int, solids: bool = True) -> WorldObject:
+    """A world category's or an abstract kind's object, not fused.
+
+    With `solids`, some have their base, or every link, made one solid.
+    """
+    style = draw_style(generator(kind, seed, stream=1), fused=0.0)
+    if kind in abstract_kinds():
+        builder = Builder(generator(kind, seed), style)
+        abstract_kinds()[kind](builder)
+        made = finish(builder, kind, seed)
+    else:
+        made = make_object(kind, seed, style)
+    if solids and (draw := _draws(kind, seed).random()) < UNITED:
         made = united(made, (0,) if draw < UNITED / 2 else range(len(made.articulation.links)))
-    truth = made.truth()
-    name, mesh, face_link = f"{kind}_{seed:06d}", truth.mesh, truth.face_link
-    segmenter = GeometricSegmenter()
-    if fused:
-        resolution, noise = int(rng.choice(RESOLUTIONS)), float(rng.choice(ROUGHNESS))
-        skin = fuse_mesh(mesh, resolution, noise, seed, faces=60_000)
-        name, face_link = name + FUSED, np.asarray(face_link)[nearest_faces(mesh, skin)]
-        mesh = skin
-        segmenter = GeometricSegmenter(CLEAR * np.exp(rng.uniform(*np.log(COARSENESS))))
-    primitives = segmenter.segment(mesh)
-    return from_labels(name, kind, mesh, face_link, truth, primitives)
+    return made
+
+
+def _draws(kind: str, seed: int) -> np.random.Generator:
+    return np.random.default_rng(zlib.crc32(f"{kind}{seed}".encode()))
 
 
 def united(made: WorldObject, links: Sequence[int]) -> WorldObject:
@@ -239,10 +254,3 @@ def abstract_kinds() -> dict[str, Any]:
         "abstract_leaf": curriculum_large.leaf, "abstract_opened": curriculum_large.opened,
         "abstract_tap": curriculum_large.tap, "abstract_several": curriculum_several.several,
     }  # fmt: skip
-
-
-def abstract_example(kind: str, seed: int, fused: bool = False) -> Example:
-    """One abstract object (`reason.curriculum`)."""
-    b = Builder(generator(kind, seed), draw_style(generator(kind, seed, stream=1), 0.0))
-    abstract_kinds()[kind](b)
-    return _seen(kind, seed, finish(b, kind, seed), fused)

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import expit
 
 from mam_pipeline.backends import Availability, KinematicPrior
+from mam_pipeline.geometry.sampling import SEED_STEP
 from mam_pipeline.prior.embedded import prior_of
 from mam_pipeline.prior.probe import Probe
 from mam_pipeline.reason.configurations import enumerate_sets, set_features
@@ -34,7 +35,6 @@ RESCUE = 0.2
 # an object is sampled so often, and the scores are averaged: between single samplings the mIoU of
 # 37 real objects differed by up to 0.05
 SAMPLINGS = 4
-SEED_STEP = 1000
 
 
 class EmbeddedReasoner:

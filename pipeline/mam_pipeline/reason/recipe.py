@@ -7,7 +7,7 @@ import time
 import zlib
 from pathlib import Path
 
-from mam_pipeline.reason.corpus import FUSED, abstract_example, save_example, world_example
+from mam_pipeline.reason.corpus import FUSED, generated_example, object_name, save_example
 from mam_pipeline.world.splits import iterate
 
 FUSED_FROM = 200_000  # seeds of fused objects begin here, so that none is seen twice
@@ -48,11 +48,10 @@ def gather(wanted: list[Job], cache: Path) -> list[Path]:
     """Make the examples, or find them in the cache; an object that fails is skipped."""
     out, started = [], time.time()
     for kind, seed, fused in wanted:
-        path = cache / f"{kind}_{seed:06d}{FUSED if fused else ''}.ex"
+        path = cache / f"{object_name(kind, seed, fused)}.ex"
         if not path.exists():
             try:
-                example = abstract_example if kind.startswith("abstract") else world_example
-                save_example(example(kind, seed, fused), path)
+                save_example(generated_example(kind, seed, fused), path)
             except Exception as error:  # one bad object must not end an hour of work
                 print(f"skipped {path.stem}: {error!r}", file=sys.stderr)
                 continue
@@ -62,9 +61,10 @@ def gather(wanted: list[Job], cache: Path) -> list[Path]:
 
 
 def fold_of(name: str) -> int:
-    """The cross-fitting fold of an object, one for all of its kind.
+    """The cross-fitting fold of an object: one for all of its kind, among fused ones its own.
 
-    What is learned from models that never saw the kind is learned about new kinds.
+    What is learned from models that never saw the kind is learned about new kinds. Of fused objects
+    there are too few of every kind to do without any of them.
     """
-    kind = name.removesuffix(FUSED).rsplit("_", 1)[0]
-    return zlib.crc32(kind.encode()) % FOLDS
+    same = name if name.endswith(FUSED) else name.rsplit("_", 1)[0]
+    return zlib.crc32(same.encode()) % FOLDS

@@ -9,8 +9,9 @@ again with more candidates beside the best and with what the first look says of 
 (4) the type of parts; (5) the score of whole sets of candidates. Some examples are seen a second
 time without a kinematic prior. In use networks are asked that know all kinds, each from one half
 of the objects. The confidence is calibrated on the validation split, which has categories of its
-own. All of it is done twice: on authored meshes, and on the fused ones whose cuts part what moves,
-the networks going on from the first.
+own. All of it is done twice: on authored meshes, and on the fused ones whose cuts part what moves.
+There the networks go on from the first, the folds are by object, and their networks are those that
+are asked in use.
 """
 
 from __future__ import annotations
@@ -52,7 +53,6 @@ COMMON: dict[str, Any] = {
 OVERLAP: dict[str, Any] = {"objective": "cross_entropy"}
 TYPES: dict[str, Any] = {"objective": "multiclass", "num_class": 3}
 WORTH = np.array([2 / 3, 1 / 3])  # of mIoU and of the right count, in a set's score
-DRAW, MOST = 0.8, 5500  # share of the corpus that trains one member, and examples at most
 SETS = 28  # sets of one look that train the set model
 # weight of what the parts promise by themselves, beside the learned score of a set, which leaves
 # parts out: most objects have one. Most of all among fused pieces
@@ -386,7 +386,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=9800, help="objects of the world")
     parser.add_argument("--abstract", type=int, default=12400, help="abstract objects")
-    parser.add_argument("--fused", type=int, default=2400, help="fused objects of either sort")
+    parser.add_argument("--fused", type=int, default=5400, help="fused objects of either sort")
     parser.add_argument("--validation", type=int, default=100, help="objects of each sort")
     parser.add_argument("--members", type=int, default=4, help="models whose mean is taken")
     parser.add_argument("--cache", type=Path, required=True, help="folder for examples")
@@ -401,10 +401,11 @@ def main(arguments: list[str] | None = None) -> None:
     asked = [learn(half, lessons.LONG, seed=k) for k, half in enumerate(_halves(plain))]
     fit_members(plain, held, guides, asked, options.members, options.out / "authored", PROMISE)
     skins = [p for p in skins if load_example(p).bound >= PARTED]
-    tuned = [learn(skins, lessons.SHORT, k, 0, net, guides) for k, net in enumerate(guides)]
-    asked = [learn(skins, lessons.TUNING, None, k, net, guides) for k, net in enumerate(asked)]
+    tuned = [
+        learn(skins, lessons.TUNING, k, k, asked[k % len(asked)], guides) for k in range(FOLDS)
+    ]
     few = min(2, options.members)  # there are too few skins for more draws that differ
-    fit_members(skins, held_skins, tuned, asked, few, options.out / "fused", FUSED_PROMISE)
+    fit_members(skins, held_skins, tuned, tuned, few, options.out / "fused", FUSED_PROMISE)
 
 
 def _halves(paths: list[Path]) -> list[list[Path]]:
@@ -437,11 +438,9 @@ def fit_members(
 
 
 def draw_of(train: list[Path], member: int, number: int) -> list[Path]:
-    """The examples of one of several members: a stretch of one shuffled row, far from others."""
+    """The examples of one of several members, who share them out."""
     order = np.random.default_rng(0).permutation(len(train))
-    size = min(int(DRAW * len(train)), MOST)
-    first = member * (len(train) - size) // max(number - 1, 1)
-    return [train[k] for k in order[first : first + size]]
+    return [train[k] for k in np.array_split(order, number)[member]]
 
 
 if __name__ == "__main__":

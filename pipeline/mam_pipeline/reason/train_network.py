@@ -49,7 +49,7 @@ class Lesson:
 # the first for networks whose views of kinds they never saw the trees learn to read: longer lessons
 # make them too sure of such kinds; the second for those that know all kinds and are asked in use
 WARY, LONG = Lesson(5), Lesson(12, 0.2, 0.12)
-SHORT, TUNING = Lesson(10, 0.3, 0.25), Lesson(18, 0.2, 0.12)  # either goes on, on fused examples
+TUNING = Lesson(18, 0.2, 0.12)  # goes on, on fused examples
 
 
 @dataclass
@@ -323,7 +323,7 @@ def train(
     """The weights of a network.
 
     Args:
-        fold: kinds of objects that it never sees; None: it sees all examples.
+        fold: examples that it never sees; None: it sees all.
         start: weights to go on from, with other examples.
         guides: the networks of all folds, after which groups are drawn up; by default rules.
     """
