@@ -22,8 +22,8 @@ from mam_pipeline.joints.features import (
 from mam_pipeline.joints.ranker import KINDS, agreed, rank, settle, usual_reach
 from mam_pipeline.types import FloatArray, IntArray, JointCandidate, JointSubtype, Mesh
 
-# a part is sampled so often and the rankings are averaged: of 538 parts in use, four samplings put
-# the right joint first in 1 to 2 % more than one
+# a part is sampled so often and the rankings are averaged, so that no single draw decides: the
+# right joint came first for 89 % of 339 parts with one, for 91 % with three (170 others: 82, 81)
 SAMPLINGS = 3
 
 
