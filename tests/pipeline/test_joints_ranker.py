@@ -30,7 +30,7 @@ from mam_pipeline.joints.features import (
 from mam_pipeline.joints.line_features import ANGLES
 from mam_pipeline.joints.slide_features import STEPS
 from mam_pipeline.joints.surroundings import SIBLING_NAMES
-from mam_pipeline.joints.training_data import make_examples
+from mam_pipeline.joints.training_data import make_examples, of_whole_primitives
 from mam_pipeline.reason.corpus import as_met
 from mam_pipeline.types import IntArray, Mesh
 
@@ -159,9 +159,13 @@ def test_samplings_agree_on_odds_and_vote_on_the_sense() -> None:
 
 def test_fused_examples_are_parts_of_whole_primitives() -> None:
     truth, primitives = as_met("nightstand", 200_001, fused=True)
+    whole = of_whole_primitives(truth, primitives.labels)
+    cut = [len(np.unique(t.face_link[primitives.labels == k])) for t in (truth, whole)
+           for k in range(primitives.count)]  # fmt: skip
+    assert max(cut[: primitives.count]) > 1, "no primitive spans two links: nothing is shown"
+    assert set(cut[primitives.count :]) == {1}
     found = make_examples("nightstand", 200_001, fused=True)
-    assert found and all(e.fused and e.name.endswith("_f") for e in found)
-    assert len(truth.mesh.faces) == len(primitives.labels)
+    assert found and all(e.fused and e.name == "nightstand_200001_f" for e in found)
     assert max(e.grade.max() for e in found if e.variant == "true") == 2
 
 

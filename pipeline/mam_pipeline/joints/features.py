@@ -37,8 +37,7 @@ _OWN = (
 PART_NAMES = (*_OWN, *SURROUNDING_NAMES, *SIBLING_NAMES)
 
 __all__ = ["LINE_NAMES", "PART_NAMES", "SLIDE_NAMES", "Hypothesis", "enumerate_hypotheses",
-           "part_features",
-           "remeasured"]  # fmt: skip
+           "part_features", "remeasured"]  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -283,14 +283,18 @@ def make_examples(kind: str, seed: int, fused: bool) -> list[Example]:
     Of one skin a reasoner can take only whole primitives, so these are the parts there.
     """
     truth, primitives = as_met(kind, seed, fused)
-    labels = primitives.labels
     if fused:
-        area = face_geometry(truth.mesh.vertices, truth.mesh.faces)[1]
-        inside = np.zeros((primitives.count, len(truth.links)))
-        np.add.at(inside, (labels, truth.face_link), area)
-        truth = relabelled(truth, inside.argmax(axis=1)[labels])
+        truth = of_whole_primitives(truth, primitives.labels)
     name = object_name(kind, seed, fused)
-    return list(examples(truth, labels, name, kind, seed, fused=fused))
+    return list(examples(truth, primitives.labels, name, kind, seed, fused=fused))
+
+
+def of_whole_primitives(truth: Articulation, labels: IntArray) -> Articulation:
+    """The truth with every primitive (`labels`: (F,)) given to the link that owns most of it."""
+    area = face_geometry(truth.mesh.vertices, truth.mesh.faces)[1]
+    inside = np.zeros((int(labels.max()) + 1, len(truth.links)))
+    np.add.at(inside, (labels, truth.face_link), area)
+    return relabelled(truth, inside.argmax(axis=1)[labels])
 
 
 def cached_examples(kind: str, seed: int, fused: bool, cache: Path) -> list[Example]:
