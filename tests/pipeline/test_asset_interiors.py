@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,14 @@ def test_a_cut_part_gets_an_inside_and_runs_free(tmp_path: Path, kind: str) -> N
     assert asset.card.notes == notes
     report = check_asset(asset.folder)
     assert report.passed, report.joints
+
+
+def test_a_body_too_shallow_for_a_drawer_gets_no_box() -> None:
+    source = fused("drawer")
+    flat = source.mesh.vertices * [0.15, 1, 1]
+    made, notes = add_interiors(replace(source, mesh=replace(source.mesh, vertices=flat)))
+    assert "a back" in notes[0] and "box" not in notes[0]
+    assert made.mesh.submesh(made.links[1].faces).bounds[1, 0] < 0.03
 
 
 def test_without_the_flag_nothing_is_added(tmp_path: Path) -> None:

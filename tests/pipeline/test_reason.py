@@ -24,7 +24,7 @@ from mam_pipeline.reason.features import pair_features, primitive_features
 from mam_pipeline.reason.graph import build_graph, roundness, tight_box
 from mam_pipeline.reason.group_features import group_features, with_rivals
 from mam_pipeline.reason.groups import components, enumerate_groups, merge_tree
-from mam_pipeline.reason.scores import RuleScores, load_scores, one_skin
+from mam_pipeline.reason.scores import RuleScores, load_scores
 from mam_pipeline.reason.select import select_groups
 from mam_pipeline.reason.tree import named
 from mam_pipeline.types import JointSubtype, KinematicTree, Mesh, PartNode, Primitives
@@ -217,10 +217,11 @@ def test_a_pair_that_one_sampling_misses_is_judged_by_the_others() -> None:
 
 
 def test_a_mesh_is_fused_when_nearly_all_cuts_are_on_one_skin() -> None:
-    labels = np.arange(4)
-    assert not one_skin(Primitives(labels))
-    assert not one_skin(Primitives(labels, np.array([[0, 1]])))
-    assert one_skin(Primitives(labels, np.array([[0, 1], [4, 2], [5, 3]])))
+    graph = build_graph(*cupboard())
+    order = [(k, k + 1) for k in range(graph.count - 1)]
+    assert not graph.one_skin
+    assert not replace(graph, merges=np.array(order[:1])).one_skin
+    assert replace(graph, merges=np.array(order)).one_skin
     kinds = load_scores("authored"), load_scores("fused")
     assert kinds[0] is not kinds[1] and not any(isinstance(k, RuleScores) for k in kinds)
 

@@ -27,6 +27,8 @@ WALL = 0.010
 PLAY = 0.004
 """Room between a drawer box and its compartment, metres."""
 _LEAST_AREA = 0.004
+_SHALLOW = 0.3
+"""Where the body is not deeper than this share of a front's width there is no room for a drawer."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,8 @@ def _inside_of(
     travel = joint.upper - joint.lower if joint.type == "prismatic" else 0.0
     depth = 0.85 * room
     out = [_Added(joint.child, *flat.skirt(polygon, inner, panel))]
-    if joint.type == "prismatic" and abs(joint.axis @ outward) > 0.9 and abs(outward[2]) < 0.5:
+    drawn = joint.type == "prismatic" and abs(joint.axis @ outward) > 0.9 and abs(outward[2]) < 0.5
+    if drawn and room > _SHALLOW * polygon.area**0.5:
         depth = min(0.9 * room, max(1.25 * travel, 0.5 * room))
         box = flat.drawer(inside, panel, depth - 2 * play, min(WALL, 0.2 * panel + 0.004))
         out.append(_Added(joint.child, *box))

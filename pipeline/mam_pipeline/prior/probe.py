@@ -35,7 +35,7 @@ class Probe:
         owner: (N,) primitive of every sample, sorted.
         weight: (N,) share of the object's area that the sample stands for.
         hit_sample, hit_direction, hit_distance, hit_owner: (H,) crossings, at most one (the
-            nearest) per sample, direction and primitive; own primitive included.
+            nearest) for each sample, direction and primitive met; own primitive included.
         count: number of primitives. surface: the object's area over its squared diagonal.
     """
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mam_pipeline.reason import solid
 from mam_pipeline.reason.features import Table, table
 from mam_pipeline.reason.graph import TOUCH, Graph
 from mam_pipeline.reason.groups import Masks
@@ -241,6 +242,7 @@ def _between(
         out[f"{name}_high"] = rows
         out[f"{name}_sum"] = np.einsum("ma,ab,mb->m", chosen, matrix, chosen) / number
     out["inside"] = np.einsum("ma,ab,mb->m", chosen, inside.astype(np.float32), chosen) / number
+    out |= solid.between_columns(graph, m, chosen)
     spread = np.where(chosen > 0, area, np.nan)
     out["area_ratio"] = np.log(np.nanmax(spread, axis=1) / np.nanmin(spread, axis=1))
     return out

@@ -23,7 +23,7 @@ from mam_pipeline.reason.group_features import joined, measured, with_rivals
 from mam_pipeline.reason.groups import Masks, enumerate_groups, expand_groups
 from mam_pipeline.reason.joint_view import with_joints
 from mam_pipeline.reason.network import Reading, log_odds
-from mam_pipeline.reason.scores import Scores, load_scores, one_skin
+from mam_pipeline.reason.scores import Scores, load_scores
 from mam_pipeline.reason.select import completed
 from mam_pipeline.reason.tree import Choice, build_tree, named
 from mam_pipeline.segment.topology import without_repeats
@@ -58,7 +58,8 @@ class EmbeddedReasoner:
         """Group the primitives into parts; a tree with only the base when nothing may move."""
         mesh, primitives = without_repeats(mesh, primitives)
         views = sampled_views(mesh, primitives, prior, seed)
-        scores = self.scores or load_scores("fused" if one_skin(primitives) else "authored")
+        skin = views[0].graph.one_skin
+        scores = self.scores or load_scores("fused" if skin else "authored")
         masks, choice = decide(views, scores)
         tree = build_tree(views[0].graph, masks, choice)
         return named(views[0].graph, with_joints(tree, mesh, primitives, seed))

@@ -13,6 +13,7 @@ import numpy as np
 
 from mam_pipeline.backends import KinematicPrior
 from mam_pipeline.prior.probe import NEAR
+from mam_pipeline.reason import solid
 from mam_pipeline.reason.graph import TOUCH, Graph
 from mam_pipeline.types import FloatArray, IntArray
 
@@ -33,6 +34,18 @@ class Table:
         """(n,) one column."""
         out: np.ndarray = self.values[:, self.names.index(name)]
         return out
+
+    def columns(self, names: tuple[str, ...]) -> np.ndarray:
+        """(n, len(names)) some columns.
+
+        Raises:
+            ValueError: a column that is not there.
+        """
+        if names == self.names:
+            return self.values
+        if missing := set(names) - set(self.names):
+            raise ValueError(f"trained on other features ({sorted(missing)} missing); train again")
+        return self.values[:, [self.names.index(n) for n in names]]
 
 
 def table(columns: dict[str, np.ndarray]) -> Table:
@@ -166,6 +179,7 @@ def primitive_features(graph: Graph, prior: KinematicPrior | None) -> Table:
         "wrapped": wrapped.mean(axis=1), "wrapped_sides": (wrapped > 0.5).sum(axis=1),
         "ahead_small": _small_ahead(graph, near),
     }  # fmt: skip
+    columns |= solid.primitive_columns(graph)
     columns |= object_columns(graph, p)
     columns["mobility"] = np.full(p, np.nan) if prior is None else prior.mobility
     return table(columns)
@@ -204,6 +218,7 @@ def pair_features(graph: Graph, unary: Table, prior: KinematicPrior | None) -> T
     }  # fmt: skip
     columns |= _placement(graph, a, b)
     columns |= _occlusion(graph, a, b)
+    columns |= solid.pair_columns(graph, a, b)
     for name in PAIR_UNARY:
         column = unary.column(name)
         columns[f"a_{name}"], columns[f"b_{name}"] = column[a], column[b]

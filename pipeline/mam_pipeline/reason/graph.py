@@ -20,6 +20,7 @@ from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives
 
 REACH = 0.04  # pairs farther apart than this (share of the diagonal) are not neighbours
 TOUCH = 0.006  # nearer than this counts as contact
+ONE_SKIN = 0.8  # share of the cuts that undo merges: above it a mesh is fused
 NEAREST = 4  # every primitive gets at least this many neighbours
 
 
@@ -60,6 +61,15 @@ class Graph:
     def count(self) -> int:
         """Number of primitives."""
         return len(self.area)
+
+    @property
+    def one_skin(self) -> bool:
+        """Whether (nearly) all primitives were cut out of one surface: generated and scanned ones.
+
+        What separates parts there is the cuts' creases, not gaps: other weights judge such objects.
+        """
+        merges = 0 if self.merges is None else len(self.merges)
+        return merges > ONE_SKIN * max(self.count - 1, 1)
 
     @property
     def center(self) -> FloatArray:

@@ -6,6 +6,7 @@ import numpy as np
 
 from mam_pipeline.backends import KinematicPrior
 from mam_pipeline.prior.probe import DIRECTIONS, NEAR
+from mam_pipeline.reason import solid
 from mam_pipeline.reason.features import (
     Table,
     object_columns,
@@ -53,6 +54,7 @@ def group_features(
     columns |= _bonds(graph, masks, weight, same, move)
     columns |= _surroundings(graph, masks, low, high)
     columns |= _handles(graph, masks, see, low, high)
+    columns |= solid.group_columns(graph, masks)
     columns |= _freedom(graph, masks, axes, size, prior)
     return table(columns | (views or {}))
 

@@ -104,13 +104,12 @@ class Network:
         """Run the messages over one object's graph.
 
         Raises:
-            ValueError: the weights were trained on other features.
+            ValueError: the weights were trained on features that are not there.
         """
-        for name, table in (("primitive", unary), ("pair", pairs)):
-            if self._names[f"{name}_names"] != table.names:
-                raise ValueError("the network was trained on other features; train again")
-        h = self._mlp("inu", normalised(unary.values, self._w["primitive_scale"]))
-        e = self._mlp("inq", normalised(pairs.values, self._w["pair_scale"]))
+        nodes = unary.columns(self._names["primitive_names"])
+        edges = pairs.columns(self._names["pair_names"])
+        h = self._mlp("inu", normalised(nodes, self._w["primitive_scale"]))
+        e = self._mlp("inq", normalised(edges, self._w["pair_scale"]))
         i, j = graph.pairs[:, 0], graph.pairs[:, 1]
         ends, starts = np.concatenate([i, j]), np.concatenate([j, i])
         count, width = h.shape

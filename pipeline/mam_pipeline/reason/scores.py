@@ -20,9 +20,8 @@ from mam_pipeline.reason.configurations import promise
 from mam_pipeline.reason.features import Table
 from mam_pipeline.reason.graph import Graph
 from mam_pipeline.reason.network import Network, Reading, load_network, read
-from mam_pipeline.types import FloatArray, Primitives
+from mam_pipeline.types import FloatArray
 
-ONE_SKIN = 0.8  # share of the cuts that undo merges: above it a mesh is fused
 MODELS = ("same", "move", "value", "revise", "subtype", "choose")
 
 
@@ -102,11 +101,10 @@ class LearnedScores:
         boosters = [m[name] for m in self.members if name != "choose" or name in m]
         answers = []
         for booster in boosters:
-            if tuple(booster.feature_name()) != features.names:
-                raise ValueError(f"weights {name!r} were trained on other features; train again")
-            if len(features.values) == 0:
+            rows = features.columns(tuple(booster.feature_name()))
+            if len(rows) == 0:
                 return np.zeros(0)
-            answers.append(booster.predict(features.values, num_threads=1))
+            answers.append(booster.predict(rows, num_threads=1))
         out: FloatArray = np.mean(answers, axis=0)
         return out
 
@@ -137,20 +135,12 @@ class LearnedScores:
         return out
 
 
-def one_skin(primitives: Primitives) -> bool:
-    """Whether (nearly) all primitives were cut out of one surface, as generators and scans give it.
-
-    What separates parts there is the cuts' creases, not gaps: other weights judge such objects.
-    """
-    return len(primitives.merges) > ONE_SKIN * max(primitives.count - 1, 1)
-
-
 @lru_cache(maxsize=2)
 def load_scores(kind: Literal["authored", "fused"] = "authored") -> Scores:
     """The learned scores of this package, or the rules when it was built without weights.
 
     Args:
-        kind: "authored" for meshes of separate pieces, "fused" for one skin (`one_skin`).
+        kind: "authored" for meshes of separate pieces, "fused" for one skin (`Graph.one_skin`).
     """
     folder = resources.files("mam_pipeline.reason") / "weights" / kind
     if not (folder / "settings.json").is_file():

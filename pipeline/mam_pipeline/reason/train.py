@@ -11,7 +11,8 @@ time without a kinematic prior. In use networks are asked that know all kinds, e
 of the objects. The confidence is calibrated on the validation split, which has categories of its
 own. All of it is done twice: on authored meshes, and on the fused ones whose cuts part what moves.
 There the networks go on from the first, the folds are by object, and their networks are those that
-are asked in use.
+are asked in use. (The packaged fused weights are two such trainings asked together: three networks
+and a member of an earlier one on fewer objects, which knows no columns of `solid`, come first.)
 """
 
 from __future__ import annotations
@@ -400,7 +401,7 @@ def main(arguments: list[str] | None = None) -> None:
     guides = [learn(plain, lessons.WARY, fold=k) for k in range(FOLDS)]
     asked = [learn(half, lessons.LONG, seed=k) for k, half in enumerate(_halves(plain))]
     fit_members(plain, held, guides, asked, options.members, options.out / "authored", PROMISE)
-    skins = [p for p in skins if load_example(p).bound >= PARTED]
+    skins, held_skins = _parted(skins), _parted(held_skins, 0.0)
     tuned = [
         learn(skins, lessons.TUNING, k, k, asked[k % len(asked)], guides) for k in range(FOLDS)
     ]
@@ -417,6 +418,12 @@ def _apart(paths: list[Path]) -> tuple[list[Path], list[Path]]:
     """Examples of authored meshes, and of fused ones."""
     plain = [p for p in paths if not p.stem.endswith(FUSED)]
     return plain, [p for p in paths if p.stem.endswith(FUSED)]
+
+
+def _parted(skins: list[Path], bound: float = PARTED) -> list[Path]:
+    """The fused examples that are one skin, and whose primitives hold the parts well enough."""
+    read = ((p, load_example(p)) for p in skins)
+    return [p for p, example in read if example.graph.one_skin and example.bound >= bound]
 
 
 def fit_members(

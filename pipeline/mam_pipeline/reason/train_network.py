@@ -49,7 +49,7 @@ class Lesson:
 # the first for networks whose views of kinds they never saw the trees learn to read: longer lessons
 # make them too sure of such kinds; the second for those that know all kinds and are asked in use
 WARY, LONG = Lesson(5), Lesson(12, 0.2, 0.12)
-TUNING = Lesson(18, 0.2, 0.12)  # goes on, on fused examples
+TUNING = Lesson(15, 0.2, 0.12)  # goes on, on fused examples
 
 
 @dataclass
@@ -316,6 +316,25 @@ def weights_of(
     return out
 
 
+def _grown(
+    start: Mapping[str, NDArray], names: Sequence[Sequence[str]], scales: Sequence[NDArray]
+) -> dict[str, NDArray]:
+    """Weights that also read columns which they were not trained on, so far without effect.
+
+    Args:
+        names, scales: the columns of primitives and of pairs, and their `spread`.
+    """
+    out = dict(start)
+    for word, layer, columns, scale in zip(("primitive", "pair"), ("inu", "inq"), names, scales):
+        old = [list(columns).index(n) for n in start[f"{word}_names"]]
+        wide, weight = scale.copy(), start[f"{layer}.0.weight"]
+        wide[:, old] = start[f"{word}_scale"]
+        grown = np.zeros((len(weight), len(columns)), weight.dtype)
+        grown[:, old] = weight
+        out[f"{word}_scale"], out[f"{layer}.0.weight"] = wide, grown
+    return out
+
+
 def train(
     paths: list[Path], lesson: Lesson, fold: int | None = None, seed: int = 0,
     start: Mapping[str, NDArray] | None = None, guides: Sequence[Mapping[str, NDArray]] = (),
@@ -332,13 +351,13 @@ def train(
     found = [item_of(p, read[fold_of(p.stem)] if read else None) for p in chosen]
     kept = [f for f in found if f is not None]
     items, names = [f[0] for f in kept], kept[0][1:]
+    scales = [
+        spread(np.concatenate([i.unary for i in items])),
+        spread(np.concatenate([i.pair for i in items if len(i.pair)])),
+    ]
     if start is not None:
+        start = _grown(start, names, scales)
         scales = [start["primitive_scale"], start["pair_scale"]]
-    else:
-        scales = [
-            spread(np.concatenate([i.unary for i in items])),
-            spread(np.concatenate([i.pair for i in items if len(i.pair)])),
-        ]
     for item in items:
         item.unary = normalised(item.unary, scales[0])
         item.pair = normalised(item.pair.reshape(-1, len(names[1])), scales[1])
