@@ -29,6 +29,7 @@ from mam_pipeline.reason.train_network import (
     Net,
     batch_of,
     fit,
+    grown,
     item_of,
     spread,
     train,
@@ -174,3 +175,23 @@ def test_tuning_goes_on_from_given_weights(tmp_path: Path) -> None:
         assert np.array_equal(tuned[name], start[name])
     moved = np.abs(tuned["move.0.weight"].astype(float) - start["move.0.weight"]).max()
     assert 0 < moved < 0.1  # two short epochs move it a little: it did not begin anew
+
+
+def test_columns_that_are_new_to_given_weights_have_no_effect_at_first() -> None:
+    example, unary, pairs = seen()
+    start = untrained()[1]
+    wider = [
+        Table(("new", *t.names), np.concatenate([np.full((len(t.values), 1), 3), t.values], axis=1))
+        for t in (unary, pairs)
+    ]
+    names = [t.names for t in wider]
+    weights = {
+        **grown(start, names, [spread(t.values) for t in wider]),
+        "primitive_names": np.array(names[0]), "pair_names": np.array(names[1]),
+    }  # fmt: skip
+    before = Network(start).encode(example.graph, unary, pairs)
+    after = Network(weights).encode(example.graph, *wider)
+    assert after.move == pytest.approx(before.move, abs=1e-5)
+    assert after.same == pytest.approx(before.same, abs=1e-5)
+    fewer = Network(start).encode(example.graph, *wider)  # it takes its own columns by name
+    assert fewer.move == pytest.approx(before.move, abs=1e-5)

@@ -4,30 +4,28 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 
 from mam_pipeline.reason import solid
 from mam_pipeline.reason.features import pair_features, primitive_features
 from mam_pipeline.reason.graph import Graph, build_graph
 from mam_pipeline.types import Mesh, Primitives
 
-CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
-QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 FRONT, BACK, REST, KNOB = range(4)
 
 
 def sheet_and_knob(inside_out: bool = False, merges: bool = True) -> Graph:
     """A sheet of 1 x 0.01 x 1, its sides and edges apart, and a cube 0.02 before its front."""
-    vertices, faces, labels = [], [], []
-    sheet, knob = ((0, 0, 0), (1, 0.01, 1)), ((0.4, -0.12, 0.4), (0.6, -0.02, 0.6))
-    for k, (low, high) in enumerate((sheet, knob)):
-        vertices.append(np.array(low) + CORNERS * (np.array(high) - low))
-        for n, (a, b, c, d) in enumerate(QUADS):
-            faces += [[8 * k + i for i in t] for t in ((a, b, c), (a, c, d))]
-            labels += [KNOB if k else {2: FRONT, 3: BACK}.get(n, REST)] * 2
-    triangles = np.array(faces)
-    mesh = Mesh(np.concatenate(vertices), triangles[:, ::-1] if inside_out else triangles)
+    sheet = trimesh.creation.box(bounds=[(0, 0, 0), (1, 0.01, 1)])
+    knob = trimesh.creation.box(bounds=[(0.4, -0.12, 0.4), (0.6, -0.02, 0.6)])
+    side = sheet.face_normals[:, 1]
+    labels = np.concatenate([
+        np.select([side < -0.5, side > 0.5], [FRONT, BACK], REST), np.full(len(knob.faces), KNOB)
+    ])  # fmt: skip
+    both = trimesh.util.concatenate([sheet, knob])
+    mesh = Mesh(both.vertices, both.faces[:, ::-1] if inside_out else both.faces)
     order = np.array([[0, 1], [4, 2], [5, 3]]) if merges else np.zeros((0, 2), dtype=np.int64)
-    return build_graph(mesh, Primitives(np.array(labels), order))
+    return build_graph(mesh, Primitives(labels, order))
 
 
 @pytest.mark.parametrize("inside_out", [False, True])

@@ -28,7 +28,7 @@ PLAY = 0.004
 """Room between a drawer box and its compartment, metres."""
 _LEAST_AREA = 0.004
 _SHALLOW = 0.3
-"""Where the body is not deeper than this share of a front's width there is no room for a drawer."""
+"""A drawer needs a body deeper than this share of the square root of its front's area."""
 
 
 @dataclass(frozen=True)

@@ -29,27 +29,26 @@ from typing import Any
 
 import lightgbm
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from mam_pipeline.reason.configurations import enumerate_sets, set_features
 from mam_pipeline.reason.corpus import FUSED, load_example
 from mam_pipeline.reason.embedded import View, decide
 from mam_pipeline.reason.features import Table, pair_features, primitive_features
-from mam_pipeline.reason.group_features import joined, measured, with_rivals
-from mam_pipeline.reason.groups import Masks, enumerate_groups, expand_groups
-from mam_pipeline.reason.network import Network, Reading, read
+from mam_pipeline.reason.group_features import with_rivals
+from mam_pipeline.reason.network import Network
 from mam_pipeline.reason.recipe import FOLDS, fold_of, gather, jobs
 from mam_pipeline.reason.scores import MODELS, LearnedScores
 from mam_pipeline.reason.select import select_groups
+from mam_pipeline.reason.training_looks import (
+    Look,
+    Rows,
+    add_overlaps,
+    look,
+    outcome,
+    some_rows,
+    widen,
+)
 from mam_pipeline.types import FloatArray
-
-KEEP = 60  # candidates of one object that train the group models
-COMMON: dict[str, Any] = {
-    "learning_rate": 0.08, "num_leaves": 31, "min_data_in_leaf": 40, "feature_fraction": 0.5,
-    "bagging_fraction": 0.7, "bagging_freq": 1, "lambda_l2": 5.0, "verbose": -1, "num_threads": 1,
-    "seed": 7, "deterministic": True, "force_row_wise": True, "max_bin": 127,
-}  # fmt: skip
-
 
 OVERLAP: dict[str, Any] = {"objective": "cross_entropy"}
 TYPES: dict[str, Any] = {"objective": "multiclass", "num_class": 3}
@@ -59,44 +58,6 @@ SETS = 28  # sets of one look that train the set model
 # parts out: most objects have one. Most of all among fused pieces
 PROMISE, FUSED_PROMISE = 0.2, 1.0
 PARTED = 0.6  # fused examples whose primitives hold the parts worse teach what cannot be seen
-
-
-@dataclass
-class Rows:
-    """Training rows of one model, with the fold of every row."""
-
-    names: tuple[str, ...]
-    values: list[np.ndarray]
-    labels: list[np.ndarray]
-    weights: list[np.ndarray]
-    folds: list[np.ndarray]
-
-    @classmethod
-    def empty(cls) -> Rows:
-        """No rows yet."""
-        return cls((), [], [], [], [])
-
-    def add(self, features: Table, label: FloatArray, weight: FloatArray, fold: int) -> None:
-        """Append the rows of one object."""
-        self.names = features.names
-        self.values.append(features.values)
-        self.labels.append(np.asarray(label, dtype=np.float32))
-        self.weights.append(np.asarray(weight, dtype=np.float32))
-        self.folds.append(np.full(len(label), fold))
-
-    def fit(self, rounds: int, leave: int | None = None, **parameters: Any) -> lightgbm.Booster:
-        """Train on all folds but `leave`."""
-        keep = np.ones(sum(map(len, self.labels)), dtype=bool)
-        if leave is not None:
-            keep = np.concatenate(self.folds) != leave
-        data = lightgbm.Dataset(
-            np.concatenate(self.values)[keep],
-            np.concatenate(self.labels)[keep],
-            weight=np.concatenate(self.weights)[keep],
-            feature_name=list(self.names),
-            free_raw_data=True,
-        )
-        return lightgbm.train(COMMON | parameters, data, num_boost_round=rounds)
 
 
 def fit_bonds(paths: list[Path]) -> tuple[dict[str, list[lightgbm.Booster]], dict[str, Any]]:
@@ -127,63 +88,11 @@ def fit_bonds(paths: list[Path]) -> tuple[dict[str, list[lightgbm.Booster]], dic
     return folds, final
 
 
-@dataclass
-class Look:
-    """Candidates of one example with their features and their true overlap.
-
-    Attributes:
-        path, fold, prior: which example, its cross-fitting fold, whether seen with a prior.
-        masks, features: (C, P) candidates and what the group models see of them.
-        reading: what bond models and networks say. overlap: (C, L) with the true links.
-        subtype: (L,). truth: number of movable links that own a primitive.
-    """
-
-    path: Path
-    fold: int
-    prior: bool
-    masks: Masks
-    features: Table
-    reading: Reading
-    overlap: FloatArray
-    subtype: np.ndarray
-    truth: int
-
-
-def look(path: Path, same: Any, move: Any, networks: Sequence[Network], with_prior: bool) -> Look:
-    """Enumerate and measure the first candidates of one example under given models."""
-    example = load_example(path)
-    prior = example.prior() if with_prior else None
-    unary = primitive_features(example.graph, prior)
-    pairs = pair_features(example.graph, unary, prior)
-    s = same.predict(pairs.values, num_threads=1) if len(pairs.values) else np.zeros(0)
-    m = move.predict(unary.values, num_threads=1)
-    reading = read(networks, example.graph, unary, pairs, s, m)
-    masks = enumerate_groups(example.graph, reading.same, reading.move)
-    features = measured(example.graph, masks, reading, prior)
-    return Look(
-        path, fold_of(example.name), with_prior, masks, features, reading,
-        example.part_overlap(masks), example.subtype, len(example.movable),
-    )  # fmt: skip
-
-
-def widen(item: Look, value: Any) -> None:
-    """Add the groups beside the best ones, as the reasoner does."""
-    example = load_example(item.path)
-    prior = example.prior() if item.prior else None
-    guess = value.predict(item.features.values, num_threads=1)
-    more = expand_groups(example.graph, item.masks, guess, item.reading.same)
-    if len(more):
-        extra = measured(example.graph, more, item.reading, prior)
-        item.masks = np.concatenate([item.masks, more])
-        item.features = joined(item.features, extra, item.masks)
-        item.overlap = example.part_overlap(item.masks)
-
-
 def fit_first(looks: list[Look]) -> tuple[Any, list[Any]]:
     """The model of a candidate's overlap, on its own: on everything, and per fold."""
     rows, rng = Rows.empty(), np.random.default_rng(0)
     for item in looks:
-        _add_overlaps(rows, item, item.features, rng)
+        add_overlaps(rows, item, item.features, rng)
     return rows.fit(200, **OVERLAP), [rows.fit(200, k, **OVERLAP) for k in range(FOLDS)]
 
 
@@ -195,13 +104,13 @@ def fit_groups(looks: list[Look], first: list[Any]) -> tuple[dict[str, Any], lis
     for item in looks:
         guess = first[item.fold].predict(item.features.values, num_threads=1)
         wide.append(with_rivals(item.features, item.masks, guess))
-        _add_overlaps(revise, item, wide[-1], rng)
+        add_overlaps(revise, item, wide[-1], rng)
         target = item.overlap.max(axis=1)
         good = np.flatnonzero(target > 0.6)
         if len(good):
             label = item.subtype[item.overlap[good].argmax(axis=1)]
             weight = target[good] * np.sqrt(10 / len(good))
-            kind.add(_rows(item.features, good), label, weight, item.fold)
+            kind.add(some_rows(item.features, good), label, weight, item.fold)
     second = [revise.fit(150, k, **OVERLAP) for k in range(FOLDS)]
     types = [kind.fit(80, k, **TYPES) for k in range(FOLDS)]
     guesses = [
@@ -246,7 +155,7 @@ def fit_choice(looks: list[Look], guesses: list[Guess]) -> Any:
         keep = rng.permutation(len(target))[:SETS]
         keep = np.unique(np.append(keep, target.argmax()))
         weight = np.full(len(keep), 1.0 / np.sqrt(len(keep)))
-        rows.add(_rows(features, keep), target[keep], weight, item.fold)
+        rows.add(some_rows(features, keep), target[keep], weight, item.fold)
     held = [rows.fit(200, k, **OVERLAP) for k in range(FOLDS)]
     report = []
     for item, guess, features, result in tried:
@@ -258,37 +167,6 @@ def fit_choice(looks: list[Look], guesses: list[Guess]) -> Any:
     print(f"cross-fitted (mIoU, count): {names}: {np.mean(report, axis=0).round(3)}",
           file=sys.stderr, flush=True)  # fmt: skip
     return rows.fit(200, **OVERLAP)
-
-
-def _add_overlaps(rows: Rows, item: Look, features: Table, rng: np.random.Generator) -> None:
-    target = item.overlap.max(axis=1, initial=0.0)
-    keep = _sample(target, rng)
-    weight = np.full(len(keep), np.sqrt(KEEP / max(len(keep), 1)))
-    rows.add(_rows(features, keep), target[keep], weight, item.fold)
-
-
-def _sample(target: FloatArray, rng: np.random.Generator) -> np.ndarray:
-    """All candidates that overlap a true part well, and a draw of the others."""
-    good = np.flatnonzero(target > 0.3)
-    bad = np.flatnonzero(target <= 0.3)
-    room = max(KEEP - len(good), len(good), 20)
-    if len(bad) > room:
-        bad = rng.choice(bad, room, replace=False)
-    return np.sort(np.concatenate([good, bad]))
-
-
-def _rows(features: Table, keep: np.ndarray) -> Table:
-    return Table(features.names, features.values[keep])
-
-
-def outcome(item: Look, chosen: list[int]) -> tuple[float, float]:
-    """(mIoU, count right) of one set of candidates (design section 6)."""
-    number = max(len(chosen), item.truth)
-    if number == 0:
-        return 1.0, 1.0
-    table = item.overlap[chosen][:, item.subtype >= 0]
-    rows, columns = linear_sum_assignment(-table)
-    return float(table[rows, columns].sum() / number), float(len(chosen) == item.truth)
 
 
 def calibrate(answers: list[tuple[Look, FloatArray, list[int]]]) -> list[tuple[float, float]]:

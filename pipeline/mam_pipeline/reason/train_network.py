@@ -316,7 +316,7 @@ def weights_of(
     return out
 
 
-def _grown(
+def grown(
     start: Mapping[str, NDArray], names: Sequence[Sequence[str]], scales: Sequence[NDArray]
 ) -> dict[str, NDArray]:
     """Weights that also read columns which they were not trained on, so far without effect.
@@ -329,9 +329,9 @@ def _grown(
         old = [list(columns).index(n) for n in start[f"{word}_names"]]
         wide, weight = scale.copy(), start[f"{layer}.0.weight"]
         wide[:, old] = start[f"{word}_scale"]
-        grown = np.zeros((len(weight), len(columns)), weight.dtype)
-        grown[:, old] = weight
-        out[f"{word}_scale"], out[f"{layer}.0.weight"] = wide, grown
+        matrix = np.zeros((len(weight), len(columns)), weight.dtype)
+        matrix[:, old] = weight
+        out[f"{word}_scale"], out[f"{layer}.0.weight"] = wide, matrix
     return out
 
 
@@ -356,7 +356,7 @@ def train(
         spread(np.concatenate([i.pair for i in items if len(i.pair)])),
     ]
     if start is not None:
-        start = _grown(start, names, scales)
+        start = grown(start, names, scales)
         scales = [start["primitive_scale"], start["pair_scale"]]
     for item in items:
         item.unary = normalised(item.unary, scales[0])
