@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from mam_pipeline.reason.groups import enumerate_groups
 from mam_pipeline.reason.network import Network, Reading, normalised, read, together
 from mam_pipeline.reason.recipe import FOLDS, fold_of, jobs
 from mam_pipeline.reason.scores import load_scores
+from mam_pipeline.reason.train import apart
 from mam_pipeline.reason.train_network import (
     GROUPS,
     Lesson,
@@ -195,3 +197,14 @@ def test_columns_that_are_new_to_given_weights_have_no_effect_at_first() -> None
     assert after.same == pytest.approx(before.same, abs=1e-5)
     fewer = Network(start).encode(example.graph, *wider)  # it takes its own columns by name
     assert fewer.move == pytest.approx(before.move, abs=1e-5)
+
+
+def test_examples_that_meet_the_other_weights_are_left_out(tmp_path: Path) -> None:
+    example = seen()[0]
+    count = example.graph.count
+    skin = replace(example, graph=replace(example.graph, merges=np.zeros((count, 2), np.int64)))
+    made = {"a_000001": example, "b_000001": skin, "c_200001_f": example, "d_200001_f": skin}
+    for name, each in made.items():
+        save_example(each, tmp_path / f"{name}.ex")
+    plain, skins = apart(sorted(tmp_path.glob("*.ex")))
+    assert [p.stem for p in plain] == ["a_000001"] and [p.stem for p in skins] == ["d_200001_f"]

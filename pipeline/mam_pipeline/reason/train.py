@@ -274,12 +274,12 @@ def main(arguments: list[str] | None = None) -> None:
     train = gather(jobs("train", options.count, options.abstract, options.fused), options.cache)
     few = options.validation
     held = gather(jobs("validation", few, few, few), options.cache)
-    (plain, skins), (held, held_skins) = _apart(train), _apart(held)
+    (plain, skins), (held, held_skins) = apart(train), apart(held)
     learn = lessons.train
     guides = [learn(plain, lessons.WARY, fold=k) for k in range(FOLDS)]
     asked = [learn(half, lessons.LONG, seed=k) for k, half in enumerate(_halves(plain))]
     fit_members(plain, held, guides, asked, options.members, options.out / "authored", PROMISE)
-    skins, held_skins = _parted(skins), _parted(held_skins, 0.0)
+    skins = [p for p in skins if load_example(p).bound >= PARTED]
     tuned = [
         learn(skins, lessons.TUNING, k, k, asked[k % len(asked)], guides) for k in range(FOLDS)
     ]
@@ -292,16 +292,19 @@ def _halves(paths: list[Path]) -> list[list[Path]]:
     return [[p for p in paths if zlib.crc32(p.stem.encode()) % 2 != k] for k in range(2)]
 
 
-def _apart(paths: list[Path]) -> tuple[list[Path], list[Path]]:
-    """Examples of authored meshes, and of fused ones."""
-    plain = [p for p in paths if not p.stem.endswith(FUSED)]
-    return plain, [p for p in paths if p.stem.endswith(FUSED)]
+def apart(paths: list[Path]) -> tuple[list[Path], list[Path]]:
+    """Examples of authored meshes, and of fused ones.
 
-
-def _parted(skins: list[Path], bound: float = PARTED) -> list[Path]:
-    """The fused examples that are one skin, and whose primitives hold the parts well enough."""
-    read = ((p, load_example(p)) for p in skins)
-    return [p for p, example in read if example.graph.one_skin and example.bound >= bound]
+    An authored mesh that is one skin, or a fused one that is several, meets the other weights in
+    use, and has other features: it is left out.
+    """
+    plain: list[Path] = []
+    skins: list[Path] = []
+    for path in paths:
+        one, fused = load_example(path).graph.one_skin, path.stem.endswith(FUSED)
+        if one == fused:
+            (skins if fused else plain).append(path)
+    return plain, skins
 
 
 def fit_members(
