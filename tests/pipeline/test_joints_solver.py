@@ -138,6 +138,28 @@ def test_a_drawer_slides_out_of_its_cabinet() -> None:
     assert 0.15 < joint.upper < 0.45 and joint.lower == pytest.approx(0.0, abs=0.01)
 
 
+def drawer_by(*ways: tuple[tuple[float, ...], float]) -> Joint:
+    """The drawer's joint when its slides are ranked as (axis, probability)."""
+    ranked = tuple(
+        JointCandidate("slide", np.array(a), np.zeros(3), float(np.log(p))) for a, p in ways
+    )
+    return solve(drawer_cabinet(), "slide", candidates=ranked)
+
+
+def test_a_drawer_that_cannot_go_in_comes_out() -> None:
+    joint = drawer_by(((1, 0, 0), 0.5), ((0, 0, 1), 0.3))
+    assert joint.axis == pytest.approx([-1, 0, 0]) and joint.upper > 0.15
+    assert joint.evidence["chosen"] == 0 and joint.evidence["turned"]
+
+
+def test_a_stuck_slide_gives_way_to_one_nearly_as_probable_only() -> None:
+    aside = (0.0, 1.0, 0.0)
+    joint = drawer_by((aside, 0.4), ((-1, 0, 0), 0.3))
+    assert joint.axis == pytest.approx([-1, 0, 0]) and joint.evidence["chosen"] == 1
+    joint = drawer_by((aside, 0.9), ((-1, 0, 0), 0.01))
+    assert joint.axis == pytest.approx(aside) and joint.evidence["limits"]["share"] < 0.25
+
+
 def test_a_wheel_spins_without_end() -> None:
     joint = solve(cart(), "spin")
     assert joint.type == "continuous" and not np.isfinite(joint.upper)

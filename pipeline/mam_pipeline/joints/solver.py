@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -44,7 +44,8 @@ from mam_pipeline.types import (
 
 FALLBACKS = 12  # hypotheses that are tried when the best ones leave a part stuck
 LINES = 40  # hinge lines, best first, that are tried on both bodies
-NEARLY = 2.5  # log odds that a line on both bodies may lie below the best one
+NEARLY = 1.6  # log odds below the best one at which another hypothesis may take its place
+STUCK_HINGE = 3.0  # the same where the best hinge is stuck: most others are parallel to it
 ON_LINE = 0.9  # share of the check's tolerance that a line may stray from them
 
 
@@ -131,25 +132,25 @@ class EmbeddedSolver:
         alone = None
         if len(faces.fixed) < len(faces.static) and len(faces.fixed):
             alone = cache(lambda: Surroundings.of(mesh, faces.moving, faces.fixed, seed))
-        tried = [
-            embedded_limits(around, c.subtype, c.axis, c.origin, alone=alone, given=node.limits,
-                            usual=_usual(c))
-            for c in candidates[:1]
-        ]  # fmt: skip
-        # a part that cannot move so does not: ask the next hypotheses
-        for c in candidates[1:FALLBACKS]:
-            if moved_share(tried[-1]) >= MOVES:
-                break
-            tried.append(
-                embedded_limits(around, c.subtype, c.axis, c.origin, alone=alone, usual=_usual(c))
-            )
-        chosen = len(tried) - 1 if moved_share(tried[-1]) >= MOVES else 0
-        best, limits = candidates[chosen], tried[chosen]
+
+        def limits_of(c: JointCandidate) -> Limits:
+            given = node.limits if c is candidates[0] else None
+            return embedded_limits(around, c.subtype, c.axis, c.origin, alone=alone, given=given,
+                                   usual=_usual(c))  # fmt: skip
+
+        best, limits, chosen = candidates[0], limits_of(candidates[0]), 0
+        if moved_share(limits) < MOVES and _user_candidate(node) is None:
+            for k, c in _instead(candidates):
+                found = limits_of(c)
+                if moved_share(found) >= MOVES:
+                    best, limits, chosen = c, found, k
+                    break
         evidence = {
             "solver": "embedded",
             **_contact_evidence(around.scene),
             "candidates": [_plain(c) for c in candidates[:6]],
             "chosen": chosen,
+            "turned": bool(best.axis @ candidates[chosen].axis < 0),
             "limits": {"rule": limits.rule, "by": node.provenance, **limits.evidence},
         }
         own = float(best.evidence.get("within_kind", 1.0))
@@ -283,6 +284,20 @@ def choose_candidates(
             ) if c.subtype in kinds
         ]  # fmt: skip
     return known
+
+
+def _instead(candidates: list[JointCandidate]) -> Iterator[tuple[int, JointCandidate]]:
+    """What to try, with its number, where the best hypothesis leaves a part stuck.
+
+    First the best the other way round; then others that are not much less probable: on a mesh whose
+    cut is ragged, or where a piece of the part was missed, the right one is stuck as well.
+    """
+    best = candidates[0]
+    yield 0, replace(best, axis=-best.axis)
+    least = best.score - (NEARLY if best.subtype == "slide" else STUCK_HINGE)
+    for k, c in enumerate(candidates[1:FALLBACKS], start=1):
+        if c.score >= least:
+            yield k, c
 
 
 def _on_both(
