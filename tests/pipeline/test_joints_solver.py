@@ -146,12 +146,6 @@ def drawer_by(*ways: tuple[tuple[float, ...], float]) -> Joint:
     return solve(drawer_cabinet(), "slide", candidates=ranked)
 
 
-def test_a_drawer_that_cannot_go_in_comes_out() -> None:
-    joint = drawer_by(((1, 0, 0), 0.5), ((0, 0, 1), 0.3))
-    assert joint.axis == pytest.approx([-1, 0, 0]) and joint.upper > 0.15
-    assert joint.evidence["chosen"] == 0 and joint.evidence["turned"]
-
-
 def test_a_stuck_slide_gives_way_to_one_nearly_as_probable_only() -> None:
     aside = (0.0, 1.0, 0.0)
     joint = drawer_by((aside, 0.4), ((-1, 0, 0), 0.3))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -139,18 +139,16 @@ class EmbeddedSolver:
                                    usual=_usual(c))  # fmt: skip
 
         best, limits, chosen = candidates[0], limits_of(candidates[0]), 0
-        if moved_share(limits) < MOVES and _user_candidate(node) is None:
-            for k, c in _instead(candidates):
-                found = limits_of(c)
-                if moved_share(found) >= MOVES:
-                    best, limits, chosen = c, found, k
-                    break
+        for k in _instead(candidates) if moved_share(limits) < MOVES else ():
+            found = limits_of(candidates[k])
+            if moved_share(found) >= MOVES:
+                best, limits, chosen = candidates[k], found, k
+                break
         evidence = {
             "solver": "embedded",
             **_contact_evidence(around.scene),
             "candidates": [_plain(c) for c in candidates[:6]],
             "chosen": chosen,
-            "turned": bool(best.axis @ candidates[chosen].axis < 0),
             "limits": {"rule": limits.rule, "by": node.provenance, **limits.evidence},
         }
         own = float(best.evidence.get("within_kind", 1.0))
@@ -286,18 +284,14 @@ def choose_candidates(
     return known
 
 
-def _instead(candidates: list[JointCandidate]) -> Iterator[tuple[int, JointCandidate]]:
-    """What to try, with its number, where the best hypothesis leaves a part stuck.
+def _instead(candidates: list[JointCandidate]) -> list[int]:
+    """Which hypotheses to try where the best one leaves a part stuck.
 
-    First the best the other way round; then others that are not much less probable: on a mesh whose
-    cut is ragged, or where a piece of the part was missed, the right one is stuck as well.
+    Only those that are not much less probable: on a mesh whose cut is ragged, or where a piece of
+    the part was missed, the right one is stuck as well.
     """
-    best = candidates[0]
-    yield 0, replace(best, axis=-best.axis)
-    least = best.score - (NEARLY if best.subtype == "slide" else STUCK_HINGE)
-    for k, c in enumerate(candidates[1:FALLBACKS], start=1):
-        if c.score >= least:
-            yield k, c
+    least = candidates[0].score - (NEARLY if candidates[0].subtype == "slide" else STUCK_HINGE)
+    return [k for k, c in enumerate(candidates[:FALLBACKS]) if k and c.score >= least]
 
 
 def _on_both(
