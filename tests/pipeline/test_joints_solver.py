@@ -259,6 +259,16 @@ def test_hypotheses_carry_probabilities() -> None:
     assert len(few) == 3 and any(c.subtype == "fixed" for c in few)
 
 
+@pytest.mark.parametrize("subtype", ["slide", "hinge", "spin"])
+def test_a_part_with_nothing_near_it_is_no_error(subtype: JointSubtype) -> None:
+    far = assemble([(0, block((0, 0, 0), (1, 1, 1))), (1, block((3, 3, 3), (3.1, 3.1, 3.1)))])
+    joint = solve(far, subtype)
+    assert (joint.type == "prismatic") == (subtype == "slide") and np.isfinite(joint.axis).all()
+    mesh, owner = far
+    best = rank_hypotheses(mesh, np.flatnonzero(owner == 1), np.flatnonzero(owner == 0))[0]
+    assert best.subtype == "fixed"
+
+
 def test_a_small_piece_that_stops_a_drawer_goes_along() -> None:
     """A divider that lies in the drawer, taken for the body's, would stop the drawer's back."""
     nodes = (

@@ -321,7 +321,7 @@ class SweepScene:
             index = np.arange(len(each) - 1, dtype=np.int64)
         steps, mine, theirs = len(path), len(self.points), len(self.static_points)
         flat = path.reshape(steps, count * mine, 3)
-        depth = self._crossings(flat, self.static_scene, index).reshape(-1, count, mine)
+        depth = self._crossings(flat, self.static_scene, index).reshape(len(index), count, mine)
         depth[:, :, self._grazing] = 0.0
         if len(self._touch):
             moved = path[index + 1][:, :, self._touch] - self.points[self._touch]
@@ -330,7 +330,8 @@ class SweepScene:
         other = self._crossings(back.reshape(steps, count * theirs, 3), self.part_scene, index)
         deep = DEEP * self.diagonal
         hit = np.logical_or.accumulate(depth > deep, axis=0).sum(axis=2) / max(mine, 1)
-        other_hit = np.logical_or.accumulate(other.reshape(-1, count, theirs) > deep, axis=0)
+        other = other.reshape(len(index), count, theirs)  # there may be none of theirs
+        other_hit = np.logical_or.accumulate(other > deep, axis=0)
         return np.minimum(hit + other_hit.sum(axis=2) * self._static_weight, 1.0).T
 
     def _crossings(self, path: FloatArray, scene: RayScene, index: IntArray) -> FloatArray:
