@@ -46,6 +46,7 @@ FALLBACKS = 12  # hypotheses that are tried when the best ones leave a part stuc
 LINES = 40  # hinge lines, best first, that are tried on both bodies
 NEARLY = 1.6  # log odds below the best one at which another hypothesis may take its place
 STUCK_HINGE = 3.0  # the same where the best hinge is stuck: most others are parallel to it
+PARALLEL = 0.99  # cosine between lines that run the same way
 ON_LINE = 0.9  # share of the check's tolerance that a line may stray from them
 
 
@@ -301,9 +302,14 @@ def _on_both(
     is nearly as good as the best."""
     bodies = HingeBodies(mesh, faces.moving, faces.parent if len(faces.parent) else faces.static)
     most = ON_LINE * THRESHOLDS.gap_share + rest_gap / max(mesh.diagonal, 1e-12)
-    kept = [c for c in candidates[:LINES] if bodies.line_gap(c.axis, c.origin) <= most]
-    near = kept and kept[0].score >= candidates[0].score - NEARLY
-    return kept if near else candidates
+    best = candidates[0]
+
+    def near(c: JointCandidate) -> bool:
+        parallel = abs(float(c.axis @ best.axis)) > PARALLEL
+        return c.score >= best.score - (STUCK_HINGE if parallel else NEARLY)
+
+    lines = [c for c in candidates[:LINES] if near(c)]
+    return [c for c in lines if bodies.line_gap(c.axis, c.origin) <= most] or candidates
 
 
 def opening_sign(
