@@ -60,14 +60,18 @@ def read_urdf(path: str | Path) -> Articulation:
 def read_asset(asset: Asset) -> Articulation:
     """An asset folder of ours as an Articulation: geometry from the URDF, the rest from the card.
 
-    Face order is by link, not that of the source mesh.
+    Face order is by link, not that of the source mesh; what is fixed to a link is part of it.
     """
     bare = read_urdf(asset.urdf_path)
     index = {link.name: i for i, link in enumerate(bare.links)}
     kinds = {part.link: part.kind for part in asset.card.parts}
+    fixed = {card.child: card for card in asset.card.joints if card.type == "fixed"}
     joints = []
     for card in asset.card.joints:
-        fields = {**vars(card), "parent": index[card.parent], "child": index[card.child]}
+        if card.child in fixed:
+            continue
+        parent = index[carrier(card.parent, fixed)]
+        fields = {**vars(card), "parent": parent, "child": index[card.child]}
         fields["lower"] = -np.inf if card.lower is None else card.lower
         fields["upper"] = np.inf if card.upper is None else card.upper
         joints.append(Joint(**fields))

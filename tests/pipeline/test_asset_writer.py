@@ -17,6 +17,7 @@ from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.formats.gltf import read_gltf
 from mam_pipeline.meshio import load_mesh, save_glb, save_obj
 from mam_pipeline.types import Articulation, Joint, Link, Material, Mesh
+from mam_pipeline.urdf_input import read_asset
 
 PNG = b"\x89PNG\r\n\x1a\n not really, but bytes are bytes"
 
@@ -113,6 +114,18 @@ def test_texture_bytes_and_uvs_are_the_source_s(tmp_path: Path) -> None:
     got = np.concatenate(found).reshape(-1, 6)
     order = [np.lexsort(x.T) for x in (got, expected.reshape(-1, 6))]
     np.testing.assert_array_equal(got[order[0]], expected.reshape(-1, 6)[order[1]])
+
+
+def test_what_is_fixed_to_a_link_is_read_back_as_part_of_it(tmp_path: Path) -> None:
+    whole = cabinet()
+    door, drawer = whole.joints
+    stiff = replace(door, type="fixed", subtype="fixed", lower=0.0, upper=0.0, open=0.0)
+    hung = replace(whole, joints=(stiff, replace(drawer, parent=1)))
+    asset = write_asset(hung, tmp_path / "a", name="a")
+    found = read_asset(asset)
+    assert [link.name for link in found.links] == ["body", "drawer"]
+    assert [(j.name, j.parent, j.child) for j in found.joints] == [("drawer_slide", 0, 1)]
+    assert len(found.links[0].faces) == len(whole.links[0].faces) + len(whole.links[1].faces)
 
 
 def two_materials_and_colours(kind: str) -> Articulation:

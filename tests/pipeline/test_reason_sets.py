@@ -12,6 +12,7 @@ from mam_pipeline.reason.features import Table, table
 from mam_pipeline.reason.group_features import group_features, joined
 from mam_pipeline.reason.groups import enumerate_groups, expand_groups
 from mam_pipeline.reason.select import completed
+from mam_pipeline.reason.tree import Choice, build_tree
 
 # panel and handle, the panel, the handle, another front
 MASKS = np.array([[1, 1, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], dtype=bool)
@@ -123,3 +124,15 @@ def test_what_was_left_of_a_part_joins_it_and_what_the_base_holds_more_does_not(
     assert np.flatnonzero(found[0]).tolist() == [0, 1, 2]
     found = completed(graph, part, np.array([0.2, 0.6, 0.5, 0.1]), move)
     assert np.flatnonzero(found[0]).tolist() == [0, 2]  # 1 is bound too weakly
+
+
+def test_parts_that_leave_nothing_give_the_largest_to_the_base() -> None:
+    graph = measured()[0].graph
+    every = np.arange(graph.count)  # the largest first
+    parts = np.array([every > 1, every == 0, every == 1])
+    choice = Choice((0, 1, 2), np.full(3, 0.5), np.full((3, 3), 1 / 3), np.full(3, 0.5), 0.5)
+    rest = tuple(every[2:].tolist())
+    tree = build_tree(graph, parts, choice)
+    assert [n.primitives for n in tree.nodes] == [(0,), rest, (1,)]
+    some = build_tree(graph, parts, replace(choice, chosen=(0, 2)))
+    assert [n.primitives for n in some.nodes] == [(0,), rest, (1,)]

@@ -35,9 +35,8 @@ def build_tree(graph: Graph, masks: Masks, choice: Choice) -> KinematicTree:
 
     The parts are `named` when their types are settled.
     """
-    taken: np.ndarray = np.zeros(graph.count, dtype=bool)
-    for c in choice.chosen:
-        taken |= masks[c]
+    choice = _with_base(graph, masks, choice)
+    taken = np.asarray(masks[list(choice.chosen)].any(axis=0))
     evidence: dict[str, object] = {"still": np.flatnonzero(~taken).tolist()}
     if not choice.chosen:
         evidence["nothing_movable"] = (
@@ -67,6 +66,14 @@ def build_tree(graph: Graph, masks: Masks, choice: Choice) -> KinematicTree:
             )
         )
     return KinematicTree(tuple(nodes))
+
+
+def _with_base(graph: Graph, masks: Masks, choice: Choice) -> Choice:
+    """Something must stay: where the parts leave nothing, the one with the most surface does."""
+    chosen = list(choice.chosen)
+    if chosen and masks[chosen].any(axis=0).all():
+        chosen.remove(max(chosen, key=lambda c: float(graph.area[masks[c]].sum())))
+    return replace(choice, chosen=tuple(chosen))
 
 
 def named(graph: Graph, tree: KinematicTree) -> KinematicTree:
