@@ -136,3 +136,14 @@ def test_parts_that_leave_nothing_give_the_largest_to_the_base() -> None:
     assert [n.primitives for n in tree.nodes] == [(0,), rest, (1,)]
     some = build_tree(graph, parts, replace(choice, chosen=(0, 2)))
     assert [n.primitives for n in some.nodes] == [(0,), rest, (1,)]
+
+
+def test_equal_parts_that_leave_nothing_each_leave_their_largest_piece() -> None:
+    graph = measured()[0].graph
+    half = graph.count // 2
+    area = np.ones(graph.count)
+    area[[0, half]] = 3.0
+    left = np.arange(graph.count) < half
+    choice = Choice((0, 1), np.full(2, 0.5), np.full((2, 3), 1 / 3), np.full(2, 0.5), 0.5)
+    tree = build_tree(replace(graph, area=area), np.array([left, ~left]), choice)
+    assert len(tree.nodes) == 3 and tree.nodes[0].primitives == (0, half)

@@ -11,6 +11,7 @@ from mam_pipeline.reason.groups import Masks
 from mam_pipeline.types import FloatArray, JointSubtype, KinematicTree, PartNode
 
 SUBTYPES: tuple[JointSubtype, ...] = ("hinge", "spin", "slide")
+ALIKE = 0.8  # share of the largest surface from which parts count as equal
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ def build_tree(graph: Graph, masks: Masks, choice: Choice) -> KinematicTree:
 
     The parts are `named` when their types are settled.
     """
-    choice = _with_base(graph, masks, choice)
+    masks, choice = _with_base(graph, masks, choice)
     taken = np.asarray(masks[list(choice.chosen)].any(axis=0))
     evidence: dict[str, object] = {"still": np.flatnonzero(~taken).tolist()}
     if not choice.chosen:
@@ -68,12 +69,23 @@ def build_tree(graph: Graph, masks: Masks, choice: Choice) -> KinematicTree:
     return KinematicTree(tuple(nodes))
 
 
-def _with_base(graph: Graph, masks: Masks, choice: Choice) -> Choice:
-    """Something must stay: where the parts leave nothing, the one with the most surface does."""
+def _with_base(graph: Graph, masks: Masks, choice: Choice) -> tuple[Masks, Choice]:
+    """Something must stay: what it is where the parts leave nothing.
+
+    Of parts that are alike each leaves its largest primitive, against which the rest of it moves;
+    else the part with the most surface stays.
+    """
     chosen = list(choice.chosen)
-    if chosen and masks[chosen].any(axis=0).all():
-        chosen.remove(max(chosen, key=lambda c: float(graph.area[masks[c]].sum())))
-    return replace(choice, chosen=tuple(chosen))
+    if not chosen or not masks[chosen].any(axis=0).all():
+        return masks, choice
+    area = [float(graph.area[masks[c]].sum()) for c in chosen]
+    if len(chosen) > 1 and min(area) > ALIKE * max(area) and (masks[chosen].sum(axis=1) > 1).all():
+        masks = masks.copy()
+        for c in chosen:
+            masks[c, np.argmax(np.where(masks[c], graph.area, 0.0))] = False
+    else:
+        chosen.pop(int(np.argmax(area)))
+    return masks, replace(choice, chosen=tuple(chosen))
 
 
 def named(graph: Graph, tree: KinematicTree) -> KinematicTree:
