@@ -154,6 +154,22 @@ def test_a_stuck_slide_gives_way_to_one_nearly_as_probable_only() -> None:
     assert joint.axis == pytest.approx(aside) and joint.evidence["limits"]["share"] < 0.25
 
 
+def test_a_line_off_the_bodies_gives_way_to_a_parallel_one_first() -> None:
+    ranked = tuple(
+        JointCandidate("hinge", np.array(a), np.array(o), float(np.log(p)))
+        for a, o, p in (
+            ((0, 0, -1.0), (-0.3, -0.3, 0.4), 0.8),
+            ((0, 1.0, 0), (-0.001, 0.25, 0.8), 0.1),
+            ((0, 0, -1.0), (-0.001, 0.0, 0.4), 0.08),
+            ((0, 1.0, 0), (-0.001, 0.25, 0.8), 0.01),
+        )
+    )
+    joint = solve(door_cabinet(), "hinge", candidates=ranked)
+    assert joint.origin == pytest.approx([-0.001, 0, 0.4])
+    kept = solve(door_cabinet(), "hinge", candidates=ranked[::3])
+    assert kept.axis == pytest.approx([0, 0, -1])  # the other is on both, but far less probable
+
+
 def test_a_wheel_spins_without_end() -> None:
     joint = solve(cart(), "spin")
     assert joint.type == "continuous" and not np.isfinite(joint.upper)

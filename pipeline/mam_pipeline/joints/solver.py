@@ -298,8 +298,8 @@ def _instead(candidates: list[JointCandidate]) -> list[int]:
 def _on_both(
     mesh: Mesh, faces: PartFaces, candidates: list[JointCandidate], rest_gap: float
 ) -> list[JointCandidate]:
-    """The candidates whose line stays on both bodies, as the check asks; all if none does so that
-    is nearly as good as the best."""
+    """The candidates whose line stays on both bodies, as the check asks, and is nearly as probable
+    as the best or parallel to it; all candidates if there is none."""
     bodies = HingeBodies(mesh, faces.moving, faces.parent if len(faces.parent) else faces.static)
     most = ON_LINE * THRESHOLDS.gap_share + rest_gap / max(mesh.diagonal, 1e-12)
     best = candidates[0]
