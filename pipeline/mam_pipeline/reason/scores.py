@@ -41,7 +41,7 @@ class Scores(Protocol):
         """(C, 3) probabilities of hinge, spin, slide."""
 
     def choose(self, sets: Table) -> FloatArray:
-        """(M,) expected score (mIoU and count) of whole sets of candidates."""
+        """(M,) how good whole sets of candidates are beside each other (mIoU and count)."""
 
     def confidence(self, value: FloatArray) -> FloatArray:
         """(C,) calibrated probability that a chosen candidate is a true part."""
@@ -126,7 +126,7 @@ class LearnedScores:
         return self._predict("subtype", groups).reshape(-1, 3)
 
     def choose(self, sets: Table) -> FloatArray:
-        """Set model, and what the candidates promise by themselves."""
+        """Rank by the set model, and what the candidates promise by themselves."""
         return self._predict("choose", sets) + self._promise * promise(sets)
 
     def confidence(self, value: FloatArray) -> FloatArray:

@@ -6,13 +6,16 @@ folds (`reason.train_network`); (1) pair and primitive models, cross-fitted in t
 kind of object, so that what comes after learns how such views err on kinds they never saw; (2)
 candidates from the cross-fitted scores, and a model of their overlap with true parts; (3) the same
 again with more candidates beside the best and with what the first look says of rivals and twins;
-(4) the type of parts; (5) the score of whole sets of candidates. Some examples are seen a second
-time without a kinematic prior. In use networks are asked that know all kinds, each from one half
-of the objects. The confidence is calibrated on the validation split, which has categories of its
-own. All of it is done twice: on authored meshes, and on the fused ones whose cuts part what moves.
-There the networks go on from the first, the folds are by object, and their networks are those that
-are asked in use. (The packaged fused weights are two such trainings asked together: three networks
-and a member of an earlier one on fewer objects, which knows no columns of `solid`, come first.)
+(4) the type of parts; (5) the rank of whole sets of candidates beside others of their object, from
+the looks of all members. Some examples are seen a second time without a kinematic prior. In use
+networks are asked that know all kinds, each from one half of the objects. The confidence is
+calibrated on the validation split, which has categories of its own. All of it is done twice: on
+authored meshes, and on the fused ones whose cuts part what moves. There the networks go on from the
+first, the folds are by object, and their networks are those that are asked in use. (The packaged
+fused weights are two such trainings asked together: three networks and a member of an earlier one
+on fewer objects, which knows no columns of `solid`, come first; their set models saw every look
+twice, through the networks of the later one and of both. Those of the packaged authored weights are
+older: they expect the score of a set, and are not ranked.)
 """
 
 from __future__ import annotations
@@ -37,7 +40,7 @@ from mam_pipeline.reason.features import Table, pair_features, primitive_feature
 from mam_pipeline.reason.group_features import with_rivals
 from mam_pipeline.reason.network import Network
 from mam_pipeline.reason.recipe import FOLDS, fold_of, gather, jobs
-from mam_pipeline.reason.scores import MODELS, LearnedScores
+from mam_pipeline.reason.scores import LearnedScores
 from mam_pipeline.reason.select import select_groups
 from mam_pipeline.reason.training_looks import (
     Look,
@@ -53,10 +56,15 @@ from mam_pipeline.types import FloatArray
 OVERLAP: dict[str, Any] = {"objective": "cross_entropy"}
 TYPES: dict[str, Any] = {"objective": "multiclass", "num_class": 3}
 WORTH = np.array([2 / 3, 1 / 3])  # of mIoU and of the right count, in a set's score
+LEVELS = 30  # grades of that score, for ranking
+RANKS: dict[str, Any] = {
+    "objective": "lambdarank", "label_gain": list(range(LEVELS + 1)),
+    "lambdarank_truncation_level": 15,
+}  # fmt: skip
 SETS = 28  # sets of one look that train the set model
-# weight of what the parts promise by themselves, beside the learned score of a set, which leaves
-# parts out: most objects have one. Most of all among fused pieces
-PROMISE, FUSED_PROMISE = 0.2, 1.0
+# weight of what the parts promise by themselves, beside the rank of a set, which leaves parts out:
+# most objects have one. Most of all among fused pieces
+PROMISE, FUSED_PROMISE = 0.5, 1.5
 PARTED = 0.6  # fused examples whose primitives hold the parts worse teach what cannot be seen
 
 
@@ -131,42 +139,67 @@ class Guess:
     odds: FloatArray
 
 
-def options(item: Look, guess: Guess) -> tuple[Table, np.ndarray]:
-    """Features of the sets of candidates of one look, and their (mIoU, count right)."""
-    graph = load_example(item.path).graph
-    sets = enumerate_sets(item.masks, item.features, guess.value)
-    features = set_features(
-        graph, item.masks, item.features, guess.value, guess.odds, sets,
-        item.reading.same, item.reading.move,
-    )  # fmt: skip
-    return features, np.array([outcome(item, chosen) for chosen in sets.rows()])
+@dataclass(frozen=True)
+class Options:
+    """The sets of candidates of one look.
+
+    Attributes:
+        fold, truth: of the look. features: (M, .) of the sets. result: (M, 2) their mIoU and
+            whether the count is right. plain: what candidates above a threshold would reach.
+    """
+
+    fold: int
+    truth: int
+    features: Table
+    result: FloatArray
+    plain: tuple[float, float]
 
 
-def fit_choice(looks: list[Look], guesses: list[Guess]) -> Any:
-    """The model of a whole set's score."""
-    rows, rng = Rows.empty(), np.random.default_rng(2)
-    tried = []
+def options_of(looks: list[Look], guesses: list[Guess]) -> list[Options]:
+    """The sets that every look offers; looks with nothing to find or choose from are left out."""
+    out = []
     for item, guess in zip(looks, guesses):
         if item.truth == 0 or len(item.masks) == 0:
             continue
-        features, result = options(item, guess)
-        tried.append((item, guess, features, result))
-        target = result @ WORTH
-        keep = rng.permutation(len(target))[:SETS]
-        keep = np.unique(np.append(keep, target.argmax()))
-        weight = np.full(len(keep), 1.0 / np.sqrt(len(keep)))
-        rows.add(some_rows(features, keep), target[keep], weight, item.fold)
-    held = [rows.fit(200, k, **OVERLAP) for k in range(FOLDS)]
+        graph = load_example(item.path).graph
+        sets = enumerate_sets(item.masks, item.features, guess.value)
+        features = set_features(
+            graph, item.masks, item.features, guess.value, guess.odds, sets,
+            item.reading.same, item.reading.move,
+        )  # fmt: skip
+        result = np.array([outcome(item, chosen) for chosen in sets.rows()])
+        plain = outcome(item, select_groups(item.masks, guess.value, 0.6))
+        out.append(Options(item.fold, item.truth, features, result, plain))
+    return out
+
+
+def fit_choice(tried: list[Options], seed: int = 0) -> lightgbm.Booster:
+    """The model that ranks the sets of one object by their score.
+
+    Only the order within an object counts; a model of the score itself spends itself on which
+    objects are hard.
+
+    Args:
+        seed: of the sets that are drawn from every look.
+    """
+    rows, rng = Rows.empty(), np.random.default_rng(seed)
+    for item in tried:
+        score = item.result @ WORTH
+        keep = rng.permutation(len(score))[:SETS]
+        keep = np.unique(np.append(keep, score.argmax()))
+        grade = np.round(score[keep] * LEVELS)
+        weight = np.full(len(keep), np.sqrt(item.truth))  # with more parts, more can go wrong
+        rows.add(some_rows(item.features, keep), grade, weight, item.fold)
+    held = [rows.fit(250, k, **RANKS) for k in range(FOLDS)]
     report = []
-    for item, guess, features, result in tried:
-        best = int(np.argmax(held[item.fold].predict(features.values, num_threads=1)))
-        plain = select_groups(item.masks, guess.value, 0.6)
-        oracle = result[int(np.argmax(result @ WORTH))]
-        report.append([*result[best], *outcome(item, plain), *oracle])
+    for item in tried:
+        best = int(np.argmax(held[item.fold].predict(item.features.values, num_threads=1)))
+        oracle = int(np.argmax(item.result @ WORTH))
+        report.append([*item.result[best], *item.plain, *item.result[oracle]])
     names = "chosen, by threshold, best of the sets"
     print(f"cross-fitted (mIoU, count): {names}: {np.mean(report, axis=0).round(3)}",
           file=sys.stderr, flush=True)  # fmt: skip
-    return rows.fit(200, **OVERLAP)
+    return rows.fit(250, **RANKS)
 
 
 def calibrate(answers: list[tuple[Look, FloatArray, list[int]]]) -> list[tuple[float, float]]:
@@ -203,8 +236,10 @@ def validate(
     return out
 
 
-def fit_member(train: list[Path], networks: Sequence[Network]) -> dict[str, Any]:
-    """All models of one member, trained on examples.
+def fit_member(
+    train: list[Path], networks: Sequence[Network]
+) -> tuple[dict[str, Any], list[Options]]:
+    """The models of one member, trained on examples, and the sets they leave to choose from.
 
     Args:
         networks: one for each fold, trained on the other folds.
@@ -224,7 +259,7 @@ def fit_member(train: list[Path], networks: Sequence[Network]) -> dict[str, Any]
         widen(item, first[item.fold])
     print("looks are widened", file=sys.stderr, flush=True)
     final, guesses = fit_groups(looks, first)
-    return models | final | {"choose": fit_choice(looks, guesses)}
+    return models | final, options_of(looks, guesses)
 
 
 def finish(
@@ -250,7 +285,7 @@ def finish(
     for name, weights in zip(settings["networks"], networks):
         np.savez_compressed(out / f"{name}.npz", **weights)
     for member, models in zip(settings["members"], members):
-        for name in MODELS:
+        for name in models:
             text = models[name].model_to_string().encode("utf-8")
             with gzip.GzipFile(out / f"{member}_{name}.txt.gz", "wb", mtime=0) as stream:
                 stream.write(text)
@@ -317,11 +352,15 @@ def fit_members(
         guides: one network for each fold, whose views the members learn to read.
         asked: the networks that are asked in use.
     """
-    members, sizes = [], []
+    members, sizes, tried = [], [], []
     for member in range(number):
         draw = draw_of(train, member, number)
-        members.append(fit_member(draw, [Network(weights) for weights in guides]))
+        models, options = fit_member(draw, [Network(weights) for weights in guides])
+        members.append(models)
         sizes.append(len(draw))
+        tried += options
+    for seed, models in enumerate(members):
+        models["choose"] = fit_choice(tried, seed)  # of the looks of all: half of them are too few
     finish(members, asked, held, sizes, out, promise)
 
 

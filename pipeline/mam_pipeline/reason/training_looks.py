@@ -27,7 +27,6 @@ COMMON: dict[str, Any] = {
 }  # fmt: skip
 
 
-
 @dataclass
 class Rows:
     """Training rows of one model, with the fold of every row."""
@@ -52,7 +51,8 @@ class Rows:
         self.folds.append(np.full(len(label), fold))
 
     def fit(self, rounds: int, leave: int | None = None, **parameters: Any) -> lightgbm.Booster:
-        """Train on all folds but `leave`."""
+        """Train on all folds but `leave`; a model that ranks does so within every object."""
+        sizes = [len(f) for f in self.folds if leave is None or f[0] != leave]
         keep = np.ones(sum(map(len, self.labels)), dtype=bool)
         if leave is not None:
             keep = np.concatenate(self.folds) != leave
@@ -60,6 +60,7 @@ class Rows:
             np.concatenate(self.values)[keep],
             np.concatenate(self.labels)[keep],
             weight=np.concatenate(self.weights)[keep],
+            group=sizes if parameters.get("objective") == "lambdarank" else None,
             feature_name=list(self.names),
             free_raw_data=True,
         )

@@ -1,0 +1,48 @@
+"""The training of the model that ranks sets of candidates."""
+
+import numpy as np
+
+from mam_pipeline.reason.features import table
+from mam_pipeline.reason.recipe import FOLDS
+from mam_pipeline.reason.train import LEVELS, RANKS, Options, fit_choice
+from mam_pipeline.reason.training_looks import Rows
+
+
+def options(rng: np.random.Generator, fold: int) -> Options:
+    """One object whose sets differ by `sign`; how hard it is hardly shows, and drowns that."""
+    count = int(rng.integers(2, 9))
+    sign, hard = rng.uniform(0, 1, count), rng.uniform(0, 0.8)
+    result = np.stack([1 - hard - 0.2 * (1 - sign), np.ones(count)], axis=1)
+    columns = {"sign": sign, "number": rng.uniform(0, 1, count)}
+    return Options(fold, 2, table(columns), result, (0.0, 0.0))
+
+
+def share_right(model, rng: np.random.Generator) -> float:
+    """How often the best set of a new object comes first."""
+    items = [options(rng, 0) for _ in range(60)]
+    return float(np.mean([
+        np.argmax(model.predict(item.features.values)) == np.argmax(item.result[:, 0])
+        for item in items
+    ]))  # fmt: skip
+
+
+def test_sets_are_ranked_within_their_object() -> None:
+    """The best set of new objects comes first, however hard they are."""
+    rng = np.random.default_rng(0)
+    model = fit_choice([options(rng, k % FOLDS) for k in range(240)])
+    assert share_right(model, rng) > 0.8
+
+
+def test_a_fold_is_left_out_with_its_objects() -> None:
+    """One fold teaches the reverse: right is a model without it, wrong one of that fold alone."""
+    rng = np.random.default_rng(1)
+    rows, wrong = Rows.empty(), Rows.empty()
+    for k in range(240):
+        item = options(rng, k % FOLDS)
+        grade, weight = np.round(item.result[:, 0] * LEVELS), np.ones(len(item.result))
+        if item.fold == 0:
+            grade = LEVELS - grade
+            wrong.add(item.features, grade, weight, item.fold)
+        rows.add(item.features, grade, weight, item.fold)
+    assert share_right(rows.fit(100, 0, **RANKS), rng) > 0.8
+    assert share_right(wrong.fit(100, **RANKS), rng) < 0.2
