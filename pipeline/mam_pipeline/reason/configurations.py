@@ -2,7 +2,7 @@
 
 A candidate's own value cannot say whether a panel and its handle are two parts or one, or whether
 one of four equal fronts was left out; that is a property of the set. So several sets are drawn up
-and the one with the best expected score (mIoU and count, design section 6) is taken.
+and the one that ranks first is taken (by mIoU and count, design section 6).
 """
 
 from __future__ import annotations
