@@ -29,7 +29,7 @@ def share_right(model, rng: np.random.Generator) -> float:
 def test_sets_are_ranked_within_their_object() -> None:
     """The best set of new objects comes first, however hard they are."""
     rng = np.random.default_rng(0)
-    model = fit_choice([options(rng, k % FOLDS) for k in range(240)])
+    (model,) = fit_choice([options(rng, k % FOLDS) for k in range(240)], 1)
     assert share_right(model, rng) > 0.8
 
 

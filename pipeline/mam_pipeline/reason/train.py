@@ -61,7 +61,7 @@ RANKS: dict[str, Any] = {
     "objective": "lambdarank", "label_gain": list(range(LEVELS + 1)),
     "lambdarank_truncation_level": 15,
 }  # fmt: skip
-SETS = 28  # sets of one look that train the set model
+SETS, ROUNDS = 28, 250  # sets of one look that train the set model, and its trees
 # weight of what the parts promise by themselves, beside the rank of a set, which leaves parts out:
 # most objects have one. Most of all among fused pieces
 PROMISE, FUSED_PROMISE = 0.5, 1.5
@@ -173,15 +173,8 @@ def options_of(looks: list[Look], guesses: list[Guess]) -> list[Options]:
     return out
 
 
-def fit_choice(tried: list[Options], seed: int = 0) -> lightgbm.Booster:
-    """The model that ranks the sets of one object by their score.
-
-    Only the order within an object counts; a model of the score itself spends itself on which
-    objects are hard.
-
-    Args:
-        seed: of the sets that are drawn from every look.
-    """
+def _sets(tried: list[Options], seed: int) -> Rows:
+    """Training rows of the set model: a draw of the sets of every look, graded by their score."""
     rows, rng = Rows.empty(), np.random.default_rng(seed)
     for item in tried:
         score = item.result @ WORTH
@@ -190,7 +183,18 @@ def fit_choice(tried: list[Options], seed: int = 0) -> lightgbm.Booster:
         grade = np.round(score[keep] * LEVELS)
         weight = np.full(len(keep), np.sqrt(item.truth))  # with more parts, more can go wrong
         rows.add(some_rows(item.features, keep), grade, weight, item.fold)
-    held = [rows.fit(250, k, **RANKS) for k in range(FOLDS)]
+    return rows
+
+
+def fit_choice(tried: list[Options], number: int) -> list[lightgbm.Booster]:
+    """Models that rank the sets of one object by their score, each from a draw of its own.
+
+    Only the order within an object counts; a model of the score itself must also learn which
+    objects are hard. How well the first draw's models choose in the fold that they never saw is
+    printed.
+    """
+    draws = [_sets(tried, seed) for seed in range(number)]
+    held = [draws[0].fit(ROUNDS, k, **RANKS) for k in range(FOLDS)]
     report = []
     for item in tried:
         best = int(np.argmax(held[item.fold].predict(item.features.values, num_threads=1)))
@@ -199,7 +203,7 @@ def fit_choice(tried: list[Options], seed: int = 0) -> lightgbm.Booster:
     names = "chosen, by threshold, best of the sets"
     print(f"cross-fitted (mIoU, count): {names}: {np.mean(report, axis=0).round(3)}",
           file=sys.stderr, flush=True)  # fmt: skip
-    return rows.fit(250, **RANKS)
+    return [rows.fit(ROUNDS, **RANKS) for rows in draws]
 
 
 def calibrate(answers: list[tuple[Look, FloatArray, list[int]]]) -> list[tuple[float, float]]:
@@ -359,8 +363,9 @@ def fit_members(
         members.append(models)
         sizes.append(len(draw))
         tried += options
-    for seed, models in enumerate(members):
-        models["choose"] = fit_choice(tried, seed)  # of the looks of all: half of them are too few
+    # from the looks of all members: half of them are too few
+    for models, choose in zip(members, fit_choice(tried, number)):
+        models["choose"] = choose
     finish(members, asked, held, sizes, out, promise)
 
 
