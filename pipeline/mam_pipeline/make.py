@@ -33,7 +33,7 @@ from mam_pipeline.types import Articulation, FloatArray, Mesh
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".off")
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".gif", ".heic")
-STAGE_VERSION = 11
+STAGE_VERSION = 12
 
 
 @dataclass(frozen=True)
@@ -97,6 +97,7 @@ def make_asset(
     Raises:
         MamSimError: one of its subclasses; `out` is then as it was before.
     """
+    from mam_pipeline.asset.interiors import add_interiors
     from mam_pipeline.asset.mend import written_and_checked
     from mam_pipeline.asset.writer import replace_folder, write_asset
     from mam_pipeline.models.retexture import repainted
@@ -128,6 +129,9 @@ def make_asset(
         tell("asset")
         if config.retexture:
             articulation, used["retexturer"] = repainted(articulation, config.retexture)
+        assumed: list[str] = []
+        if config.interiors and read.shell:
+            articulation, assumed = add_interiors(articulation)
         write = partial(
             write_asset,
             out=work / "asset",
@@ -138,8 +142,7 @@ def make_asset(
             metres_per_unit_source=read.metres_per_unit_source,
             backends=used,
             seconds=seconds,
-            notes=[n for n in (read.summary, *read.notes) if n],
-            interiors=config.interiors and read.shell,
+            notes=[n for n in (read.summary, *read.notes, *assumed) if n],
         )
         asset = written_and_checked(articulation, write, kind != "urdf", lambda: tell("check"))
         (stages / "frame.json").write_text(json.dumps({"asset_T_engine": yaw.tolist()}))

@@ -50,8 +50,7 @@ def test_a_cut_part_gets_an_inside_and_runs_free(tmp_path: Path, kind: str) -> N
     assert depth > 0.2 if kind == "drawer" else 0.005 < depth < 0.03
     body = made.mesh.submesh(made.links[0].faces)
     assert trimesh.Trimesh(body.vertices, body.faces).area > source.mesh.diagonal**2
-    asset = write_asset(source, tmp_path / "a", name="a", interiors=True)
-    assert asset.card.notes == notes
+    asset = write_asset(made, tmp_path / "a", name="a")
     report = check_asset(asset.folder)
     assert report.passed, report.joints
 
@@ -64,9 +63,68 @@ def test_a_body_too_shallow_for_a_drawer_gets_no_box() -> None:
     assert made.mesh.submesh(made.links[1].faces).bounds[1, 0] < 0.03
 
 
-def test_without_the_flag_nothing_is_added(tmp_path: Path) -> None:
-    asset = write_asset(fused("drawer"), tmp_path / "a", name="a", interiors=False)
-    assert asset.card.notes == []
+def short(source: Articulation, rule: str) -> Articulation:
+    """The drawer as the engine leaves it: a thin front goes a centimetre, and why."""
+    evidence = {"limits": {"rule": rule}}
+    joint = replace(source.joints[0], upper=0.01, open=0.01, evidence=evidence)
+    return replace(source, joints=(joint,))
+
+
+def test_a_drawer_comes_out_by_its_box_and_the_check_agrees(tmp_path: Path) -> None:
+    made, _ = add_interiors(short(fused("drawer"), "contact loss"))
+    joint = made.joints[0]
+    assert joint.open == joint.upper == pytest.approx(0.75 * 0.45, abs=0.02)
+    assert "box" in joint.evidence["limits"]["rule"]
+    report = check_asset(write_asset(made, tmp_path / "a", name="a").folder)
+    assert report.passed, report.joints
+    stopped, _ = add_interiors(short(fused("drawer"), "first collision"))
+    assert stopped.joints[0].upper == 0.01
+
+
+def test_something_before_a_drawer_stops_it() -> None:
+    source = short(fused("drawer"), "contact loss")
+    wall = trimesh.creation.box(bounds=[[-0.2, -0.3, 0], [-0.15, 0.3, 0.7]])
+    whole = trimesh.util.concatenate(
+        [trimesh.Trimesh(source.mesh.vertices, source.mesh.faces, process=False), wall]
+    )
+    faces = np.arange(len(whole.faces) - 12, len(whole.faces))
+    body = replace(source.links[0], faces=np.concatenate([source.links[0].faces, faces]))
+    mesh = Mesh(np.asarray(whole.vertices), np.asarray(whole.faces))
+    made, _ = add_interiors(replace(source, mesh=mesh, links=(body, source.links[1])))
+    assert 0.1 < made.joints[0].upper < 0.15
+
+
+def test_a_bad_face_at_the_rim_does_not_cost_the_inside() -> None:
+    source = fused("drawer")
+    link = source.face_link
+    touching = source.mesh.vertices[source.mesh.faces[:, 0], 1] > 0.19
+    bad = int(np.flatnonzero((link == 1) & touching)[0])
+    holes = np.delete(source.mesh.faces, bad, axis=0)
+    label = np.delete(link, bad)
+    links = tuple(
+        replace(old, faces=np.flatnonzero(label == i)) for i, old in enumerate(source.links)
+    )
+    broken = replace(source, mesh=Mesh(source.mesh.vertices, holes), links=links)
+    _, notes = add_interiors(broken)
+    assert "drawer box" in notes[0]
+
+
+def test_a_door_that_is_thick_already_gets_no_second_thickness() -> None:
+    block = trimesh.creation.box(bounds=[[0, -0.3, 0], [0.5, 0.3, 0.7]])
+    for _ in range(5):
+        block = block.subdivide()
+    door = block.triangles_center[:, 0] < 0.04
+    links = (
+        Link("body", "body", np.flatnonzero(~door)),
+        Link("door", "door", np.flatnonzero(door)),
+    )
+    joint = Joint("j", "revolute", "hinge", 0, 1, np.array([0, 0, 1.0]),
+                  np.array([0, -0.3, 0.35]), 0, 1.5, 0, 1.5)  # fmt: skip
+    source = Articulation(Mesh(block.vertices, block.faces), links, (joint,))
+    before = source.mesh.submesh(source.links[1].faces).bounds[1, 0]
+    made, notes = add_interiors(source)
+    assert "a back" in notes[0]
+    assert made.mesh.submesh(made.links[1].faces).bounds[1, 0] < before + 0.006
 
 
 def test_parts_that_are_bodies_of_their_own_stay_as_they_are() -> None:

@@ -26,7 +26,7 @@ from mam_pipeline.reason.group_features import group_features, with_rivals
 from mam_pipeline.reason.groups import components, enumerate_groups, merge_tree
 from mam_pipeline.reason.scores import RuleScores, load_scores
 from mam_pipeline.reason.select import select_groups
-from mam_pipeline.reason.tree import named
+from mam_pipeline.reason.tree import named, part_kind
 from mam_pipeline.types import JointSubtype, KinematicTree, Mesh, PartNode, Primitives
 from mam_pipeline.world import Style, make_object
 
@@ -253,6 +253,16 @@ def test_a_part_is_named_after_its_last_type() -> None:
         assert nodes[0] == base
         assert {n.kind for n in nodes[1:]} <= known
         assert len({n.name for n in nodes}) == 3
+
+
+def test_a_thick_handle_makes_no_lever_of_a_door() -> None:
+    mesh, primitives = boxes(
+        ((0.0, 0, 0), (0.5, 0.4, 0.5)), ((-0.02, 0, 0), (-0.002, 0.4, 0.5)),
+        ((-0.2, 0.3, 0.1), (-0.02, 0.38, 0.4)),
+    )  # fmt: skip
+    graph = build_graph(mesh, primitives)
+    assert part_kind(graph, np.array([False, True, True]), "hinge") == "door"
+    assert part_kind(graph, np.array([False, False, True]), "hinge") == "lever"
 
 
 def test_the_pieces_of_a_link_become_one_solid() -> None:

@@ -12,12 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
+from shapely import contains_xy
 from shapely.geometry import Polygon
 
 from mam_pipeline.asset.dynamics import carried_links
 from mam_pipeline.asset.handles import opening_direction
-from mam_pipeline.asset.surface import weld
+from mam_pipeline.asset.rims import cut_rims, length
+from mam_pipeline.geometry.boxes import principal_axes
 from mam_pipeline.geometry.raycast import RayScene
+from mam_pipeline.geometry.sampling import face_geometry, sample_surface
 from mam_pipeline.types import Articulation, FloatArray, IntArray, Joint, Material, Mesh
 
 PANEL = 0.018
@@ -29,6 +33,16 @@ PLAY = 0.004
 _LEAST_AREA = 0.004
 _SHALLOW = 0.3
 """A drawer needs a body deeper than this share of the square root of its front's area."""
+_DEEP = 2.0
+"""No drawer is deeper, in the same unit."""
+_OWN_INSIDE = 0.5
+"""A part that reaches farther behind its rim, in the same unit, brings its inside along."""
+_HIGH = 0.85
+"""A drawer's boards are this share of its front's height."""
+_WAY = 0.75
+"""A drawer comes out by this share of its box."""
+_NEARLY = 0.8
+"""Cosine between a part's mean motion and the normal of its rim's plane, taken for one."""
 
 
 @dataclass(frozen=True)
@@ -43,45 +57,49 @@ class _Added:
 def add_interiors(articulation: Articulation) -> tuple[Articulation, list[str]]:
     """Close the holes of parts cut from one skin; drawers get boxes, the body compartments.
 
+    A drawer whose front alone would lose touch runs on as far as its box guides it.
+
     Returns:
         The articulation with more faces at the end of its mesh, and notes for the card. Both are
         as they were where nothing was cut.
     """
-    loops = _cut_loops(articulation)
+    rims = cut_rims(articulation)
     added: list[_Added] = []
     notes: list[str] = []
+    joints = []
     for joint in articulation.joints:
-        mine = [loop for child, loop in loops if child == joint.child]
-        if not mine or joint.type == "fixed":
-            continue
-        more, said = _inside_of(articulation, joint, max(mine, key=_perimeter))
-        added += more
-        notes += [said] if said else []
-    return (_extended(articulation, added), notes) if added else (articulation, [])
+        mine = [rim for child, rim in rims if child == joint.child]
+        if mine and joint.type != "fixed":
+            more, joint, said = _inside_of(articulation, joint, max(mine, key=length))
+            added += more
+            notes += [said] if said else []
+        joints.append(joint)
+    if not added:
+        return articulation, []
+    return replace(_extended(articulation, added), joints=tuple(joints)), notes
 
 
 def _inside_of(
-    articulation: Articulation, joint: Joint, loop: FloatArray
-) -> tuple[list[_Added], str]:
-    """The back of one part and the compartment behind it; `loop` (n, 3) is its rim."""
+    articulation: Articulation, joint: Joint, rim: FloatArray
+) -> tuple[list[_Added], Joint, str]:
+    """The back of one part and the compartment behind it; `rim` (n, 3) is where it was cut."""
     name = articulation.links[joint.child].name
-    outward = opening_direction(articulation, joint)
-    if not outward.any():
-        outward = np.asarray(joint.axis) * np.sign(
-            (loop.mean(axis=0) - _middle(articulation)) @ joint.axis or 1.0
-        )
-    flat = _Flat(loop, outward)
+    flat = _Flat(rim, _outward(articulation, joint, rim))
     polygon = flat.polygon
     if polygon is None:
-        return [], ""
+        return [], joint, ""
     diagonal = articulation.mesh.diagonal
-    room = _room(articulation, joint, flat)
-    panel = min(PANEL, 0.02 * diagonal, 0.3 * room)
-    play = min(PLAY, 0.004 * diagonal)
+    thick, behind = _thickness(articulation, joint, flat)
     small = polygon.area < _LEAST_AREA * diagonal**2 or joint.subtype == "spin"
+    if not small and behind > _OWN_INSIDE * polygon.area**0.5:
+        return [], joint, ""
+    room = _room(articulation, joint, flat)
+    play = min(PLAY, 0.004 * diagonal)
+    panel = max(min(PANEL, 0.02 * diagonal, 0.3 * room) - thick, play)
     inner = polygon.buffer(-play, join_style="mitre")
-    # walls in the very outline would lie in the skin of a body without thickness
-    board = min(WALL, 0.01 * diagonal)
+    # walls in the very outline would lie in the skin of a body as wide as its front
+    aside = _beside(articulation, joint, flat, 0.5 * room)
+    board = max(min(WALL, 0.01 * diagonal) - aside, 0.5 * play)
     seat = polygon.buffer(-0.4 * play, join_style="mitre")
     walls = polygon.buffer(-board, join_style="mitre")
     inside = polygon.buffer(-(board + play), join_style="mitre")
@@ -90,21 +108,81 @@ def _inside_of(
         part = flat.cap(polygon, 0.0)
         body = flat.cap(polygon, 0.0)
         said = f"{name}: the cut was closed with flat caps (assumed)"
-        return [_Added(joint.child, *part), _Added(joint.parent, *body)], said
-    travel = joint.upper - joint.lower if joint.type == "prismatic" else 0.0
+        return [_Added(joint.child, *part), _Added(joint.parent, *body)], joint, said
     depth = 0.85 * room
     out = [_Added(joint.child, *flat.skirt(polygon, inner, panel))]
-    drawn = joint.type == "prismatic" and abs(joint.axis @ outward) > 0.9 and abs(outward[2]) < 0.5
+    along, level = abs(joint.axis @ flat.outward) > 0.9, abs(flat.outward[2]) < 0.5
+    drawn = joint.type == "prismatic" and along and level
     if drawn and room > _SHALLOW * polygon.area**0.5:
-        depth = min(0.9 * room, max(1.25 * travel, 0.5 * room))
+        depth = min(0.9 * room, _DEEP * polygon.area**0.5)
         box = flat.drawer(inside, panel, depth - 2 * play, min(WALL, 0.2 * panel + 0.004))
         out.append(_Added(joint.child, *box))
+        joint = _drawn_out(articulation, joint, flat, depth)
         said = f"{name}: a drawer box of {depth:.2f} m and a compartment for it (assumed)"
     else:
         said = f"{name}: a back, and a compartment of {depth:.2f} m behind it (assumed)"
     steps = [(seat, min(panel + play, 0.5 * depth)), (walls, depth)]
     out.append(_Added(joint.parent, *flat.compartment(polygon, steps)))
-    return out, said
+    return out, joint, said
+
+
+def _outward(articulation: Articulation, joint: Joint, rim: FloatArray) -> FloatArray:
+    """(3,) unit direction in which the part leaves its rim: along a slide, else off its plane."""
+    outward = opening_direction(articulation, joint)
+    if not outward.any():
+        middle = articulation.mesh.bounds.mean(axis=0)
+        outward = np.asarray(joint.axis) * np.sign((rim.mean(axis=0) - middle) @ joint.axis or 1.0)
+    if joint.type != "prismatic":
+        normal = principal_axes(rim)[0][2]
+        normal = normal * (np.sign(normal @ outward) or 1.0)
+        if normal @ outward > _NEARLY:  # a handle or the hinge's side tilts the mean motion
+            return np.asarray(normal)
+    return outward
+
+
+def _thickness(articulation: Articulation, joint: Joint, flat: _Flat) -> tuple[float, float]:
+    """How far the part's broad front lies before the rim, and how far it reaches in behind, m."""
+    mesh = articulation.mesh
+    faces = mesh.faces[articulation.links[joint.child].faces]
+    normals, areas = face_geometry(mesh.vertices, faces)
+    height = (mesh.vertices[faces].mean(axis=1) - flat.origin) @ flat.outward
+    facing = np.flatnonzero(normals @ flat.outward > 0.7)
+    behind = float(-height[_within(flat, mesh.vertices[faces].mean(axis=1))].min(initial=0.0))
+    if not len(facing):
+        return 0.0, behind
+    order = facing[np.argsort(height[facing])]
+    weight = np.cumsum(areas[order])
+    return max(float(height[order[np.searchsorted(weight, 0.5 * weight[-1])]]), 0.0), behind
+
+
+def _within(flat: _Flat, points: FloatArray) -> NDArray[np.bool_]:
+    """(n,) which points lie before or behind the opening."""
+    plane = (points - flat.origin) @ np.stack([flat.u, flat.v], axis=1)
+    return np.asarray(contains_xy(flat.polygon, plane[:, 0], plane[:, 1]))
+
+
+def _drawn_out(articulation: Articulation, joint: Joint, flat: _Flat, depth: float) -> Joint:
+    """The joint with the way of a drawer `depth` metres deep, if only lost touch had ended it."""
+    limits = joint.evidence.get("limits", {})
+    if not str(limits.get("rule", "")).startswith("contact loss"):
+        return joint
+    mesh = articulation.mesh
+    own = [articulation.links[i].faces for i in carried_links(articulation, joint)]
+    others = np.setdiff1d(np.arange(len(mesh.faces)), np.concatenate(own))
+    faces = mesh.faces[articulation.links[joint.child].faces]
+    points = sample_surface(mesh.vertices, faces, 400).points
+    start = points + 1e-3 * mesh.diagonal * flat.outward
+    start = start[(start - flat.origin) @ flat.outward > 0.0]
+    ahead = RayScene(mesh.vertices, mesh.faces[others]).first_hits(
+        start, np.tile(flat.outward, (len(start), 1))
+    )
+    way = min(_WAY * depth, 0.9 * float(ahead.t.min(initial=np.inf)))
+    sign = 1.0 if joint.axis @ flat.outward > 0 else -1.0
+    if way <= sign * joint.open:
+        return joint
+    lower, upper = (joint.lower, way) if sign > 0 else (-way, joint.upper)
+    said = {**joint.evidence, "limits": {**limits, "rule": "share of the assumed drawer box"}}
+    return replace(joint, lower=lower, upper=upper, open=sign * way, evidence=said)
 
 
 class _Flat:
@@ -113,14 +191,14 @@ class _Flat:
     Depth counts inwards, against `outward`; the rim's mean plane is depth 0.
     """
 
-    def __init__(self, loop: FloatArray, outward: FloatArray) -> None:
+    def __init__(self, rim: FloatArray, outward: FloatArray) -> None:
         up = np.array([0.0, 0.0, 1.0]) if abs(outward[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
         v = up - (up @ outward) * outward
         self.v = v / np.linalg.norm(v)
         self.u = np.cross(self.v, outward)
         self.outward = outward
-        self.origin = loop.mean(axis=0)
-        plane = np.stack([(loop - self.origin) @ self.u, (loop - self.origin) @ self.v], axis=1)
+        self.origin = rim.mean(axis=0)
+        plane = np.stack([(rim - self.origin) @ self.u, (rim - self.origin) @ self.v], axis=1)
         polygon = Polygon(plane)
         if not polygon.is_valid:
             polygon = polygon.buffer(0)
@@ -169,7 +247,7 @@ class _Flat:
     ) -> tuple[FloatArray, IntArray]:
         """Bottom, sides and back boards within the polygon's box; open at the top."""
         low_u, low_v, high_u, high_v = polygon.bounds
-        high_v = low_v + 0.7 * (high_v - low_v)
+        high_v = low_v + _HIGH * (high_v - low_v)
         boards = [
             (low_u, high_u, low_v, low_v + wall, front, back),
             (low_u, low_u + wall, low_v + wall, high_v, front, back),
@@ -209,57 +287,15 @@ def _room(articulation: Articulation, joint: Joint, flat: _Flat) -> float:
     return float(np.quantile(reached, 0.2)) if len(reached) else PANEL
 
 
-def _cut_loops(articulation: Articulation) -> list[tuple[int, FloatArray]]:
-    """(child link, (n, 3) closed rim) of every cut between a link and what does not carry it."""
+def _beside(articulation: Articulation, joint: Joint, flat: _Flat, depth: float) -> float:
+    """How thick the body is beside the opening, at a depth behind it, metres."""
     mesh = articulation.mesh
-    triangles = mesh.vertices[mesh.faces]
-    vertices, faces, index = weld(triangles, 1e-6 * mesh.diagonal)
-    labels = articulation.face_link[index]
-    edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    owner = np.repeat(labels, 3)
-    ordered = np.sort(edges, axis=1)
-    _, key, count = np.unique(ordered, axis=0, return_inverse=True, return_counts=True)
-    key = key.reshape(-1)
-    order = np.argsort(key, kind="stable")
-    pair = order[:-1][(np.diff(key[order]) == 0) & (count[key[order]][:-1] == 2)]
-    follows = np.empty(len(order), dtype=np.int64)
-    follows[order[:-1]] = order[1:]
-    other = follows[pair]
-    out: list[tuple[int, FloatArray]] = []
-    for joint in articulation.joints:
-        # beside its neighbour a door's rim is the neighbour's too
-        rest = np.setdiff1d(np.arange(len(articulation.links)), carried_links(articulation, joint))
-        first = (owner[pair] == joint.child) & np.isin(owner[other], rest)
-        second = (owner[other] == joint.child) & np.isin(owner[pair], rest)
-        mine = edges[np.concatenate([pair[first], other[second]])]
-        out += [(joint.child, vertices[ring]) for ring in _rings(mine)]
-    return out
-
-
-def _perimeter(ring: FloatArray) -> float:
-    return float(np.linalg.norm(np.roll(ring, -1, axis=0) - ring, axis=1).sum())
-
-
-def _rings(edges: IntArray) -> list[IntArray]:
-    """Closed rings of directed edges (n, 2), longest first; open chains are dropped."""
-    after: dict[int, list[int]] = {}
-    for a, b in edges.tolist():
-        after.setdefault(a, []).append(b)
-    rings = []
-    while after:
-        start = next(iter(after))
-        ring, at = [start], after[start].pop()
-        if not after[start]:
-            del after[start]
-        while at != start and at in after:
-            ring.append(at)
-            step = after[at].pop()
-            if not after[at]:
-                del after[at]
-            at = step
-        if at == start and len(ring) >= 3:
-            rings.append(np.array(ring, dtype=np.int64))
-    return sorted(rings, key=len, reverse=True)
+    faces = articulation.links[joint.parent].faces
+    if not len(faces) or flat.polygon is None:
+        return 0.0
+    spots = flat.polygon.exterior.segmentize(0.1 * flat.polygon.area**0.5)
+    points = flat.lift(np.asarray(spots.coords)[:-1], depth)
+    return float(np.quantile(RayScene(mesh.vertices, mesh.faces[faces]).distance(points), 0.1))
 
 
 def _extended(articulation: Articulation, added: list[_Added]) -> Articulation:
@@ -305,7 +341,3 @@ def _join(soups: list[tuple[FloatArray, IntArray]]) -> tuple[FloatArray, IntArra
     offsets = np.cumsum([0] + [len(v) for v, _ in soups[:-1]])
     faces = np.concatenate([f + o for (_, f), o in zip(soups, offsets)])
     return np.concatenate([v for v, _ in soups]), faces
-
-
-def _middle(articulation: Articulation) -> FloatArray:
-    return np.asarray(articulation.mesh.bounds.mean(axis=0))

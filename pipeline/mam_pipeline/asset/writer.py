@@ -38,7 +38,6 @@ def write_asset(
     backends: Mapping[str, Any] | None = None,
     seconds: Mapping[str, float] | None = None,
     notes: Sequence[str] = (),
-    interiors: bool = False,
 ) -> Asset:
     """Write the folder `out`, replacing an asset that was there; a killed run leaves no half.
 
@@ -51,7 +50,6 @@ def write_asset(
         metres_per_unit, metres_per_unit_source: the scale and who said so.
         collision: pieces by link name (asset frame); computed for links that it leaves out.
         backends, seconds, notes: for the card.
-        interiors: close the holes of parts cut from fused meshes and give drawers their boxes.
 
     Raises:
         NotPhysicalError: a link without surface, or numbers that are not finite.
@@ -59,12 +57,6 @@ def write_asset(
     out = Path(out)
     began = time.perf_counter()
     articulation = _valid(articulation)
-    more_notes = list(notes)
-    if interiors:
-        from mam_pipeline.asset.interiors import add_interiors
-
-        articulation, said = add_interiors(articulation)
-        more_notes += said
     inertials = link_inertials(articulation)
     articulation = with_dynamics(articulation, inertials)
     pieces = {k: list(v) for k, v in (collision or {}).items()}
@@ -91,7 +83,7 @@ def write_asset(
             metres_per_unit_source=metres_per_unit_source,
             backends=dict(backends or {}),
             seconds={**(seconds or {}), "write": round(time.perf_counter() - began, 3)},
-            notes=more_notes,
+            notes=list(notes),
         )
         card.save(work)
         replace_folder(work, out)

@@ -141,6 +141,8 @@ def generated_truth(category: str, seed: int) -> GroundTruth:
 
 def run_task(task: Task, config: BenchConfig) -> Record:
     """Run the engine on one object and score it; a failure becomes a record too."""
+    from mam_pipeline.asset.interiors import add_interiors
+
     truth = task.load()
     mesh = truth.mesh
     if config.fuse:
@@ -152,7 +154,7 @@ def run_task(task: Task, config: BenchConfig) -> Record:
     try:
         with settings.given({**dict(config.settings), settings.SUBJECT: task.id}):
             run = articulate_mesh(mesh, config=config.engine)
-        found = run.articulation
+        found, _ = add_interiors(run.articulation)  # as the asset is delivered
     except HintNeeded as error:
         status, why = "asked", str(error)
     except NotPhysicalError as error:

@@ -132,12 +132,22 @@ def _parents(graph: Graph, parts: list[np.ndarray]) -> list[int]:
     return out
 
 
+BULK = 0.7
+"""The largest primitives with this share of a part's area are its body, the others its fittings."""
+
+
 def part_kind(graph: Graph, mask: np.ndarray, subtype: JointSubtype) -> str:
     """A free word for a part's shape: it names links and helps grasps and reports."""
-    low, high = graph.low[mask].min(axis=0), graph.high[mask].max(axis=0)
-    extent = high - low
-    order = np.sort(extent)
+    extent = graph.high[mask].max(axis=0) - graph.low[mask].min(axis=0)
     top = graph.high[:, 2].max()
+    if subtype == "hinge":  # a handle makes no door less flat
+        own = np.flatnonzero(mask)
+        own = own[np.argsort(-graph.area[own], kind="stable")]
+        share = np.cumsum(graph.area[own]) / max(graph.area[own].sum(), 1e-12)
+        bulk = own[: 1 + int(np.searchsorted(share, BULK))]
+        extent = graph.high[bulk].max(axis=0) - graph.low[bulk].min(axis=0)
+    low = graph.low[mask].min(axis=0)
+    order = np.sort(extent)
     if subtype == "spin":
         wide = order[0] < 0.6 * order[1]
         return "wheel" if wide and low[2] < 0.25 * top and order[1] > 0.1 else "knob"
