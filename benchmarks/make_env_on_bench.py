@@ -3,7 +3,10 @@
 Each object's links are merged into one static mesh at rest, written as GLB and given to the command
 line, as a user would; then the environment takes 200 random actions. Prints a row per object.
 
-    python benchmarks/make_env_on_bench.py DATASET [--only ID ...] [--steps 200]
+    python benchmarks/make_env_on_bench.py DATASET [--only ID ...] [--fuse] [--keep FOLDER]
+
+With --fuse each mesh is made one skin first, as a generator would give it, and written as PLY. The
+assets stay in --keep, from where `expert_table.py` can go on.
 """
 
 from __future__ import annotations
@@ -13,11 +16,26 @@ import tempfile
 import time
 from pathlib import Path
 
+import trimesh
+
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.bench.dataset import list_objects, read_object
+from mam_pipeline.geometry.fuse import fuse_mesh
 from mam_pipeline.meshio import save_glb
+from mam_pipeline.types import Mesh
 from mam_sim.cli import main as mam_sim
 from mam_sim.verbs.make_env import try_environment
+
+
+def save_mesh(mesh: Mesh, stem: Path, fuse: bool) -> Path:
+    """Write a mesh as GLB, or made one skin as PLY; the file."""
+    if not fuse:
+        save_glb(mesh, stem.with_suffix(".glb"))
+        return stem.with_suffix(".glb")
+    skin = fuse_mesh(mesh, 192, faces=60_000)
+    made = trimesh.Trimesh(skin.vertices, skin.faces, vertex_colors=skin.colors, process=False)
+    made.export(stem.with_suffix(".ply"))
+    return stem.with_suffix(".ply")
 
 
 def main() -> None:
@@ -26,6 +44,8 @@ def main() -> None:
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--only", nargs="*", default=[])
     parser.add_argument("--steps", type=int, default=200)
+    parser.add_argument("--fuse", action="store_true")
+    parser.add_argument("--keep", type=Path)
     args = parser.parse_args()
     done = stepped = passed = count = 0
     for name, category, urdf in list_objects(args.dataset):
@@ -34,8 +54,8 @@ def main() -> None:
         count += 1
         started = time.perf_counter()
         with tempfile.TemporaryDirectory() as scratch:
-            mesh, out = Path(scratch, f"{name}.glb"), Path(scratch, "asset")
-            save_glb(read_object(urdf, name, category).mesh, mesh)
+            out = Path(scratch, "asset") if args.keep is None else args.keep / name
+            mesh = save_mesh(read_object(urdf, name, category).mesh, Path(scratch, name), args.fuse)
             status = mam_sim(["make-env", str(mesh), "--out", str(out), "--quiet"])
             note = f"exit {status}"
             if status == 0:

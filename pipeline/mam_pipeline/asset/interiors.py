@@ -14,7 +14,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 from shapely import contains_xy
-from shapely.geometry import Polygon
+from shapely.geometry import MultiPolygon, Polygon
 
 from mam_pipeline.asset.dynamics import carried_links
 from mam_pipeline.asset.handles import opening_direction
@@ -37,6 +37,10 @@ _DEEP = 2.0
 """No drawer is deeper, in the same unit."""
 _OWN_INSIDE = 0.5
 """A part that reaches farther behind its rim, in the same unit, brings its inside along."""
+_SHEET = 0.12
+"""A body thinner than this behind the opening, in the same unit, holds no compartment."""
+_WHOLE = 0.5
+"""A rim whose inset loses more of its area than this is too torn for an inside."""
 _HIGH = 0.85
 """A drawer's boards are this share of its front's height."""
 _WAY = 0.75
@@ -96,19 +100,18 @@ def _inside_of(
     room = _room(articulation, joint, flat)
     play = min(PLAY, 0.004 * diagonal)
     panel = max(min(PANEL, 0.02 * diagonal, 0.3 * room) - thick, play)
-    inner = polygon.buffer(-play, join_style="mitre")
     # walls in the very outline would lie in the skin of a body as wide as its front
     aside = _beside(articulation, joint, flat, 0.5 * room)
     board = max(min(WALL, 0.01 * diagonal) - aside, 0.5 * play)
-    seat = polygon.buffer(-0.4 * play, join_style="mitre")
-    walls = polygon.buffer(-board, join_style="mitre")
-    inside = polygon.buffer(-(board + play), join_style="mitre")
-    whole = all(p.geom_type == "Polygon" and not p.is_empty for p in (inner, seat, walls, inside))
-    if small or not whole:
-        part = flat.cap(polygon, 0.0)
-        body = flat.cap(polygon, 0.0)
-        said = f"{name}: the cut was closed with flat caps (assumed)"
-        return [_Added(joint.child, *part), _Added(joint.parent, *body)], joint, said
+    inner, seat, walls, inside = (
+        _largest(polygon.buffer(-by, join_style="mitre"))
+        for by in (play, 0.4 * play, board, board + play)
+    )
+    sheet = not small and room < _SHEET * polygon.area**0.5
+    if small or sheet or inside.area < _WHOLE * polygon.area:
+        closed = (joint.child,) if sheet else (joint.child, joint.parent)
+        out = [_Added(link, *flat.cap(polygon, 0.0)) for link in closed]
+        return out, joint, f"{name}: the cut was closed flat (assumed)"
     depth = 0.85 * room
     out = [_Added(joint.child, *flat.skirt(polygon, inner, panel))]
     along, level = abs(joint.axis @ flat.outward) > 0.9, abs(flat.outward[2]) < 0.5
@@ -124,6 +127,11 @@ def _inside_of(
     steps = [(seat, min(panel + play, 0.5 * depth)), (walls, depth)]
     out.append(_Added(joint.parent, *flat.compartment(polygon, steps)))
     return out, joint, said
+
+
+def _largest(shape: Polygon | MultiPolygon) -> Polygon:
+    """The largest piece of what may have come apart."""
+    return max(getattr(shape, "geoms", [shape]), key=lambda p: p.area, default=Polygon())
 
 
 def _outward(articulation: Articulation, joint: Joint, rim: FloatArray) -> FloatArray:
@@ -202,8 +210,7 @@ class _Flat:
         polygon = Polygon(plane)
         if not polygon.is_valid:
             polygon = polygon.buffer(0)
-        if polygon.geom_type == "MultiPolygon":
-            polygon = max(polygon.geoms, key=lambda g: g.area)
+        polygon = _largest(polygon)
         good = polygon.geom_type == "Polygon" and polygon.area > 1e-8
         self.polygon = Polygon(polygon.exterior).simplify(1e-4) if good else None
 
