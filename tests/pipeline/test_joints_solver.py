@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -304,3 +305,5 @@ def test_a_small_piece_that_stops_a_drawer_goes_along() -> None:
     freed = take_along(mesh, labels, KinematicTree(nodes), joint, around)
     assert freed is not None
     assert freed.nodes[1].primitives == (1, 2) and freed.nodes[0].primitives == (0,)
+    endless = replace(joint, type="continuous", lower=-np.inf, upper=np.inf)
+    assert take_along(mesh, labels, KinematicTree(nodes), endless, around) is None

@@ -37,6 +37,8 @@ def take_along(
     Args:
         labels: (F,) primitive of every face. around: the part of `joint` and what stands still.
     """
+    if joint.type == "continuous":  # nothing stops it
+        return None
     motion = "prismatic" if joint.type == "prismatic" else "revolute"
     wanted = float(joint.evidence.get("limits", {}).get("cap", joint.upper))
     found = around.free(motion, joint.axis, joint.origin, wanted)[1]  # type: ignore[arg-type]
