@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import open3d as o3d
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mam_pipeline.segment.topology import Topology, groups
@@ -27,39 +28,48 @@ def components(topo: Topology, frame: FloatArray) -> IntArray:
     """
     count = len(topo.faces)
     label = groups(topo.manifold, count)
-    label = _dense(label, topo.kept)
+    label = dense(label, topo.kept)
     label = _rejoin_open(topo, label)
     label = _unite_same_box(topo, label, frame)
     return label
 
 
-def absorb_specks(topo: Topology, label: IntArray, limit: float = SPECK) -> IntArray:
-    """Give pieces with a box diagonal below `limit` to the piece nearest to their surface."""
+def specks(topo: Topology, label: IntArray, limit: float = SPECK) -> NDArray[np.bool_]:
+    """(F,) the faces of pieces with a box diagonal below `limit`; none if there is nothing else."""
     low, high = boxes(topo.points, topo, label)
     small = np.linalg.norm(high - low, axis=1) < limit
-    if small.all() or not small.any():
+    if small.all():
+        return np.zeros(len(label), dtype=bool)
+    return np.asarray((label >= 0) & small[label])
+
+
+def absorb_specks(
+    topo: Topology, pieces: IntArray, speck: NDArray[np.bool_], label: IntArray
+) -> IntArray:
+    """Give every speck, whole, to the label that is nearest to its surface.
+
+    Args:
+        pieces: (F,) with specks as pieces of their own. label: (F,) -1 on them.
+    """
+    lost = np.flatnonzero(speck)
+    if not len(lost):
         return label
-    kept = np.flatnonzero(label >= 0)
-    is_small = small[label[kept]]
-    target = kept[~is_small]
+    target = np.flatnonzero(label >= 0)
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(
         o3d.core.Tensor.from_numpy(topo.points.astype(np.float32)),
         o3d.core.Tensor.from_numpy(topo.faces[target].astype(np.uint32)),
     )
-    specks = kept[is_small]
-    centres = topo.points[topo.faces[specks]].mean(axis=1).astype(np.float32)
+    centres = topo.points[topo.faces[lost]].mean(axis=1).astype(np.float32)
     answer = scene.compute_closest_points(o3d.core.Tensor.from_numpy(centres))
     owner = label[target[answer["primitive_ids"].numpy().astype(np.int64)]]
     gap = np.linalg.norm(answer["points"].numpy() - centres, axis=1)
     # the whole speck goes where its nearest face points
-    order = np.lexsort((owner, gap, label[specks]))
-    piece, first = np.unique(label[specks][order], return_index=True)
-    move = np.arange(int(label.max()) + 1)
-    move[piece] = owner[order][first]
+    order = np.lexsort((owner, gap, pieces[lost]))
+    piece, first = np.unique(pieces[lost][order], return_index=True)
     out = label.copy()
-    out[kept] = move[label[kept]]
-    return _dense(out, label >= 0)
+    out[lost] = owner[order][first][np.searchsorted(piece, pieces[lost])]
+    return out
 
 
 def spread(topo: Topology, label: IntArray) -> IntArray:
@@ -93,7 +103,8 @@ def boxes(points: FloatArray, topo: Topology, label: IntArray) -> tuple[FloatArr
     return low, high
 
 
-def _dense(label: IntArray, kept: np.ndarray) -> IntArray:
+def dense(label: IntArray, kept: NDArray[np.bool_]) -> IntArray:
+    """Labels of the kept faces as 0, 1, ..., -1 for the others."""
     out = np.full(len(label), -1, dtype=np.int64)
     out[kept] = np.unique(label[kept], return_inverse=True)[1]
     return out

@@ -7,7 +7,13 @@ from numpy.typing import NDArray
 
 from mam_pipeline.backends import Availability
 from mam_pipeline.errors import InputError
-from mam_pipeline.segment.components import absorb_specks, components, spread
+from mam_pipeline.segment.components import (
+    absorb_specks,
+    components,
+    dense,
+    specks,
+    spread,
+)
 from mam_pipeline.segment.frame import dominant_frame
 from mam_pipeline.segment.fused import cut, hierarchy
 from mam_pipeline.segment.topology import Topology, topology
@@ -50,16 +56,19 @@ class GeometricSegmenter:
             raise InputError("the mesh has no face with an area")
         frame = dominant_frame(topo.normals, topo.areas)
         pieces = components(topo, frame)
-        whole = absorb_specks(topo, pieces)
+        speck = specks(topo, pieces)
+        whole = dense(pieces, (pieces >= 0) & ~speck)
         inside = _to_split(topo, whole)
         if not inside.any():
-            return Primitives(by_area(spread(topo, whole), topo.areas), method="geometric")
+            whole = spread(topo, absorb_specks(topo, pieces, speck, whole))
+            return Primitives(by_area(whole, topo.areas), method="geometric")
         tree = hierarchy(topo, np.flatnonzero(inside))
         # every surface of its own keeps at least one node, so disjoint ones are never joined
         count = int(np.clip(1 + (tree.costs > self.clear).sum(), FEWEST, MOST))
         split, merges = cut(tree, count)
         others = np.unique(np.where(inside, -1, whole), return_inverse=True)[1] - 1
         label = np.where(inside, split, np.where(whole >= 0, others + 1 + split.max(), -1))
+        label = absorb_specks(topo, pieces, speck, label)
         label, merges = _numbered(topo, label, merges, int(split.max()) + 1)
         return Primitives(label, merges, method="geometric, split along creases")
 
