@@ -34,10 +34,15 @@ def components(topo: Topology, frame: FloatArray) -> IntArray:
     return label
 
 
-def specks(topo: Topology, label: IntArray, limit: float = SPECK) -> NDArray[np.bool_]:
-    """(F,) the faces of pieces with a box diagonal below `limit`; none if there is nothing else."""
+def specks(topo: Topology, label: IntArray, area: float = 0.0) -> NDArray[np.bool_]:
+    """(F,) the faces of pieces with a box diagonal below SPECK; none if there is nothing else.
+
+    Args:
+        area: pieces with less than this share of all area are specks too.
+    """
     low, high = boxes(topo.points, topo, label)
-    small = np.linalg.norm(high - low, axis=1) < limit
+    own = np.bincount(label[label >= 0], weights=topo.areas[label >= 0])
+    small = (np.linalg.norm(high - low, axis=1) < SPECK) | (own < area * topo.areas.sum())
     if small.all():
         return np.zeros(len(label), dtype=bool)
     return np.asarray((label >= 0) & small[label])

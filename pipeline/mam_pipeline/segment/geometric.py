@@ -16,13 +16,14 @@ from mam_pipeline.segment.components import (
 )
 from mam_pipeline.segment.frame import dominant_frame
 from mam_pipeline.segment.fused import cut, hierarchy
-from mam_pipeline.segment.topology import Topology, topology
+from mam_pipeline.segment.topology import Topology, groups, topology
 from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives
 
 DOMINANT = 0.98  # share of all area: a piece beyond it must hold more than the base
 DENSE = 1000  # faces
 EVEN = 0.004  # typical face over its piece's area: authored panels have far larger faces
 CLEAR = 0.02  # merges above this cost are left to the reasoner
+SHRED = 1e-4  # of the area: less than this on a surface of its own is no primitive
 FEWEST, MOST = 16, 60  # primitives from splitting
 
 
@@ -57,18 +58,20 @@ class GeometricSegmenter:
         frame = dominant_frame(topo.normals, topo.areas)
         pieces = components(topo, frame)
         speck = specks(topo, pieces)
-        whole = dense(pieces, (pieces >= 0) & ~speck)
+        whole = absorb_specks(topo, pieces, speck, dense(pieces, (pieces >= 0) & ~speck))
         inside = _to_split(topo, whole)
         if not inside.any():
-            whole = spread(topo, absorb_specks(topo, pieces, speck, whole))
-            return Primitives(by_area(whole, topo.areas), method="geometric")
-        tree = hierarchy(topo, np.flatnonzero(inside))
+            return Primitives(by_area(spread(topo, whole), topo.areas), method="geometric")
+        # loose triangles along bad edges would each cost a primitive
+        shreds = dense(groups(topo.manifold, len(topo.faces)), inside)
+        loose = specks(topo, shreds, SHRED)
+        tree = hierarchy(topo, np.flatnonzero(inside & ~loose))
         # every surface of its own keeps at least one node, so disjoint ones are never joined
         count = int(np.clip(1 + (tree.costs > self.clear).sum(), FEWEST, MOST))
         split, merges = cut(tree, count)
         others = np.unique(np.where(inside, -1, whole), return_inverse=True)[1] - 1
         label = np.where(inside, split, np.where(whole >= 0, others + 1 + split.max(), -1))
-        label = absorb_specks(topo, pieces, speck, label)
+        label = absorb_specks(topo, shreds, loose, label)
         label, merges = _numbered(topo, label, merges, int(split.max()) + 1)
         return Primitives(label, merges, method="geometric, split along creases")
 
