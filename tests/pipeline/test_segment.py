@@ -10,6 +10,7 @@ from scipy.cluster.hierarchy import is_valid_linkage
 
 from mam_pipeline.errors import InputError
 from mam_pipeline.geometry.fuse import fuse_mesh
+from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.segment.geometric import GeometricSegmenter
 from mam_pipeline.segment.topology import topology, weld, without_repeats
 from mam_pipeline.types import IntArray, Mesh, Primitives
@@ -97,6 +98,22 @@ def test_a_fused_surface_splits_along_its_creases() -> None:
     assert ((inside < 0.1) | (inside > 0.8)).mean() > 0.9
     assert is_valid_tree(got.merges, got.count)
     assert GeometricSegmenter(clear=0.002).segment(fused).count > got.count
+
+
+def test_loose_triangles_on_a_skin_cost_no_primitive() -> None:
+    mesh, _ = boxes(((0, 0, 0), (1, 1, 1)), ((0, -0.6, 0), (0.5, 0.2, 0.5)))
+    skin = fuse_mesh(mesh, 48)
+    # flaps on some edges: those have three faces then, and the flap is a surface of its own
+    some = skin.faces[:: len(skin.faces) // 30]
+    tips = skin.vertices[some].mean(axis=1) + 0.004
+    flaps = np.column_stack([some[:, :2], len(skin.vertices) + np.arange(len(some))])
+    torn = Mesh(np.concatenate([skin.vertices, tips]), np.concatenate([skin.faces, flaps]))
+    clean, got = GeometricSegmenter().segment(skin), GeometricSegmenter().segment(torn)
+    assert len(got.labels) == len(torn.faces) and got.count == clean.count
+    assert len(got.merges) == got.count - 1 and is_valid_tree(got.merges, got.count)
+    assert got.labels.max() == got.count - 1
+    area = np.bincount(got.labels, face_geometry(torn.vertices, torn.faces)[1])
+    assert area.min() > 1e-4 * area.sum()
 
 
 def is_valid_tree(merges: IntArray, count: int) -> bool:
