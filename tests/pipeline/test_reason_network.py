@@ -96,6 +96,8 @@ def test_training_learns_what_moves(tmp_path: Path) -> None:
     items, names = [], ((), ())
     for seed in range(14):
         example = generated_example("abstract_leaf", seed)
+        if example.graph.one_skin:  # the other weights' business
+            continue
         path = tmp_path / f"abstract_leaf_{seed:06d}.ex"
         save_example(example, path)
         found = item_of(path)
@@ -168,8 +170,10 @@ def test_all_of_a_kind_is_in_one_fold_but_for_fused_ones() -> None:
 def test_tuning_goes_on_from_given_weights(tmp_path: Path) -> None:
     paths = []
     for seed in range(28):
-        paths.append(tmp_path / f"abstract_leaf_{seed:06d}.ex")
-        save_example(generated_example("abstract_leaf", seed), paths[-1])
+        example = generated_example("abstract_leaf", seed)
+        if not example.graph.one_skin:
+            paths.append(tmp_path / f"abstract_leaf_{seed:06d}.ex")
+            save_example(example, paths[-1])
     start = untrained()[1]
     tuned = train(paths, Lesson(2), start=start, guides=[start] * FOLDS)
     assert set(tuned) == set(start)
