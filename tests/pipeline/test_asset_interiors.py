@@ -12,6 +12,9 @@ import trimesh
 from mam_pipeline.asset.interiors import add_interiors
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.check import check_asset
+from mam_pipeline.geometry.fuse import fuse_mesh
+from mam_pipeline.make import MakeConfig, make_asset
+from mam_pipeline.meshio import save_glb
 from mam_pipeline.types import Articulation, Joint, Link, Mesh
 
 
@@ -61,6 +64,17 @@ def test_a_body_too_shallow_for_a_drawer_gets_no_box() -> None:
     made, notes = add_interiors(replace(source, mesh=replace(source.mesh, vertices=flat)))
     assert "a back" in notes[0] and "box" not in notes[0]
     assert made.mesh.submesh(made.links[1].faces).bounds[1, 0] < 0.03
+
+
+@pytest.mark.parametrize("interiors", [True, False])
+def test_a_skin_gets_them_unless_told_not_to(tmp_path: Path, interiors: bool) -> None:
+    body = trimesh.creation.box(bounds=[[-0.5, -0.5, 0], [0.5, 0.5, 1]])
+    knob = trimesh.creation.box(bounds=[[-0.25, -0.7, 0.25], [0.25, -0.5, 0.75]])
+    both = trimesh.util.concatenate([body, knob])
+    save_glb(fuse_mesh(Mesh(both.vertices, both.faces), 48), tmp_path / "skin.glb")
+    made = make_asset(tmp_path / "skin.glb", tmp_path / "a", MakeConfig(interiors=interiors))
+    assert made.card.joints
+    assert any("(assumed)" in note for note in made.card.notes) == interiors
 
 
 def short(source: Articulation, rule: str) -> Articulation:

@@ -153,9 +153,10 @@ def _thickness(articulation: Articulation, joint: Joint, flat: _Flat) -> tuple[f
     mesh = articulation.mesh
     faces = mesh.faces[articulation.links[joint.child].faces]
     normals, areas = face_geometry(mesh.vertices, faces)
-    height = (mesh.vertices[faces].mean(axis=1) - flat.origin) @ flat.outward
+    centres = mesh.vertices[faces].mean(axis=1)
+    height = (centres - flat.origin) @ flat.outward
     facing = np.flatnonzero(normals @ flat.outward > 0.7)
-    behind = float(-height[_within(flat, mesh.vertices[faces].mean(axis=1))].min(initial=0.0))
+    behind = float(-height[_within(flat, centres)].min(initial=0.0))
     if not len(facing):
         return 0.0, behind
     order = facing[np.argsort(height[facing])]
@@ -211,7 +212,7 @@ class _Flat:
         if not polygon.is_valid:
             polygon = polygon.buffer(0)
         polygon = _largest(polygon)
-        good = polygon.geom_type == "Polygon" and polygon.area > 1e-8
+        good = polygon.area > 1e-8
         self.polygon = Polygon(polygon.exterior).simplify(1e-4) if good else None
 
     def lift(self, plane: FloatArray, depth: FloatArray | float) -> FloatArray:
