@@ -101,17 +101,16 @@ def test_a_fused_surface_splits_along_its_creases() -> None:
     assert GeometricSegmenter(clear=0.002).segment(fused).count > got.count
 
 
-def test_a_rough_surface_takes_no_more_primitives_and_keeps_its_seam() -> None:
+def test_a_rough_surface_keeps_its_seam() -> None:
     gap = 0.8 * 2.0 / 64  # of a cell: closed when fused, so the two sides touch flush
     mesh, _ = boxes(((0, 0, 0), (1, 1, 1)), ((1 + gap, 0, 0), (1, 1, 1)))
-    clean, rough = (fuse_mesh(mesh, 64, noise) for noise in (0.0, 0.001))
-    assert GeometricSegmenter().segment(rough).count == GeometricSegmenter().segment(clean).count
+    rough = fuse_mesh(mesh, 64, noise=0.001)
     got = GeometricSegmenter().segment(rough)
     area = face_geometry(rough.vertices, rough.faces)[1]
     right = rough.vertices[rough.faces].mean(axis=1)[:, 0] > 0.5 + gap / 2
     share = np.bincount(got.labels, area * right) / np.bincount(got.labels, area)
     given = (share > 0.5)[got.labels]
-    assert area[given & right].sum() > 0.98 * area[given | right].sum()
+    assert area[given & right].sum() > 0.995 * area[given | right].sum()  # by raw angles 0.987
 
 
 def test_the_few_edges_of_a_plain_shell_are_its_creases() -> None:

@@ -23,7 +23,7 @@ DOMINANT = 0.98  # share of all area: a piece beyond it must hold more than the 
 DENSE = 1000  # faces
 EVEN = 0.004  # typical face over its piece's area: authored panels have far larger faces
 CLEAR = 0.02  # merges above this cost are left to the reasoner
-LESS = 0.6  # of that on a rough surface, where creases count without the roughness
+LESS = 0.3  # of that on a rough surface, where creases count without the roughness
 SHRED = 1e-4  # of the area: less than this on a surface of its own is no primitive
 FEWEST, MOST = 16, 60  # primitives from splitting
 
