@@ -7,7 +7,6 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 from scipy.cluster.hierarchy import is_valid_linkage
-from shapely.geometry import Polygon
 
 from mam_pipeline.errors import InputError
 from mam_pipeline.geometry.fuse import fuse_mesh
@@ -99,29 +98,6 @@ def test_a_fused_surface_splits_along_its_creases() -> None:
     assert ((inside < 0.1) | (inside > 0.8)).mean() > 0.9
     assert is_valid_tree(got.merges, got.count)
     assert GeometricSegmenter(clear=0.002).segment(fused).count > got.count
-
-
-def test_a_rough_surface_keeps_its_seam() -> None:
-    gap = 0.8 * 2.0 / 64  # of a cell: closed when fused, so the two sides touch flush
-    mesh, _ = boxes(((0, 0, 0), (1, 1, 1)), ((1 + gap, 0, 0), (1, 1, 1)))
-    rough = fuse_mesh(mesh, 64, noise=0.001)
-    got = GeometricSegmenter().segment(rough)
-    area = face_geometry(rough.vertices, rough.faces)[1]
-    right = rough.vertices[rough.faces].mean(axis=1)[:, 0] > 0.5 + gap / 2
-    share = np.bincount(got.labels, area * right) / np.bincount(got.labels, area)
-    given = (share > 0.5)[got.labels]
-    assert area[given & right].sum() > 0.995 * area[given | right].sum()  # by raw angles 0.987
-
-
-def test_the_few_edges_of_a_plain_shell_are_its_creases() -> None:
-    teeth = 20
-    x = np.arange(2 * teeth + 1) * 0.1
-    profile = Polygon([(0.0, -1.0), *zip(x, 0.02 * (np.arange(len(x)) % 2)), (x[-1], -1.0)])
-    roof = trimesh.creation.extrude_polygon(profile, 4.0, engine="earcut")
-    assert len(roof.faces) < 1000
-    got = GeometricSegmenter().segment(Mesh(np.asarray(roof.vertices), np.asarray(roof.faces)))
-    slope = (roof.face_normals[:, 1] > 0.5) & (np.abs(roof.face_normals[:, 2]) < 0.1)
-    assert len(set(got.labels[slope])) >= teeth
 
 
 def test_loose_triangles_on_a_skin_cost_no_primitive() -> None:

@@ -2,8 +2,7 @@
 
 Superfaces are a graph segmentation (Felzenszwalb and Huttenlocher, IJCV 2004) of the faces under
 dihedral angles; they are merged cheapest border first. Concave creases cost more than convex ones,
-because parts meet at them; convex ones keep some weight, because flush fronts end at them. What a
-rough surface bends by along most of its edges counts for nothing.
+because parts meet at them; convex ones keep some weight, because flush fronts end at them.
 """
 
 from __future__ import annotations
@@ -21,10 +20,6 @@ SCALE = 5e-6  # graph segmentation: how readily faces join, times the total area
 SMALLEST = 5e-6  # of the total area: superfaces below it join a neighbour
 CONVEX = 0.15  # weight of a convex crease against a concave one
 AREA_POWER = 0.45  # how much the smaller side's area counts for a merge
-EDGES = 0.1  # a tenth of all edges may bend more than roughness, either way
-ROUGH = np.radians(5)  # above it a surface is rough; what it bends by is no crease then
-ROUGHEST = np.radians(30)  # as much is taken for roughness at most
-FINE = 1000  # edges: those of a surface that has fewer are its creases
 
 
 @dataclass(frozen=True)
@@ -36,14 +31,12 @@ class Hierarchy:
         merges: (leaves - roots, 2) rows join two nodes into node leaves + row.
         costs: (leaves - roots,) cost of each merge, in the order made.
         area: (leaves + merges,) share of the total area of every node.
-        rough: angle that counted as roughness, rad; 0 on a smooth surface.
     """
 
     leaf: IntArray
     merges: IntArray
     costs: FloatArray
     area: FloatArray
-    rough: float
 
 
 def hierarchy(topo: Topology, chosen: IntArray) -> Hierarchy:
@@ -58,7 +51,7 @@ def hierarchy(topo: Topology, chosen: IntArray) -> Hierarchy:
     pairs = local[topo.manifold[inside]]
     ends = topo.points[topo.manifold_edge[inside]]
     length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-    # smoothing normals first, however guided, measured worse under noise than raw angles
+    # angles are taken raw: smoothing normals first, however guided, measured worse under noise
     areas = topo.areas[chosen]
     share = areas / max(float(areas.sum()), 1e-30)
     normals = topo.normals[chosen]
@@ -67,13 +60,11 @@ def hierarchy(topo: Topology, chosen: IntArray) -> Hierarchy:
     order = np.argsort(angle, kind="stable")
     super_ = _superfaces(pairs[order], angle[order], share, SCALE, SMALLEST)
     super_ = np.unique(super_, return_inverse=True)[1].astype(np.int64)
-    rough = _roughness(np.where(concave, -angle, angle), length)
-    crease = np.maximum(angle - rough, 0.0)
-    weight = length * np.where(concave, crease, CONVEX * crease)
+    weight = length * np.where(concave, angle, CONVEX * angle)
     merges, costs, area = _merge(super_, pairs, length, weight, share)
     leaf = np.full(len(topo.faces), -1, dtype=np.int64)
     leaf[chosen] = super_
-    return Hierarchy(leaf, merges, costs, area, rough)
+    return Hierarchy(leaf, merges, costs, area)
 
 
 def cut(tree: Hierarchy, count: int) -> tuple[IntArray, IntArray]:
@@ -109,23 +100,6 @@ def _angles(normals: FloatArray, centres: FloatArray, pairs: IntArray) -> tuple[
     # both views, so that neither face's tilt decides alone
     concave = np.einsum("ij,ij->i", a - b, step) > 0
     return angle, concave
-
-
-def _roughness(signed: FloatArray, length: FloatArray) -> float:
-    """How much a rough surface (a scan, a generated skin) bends along most of its edges, rad.
-
-    Roughness bends both ways alike, which roundness does not.
-
-    Args:
-        signed: (n,) angle at every edge, negative where it is concave. length: (n,) of the edges.
-    """
-    if len(signed) < FINE:
-        return 0.0
-    order = np.argsort(signed)
-    share = np.cumsum(length[order])
-    low, high = (signed[order[np.searchsorted(share, q * share[-1])]] for q in (EDGES, 1 - EDGES))
-    found = float(min(-low, high))
-    return min(found, ROUGHEST) if found > ROUGH else 0.0
 
 
 @numba.njit(cache=True)

@@ -23,7 +23,6 @@ DOMINANT = 0.98  # share of all area: a piece beyond it must hold more than the 
 DENSE = 1000  # faces
 EVEN = 0.004  # typical face over its piece's area: authored panels have far larger faces
 CLEAR = 0.02  # merges above this cost are left to the reasoner
-LESS = 0.3  # of that on a rough surface, where creases count without the roughness
 SHRED = 1e-4  # of the area: less than this on a surface of its own is no primitive
 FEWEST, MOST = 16, 60  # primitives from splitting
 
@@ -68,8 +67,7 @@ class GeometricSegmenter:
         loose = specks(topo, shreds, SHRED)
         tree = hierarchy(topo, np.flatnonzero(inside & ~loose))
         # every surface of its own keeps at least one node, so disjoint ones are never joined
-        clear = self.clear * (LESS if tree.rough else 1.0)
-        count = int(np.clip(1 + (tree.costs > clear).sum(), FEWEST, MOST))
+        count = int(np.clip(1 + (tree.costs > self.clear).sum(), FEWEST, MOST))
         split, merges = cut(tree, count)
         others = np.unique(np.where(inside, -1, whole), return_inverse=True)[1] - 1
         label = np.where(inside, split, np.where(whole >= 0, others + 1 + split.max(), -1))
