@@ -27,8 +27,8 @@ from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.world import make_object
-from mam_policies.evaluate import wilson
 from mam_policies.expert import Expert, run_episode
+from mam_policies.interval import wilson
 
 FIRST_SEED = 10_000
 REFUSED = "refused"

@@ -29,7 +29,8 @@ from mam_pipeline.errors import MamSimError
 from mam_pipeline.meshio import save_glb
 from mam_pipeline.world import make_object
 from mam_policies.bc import BcConfig, train_bc
-from mam_policies.evaluate import evaluate_run, plain, wilson
+from mam_policies.evaluate import evaluate_run, plain
+from mam_policies.interval import wilson
 from mam_policies.run import EnvChoice
 from mam_sim.cli import main as mam_sim
 

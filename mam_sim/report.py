@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.asset.card import Asset, CardJoint
-from mam_pipeline.types import Articulation, FloatArray, Mesh
+from mam_pipeline.types import NEEDS_REVIEW, Articulation, FloatArray, Mesh
 from mam_pipeline.urdf_input import read_asset
 
 Picture = NDArray[np.uint8]
@@ -121,7 +121,7 @@ def _joint_row(joint: CardJoint) -> str:
     else:
         span = f"{joint.lower * factor:.3g} … {joint.upper * factor:.3g} {unit}"
     axis = ", ".join(f"{v:.2f}" for v in joint.axis)
-    review = "" if joint.confidence >= 0.5 else " <b>needs review</b>"
+    review = "" if joint.confidence >= NEEDS_REVIEW else " <b>needs review</b>"
     evidence = html.escape(_short(joint.evidence))
     curve = _curve(joint.evidence)
     return (
@@ -171,9 +171,7 @@ def _motion(asset: Asset) -> str:
     return f"<h2>Motion</h2><div class=row>{''.join(figures)}</div>"
 
 
-def _views(
-    asset: Asset, fraction: float, views: Sequence[tuple[float, float]]
-) -> list[Picture]:
+def _views(asset: Asset, fraction: float, views: Sequence[tuple[float, float]]) -> list[Picture]:
     """Pictures with every joint at `fraction` of its way from closed to open."""
     from mam_pipeline.render import render_mesh
 

@@ -15,6 +15,7 @@ from mam_pipeline.bench.table import (
     as_json,
     by_category,
     objects_table,
+    review_line,
     rows_table,
     summarise,
 )
@@ -107,6 +108,7 @@ def bench(
     screen.out.print(rows_table(by_category(records), "categories"))
     total = summarise("mam-sim" + (", fused input" if fuse else ""), records)
     screen.out.print(rows_table([total, *PAPER], f"total of {dataset}"))
+    screen.out.print(review_line(records))
     if out is not None:
         print(f"wrote {out}")
     return 0

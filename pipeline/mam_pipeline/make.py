@@ -33,7 +33,7 @@ from mam_pipeline.types import Articulation, FloatArray, Mesh
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".off")
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".gif", ".heic")
-STAGE_VERSION = 12
+STAGE_VERSION = 13
 
 
 @dataclass(frozen=True)
@@ -100,6 +100,7 @@ def make_asset(
     from mam_pipeline.asset.interiors import add_interiors
     from mam_pipeline.asset.mend import written_and_checked
     from mam_pipeline.asset.writer import replace_folder, write_asset
+    from mam_pipeline.joints.fittings import carried_notes
     from mam_pipeline.models.retexture import repainted
 
     kind = kind_of(source)
@@ -132,6 +133,7 @@ def make_asset(
         assumed: list[str] = []
         if config.interiors and read.shell:
             articulation, assumed = add_interiors(articulation)
+        carried = carried_notes(articulation.joints)
         write = partial(
             write_asset,
             out=work / "asset",
@@ -142,7 +144,7 @@ def make_asset(
             metres_per_unit_source=read.metres_per_unit_source,
             backends=used,
             seconds=seconds,
-            notes=[n for n in (read.summary, *read.notes, *assumed) if n],
+            notes=[n for n in (read.summary, *read.notes, *carried, *assumed) if n],
         )
         asset = written_and_checked(articulation, write, kind != "urdf", lambda: tell("check"))
         (stages / "frame.json").write_text(json.dumps({"asset_T_engine": yaw.tolist()}))

@@ -15,6 +15,7 @@ from scipy.optimize import linear_sum_assignment
 
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.types import (
+    NEEDS_REVIEW,
     Articulation,
     FloatArray,
     IntArray,
@@ -34,6 +35,7 @@ MISSING_SIGNED_AXIS = np.pi
 MISSING_PIVOT = 0.5
 MOTION_STEPS = 9
 AXIS_POINTS = 33
+RIGHT_IOU, RIGHT_AXIS, RIGHT_PIVOT = 0.5, 0.1, 0.05  # what a joint that needs no review reaches
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,23 @@ class JointScore:
 
 
 @dataclass(frozen=True)
+class FoundJoint:
+    """One joint of the answer: how sure it was, and whether it was right.
+
+    Right means a part of at least half the truth's points (IoU), with the true type, the axis
+    within 0.1 rad and, of a rotary joint, the line within 0.05 diagonals.
+    """
+
+    confidence: float
+    right: bool
+
+    @property
+    def flagged(self) -> bool:
+        """Whether the report sends a person to look at it."""
+        return self.confidence < NEEDS_REVIEW
+
+
+@dataclass(frozen=True)
 class Scores:
     """The metrics of one object: design 6, numbers 1 to 7, and the joints behind them.
 
@@ -85,6 +104,7 @@ class Scores:
     true_parts: int
     predicted_parts: int
     joints: tuple[JointScore, ...] = ()
+    found: tuple[FoundJoint, ...] = ()
 
 
 def score(
@@ -122,7 +142,12 @@ def score(
             joints.append(_compare(joint, other, part, diagonal, i + 1, match[i] + 1, value))
         else:
             joints.append(_missing(joint, part, diagonal, i + 1))
-    return _summary(joints, len(true_joints), len(found_joints))
+    by_link = {j.predicted_link: j for j in joints}
+    found = tuple(
+        FoundJoint(joint.confidence, (k + 1) in by_link and _right(by_link[k + 1]))
+        for k, joint in enumerate(found_joints)
+    )
+    return _summary(joints, len(true_joints), found)
 
 
 def rigid_parts(articulation: Articulation) -> tuple[IntArray, list[Joint]]:
@@ -341,15 +366,20 @@ def _missing(
     )
 
 
-def _summary(joints: list[JointScore], true_parts: int, found_parts: int) -> Scores:
+def _right(joint: JointScore) -> bool:
+    placed = joint.pivot is None or joint.pivot <= RIGHT_PIVOT
+    return joint.iou >= RIGHT_IOU and not joint.type_error and joint.axis <= RIGHT_AXIS and placed
+
+
+def _summary(joints: list[JointScore], true_parts: int, found: tuple[FoundJoint, ...]) -> Scores:
     def mean(values: list[float], empty: float) -> float:
         return float(np.mean(values)) if values else empty
 
     pivots = [j.pivot for j in joints if j.pivot is not None]
-    most = max(true_parts, found_parts)
+    most = max(true_parts, len(found))
     return Scores(
         miou=sum(j.iou for j in joints) / most if most else 1.0,
-        count=float(true_parts == found_parts),
+        count=float(true_parts == len(found)),
         type_error=mean([j.type_error for j in joints], 0.0),
         axis=mean([j.axis for j in joints], 0.0),
         axis_signed=mean([j.axis_signed for j in joints], 0.0),
@@ -357,6 +387,7 @@ def _summary(joints: list[JointScore], true_parts: int, found_parts: int) -> Sco
         motion=mean([j.motion for j in joints], 0.0),
         limits=mean([j.limits for j in joints], 1.0),
         true_parts=true_parts,
-        predicted_parts=found_parts,
+        predicted_parts=len(found),
         joints=tuple(joints),
+        found=found,
     )

@@ -18,6 +18,7 @@ IntArray = NDArray[np.int64]
 JointType = Literal["fixed", "revolute", "continuous", "prismatic"]
 JointSubtype = Literal["fixed", "hinge", "spin", "slide"]
 Provenance = Literal["observed", "inferred", "assumed", "user"]
+NEEDS_REVIEW = 0.7  # of generated joints of less confidence fewer than half are right
 
 
 def readonly(array: ArrayLike, dtype: Any, shape: tuple[int | None, ...]) -> NDArray[Any]:
@@ -213,7 +214,7 @@ class Joint:
             for continuous joints.
         closed, open: which joint values are called closed and open (within the range).
         damping, friction, effort, velocity: SI; friction is Coulomb (SAPIEN ignores the URDF's).
-        confidence: 0..1; below 0.5 the report says "needs review".
+        confidence: 0..1; below `NEEDS_REVIEW` the report says so.
         evidence: anything that explains the choice; goes into asset.json and the report.
     """
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mam_policies.expert import Expert, PlanningError
+from mam_policies.interval import wilson
 from mam_policies.run import Actor, EnvChoice, MlpPolicy, RunInfo, few_objects
 
 HELD_OUT = 50_000_017  # evaluation seeds start here; demonstrations use seeds far below
@@ -59,16 +60,6 @@ class Evaluation:
         )
 
 
-def wilson(successes: int, count: int, z: float = 1.959964) -> tuple[float, float]:
-    """Wilson's 95 % interval of a success rate (Wilson 1927)."""
-    if count == 0:
-        return 0.0, 1.0
-    p, square = successes / count, z * z
-    centre = (p + square / (2 * count)) / (1 + square / count)
-    half = z / (1 + square / count) * np.sqrt(p * (1 - p) / count + square / (4 * count**2))
-    return round(max(0.0, float(centre - half)), 12), round(min(1.0, float(centre + half)), 12)
-
-
 def evaluate_run(
     run: str | Path,
     episodes: int = 20,
@@ -89,9 +80,7 @@ def evaluate_run(
         choice = replace(choice, assets=tuple(assets), joint=joint)
     elif joint is not None:
         choice = replace(choice, joint=joint)
-    if (folder / "policy").is_dir():  # one of LeRobot's own
-        from mam_policies.student import evaluate_student
-
+    if (folder / "policy").is_dir():
         return evaluate_student(
             folder, choice, episodes, seed=seed, video=video, on_episode=on_episode
         )
@@ -103,6 +92,29 @@ def evaluate_run(
         return actor.act
 
     return evaluate(choice, begin, episodes, seed, video, on_episode)
+
+
+def evaluate_student(run: Path, choice: EnvChoice, episodes: int, **more: Any) -> Evaluation:
+    """Success of one of LeRobot's own policies, in run/policy; `more` as in evaluate."""
+    from mam_policies.export_lerobot import MAPPING
+    from mam_policies.joint_mapping import load_mapping
+    from mam_policies.lerobot_dataset import offline
+    from mam_policies.student import Student, view
+
+    offline()
+    student: Student | None = None
+
+    def begin(env: Any) -> Any:
+        nonlocal student
+        if student is None:
+            base = env.unwrapped
+            joints = load_mapping(run / MAPPING, [j.name for j in base.agent.robot.active_joints])
+            student = Student(run / "policy", base, joints)
+        student.reset()
+        return student.act
+
+    cameras = bool(RunInfo.load(run).config.get("cameras", True))
+    return evaluate(choice, begin, episodes, make=view(cameras), **more)
 
 
 def evaluate_zip(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mam_pipeline.errors import InputError
 from mam_policies.bc import Demonstration
 from mam_policies.body import Body, Faults, Outcome
-from mam_policies.evaluate import wilson
+from mam_policies.interval import wilson
 from mam_policies.joint_mapping import JointMapping
 from mam_policies.lerobot_dataset import Names, Track, write_dataset
 from mam_policies.lerobot_policy import PERCEIVED

@@ -262,27 +262,6 @@ class Student:
         return np.asarray(self.spec.action(sim[:-1], float(sim[-1])), dtype=np.float32)
 
 
-def evaluate_student(run: Path, choice: EnvChoice, episodes: int, **more: Any) -> Any:
-    """Success of run/policy; see mam_policies.evaluate.evaluate for `more`."""
-    from mam_policies.evaluate import evaluate
-    from mam_policies.joint_mapping import load_mapping
-
-    offline()
-    student: Student | None = None
-
-    def begin(env: Any) -> Any:
-        nonlocal student
-        if student is None:
-            base = env.unwrapped
-            joints = load_mapping(run / MAPPING, [j.name for j in base.agent.robot.active_joints])
-            student = Student(run / "policy", base, joints)
-        student.reset()
-        return student.act
-
-    cameras = bool(RunInfo.load(run).config.get("cameras", True))
-    return evaluate(choice, begin, episodes, make=view(cameras), **more)
-
-
 def _student_round(
     env: Any, policy: Path, config: StudentConfig, out: Path, number: int, progress: OnProgress
 ) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +11,8 @@ import pytest
 
 from mam_pipeline.bench import runner
 from mam_pipeline.bench.dataset import list_objects, read_object
-from mam_pipeline.bench.runner import BenchConfig, find_tasks, record_from, run_bench
-from mam_pipeline.bench.table import PAPER, as_json, by_category, summarise
+from mam_pipeline.bench.runner import BenchConfig, Record, find_tasks, record_from, run_bench
+from mam_pipeline.bench.table import PAPER, as_json, by_category, review_line, summarise
 from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.metrics import score
 
@@ -110,6 +110,25 @@ def test_a_failing_engine_is_a_record_and_is_reused(
     assert json.dumps(data, allow_nan=False) and data["total"]["miou"] == 0
     assert summarise("x", [first]).pivot == 0.5 and by_category([first])[0].name == "Cabinet"
     assert PAPER[0].miou == 0.86
+
+
+def test_wrong_joints_that_nobody_is_sent_to_are_counted(dataset: Path) -> None:
+    (task,) = find_tasks(str(dataset))
+    truth = task.load()
+    answer = truth.truth_articulation()
+    records = []
+    for confidence, axis in [(0.9, None), (0.3, None), (0.9, (0, 1, 0)), (0.3, (0, 1, 0))]:
+        joint = replace(answer.joints[0], confidence=confidence)
+        joint = joint if axis is None else replace(joint, axis=np.array(axis, dtype=float))
+        scores = score(replace(answer, joints=(joint,)), truth)
+        key = f"{confidence}{axis}"
+        records.append(Record("a", "b", key, "ok", "", scores, 1.0, {}, 1, 1, None))
+    row = summarise("x", records)
+    assert (row.flagged_wrong, row.flagged_right) == (0.5, 0.5)
+    assert review_line(records[:3]) == (
+        "needs review: of 3 joints found, 0 of 1 wrong ones and 1 of 2 right ones"
+    )
+    assert record_from(json.loads(json.dumps(asdict(records[3])))) == records[3]
 
 
 def test_generated_truth_scores_itself() -> None:

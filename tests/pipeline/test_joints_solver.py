@@ -16,7 +16,7 @@ from mam_pipeline.geometry.sweep import SweepScene
 from mam_pipeline.joints.blockers import take_along
 from mam_pipeline.joints.candidates import kind_probabilities, rank_hypotheses
 from mam_pipeline.joints.limits import Surroundings, embedded_limits, paper_limits
-from mam_pipeline.joints.solver import EmbeddedSolver, topological_order
+from mam_pipeline.joints.solver import EmbeddedSolver, agreement, topological_order
 from mam_pipeline.types import (
     Articulation,
     FloatArray,
@@ -169,6 +169,22 @@ def test_a_line_off_the_bodies_gives_way_to_a_parallel_one_first() -> None:
     assert joint.origin == pytest.approx([-0.001, 0, 0.4])
     kept = solve(door_cabinet(), "hinge", candidates=ranked[::3])
     assert kept.axis == pytest.approx([0, 0, -1])  # the other is on both, but far less probable
+
+
+def test_lines_that_mean_the_same_joint_are_sure_together() -> None:
+    """A door's edge is several lines, of its boards and of its gap; none has the odds alone."""
+    z, x = np.array([0, 0, 1.0]), np.array([1.0, 0, 0])
+
+    def line(axis: FloatArray, at: float, p: float) -> JointCandidate:
+        return JointCandidate("hinge", axis, np.array([0, at, 7 * at]), 0.0, {"within_kind": p})
+
+    best = line(z, 0.0, 0.4)
+    lines = [best, line(-z, 0.01, 0.3), line(z, 0.5, 0.2), line(x, 0.0, 0.1)]
+    assert agreement(best, lines, 0.02) == pytest.approx(0.7)
+    assert agreement(lines[2], lines, 0.02) == pytest.approx(0.2)
+    slides = [JointCandidate("slide", c.axis, c.origin, 0.0, c.evidence) for c in lines]
+    assert agreement(slides[0], slides, 0.02) == pytest.approx(0.9)
+    assert agreement(JointCandidate("hinge", z, np.zeros(3)), lines, 0.02) == 1.0
 
 
 def test_a_wheel_spins_without_end() -> None:

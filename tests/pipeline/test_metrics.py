@@ -11,7 +11,7 @@ import trimesh
 
 from mam_pipeline.bench.dataset import GroundTruth
 from mam_pipeline.metrics import limit_iou, pivot_distance, score
-from mam_pipeline.types import Articulation, Joint, JointType, Link, Mesh
+from mam_pipeline.types import NEEDS_REVIEW, Articulation, Joint, JointType, Link, Mesh
 
 
 def cabinet(
@@ -122,6 +122,28 @@ def test_motion_of_a_slide_is_half_its_range_when_missed() -> None:
     assert s.motion == pytest.approx(0.15 * np.sqrt(2) / truth.mesh.diagonal)
 
 
+@pytest.mark.parametrize(
+    ("changes", "right"),
+    [
+        ({}, True),
+        ({"type": "continuous"}, True),
+        ({"type": "prismatic"}, False),
+        ({"axis": [np.sin(0.09), 0, np.cos(0.09)]}, True),
+        ({"axis": [np.sin(0.12), 0, np.cos(0.12)]}, False),
+        ({"origin": [-0.43, -0.52, 0.0]}, True),  # 0.07 m of a diagonal of 1.74 m
+        ({"origin": [-0.40, -0.52, 0.0]}, False),
+    ],
+)
+def test_a_joint_is_right_in_every_respect_or_not_at_all(
+    changes: dict[str, Any], right: bool
+) -> None:
+    truth = cabinet()
+    (found,) = score(changed(truth, confidence=0.4, **changes), truth).found
+    assert found.right is right and found.flagged and found.confidence == 0.4
+    (found,) = score(changed(truth, confidence=NEEDS_REVIEW, **changes), truth).found
+    assert not found.flagged
+
+
 def test_surplus_parts_lower_miou_and_count() -> None:
     truth = cabinet()
     answer = truth.truth_articulation()
@@ -133,6 +155,7 @@ def test_surplus_parts_lower_miou_and_count() -> None:
     )
     s = score(replace(answer, links=links, joints=(*answer.joints, extra)), truth)
     assert s.miou == pytest.approx(0.5, abs=0.005) and s.count == 0 and s.type_error == 0
+    assert [j.right for j in s.found] == [True, False]
 
 
 def test_iou_is_of_area() -> None:

@@ -16,8 +16,8 @@ import torch
 from mam_pipeline.errors import ConfigError, InputError
 from mam_policies.bc import BcConfig, Demonstration, fit, positions, train_bc
 from mam_policies.body import Body, Faults
-from mam_policies.evaluate import wilson
 from mam_policies.expert import Expert
+from mam_policies.interval import wilson
 from mam_policies.rl import CONTROL_MODE, GAMMA, Plain, RlConfig, train_rl
 from mam_policies.run import Actor, EnvChoice, MlpPolicy, RunInfo
 from mam_sim.cli import main as mam_sim
@@ -82,7 +82,7 @@ def test_actor_averages_overlapping_chunks() -> None:
 
 def test_wilson_interval_is_the_closed_form() -> None:
     z, n, k = 1.959964, 20, 17
-    low, high = wilson(k, n, z)
+    low, high = wilson(k, n)
     for p in (low, high):  # the ends solve (p - k/n)^2 = z^2 p (1 - p) / n
         assert (p - k / n) ** 2 == pytest.approx(z * z * p * (1 - p) / n, rel=1e-6)
     assert wilson(0, 0) == (0.0, 1.0)

@@ -20,7 +20,7 @@ import numpy as np
 
 from mam_pipeline.bench.dataset import GroundTruth, list_objects, read_object
 from mam_pipeline.errors import ConfigError, HintNeeded, MamSimError, NotPhysicalError
-from mam_pipeline.metrics import JointScore, Scores, score
+from mam_pipeline.metrics import FoundJoint, JointScore, Scores, score
 from mam_pipeline.models import settings
 from mam_pipeline.stages import EngineConfig, articulate_mesh, moved
 from mam_pipeline.types import Articulation
@@ -280,6 +280,7 @@ def record_from(data: dict[str, Any]) -> Record:
     """A Record from plain data, as written by `json.dumps(asdict(record))`."""
     scores = dict(data["scores"])
     scores["joints"] = tuple(JointScore(**j) for j in scores["joints"])
+    scores["found"] = tuple(FoundJoint(**j) for j in scores["found"])
     rest = {k: v for k, v in data.items() if k not in ("scores", "reasons")}
     return Record(**rest, scores=Scores(**scores), reasons=tuple(data["reasons"]))
 

@@ -19,6 +19,8 @@ class Row:
     Attributes:
         type_error_joints: type error over all joints, as against the mean over objects.
         median_seconds: of the engine per object.
+        flagged_wrong, flagged_right: share of the joints found, the wrong and the right ones, that
+            are marked "needs review".
     """
 
     name: str
@@ -35,6 +37,8 @@ class Row:
     bound: float | None = None
     type_error_joints: float | None = None
     median_seconds: float | None = None
+    flagged_wrong: float | None = None
+    flagged_right: float | None = None
 
 
 # the tables of the paper (4.2 and the ablations); what is not printed there stays empty
@@ -48,6 +52,7 @@ PAPER = (
 def summarise(name: str, records: Sequence[Record]) -> Row:
     """Means over some records."""
     scores = [r.scores for r in records]
+    found = [j for s in scores for j in s.found]
 
     def mean(values: Sequence[float | None]) -> float | None:
         known = [v for v in values if v is not None]
@@ -68,6 +73,8 @@ def summarise(name: str, records: Sequence[Record]) -> Row:
         bound=mean([r.bound for r in records]),
         type_error_joints=mean([j.type_error for s in scores for j in s.joints]),
         median_seconds=float(np.median([r.seconds for r in records])),
+        flagged_wrong=mean([float(j.flagged) for j in found if not j.right]),
+        flagged_right=mean([float(j.flagged) for j in found if j.right]),
     )
 
 
@@ -110,6 +117,16 @@ def objects_table(records: Sequence[Record]) -> Table:
             f"{r.seconds:.1f}", why[:40],
         )  # fmt: skip
     return table
+
+
+def review_line(records: Sequence[Record]) -> str:
+    """How many of the joints found are wrong, and how many of either sort say "needs review"."""
+    found = [j for r in records for j in r.scores.found]
+    told = []
+    for name, some in (("wrong", [j for j in found if not j.right]),
+                       ("right", [j for j in found if j.right])):  # fmt: skip
+        told.append(f"{sum(j.flagged for j in some)} of {len(some)} {name} ones")
+    return f"needs review: of {len(found)} joints found, {' and '.join(told)}"
 
 
 def as_json(records: Sequence[Record], dataset: str, config: BenchConfig) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from mam_pipeline.geometry.sampling import unit
 from mam_pipeline.geometry.sweep import SweepScene
 from mam_pipeline.joints.blockers import STUCK, take_along
 from mam_pipeline.joints.candidates import rank_hypotheses
+from mam_pipeline.joints.fittings import carried
 from mam_pipeline.joints.limits import (
     MOVES,
     Limits,
@@ -47,6 +48,8 @@ LINES = 40  # hinge lines, best first, that are tried on both bodies
 NEARLY = 1.6  # log odds below the best one at which another hypothesis may take its place
 STUCK_HINGE = 3.0  # the same where the best hinge is stuck: most others are parallel to it
 PARALLEL = 0.99  # cosine between lines that run the same way
+SAME_WAY = 0.995  # cosine between axes that mean the same joint
+CLOSE, CLOSE_OWN = 0.03, 0.1  # how far apart such lines may lie: of the object, of the part
 ON_LINE = 0.9  # share of the check's tolerance that a line may stray from them
 
 
@@ -107,9 +110,10 @@ class EmbeddedSolver:
                 tree, joints[i] = freed, again
                 faces = faces_around(tree, _links(primitives, tree), i)
                 around = Surroundings.of(mesh, faces.moving, faces.static, seed)
-        order = topological_order(tree)
-        parents = [replace(joints[i], parent=tree.nodes[i].parent) for i in order]
-        return Articulation(whole, _links(of_whole, tree), tuple(parents))
+        joints = {i: replace(joint, parent=tree.nodes[i].parent) for i, joint in joints.items()}
+        tree, joints = carried(tree, joints)
+        ordered = tuple(joints[i] for i in topological_order(tree))
+        return Articulation(whole, _links(of_whole, tree), ordered)
 
     def _joint(
         self, mesh: Mesh, frame: ObjectFrame, tree: KinematicTree, links: Sequence[Link],
@@ -127,7 +131,7 @@ class EmbeddedSolver:
     ) -> Joint:  # fmt: skip
         """Choose the best hypothesis by which the part can move, and its limits."""
         around = Surroundings.of(mesh, faces.moving, faces.static, seed)
-        candidates = choose_candidates(mesh, frame, node, faces, seed)
+        ranked = candidates = choose_candidates(mesh, frame, node, faces, seed)
         if node.subtype != "slide" and node.provenance != "user":
             candidates = _on_both(mesh, faces, candidates, around.paths.rest_gap)
         alone = None
@@ -152,8 +156,9 @@ class EmbeddedSolver:
             "chosen": chosen,
             "limits": {"rule": limits.rule, "by": node.provenance, **limits.evidence},
         }
-        own = float(best.evidence.get("within_kind", 1.0))
-        confidence = node.confidence * (1.0 if node.provenance == "user" else max(own, 0.5))
+        near = min(CLOSE * mesh.diagonal, CLOSE_OWN * _size(mesh, faces.own))
+        sure = 1.0 if node.provenance == "user" else agreement(best, ranked, near)
+        confidence = node.confidence * sure
         return _joint(node, index, best.axis, best.origin, limits, confidence, evidence)
 
 
@@ -283,6 +288,24 @@ def choose_candidates(
             ) if c.subtype in kinds
         ]  # fmt: skip
     return known
+
+
+def agreement(best: JointCandidate, ranked: Sequence[JointCandidate], near: float) -> float:
+    """Probability of all hypotheses of a kind that mean the same joint as `best`; 1 if none has
+    one. Lines mean the same when they run the same way, less than `near` apart."""
+    if "within_kind" not in best.evidence:
+        return 1.0
+    total = 0.0
+    for c in ranked:
+        offset = c.origin - best.origin
+        apart = 0.0 if c.subtype == "slide" else np.linalg.norm(np.cross(offset, best.axis))
+        if abs(float(c.axis @ best.axis)) > SAME_WAY and apart <= near:
+            total += float(c.evidence.get("within_kind", 0.0))
+    return min(total, 1.0)
+
+
+def _size(mesh: Mesh, faces: IntArray) -> float:
+    return float(np.linalg.norm(np.ptp(mesh.vertices[np.unique(mesh.faces[faces])], axis=0)))
 
 
 def _instead(candidates: list[JointCandidate]) -> list[int]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mam_pipeline.joints.fittings import on_leaf
 from mam_pipeline.reason.graph import Graph
 from mam_pipeline.reason.groups import Masks
 from mam_pipeline.types import FloatArray, JointSubtype, KinematicTree, PartNode
@@ -96,6 +97,11 @@ def named(graph: Graph, tree: KinematicTree) -> KinematicTree:
         kind = part_kind(graph, np.isin(np.arange(graph.count), node.primitives), node.subtype)
         counts[kind] = counts.get(kind, -1) + 1
         nodes.append(replace(node, name=f"{kind}_{counts[kind]}", kind=kind))
+    area = [float(graph.area[list(n.primitives)].sum()) for n in nodes]
+    for i, node in enumerate(nodes[1:], start=1):
+        if node.parent > 0:
+            share = area[i] / max(area[node.parent], 1e-12)
+            nodes[i] = on_leaf(node, nodes[node.parent], share)
     return KinematicTree(tuple(nodes))
 
 

@@ -1,0 +1,86 @@
+"""What a leaf carries: levers, knobs and panes that show no clear way of their own.
+
+Whether the lever of a door turns is not in its shape. Generated doors have levers that do; on the
+twelve full-size doors and windows of `benchmarks/sweet_home_dataset.py` where one was found, their
+authors left it fixed. A pane between glazing bars looks like a leaf in a leaf. So such a part keeps
+a joint of its own only when that joint is clear; else the leaf carries it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+from mam_pipeline.types import NEEDS_REVIEW, Joint, KinematicTree, PartNode
+
+LEAVES = ("door", "drawer", "panel")  # kinds of parts that carry others
+FITTING = 0.05  # of the leaf's area, at most: of larger levers on doors some do turn
+PANE = (0.25, 1.0)  # of the leaf's area
+UNLIKELY = 0.5  # a pane of less confidence does not move by itself
+
+
+def on_leaf(node: PartNode, leaf: PartNode, share: float) -> PartNode:
+    """The node; if it may be a fitting or a pane of `leaf`, of whose area it has a `share`, its
+    evidence has the confidence from which it moves by itself."""
+    if leaf.kind not in LEAVES:
+        return node
+    if share < FITTING and node.subtype in ("hinge", "spin"):
+        least = NEEDS_REVIEW
+    elif PANE[0] <= share < PANE[1]:
+        least = UNLIKELY
+    else:
+        return node
+    return replace(node, evidence={**node.evidence, "moves_if_above": least})
+
+
+def carried(
+    tree: KinematicTree, joints: Mapping[int, Joint]
+) -> tuple[KinematicTree, dict[int, Joint]]:
+    """The tree and joints in which what is unclear belongs to its leaf.
+
+    Args:
+        joints: by node, of every node but the base.
+
+    Returns:
+        A tree whose leaves have what they carry, and its joints, which say so in their evidence.
+    """
+    nodes = list(tree.nodes)
+    gone = [
+        i for i, node in enumerate(nodes)
+        if i and node.provenance == "inferred" and all(n.parent != i for n in nodes)
+        and joints[i].confidence < float(node.evidence.get("moves_if_above", 0.0))
+    ]  # fmt: skip
+    joints = dict(joints)
+    if not gone:
+        return tree, joints
+    for i in gone:
+        node, host = nodes[i], nodes[i].parent
+        both = tuple(sorted((*nodes[host].primitives, *node.primitives)))
+        nodes[host] = replace(nodes[host], primitives=both)
+        said = {"name": node.name, "subtype": node.subtype, "primitives": list(node.primitives),
+                "confidence": round(joints[i].confidence, 3)}  # fmt: skip
+        told = joints[host].evidence
+        evidence = {**told, "carries": [*told.get("carries", ()), said]}
+        joints[host] = replace(joints[host], evidence=evidence)
+    kept = [i for i in range(len(nodes)) if i not in gone]
+    new = {old: k for k, old in enumerate(kept)} | {-1: -1}
+    out = tuple(replace(nodes[i], parent=new[nodes[i].parent]) for i in kept)
+    moved = {
+        new[i]: replace(joints[i], parent=new[joints[i].parent], child=new[i])
+        for i in kept if i
+    }  # fmt: skip
+    return replace(tree, nodes=out), moved
+
+
+def carried_notes(joints: Iterable[Joint]) -> list[str]:
+    """A sentence for each leaf that carries what was found as a part."""
+    out = []
+    for joint in joints:
+        names = [str(f["name"]) for f in joint.evidence.get("carries", ())]
+        if names:
+            leaf = joint.name.removesuffix("_joint")
+            out.append(
+                f"{leaf}: carries {', '.join(names)}, whose own joint is unclear; if it moves by "
+                "itself, say so in a hints file"
+            )
+    return out

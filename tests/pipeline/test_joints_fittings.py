@@ -1,0 +1,86 @@
+"""What a leaf carries because its own joint is unclear."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mam_pipeline.joints.fittings import carried, carried_notes, on_leaf
+from mam_pipeline.types import Joint, JointSubtype, KinematicTree, PartNode, Provenance
+
+
+def node(name: str, kind: str, primitive: int, parent: int, **more: Any) -> PartNode:
+    return PartNode(name, kind, (primitive,), parent, more.pop("subtype", "hinge"), **more)
+
+
+def joint(child: int, parent: int, confidence: float) -> Joint:
+    axis, origin = np.array([0, 0, 1.0]), np.zeros(3)
+    return Joint(f"j{child}", "revolute", "hinge", parent, child, axis, origin, 0, 1,
+                 confidence=confidence)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("kind", "subtype", "share", "least"),
+    [
+        ("door", "hinge", 0.01, 0.7),
+        ("door", "spin", 0.01, 0.7),
+        ("door", "slide", 0.01, None),  # a button in a door
+        ("door", "hinge", 0.1, None),  # a large lever: of these some do turn
+        ("door", "hinge", 0.5, 0.5),  # a pane
+        ("panel", "slide", 0.5, 0.5),
+        ("door", "hinge", 1.5, None),
+        ("lever", "spin", 0.01, None),
+        ("wheel", "spin", 0.5, None),
+    ],
+)
+def test_only_small_fittings_and_panes_of_leaves_are_doubted(
+    kind: str, subtype: JointSubtype, share: float, least: float | None
+) -> None:
+    leaf = node("leaf", kind, 1, 0)
+    found = on_leaf(node("x", "lever", 2, 1, subtype=subtype), leaf, share)
+    assert found.evidence.get("moves_if_above") == least
+
+
+@pytest.mark.parametrize(
+    ("confidence", "provenance", "stays"),
+    [(0.6, "inferred", False), (0.71, "inferred", True), (0.1, "user", True),
+     (0.1, "observed", True)],
+)  # fmt: skip
+def test_an_unclear_lever_becomes_its_doors(
+    confidence: float, provenance: Provenance, stays: bool
+) -> None:
+    lever = on_leaf(
+        node("lever_0", "lever", 2, 1, provenance=provenance), node("door_0", "door", 1, 0), 0.01
+    )
+    nodes = (
+        node("base", "body", 0, -1, subtype="fixed"), node("door_0", "door", 1, 0), lever,
+        node("drawer_0", "drawer", 3, 0, subtype="slide"), node("knob_0", "knob", 4, 3),
+    )  # fmt: skip
+    joints = {1: joint(1, 0, 0.9), 2: joint(2, 1, confidence), 3: joint(3, 0, 0.9),
+              4: joint(4, 3, 0.9)}  # fmt: skip
+    given = KinematicTree(nodes)
+    tree, left = carried(given, joints)
+    if stays:
+        assert tree is given and all(left[k] is joints[k] for k in joints)
+        assert carried_notes(left.values()) == []
+        return
+    assert [n.name for n in tree.nodes] == ["base", "door_0", "drawer_0", "knob_0"]
+    assert tree.nodes[1].primitives == (1, 2)
+    assert [n.parent for n in tree.nodes] == [-1, 0, 0, 2]
+    assert {k: (j.parent, j.child) for k, j in left.items()} == {1: (0, 1), 2: (0, 2), 3: (2, 3)}
+    (said,) = left[1].evidence["carries"]
+    assert said["name"] == "lever_0" and said["confidence"] == 0.6
+    (note,) = carried_notes(left.values())
+    assert "lever_0" in note and "hints" in note
+
+
+def test_what_carries_others_is_kept() -> None:
+    door = node("door_0", "door", 1, 0)
+    lever = on_leaf(node("lever_0", "lever", 2, 1), door, 0.01)
+    nodes = (node("base", "body", 0, -1, subtype="fixed"), door, lever, node("b", "knob", 3, 2))
+    joints = {1: joint(1, 0, 0.9), 2: joint(2, 1, 0.1), 3: joint(3, 2, 0.9)}
+    given = KinematicTree(nodes)
+    tree, left = carried(given, joints)
+    assert tree is given and all(left[k] is joints[k] for k in joints)
