@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mam_pipeline.joints.fittings import carried, carried_notes, on_leaf
+from mam_pipeline.joints.fittings import carried, carried_notes, moves_if_above
 from mam_pipeline.types import Joint, JointSubtype, KinematicTree, PartNode, Provenance
 
 
@@ -26,21 +26,19 @@ def joint(child: int, parent: int, confidence: float) -> Joint:
     [
         ("door", "hinge", 0.01, 0.7),
         ("door", "spin", 0.01, 0.7),
-        ("door", "slide", 0.01, None),  # a button in a door
-        ("door", "hinge", 0.1, None),  # a large lever: of these some do turn
+        ("door", "slide", 0.01, 0.0),  # a button in a door
+        ("door", "hinge", 0.1, 0.0),  # a large lever: of these some do turn
         ("door", "hinge", 0.5, 0.5),  # a pane
         ("panel", "slide", 0.5, 0.5),
-        ("door", "hinge", 1.5, None),
-        ("lever", "spin", 0.01, None),
-        ("wheel", "spin", 0.5, None),
+        ("door", "hinge", 1.5, 0.0),
+        ("lever", "spin", 0.01, 0.0),
+        ("wheel", "spin", 0.5, 0.0),
     ],
 )
 def test_only_small_fittings_and_panes_of_leaves_are_doubted(
-    kind: str, subtype: JointSubtype, share: float, least: float | None
+    kind: str, subtype: JointSubtype, share: float, least: float
 ) -> None:
-    leaf = node("leaf", kind, 1, 0)
-    found = on_leaf(node("x", "lever", 2, 1, subtype=subtype), leaf, share)
-    assert found.evidence.get("moves_if_above") == least
+    assert moves_if_above(subtype, kind, share) == least
 
 
 @pytest.mark.parametrize(
@@ -51,9 +49,8 @@ def test_only_small_fittings_and_panes_of_leaves_are_doubted(
 def test_an_unclear_lever_becomes_its_doors(
     confidence: float, provenance: Provenance, stays: bool
 ) -> None:
-    lever = on_leaf(
-        node("lever_0", "lever", 2, 1, provenance=provenance), node("door_0", "door", 1, 0), 0.01
-    )
+    doubt = {"moves_if_above": 0.7}
+    lever = node("lever_0", "lever", 2, 1, provenance=provenance, evidence=doubt)
     nodes = (
         node("base", "body", 0, -1, subtype="fixed"), node("door_0", "door", 1, 0), lever,
         node("drawer_0", "drawer", 3, 0, subtype="slide"), node("knob_0", "knob", 4, 3),
@@ -78,7 +75,7 @@ def test_an_unclear_lever_becomes_its_doors(
 
 def test_what_carries_others_is_kept() -> None:
     door = node("door_0", "door", 1, 0)
-    lever = on_leaf(node("lever_0", "lever", 2, 1), door, 0.01)
+    lever = node("lever_0", "lever", 2, 1, evidence={"moves_if_above": 0.7})
     nodes = (node("base", "body", 0, -1, subtype="fixed"), door, lever, node("b", "knob", 3, 2))
     joints = {1: joint(1, 0, 0.9), 2: joint(2, 1, 0.1), 3: joint(3, 2, 0.9)}
     given = KinematicTree(nodes)

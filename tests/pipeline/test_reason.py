@@ -27,7 +27,7 @@ from mam_pipeline.reason.groups import components, enumerate_groups, merge_tree
 from mam_pipeline.reason.scores import RuleScores, load_scores
 from mam_pipeline.reason.select import select_groups
 from mam_pipeline.reason.tree import named, part_kind
-from mam_pipeline.types import JointSubtype, KinematicTree, Mesh, PartNode, Primitives
+from mam_pipeline.types import NEEDS_REVIEW, JointSubtype, KinematicTree, Mesh, PartNode, Primitives
 from mam_pipeline.world import Style, make_object
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
@@ -263,6 +263,22 @@ def test_a_thick_handle_makes_no_lever_of_a_door() -> None:
     graph = build_graph(mesh, primitives)
     assert part_kind(graph, np.array([False, True, True]), "hinge") == "door"
     assert part_kind(graph, np.array([False, False, True]), "hinge") == "lever"
+
+
+def test_a_lever_on_a_leaf_is_doubted_and_one_on_the_body_is_not() -> None:
+    mesh, primitives = boxes(
+        ((0.0, 0, 0), (0.5, 0.9, 2.0)), ((-0.04, 0, 0), (-0.002, 0.9, 2.0)),
+        ((-0.06, 0.75, 1.0), (-0.04, 0.85, 1.02)),
+    )  # fmt: skip
+    graph = build_graph(mesh, primitives)
+    base = PartNode("base", "body", (0,), -1, "fixed")
+    door = PartNode("a", "part", (1,), 0, "hinge")
+    on_door, on_body = (PartNode("b", "part", (2,), parent, "hinge") for parent in (1, 0))
+    found = named(graph, KinematicTree((base, door, on_door))).nodes
+    assert [n.name for n in found] == ["base", "door_0", "lever_0"]
+    assert found[2].evidence["moves_if_above"] == NEEDS_REVIEW
+    found = named(graph, KinematicTree((base, door, on_body))).nodes
+    assert "moves_if_above" not in found[2].evidence
 
 
 def test_the_pieces_of_a_link_become_one_solid() -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-from mam_pipeline.types import NEEDS_REVIEW, Joint, KinematicTree, PartNode
+from mam_pipeline.types import NEEDS_REVIEW, Joint, JointSubtype, KinematicTree
 
 LEAVES = ("door", "drawer", "panel")  # kinds of parts that carry others
 FITTING = 0.05  # of the leaf's area, at most: of larger levers on doors some do turn
@@ -19,18 +19,17 @@ PANE = (0.25, 1.0)  # of the leaf's area
 UNLIKELY = 0.5  # a pane of less confidence does not move by itself
 
 
-def on_leaf(node: PartNode, leaf: PartNode, share: float) -> PartNode:
-    """The node; if it may be a fitting or a pane of `leaf`, of whose area it has a `share`, its
-    evidence has the confidence from which it moves by itself."""
-    if leaf.kind not in LEAVES:
-        return node
-    if share < FITTING and node.subtype in ("hinge", "spin"):
-        least = NEEDS_REVIEW
-    elif PANE[0] <= share < PANE[1]:
-        least = UNLIKELY
-    else:
-        return node
-    return replace(node, evidence={**node.evidence, "moves_if_above": least})
+def moves_if_above(subtype: JointSubtype, leaf: str, share: float) -> float:
+    """The confidence from which a part on a leaf moves by itself; 0 where nothing doubts it.
+
+    Args:
+        subtype: of the part. leaf: kind of the part that it hangs on. share: of the leaf's area.
+    """
+    if leaf not in LEAVES:
+        return 0.0
+    if share < FITTING and subtype in ("hinge", "spin"):
+        return NEEDS_REVIEW
+    return UNLIKELY if PANE[0] <= share < PANE[1] else 0.0
 
 
 def carried(

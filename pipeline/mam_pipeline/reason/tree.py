@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mam_pipeline.joints.fittings import on_leaf
+from mam_pipeline.joints.fittings import FITTING, moves_if_above
 from mam_pipeline.reason.graph import Graph
 from mam_pipeline.reason.groups import Masks
 from mam_pipeline.types import FloatArray, JointSubtype, KinematicTree, PartNode
@@ -90,18 +90,24 @@ def _with_base(graph: Graph, masks: Masks, choice: Choice) -> tuple[Masks, Choic
 
 
 def named(graph: Graph, tree: KinematicTree) -> KinematicTree:
-    """The tree with every part named after its shape and its type."""
+    """The tree with every part named after its shape and its type, and with what a leaf may carry
+    marked in its evidence."""
+    masks = [np.isin(np.arange(graph.count), node.primitives) for node in tree.nodes]
+    area = [float(graph.area[mask].sum()) for mask in masks]
+    kinds = [part_kind(graph, mask, node.subtype) for mask, node in zip(masks, tree.nodes)]
     nodes = [tree.nodes[0]]
     counts: dict[str, int] = {}
-    for node in tree.nodes[1:]:
-        kind = part_kind(graph, np.isin(np.arange(graph.count), node.primitives), node.subtype)
+    for i, node in enumerate(tree.nodes[1:], start=1):
+        kind, evidence = kinds[i], dict(node.evidence)
+        share = area[i] / max(area[node.parent], 1e-12)
+        least = moves_if_above(node.subtype, kinds[node.parent], share) if node.parent else 0.0
+        if least:
+            evidence["moves_if_above"] = least
+        if least and share < FITTING:
+            kind = "knob" if node.subtype == "spin" else "lever"
         counts[kind] = counts.get(kind, -1) + 1
-        nodes.append(replace(node, name=f"{kind}_{counts[kind]}", kind=kind))
-    area = [float(graph.area[list(n.primitives)].sum()) for n in nodes]
-    for i, node in enumerate(nodes[1:], start=1):
-        if node.parent > 0:
-            share = area[i] / max(area[node.parent], 1e-12)
-            nodes[i] = on_leaf(node, nodes[node.parent], share)
+        name = f"{kind}_{counts[kind]}"
+        nodes.append(replace(node, name=name, kind=kind, evidence=evidence))
     return KinematicTree(tuple(nodes))
 
 
