@@ -24,7 +24,7 @@ def joint(child: int, parent: int, confidence: float) -> Joint:
 @pytest.mark.parametrize(
     ("kind", "subtype", "share", "least"),
     [
-        ("door", "hinge", 0.01, 0.7),
+        ("door", "hinge", 0.01, 0.9),
         ("door", "spin", 0.01, 0.7),
         ("door", "slide", 0.01, 0.0),  # a button in a door
         ("door", "hinge", 0.1, 0.0),  # a large lever: of these some do turn
