@@ -1,4 +1,4 @@
-"""Sweet Home 3D's furniture as a ground-truth dataset: real objects that nothing was fitted on.
+"""Sweet Home 3D's furniture as a ground-truth dataset: real objects that nothing was trained on.
 
     python benchmarks/sweet_home_dataset.py FOLDER [--packages FOLDER_OF_DEBS]
     mam-sim bench FOLDER [--fuse]
@@ -9,7 +9,8 @@ The packages `sweethome3d` and `sweethome3d-furniture` are fetched with apt-get 
 unpacked aside; nothing is installed. Every model has a licence of its own, see the packages.
 
 A hinge turns about the longest side of its shape, a part slides along the longest side of its rail,
-as the designer moves them. Left out: lamps on ball joints, which no single joint describes.
+as the designer moves them. Left out is what has no hinge or rail of its own among the still
+shapes: lamps on ball joints, a clasp whose hinge moves with a lid.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from __future__ import annotations
 import argparse
 import re
 import subprocess
+import sys
 import tempfile
 import zipfile
 from collections import defaultdict
@@ -30,7 +32,7 @@ import trimesh
 
 PACKAGES = ("sweethome3d", "sweethome3d-furniture")
 ON = re.compile(r"sweethome3d_(?:opening|window_pane|window_mirror)_on_(hinge|rail)_(\d+)")
-TIE = re.compile(r"^sweethome3d_(?:(hinge)_(\d+)|(rail)_(\d+)|(unique_rail))")
+TIE = re.compile(r"^sweethome3d_(?:unique_)?(hinge|rail)(?:_(\d+))?")  # a unique rail has no number
 # the designer: X to the right, Y up, Z to the front; ours: X to the right, Z up, front towards -Y
 TURN = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 Part = tuple[str, str]  # hinge or rail, and its number
@@ -54,7 +56,6 @@ class Groups:
     vertices: np.ndarray
     faces: dict[Part | None, list[tuple[int, int, int]]] = field(default_factory=dict)
     ties: dict[Part, list[int]] = field(default_factory=dict)
-    above: dict[Part, Part] = field(default_factory=dict)
 
 
 def catalogue(text: str) -> list[Model]:
@@ -86,15 +87,9 @@ def read_groups(text: str) -> Groups:
         if word == "v":
             vertices.append([float(x) for x in rest.split()[:3]])
         elif word in ("g", "o"):
-            chain = list(dict.fromkeys(ON.findall(rest)))
-            part = chain[-1] if chain else None
-            for outer, inner in pairwise(chain):
-                out.above[inner] = outer
+            part = (ON.findall(rest) or [None])[-1]
             found = TIE.match(rest)
-            tie = None
-            if found:
-                kind, number = next((k, n) for k, n in _pairs(found.groups()) if k)
-                tie = (kind.removeprefix("unique_"), number or "")
+            tie = (found[1], found[2] or "") if found else None
         elif word == "f":
             index = [int(c.split("/")[0]) for c in rest.split()]
             index = [i - 1 if i > 0 else len(vertices) + i for i in index]
@@ -104,11 +99,6 @@ def read_groups(text: str) -> Groups:
                 out.ties.setdefault(tie, []).extend(index)
     out.vertices = np.array(vertices)
     return out
-
-
-def _pairs(groups: tuple[str | None, ...]) -> list[tuple[str, str | None]]:
-    hinge, h, rail, r, unique = groups
-    return [(hinge or "", h), (rail or "", r), (unique or "", None)]
 
 
 def place(model: Model, groups: Groups) -> np.ndarray:
@@ -146,13 +136,10 @@ def write_object(model: Model, groups: Groups, folder: Path) -> bool:
             "</geometry></visual></link>"
         )
     for part, (axis, origin) in joints.items():
-        above = groups.above.get(part)
-        above = above if above in joints else None
-        offset = origin - (joints[above][1] if above is not None else 0.0)
         kind = "revolute" if part[0] == "hinge" else "prismatic"
         lines.append(
-            f'<joint name="{name[part]}_joint" type="{kind}"><parent link="{name[above]}"/>'
-            f'<child link="{name[part]}"/><origin xyz="{_plain(offset)}"/>'
+            f'<joint name="{name[part]}_joint" type="{kind}"><parent link="base"/>'
+            f'<child link="{name[part]}"/><origin xyz="{_plain(origin)}"/>'
             f'<axis xyz="{_plain(axis)}"/>'
             '<limit lower="-0.5" upper="0.5" effort="1" velocity="1"/></joint>'
         )
@@ -167,9 +154,15 @@ def _plain(vector: np.ndarray) -> str:
 def archives(folder: Path, packages: Path | None) -> list[zipfile.ZipFile]:
     """The libraries inside the packages, fetched if they are not given."""
     if packages is None:
-        subprocess.run(["apt-get", "download", *PACKAGES], cwd=folder, check=True)
+        try:
+            subprocess.run(["apt-get", "download", *PACKAGES], cwd=folder, check=True)
+        except (OSError, subprocess.CalledProcessError) as error:
+            sys.exit(f"apt-get cannot fetch {' and '.join(PACKAGES)} ({error}); see --packages")
         packages = folder
-    for deb in sorted(packages.glob("sweethome3d*.deb")):
+    debs = sorted(packages.glob("sweethome3d*.deb"))
+    if not debs:
+        sys.exit(f"{packages} holds no sweethome3d*.deb")
+    for deb in debs:
         subprocess.run(["dpkg", "-x", str(deb), str(folder / "unpacked")], check=True)
     found = (folder / "unpacked").rglob("*")
     return [zipfile.ZipFile(p) for p in sorted(found) if p.suffix == ".sh3f"
