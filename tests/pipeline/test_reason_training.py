@@ -1,10 +1,11 @@
 """The training of the model that ranks sets of candidates."""
 
+import lightgbm
 import numpy as np
 
 from mam_pipeline.reason.features import table
 from mam_pipeline.reason.recipe import FOLDS
-from mam_pipeline.reason.train import LEVELS, RANKS, Options, fit_choice
+from mam_pipeline.reason.train import LEVELS, RANKS, Options, fit_choice, lean
 from mam_pipeline.reason.training_looks import Rows
 
 
@@ -46,3 +47,14 @@ def test_a_fold_is_left_out_with_its_objects() -> None:
         rows.add(item.features, grade, weight, item.fold)
     assert share_right(rows.fit(100, 0, **RANKS), rng) > 0.8
     assert share_right(wrong.fit(100, **RANKS), rng) < 0.2
+
+
+def test_what_is_packed_predicts_the_same_in_half_the_room() -> None:
+    rng = np.random.default_rng(4)
+    (model,) = fit_choice([options(rng, k % FOLDS) for k in range(240)], 1)
+    text = model.model_to_string()
+    packed = lean(text)
+    rows = rng.uniform(0, 1, (200, 2))
+    assert len(packed) < 0.7 * len(text)
+    again = lightgbm.Booster(model_str=packed)
+    np.testing.assert_array_equal(again.predict(rows), model.predict(rows))

@@ -238,8 +238,10 @@ def abstract_kinds() -> dict[str, Any]:
     """Builders of the abstract training objects, by name."""
     from mam_pipeline.reason import (
         curriculum,
+        curriculum_around,
         curriculum_cases,
         curriculum_large,
+        curriculum_openings,
         curriculum_several,
         curriculum_slides,
     )
@@ -253,4 +255,6 @@ def abstract_kinds() -> dict[str, Any]:
         "abstract_keys": curriculum_slides.keys, "abstract_board": curriculum_large.board,
         "abstract_leaf": curriculum_large.leaf, "abstract_opened": curriculum_large.opened,
         "abstract_tap": curriculum_large.tap, "abstract_several": curriculum_several.several,
+        "abstract_opening": curriculum_openings.opening, "abstract_arm": curriculum_around.arm,
+        "abstract_clutter": curriculum_around.clutter,
     }  # fmt: skip

@@ -23,6 +23,10 @@ MIX = (
     "abstract_opened", "abstract_tap", "abstract_board", "abstract_several", "abstract_leaf",
     "abstract_several", "abstract_console", "abstract_several", "abstract_doorway",
     "abstract_several", "abstract_leaf", "abstract_several", "abstract_console",
+    "abstract_opening", "abstract_clutter", "abstract_opening", "abstract_arm", "abstract_opening",
+    "abstract_opening", "abstract_clutter", "abstract_opening", "abstract_clutter", "abstract_arm",
+    "abstract_opening", "abstract_clutter", "abstract_opening", "abstract_arm", "abstract_opening",
+    "abstract_opening", "abstract_clutter", "abstract_arm",
 )  # fmt: skip
 FOLDS = 3  # of the cross-fitting
 Job = tuple[str, int, bool]  # kind, seed, fused
