@@ -1,6 +1,6 @@
 """What a leaf carries: levers, knobs and panes that show no clear way of their own.
 
-Whether the lever of a door turns is not in its shape. Generated doors have levers that do; the
+Whether the lever of a door turns is not in its shape. The world's doors have levers that do; the
 fourteen levers and knobs found on eleven doors of `benchmarks/sweet_home_dataset.py` were left
 fixed by their authors. A pane between glazing bars looks like a leaf in a leaf. So such a part
 keeps a joint of its own only when that joint is clear; else the leaf carries it.

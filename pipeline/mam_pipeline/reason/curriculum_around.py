@@ -65,7 +65,7 @@ def _support(b: Builder, at: FloatArray, own: FloatArray, floor: float) -> float
 
 
 def _thing(b: Builder, low: FloatArray, high: FloatArray) -> None:
-    """Something that stands about: books, a pot, a block, a bottle, a plant, a picture."""
+    """Something that stands about: books, a pot, a block, a bottle, a plant."""
     size, middle = high - low, (low + high) / 2
     r = float(size[:2].min()) / 2
     kind = b.choice(("books", "pot", "clump", "bottle", "plant", "box"))

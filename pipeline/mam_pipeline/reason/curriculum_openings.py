@@ -177,9 +177,8 @@ def _hang(b: Builder, looks: Looks, low: FloatArray, high: FloatArray, side: int
     else:
         z = {"top": high[2], "bottom": low[2], "pivot": z}[way]
         axis = np.array([0.0, 1.0, 0.0])
-    for n, s in enumerate(np.linspace(0.12, 0.88, looks.hinges) if looks.hinges else ()):
-        if way == "pivot":
-            break
+    hinges = 0 if way == "pivot" else looks.hinges
+    for n, s in enumerate(np.linspace(0.12, 0.88, hinges)):
         size = high - low
         at = np.array([face, y, z])
         at += axis * (low + s * size - at)
