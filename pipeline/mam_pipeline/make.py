@@ -33,7 +33,7 @@ from mam_pipeline.types import Articulation, FloatArray, Mesh
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".off")
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".gif", ".heic")
-STAGE_VERSION = 14
+STAGE_VERSION = 15
 
 
 @dataclass(frozen=True)
@@ -121,9 +121,9 @@ def make_asset(
         hints = given if given is not None else read.hints
         seconds = {"read": round(time.perf_counter() - started, 3)}
         if read.articulation is not None:
-            articulation, used = read.articulation, {"articulation": "urdf"}
+            articulation, used, left = read.articulation, {"articulation": "urdf"}, ""
         else:
-            articulation, used, more = _engine(read, hints, config, stages, tell)
+            articulation, used, more, left = _engine(read, hints, config, stages, tell)
             seconds |= more
         yaw = front_yaw(articulation) if kind == "mesh" else np.eye(4)
         articulation = moved(articulation, yaw)
@@ -144,7 +144,7 @@ def make_asset(
             metres_per_unit_source=read.metres_per_unit_source,
             backends=used,
             seconds=seconds,
-            notes=[n for n in (read.summary, *read.notes, *carried, *assumed) if n],
+            notes=[n for n in (read.summary, *read.notes, left, *carried, *assumed) if n],
         )
         asset = written_and_checked(articulation, write, kind != "urdf", lambda: tell("check"))
         (stages / "frame.json").write_text(json.dumps({"asset_T_engine": yaw.tolist()}))
@@ -214,8 +214,14 @@ def _read_photo(source: Path, config: MakeConfig, stages: Path) -> Source:
 
 def _engine(
     read: Source, hints: Hints | None, config: MakeConfig, stages: Path, tell: OnStage
-) -> tuple[Articulation, dict[str, str], dict[str, float]]:
-    """Run or reuse segment, prior, reason and joints; returns what was used and the seconds."""
+) -> tuple[Articulation, dict[str, str], dict[str, float], str]:
+    """Run or reuse segment, prior, reason and joints.
+
+    Returns:
+        The articulation, what was used, the seconds, and a note on what the reasoner left out.
+    """
+    from mam_pipeline.reason.tree import left_out_note
+
     engine = Engine(config.engine, tell)
     keeper = _Keeper(stages)
     mesh = read.mesh
@@ -256,7 +262,8 @@ def _engine(
         lambda: engine.solve(mesh, primitives, tree),
         codec,
     )
-    return articulation, {**keeper.reused, **engine.used}, engine.seconds
+    used = {**keeper.reused, **engine.used}
+    return articulation, used, engine.seconds, left_out_note(tree)
 
 
 class _Keeper:

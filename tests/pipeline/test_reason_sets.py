@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
 
 from mam_pipeline.reason.configurations import enumerate_sets, promise, set_features
 from mam_pipeline.reason.corpus import Example, generated_example
+from mam_pipeline.reason.embedded import View, decide
 from mam_pipeline.reason.features import Table, table
 from mam_pipeline.reason.group_features import group_features, joined
 from mam_pipeline.reason.groups import enumerate_groups, expand_groups
+from mam_pipeline.reason.scores import RuleScores, load_scores
 from mam_pipeline.reason.select import completed
-from mam_pipeline.reason.tree import Choice, build_tree
+from mam_pipeline.reason.tree import Choice, build_tree, left_out_note
+from mam_pipeline.types import KinematicTree, PartNode
 
 # panel and handle, the panel, the handle, another front
 MASKS = np.array([[1, 1, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], dtype=bool)
@@ -147,3 +151,31 @@ def test_equal_parts_that_leave_nothing_each_leave_their_largest_piece() -> None
     choice = Choice((0, 1), np.full(2, 0.5), np.full((2, 3), 1 / 3), np.full(2, 0.5), 0.5)
     tree = build_tree(replace(graph, area=area), np.array([left, ~left]), choice)
     assert len(tree.nodes) == 3 and tree.nodes[0].primitives == (0, half)
+
+
+def test_what_is_too_unsure_stays_in_the_base_and_is_told() -> None:
+    example = generated_example("chest_of_drawers", 9)
+    view = View(example.graph, example.prior())
+    scores = copy(load_scores())
+    masks, usual = decide([view], scores)
+    assert len(usual.chosen) > 1 and 0 < scores.least < 1  # type: ignore[operator]
+    assert all(usual.confidence[c] >= scores.least for c in usual.chosen[1:])
+    scores.least = 1.0
+    masks, choice = decide([view], scores)
+    assert choice.chosen == usual.chosen[:1]
+    assert set(choice.left) >= set(usual.chosen[1:])
+    tree = build_tree(view.graph, masks, choice)
+    told = tree.nodes[0].evidence["left_out"]
+    assert [tuple(t["primitives"]) for t in told] == [  # type: ignore[attr-defined]
+        tuple(np.flatnonzero(masks[c])) for c in choice.left
+    ]
+    assert left_out_note(build_tree(view.graph, *decide([view], RuleScores()))) == ""
+
+
+def test_what_a_hint_moves_is_no_longer_told_as_left_out() -> None:
+    said = {"primitives": [1, 2], "subtype": "spin", "confidence": 0.3}
+    base = PartNode("base", "body", (0, 1, 2, 3), -1, "fixed", evidence={"left_out": [said]})
+    note = left_out_note(KinematicTree((base,)))
+    assert "spin of primitives 1, 2 (0.30)" in note and "hints file" in note
+    part = PartNode("knob_0", "knob", (1, 2), 0, "spin")
+    assert left_out_note(KinematicTree((replace(base, primitives=(0, 3)), part))) == ""

@@ -118,18 +118,22 @@ def decide(views: Sequence[View], scores: Scores) -> tuple[Masks, Choice]:
         value = _mean([scores.value(t) for t in tables])
     value = _mean([scores.revise(with_rivals(t, masks, value)) for t in tables])
     odds = _mean([scores.subtype(t) for t in tables])
+    confidence = scores.confidence(value)
     chosen: list[int] = []
+    left: list[int] = []
     if value.max() > RESCUE:
         sets = enumerate_sets(masks, tables[0], value)
         quality = _mean([
             scores.choose(set_features(v.graph, masks, t, value, odds, sets, r.same, r.move))
             for (v, r), t in zip(seen, tables)
         ])  # fmt: skip
-        chosen = sets.rows()[int(np.argmax(quality))]
-        chosen.sort(key=lambda c: -value[c])
+        ranked = sorted(sets.rows()[int(np.argmax(quality))], key=lambda c: -value[c])
+        left = [c for c in ranked[1:] if confidence[c] < scores.least]
+        chosen = [c for c in ranked if c not in left]
         masks = masks.copy()
         masks[chosen] = completed(graph, masks[chosen], same, readings[0].move)
-    return masks, Choice(tuple(chosen), value, odds, scores.confidence(value), float(value.max()))
+    best = float(value.max())
+    return masks, Choice(tuple(chosen), value, odds, confidence, best, tuple(left))
 
 
 def bonds_of(views: Sequence[View], scores: Scores) -> list[Reading]:

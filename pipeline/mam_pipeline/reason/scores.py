@@ -26,7 +26,14 @@ MODELS = ("same", "move", "value", "revise", "subtype", "choose")
 
 
 class Scores(Protocol):
-    """Everything that may be learned."""
+    """Everything that may be learned.
+
+    Attributes:
+        least: confidence below which a candidate of the best set stays in the base all the same,
+            unless it is the set's best.
+    """
+
+    least: float
 
     def read(self, graph: Graph, unary: Table, pairs: Table) -> Reading:
         """How likely each pair is one rigid body and each primitive moves; views of networks."""
@@ -51,6 +58,7 @@ class RuleScores:
     """The hand-set rules as scores."""
 
     threshold = 0.55
+    least = 0.0
 
     def read(self, graph: Graph, unary: Table, pairs: Table) -> Reading:
         """See `rules.same_part` and `rules.may_move`."""
@@ -84,7 +92,8 @@ class LearnedScores:
 
     Args:
         members: boosters by name (MODELS); a member may leave whole sets to the others.
-        settings: the calibration curve, (value, odds) pairs; weight of `promise` (default 0).
+        settings: the calibration curve, (value, odds) pairs; weight of `promise` (default 0);
+            `least` (default 0).
         networks: the graph networks whose views the members were trained on.
     """
 
@@ -94,6 +103,7 @@ class LearnedScores:
     ) -> None:  # fmt: skip
         self.members = tuple(members)
         self.networks = tuple(networks)
+        self.least = float(settings.get("least", 0.0))
         self._promise = float(settings.get("promise", 0.0))
         self._curve = np.asarray(settings["calibration"], dtype=np.float64)  # (k, 2) value, odds
 

@@ -22,7 +22,8 @@ class Choice:
     Attributes:
         chosen: candidate indices, best first. value: (C,) expected overlap with a true part.
         subtype: (C, 3) probabilities of hinge, spin, slide. confidence: (C,) calibrated.
-        best: the highest value of any candidate.
+        best: the highest value of any candidate. left: candidates of the best set whose confidence
+            is too low: they stay in the base.
     """
 
     chosen: tuple[int, ...]
@@ -30,6 +31,7 @@ class Choice:
     subtype: FloatArray
     confidence: FloatArray
     best: float
+    left: tuple[int, ...] = ()
 
 
 def build_tree(graph: Graph, masks: Masks, choice: Choice) -> KinematicTree:
@@ -46,6 +48,7 @@ def build_tree(graph: Graph, masks: Masks, choice: Choice) -> KinematicTree:
             if graph.count < 2
             else f"the likeliest part reaches {choice.best:.2f}, which is below the threshold"
         )
+    evidence |= {"left_out": [_said(masks, choice, c) for c in choice.left]}
     base = PartNode("base", "body", _indices(~taken), -1, "fixed", evidence=evidence)
     nodes = [base]
     parents = _parents(graph, [masks[c] for c in choice.chosen])
@@ -68,6 +71,28 @@ def build_tree(graph: Graph, masks: Masks, choice: Choice) -> KinematicTree:
             )
         )
     return KinematicTree(tuple(nodes))
+
+
+def _said(masks: Masks, choice: Choice, c: int) -> dict[str, object]:
+    """A candidate that stays in the base, for the evidence."""
+    return {
+        "primitives": list(_indices(masks[c])),
+        "subtype": SUBTYPES[int(np.argmax(choice.subtype[c]))],
+        "confidence": round(float(choice.confidence[c]), 2),
+    }
+
+
+def left_out_note(tree: KinematicTree) -> str:
+    """A sentence on what may move and was left in the base all the same; empty if nothing was."""
+    base = tree.nodes[0]
+    out = []
+    for said in base.evidence.get("left_out", ()):
+        if rest := sorted(set(said["primitives"]) & set(base.primitives)):
+            names = ", ".join(map(str, rest))
+            out.append(f"{said['subtype']} of primitives {names} ({said['confidence']:.2f})")
+    if not out:
+        return ""
+    return f"left in the base, for it hardly moves: {'; '.join(out)}; if it does, use a hints file"
 
 
 def _with_base(graph: Graph, masks: Masks, choice: Choice) -> tuple[Masks, Choice]:
