@@ -92,7 +92,8 @@ def left_out_note(tree: KinematicTree) -> str:
             out.append(f"{said['subtype']} of primitives {names} ({said['confidence']:.2f})")
     if not out:
         return ""
-    return f"left in the base, for it hardly moves: {'; '.join(out)}; if it does, use a hints file"
+    told = "; ".join(out)
+    return f"left in the base, too unsure to move: {told}; if it does, say so in a hints file"
 
 
 def _with_base(graph: Graph, masks: Masks, choice: Choice) -> tuple[Masks, Choice]:
