@@ -16,9 +16,9 @@ fused weights are two such trainings asked together: three networks and a member
 on fewer objects, which knows no columns of `solid`, come first; their set models saw every look
 twice, through the networks of the later one and of both. The six packaged networks are the means of
 these and of the same after five epochs on 1 809 more fused objects, 2 in 5 of them of the later
-kinds: what such tuning forgets of the old kinds the mean keeps. The packaged authored networks were tuned
-on the kinds of `curriculum_openings` and `curriculum_around`, which came later; of eight members
-four are older than these kinds, and two, for which leaves slid as well, choose among sets.)
+kinds: the mean keeps what such tuning forgets of the old ones. The packaged authored networks were
+tuned on the kinds of `curriculum_openings` and `curriculum_around`, which came later; of eight
+members four are older than these kinds, and two, for which leaves slid as well, choose among sets.)
 """
 
 from __future__ import annotations
