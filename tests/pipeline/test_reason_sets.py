@@ -169,6 +169,8 @@ def test_what_is_too_unsure_stays_in_the_base_and_is_told() -> None:
     assert [tuple(t["primitives"]) for t in told] == [  # type: ignore[attr-defined]
         tuple(np.flatnonzero(masks[c])) for c in choice.left
     ]
+    note = left_out_note(tree)  # of all, the drawers that now go with the chosen one as well
+    assert note.count("slide of primitives") == len(told)  # type: ignore[arg-type]
     assert left_out_note(build_tree(view.graph, *decide([view], RuleScores()))) == ""
 
 
@@ -177,5 +179,8 @@ def test_what_a_hint_moves_is_no_longer_told_as_left_out() -> None:
     base = PartNode("base", "body", (0, 1, 2, 3), -1, "fixed", evidence={"left_out": [said]})
     note = left_out_note(KinematicTree((base,)))
     assert "spin of primitives 1, 2 (0.30)" in note and "hints file" in note
-    part = PartNode("knob_0", "knob", (1, 2), 0, "spin")
-    assert left_out_note(KinematicTree((replace(base, primitives=(0, 3)), part))) == ""
+    rest = replace(base, primitives=(0,))
+    door = PartNode("door_0", "door", (1, 2, 3), 0, "hinge")
+    assert left_out_note(KinematicTree((rest, door))) == note  # the door carries it
+    for own in (replace(door, provenance="user"), replace(door, primitives=(1, 2))):
+        assert left_out_note(KinematicTree((rest, own))) == ""

@@ -83,17 +83,25 @@ def _said(masks: Masks, choice: Choice, c: int) -> dict[str, object]:
 
 
 def left_out_note(tree: KinematicTree) -> str:
-    """A sentence on what may move and was left in the base all the same; empty if nothing was."""
-    base = tree.nodes[0]
+    """A sentence on what may move and was made no part; empty if nothing was left out.
+
+    It lies in the base, or goes with a part that it is bound to. What a person made a part of
+    since then is not told.
+    """
+    base, *parts = tree.nodes
     out = []
     for said in base.evidence.get("left_out", ()):
-        if rest := sorted(set(said["primitives"]) & set(base.primitives)):
-            names = ", ".join(map(str, rest))
+        piece = set(said["primitives"])
+        for part in parts:
+            if part.provenance == "user" or piece.issuperset(part.primitives):
+                piece.difference_update(part.primitives)
+        if piece:
+            names = ", ".join(map(str, sorted(piece)))
             out.append(f"{said['subtype']} of primitives {names} ({said['confidence']:.2f})")
     if not out:
         return ""
     told = "; ".join(out)
-    return f"left in the base, too unsure to move: {told}; if it does, say so in a hints file"
+    return f"too unsure to be a part of its own: {told}; if it moves, say so in a hints file"
 
 
 def _with_base(graph: Graph, masks: Masks, choice: Choice) -> tuple[Masks, Choice]:
