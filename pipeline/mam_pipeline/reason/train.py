@@ -20,7 +20,7 @@ others are the same three after twelve epochs on all that was made since. The pa
 networks were tuned on the kinds of `curriculum_openings` and `curriculum_around`, which came later;
 of eight members four are older than these kinds, and two, for which leaves slid as well, choose
 among sets. Last, when all else was chosen, networks of both sorts learned the kinds that the splits
-hold back, `--held-back 80`: whoever compares trainings must begin without.)
+hold back (`--held-back 80` gives them to the trees as well): to compare trainings, begin without.)
 """
 
 from __future__ import annotations

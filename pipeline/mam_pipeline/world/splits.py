@@ -29,8 +29,10 @@ def split_of(category: str, seed: int) -> Split:
 
 
 def split_of_seed(seed: int) -> Split:
-    """The split of an object whose category is not held back; of those that are, the split that
-    sees the seed: validation and test meet none from which such a category may be learned."""
+    """The split that draws objects of a seed, whatever their category.
+
+    Validation and test therefore never draw an object from which `reason.recipe.held_back` learns.
+    """
     return _OF_TEN.get(seed % 10, "train")
 
 
