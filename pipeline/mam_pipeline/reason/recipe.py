@@ -8,7 +8,7 @@ import zlib
 from pathlib import Path
 
 from mam_pipeline.reason.corpus import FUSED, generated_example, object_name, save_example
-from mam_pipeline.world.splits import TEST_ONLY, VALIDATION_ONLY, iterate, split_of_seed
+from mam_pipeline.world.splits import iterate
 
 FUSED_FROM = 200_000  # seeds of fused objects begin here, so that none is seen twice
 # cases and mechanisms vary most, so they come most often
@@ -41,13 +41,6 @@ def jobs(split: str, world: int, abstract: int, fused: int) -> list[Job]:
     ]
     skins += [(k, seed + FUSED_FROM, True) for k, seed in _abstract(split, fused - len(skins))]
     return plain + skins
-
-
-def held_back(rounds: int, fused: bool) -> list[Job]:
-    """One object a round of every category that the splits hold back, at seeds for training."""
-    first = FUSED_FROM if fused else 0
-    seeds = [s for s in range(first, first + 2 * rounds) if split_of_seed(s) == "train"][:rounds]
-    return [(kind, s, fused) for s in seeds for kind in sorted(VALIDATION_ONLY | TEST_ONLY)]
 
 
 def _abstract(split: str, number: int) -> list[tuple[str, int]]:

@@ -44,7 +44,7 @@ from mam_pipeline.reason.embedded import View, decide
 from mam_pipeline.reason.features import Table, pair_features, primitive_features
 from mam_pipeline.reason.group_features import with_rivals
 from mam_pipeline.reason.network import Network
-from mam_pipeline.reason.recipe import FOLDS, fold_of, gather, held_back, jobs
+from mam_pipeline.reason.recipe import FOLDS, fold_of, gather, jobs
 from mam_pipeline.reason.scores import LearnedScores
 from mam_pipeline.reason.select import select_groups
 from mam_pipeline.reason.training_looks import (
@@ -325,10 +325,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--members", type=int, default=4, help="models whose mean is taken")
     parser.add_argument("--cache", type=Path, required=True, help="folder for examples")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "weights")
-    parser.add_argument("--held-back", type=int, default=0, help="objects of each held-back kind")
     options = parser.parse_args(arguments)
     wanted = jobs("train", options.count, options.abstract, options.fused)
-    wanted += held_back(options.held_back, False) + held_back(options.held_back // 2, True)
     train = gather(wanted, options.cache)
     few = options.validation
     held = gather(jobs("validation", few, few, few), options.cache)

@@ -43,6 +43,15 @@ FAMILIES: tuple[str, ...] = (
     "units",
     "gadgets",
     "hangings",
+    "cooking",
+    "workshop",
+    "transport",
+    "aircraft",
+    "furnishing",
+    "building",
+    "devices",
+    "handheld",
+    "park",
 )
 
 

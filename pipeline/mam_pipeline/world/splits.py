@@ -11,10 +11,16 @@ from mam_pipeline.world.registry import CATEGORIES
 
 Split = Literal["train", "validation", "test"]
 SPLITS: tuple[Split, ...] = ("train", "validation", "test")
-# held back: what is trained is chosen by them; only when nothing is left to choose does the
-# packaged reasoner learn them too, from seeds of the training split (`reason.recipe.held_back`)
-VALIDATION_ONLY = frozenset({"freezer_chest", "window_casement", "kettle", "suitcase", "switch"})
-TEST_ONLY = frozenset({"safe", "toaster", "window_sash", "laptop", "stapler", "globe", "cart"})
+# held back from all training: what is trained is chosen by them. Of the eight families that came
+# last the second kind and the sixth, as their first drafts listed them
+VALIDATION_ONLY = frozenset({
+    "rice_cooker", "miter_saw", "excavator", "ottoman_bench", "window_shutters", "flatbed_scanner",
+    "egg_beater", "water_pump",
+})  # fmt: skip
+TEST_ONLY = frozenset({
+    "wood_stove", "hole_punch", "wheelchair", "lazy_susan", "vault_door", "radio_set",
+    "hinged_case", "pinball",
+})  # fmt: skip
 # of ten seeds in a row, the last two are kept for validation and test
 _OF_TEN: dict[int, Split] = {8: "validation", 9: "test"}
 
@@ -25,14 +31,6 @@ def split_of(category: str, seed: int) -> Split:
         return "test"
     if category in VALIDATION_ONLY:
         return "validation"
-    return split_of_seed(seed)
-
-
-def split_of_seed(seed: int) -> Split:
-    """The split that draws objects of a seed, whatever their category.
-
-    Validation and test therefore never draw an object from which `reason.recipe.held_back` learns.
-    """
     return _OF_TEN.get(seed % 10, "train")
 
 
@@ -58,7 +56,7 @@ def iterate(split: str, count: int | None = None, start: int = 0) -> Iterator[tu
         # one seed of every category in turn: ten seeds hold at least one of each split
         for name in names:
             for seed in range(block, block + 10):
-                if split_of_seed(seed) != split:
+                if _OF_TEN.get(seed % 10, "train") != split:
                     continue
                 if count is not None and yielded >= count:
                     return
