@@ -22,7 +22,7 @@ from mam_pipeline.reason.features import Table, pair_features, primitive_feature
 from mam_pipeline.reason.group_features import measured
 from mam_pipeline.reason.groups import enumerate_groups
 from mam_pipeline.reason.network import Network, Reading, normalised, read, together
-from mam_pipeline.reason.recipe import FOLDS, fold_of, held_back, jobs
+from mam_pipeline.reason.recipe import FOLDS, fold_of, jobs
 from mam_pipeline.reason.scores import load_scores
 from mam_pipeline.reason.train import apart
 from mam_pipeline.reason.train_network import (
@@ -37,7 +37,6 @@ from mam_pipeline.reason.train_network import (
     train,
     weights_of,
 )
-from mam_pipeline.world.splits import TEST_ONLY, VALIDATION_ONLY, iterate
 
 NEW = [k for k in abstract_kinds() if k.split("_")[1] in ("tracks", "sash", "leaf", "board")]
 
@@ -166,14 +165,6 @@ def test_all_of_a_kind_is_in_one_fold_but_for_fused_ones() -> None:
     assert all(len(found) == 1 for (_, fused), found in folds.items() if not fused)
     assert set.union(*folds.values()) == set(range(FOLDS))
     assert folds["abstract_case", True] == set(range(FOLDS))
-
-
-def test_held_back_kinds_are_learned_at_seeds_that_no_split_tests() -> None:
-    last = held_back(20, fused=False)
-    assert len(set(last)) == 20 * len(TEST_ONLY | VALIDATION_ONLY)
-    assert not {kind for kind, _, _ in last} & {kind for kind, _, _ in jobs("train", 300, 0, 0)}
-    for split in ("validation", "test"):
-        assert not set(last) & {(kind, seed, False) for kind, seed in iterate(split, 1000)}
 
 
 def test_tuning_goes_on_from_given_weights(tmp_path: Path) -> None:

@@ -19,8 +19,8 @@ of both. Of their six networks three are the means of that later training and of
 others are the same three after twelve epochs on all that was made since. The packaged authored
 networks were tuned on the kinds of `curriculum_openings` and `curriculum_around`, which came later;
 of eight members four are older than these kinds, and two, for which leaves slid as well, choose
-among sets. Last, when all else was chosen, networks of both sorts learned the kinds that the splits
-hold back (`--held-back 80` gives them to the trees as well): to compare trainings, begin without.)
+among sets. Last, when all else was chosen, networks of both sorts learned twelve kinds that the
+splits held back then. Nothing packaged knows the world's last nine families.)
 """
 
 from __future__ import annotations

@@ -100,6 +100,9 @@ def garage_door(b: Builder) -> None:
     if tilts:
         _leaf(b, door, (x, -w / 2 + g, 0.005), (x + t, w / 2 - g, h - g), skin)
         pin = b.choice(((x, 0, h - g), (x + t / 2, 0, b.uniform(0.6, 0.8) * h)))
+        for y in (-w / 2, w / 2):  # its pivots
+            at = np.array((pin[0], y, pin[2]))
+            b.cylinder(door, at - (0, 0.02, 0), at + (0, 0.02, 0), 0.2 * t, None, "metal")
         b.hinge(door, "base", pin, ACROSS, 0.0, b.uniform(1.1, 1.5), opens=FRONT)
         return
     n, ny = (b.integer(3, 6), b.integer(1, 6)) if kind == "sections" else (b.integer(9, 20), 1)
@@ -196,7 +199,7 @@ def turnstile(b: Builder) -> None:
                 b.box("base", (-d / 2 - 0.01, y, za), (d / 2 + 0.01, y + w, zb), "trim")
         for s in [q for q in (-1, 1) if 0 <= k + (q - 1) // 2 < lanes]:
             edge, key = y + (w if s > 0 else 0), part(b, "wing", "flap")
-            end, tall = edge + s * (lane / 2 - g - 0.01), cut * (z1 - z0)
+            end, tall = edge + s * (lane / 2 - g - 0.01 - 0.7 * t), cut * (z1 - z0)
             near = edge + s * (r + g if kind == "turn" else -0.15 * w)
             path = [(near, z0), (end, z0 + tall / 2), (end, z1 - tall), (near, z1)]
             if hoop and kind == "turn":
@@ -204,7 +207,8 @@ def turnstile(b: Builder) -> None:
             else:
                 profile(b, key, path[::s], -t / 2, t / 2, "x", "glass")
             if kind == "slide":
-                b.slide(key, "base", (0, -s, 0), 0.0, min(abs(end - edge) - 0.02, 0.8 * w))
+                room = (0.8 if k in (0, lanes) else 0.34) * w  # two share a post in the middle
+                b.slide(key, "base", (0, -s, 0), 0.0, min(abs(end - edge) - 0.02, room))
                 continue
             b.cylinder(key, (0, near, z0 - 0.05), (0, near, h - 0.05), r, None, "metal")
             for z in (z0 - 0.065 - g, h - 0.035 + g):

@@ -94,9 +94,9 @@ def _door(b: Builder, low: Seq, high: Seq, s: int, far: float, moves: bool = Tru
     return key
 
 
-def _drawer(b: Builder, low: Seq, high: Seq, moves: bool = True) -> None:
+def _drawer(b: Builder, low: Seq, high: Seq, moves: bool = True, inset: float = 0.004) -> None:
     """A drawer from its front at low[0] back to high[0]; or only its front, on the base."""
-    key, x, e = part(b, "drawer") if moves else "base", low[0] + 0.015, np.array((0, 0.004, 0.004))
+    key, x, e = part(b, "drawer") if moves else "base", low[0] + 0.015, np.array((0, inset, inset))
     b.box(key, low, (x, high[1], high[2]), b.choice(("front", "body")))
     at = (low[0], (low[1] + high[1]) / 2, 0.4 * low[2] + 0.6 * high[2])
     kind = b.choice(("bar", "strip", "knob", "bow", "none"))
@@ -174,6 +174,8 @@ def rice_cooker(b: Builder) -> None:
         rows = ((z, 0.95), (z + 0.4 * tall, 0.93), (z + 0.85 * tall, 0.75), (z + tall, 0.5))
         _body(b, lid, oval, rows, b.choice(METALS))
         b.box("base", (0.8 * a, -0.4 * a, h - 0.025), (0.95 * a + 0.01, 0.4 * a, h), "trim")
+        y = 0.77 * oval[:, 1].max()
+        b.box(lid, (0.6 * a, -y, z), (0.95 * a, y, z + 0.3 * tall), "trim")
         b.hinge(lid, "base", (0.95 * a, 0, z), Y, 0, b.uniform(1.1, 1.6), opens=UP)
     if b.chance(0.6):
         _knob(b, (0, 0, z + tall), UP, 0.15 * a, 0.1 * a, b.chance(0.35), lid)
@@ -285,6 +287,11 @@ def bread_box(b: Builder) -> None:
             rim = np.c_[np.cos(span), np.sin(span)]
             slat = np.r_[out * rim, (out - t) * rim[::-1]] + (0, z)
             profile(b, lid, slat, -y + g, y - g, "y", "front")
+        for s, at in ((-1, g - y), (1, y - g - 0.006)):  # its cheeks turn on pins
+            fan = np.r_[[(0, z)], 0.98 * out * np.c_[np.cos(u), np.sin(u)][:7] + (0, z)]
+            profile(b, lid, fan, at, at + 0.006, "y", "front")
+            pin, tip = (0, s * (y - 0.006 - g), z), (0, s * (y - 2e-4), z)
+            b.cylinder(lid, pin, tip, 0.008, None, "metal")
         b.handle(lid, 0.99 * out * n + (0, 0, z), n, Y, 0.25 * w, grip)
         b.hinge(lid, "base", (0, 0, z), Y, 0, b.uniform(0.6, 0.95), opens=UP)
     elif kind == "lid":
@@ -389,7 +396,7 @@ def cooktop_oven(b: Builder) -> None:
     b.feet("base", (0, -y), (d, y), z, b.choice(("square", "round", "plinth")), "dark")
     if b.chance(0.7):
         top = z + b.uniform(0.12, 0.25)
-        _drawer(b, (-td, g - y, z + g), (0.9 * d, y - g, top - g), b.chance(0.8))
+        _drawer(b, (-td, g - y, z + g), (0.9 * d, y - g, top - g), b.chance(0.8), t + 0.003)
         z = top
     rear = back and b.chance(0.5)  # the knobs are on the back panel
     high = h - (0.02 if rear else b.uniform(0.07, 0.13))
@@ -399,8 +406,11 @@ def cooktop_oven(b: Builder) -> None:
     elif b.chance(0.3):
         cells = [(-y, y, z, mid), (-y, y, mid, high)]
     for y0, y1, lo, hi in cells:
-        s, far = 1 if y1 - y0 < 0.5 * w else 0, b.uniform(1.3, 1.57)
-        _door(b, (-td, y0 + g, lo + g), (-g, y1 - g, hi - g), s, far)
+        s, far, e = 1 if y1 - y0 < 0.5 * w else 0, b.uniform(1.3, 1.57), g + 0.005  # e: to swing
+        b.box("base", (-td, y0 + g, lo), (t, y1 - g, lo + 0.012), "trim")
+        if s:
+            b.box("base", (-td, y, lo), (t, y + 0.006, hi), "trim")
+        _door(b, (-td, y0 + (e if s else g), lo + 0.012 + g), (-g, y1 - g, hi - e), s, far)
         _grate(b, (t, y0 + t, 0.5 * (lo + hi)), (d - t, y1 - t), 12)
     b.box("base", (-td, -y, high), (0.05, y, h), b.choice(METALS))
     if back:

@@ -139,16 +139,18 @@ def egg_beater(b: Builder) -> None:
     b.theme(b.choice(("steel", "steel", "wood", "paint", "dark")))
     g, z, s, wheel = max(b.gap, 0.001), 0.62 * h, b.choice((-1, 1)), part(b, "wheel", "crank")
     d, foot = b.choice((0.0, b.uniform(0.4, 0.7))) * r, z - 1.25 * r  # a drill, or two beaters
-    _box(b, "base", (-1.5 * t, 1.5 * t), (-t, t), (foot, 0.85 * h), "metal")
+    top = max(0.85 * h, z + 1.15 * r + 2 * t)  # the wheel and its crank pass below the grip
+    _box(b, "base", (-1.5 * t, 1.5 * t), (-t, t), (foot, top), "metal")
     _box(b, "base", (-d - 3 * t, d + 3 * t), (-t, t), (foot - 2 * t, foot), "metal")
-    grip = [(2 * t, 0.85 * h), (3 * t, 0.92 * h), (2.5 * t, 1.08 * h), (1.5 * t, 1.1 * h)]
+    grip = [(2 * t, 0), (3 * t, 0.07 * h), (2.5 * t, 0.23 * h), (1.5 * t, 0.25 * h)]
+    grip = [(p, top + q) for p, q in grip]
     b.lathe("base", grip, b.choice(("wood", "dark", "red")), "handle")
     with b.facing((0, s * (t + g), z), (0, s, 0), X):
         b.vessel(wheel, [(r, 0), (r, 1.2 * t)], 0.15 * r, "metal", bottom=False)
         for a in np.arange(b.integer(3, 6)) * 2.4:
             tip = (0.9 * r * np.cos(a), 0.9 * r * np.sin(a), 0.6 * t)
             bar(b, wheel, (0, 0, 0.6 * t), tip, 0.2 * r, 0.8 * t)
-        _crank(b, wheel, b.uniform(0.6, 1.3) * r, 0.8 * t)
+        _crank(b, wheel, b.uniform(0.6, 1.1) * r, 0.8 * t)
         b.spin(wheel, "base", (0, 0, 0), Z)
     if not d or b.chance(0.3):  # a still handle on the other side
         b.cylinder("base", (0, -s * t, z), (0, -s * 1.3 * r, z), 1.5 * t, 2.5 * t, "wood", "handle")
@@ -159,7 +161,8 @@ def egg_beater(b: Builder) -> None:
             _rod(b, key, (0, 0, foot - 2.2 * t), (0, 0, 0.1 * h), 0.8 * t)
             for k in range(n if d else 0):
                 wide, rise = 0.85 * d * np.cos(u), 0.1 * h + half * (1 + np.sin(u))
-                b.sweep(key, np.c_[wide * (k == 0), wide * k, rise], 0.4 * t, "metal", loop=True)
+                wire = np.c_[wide * (k == 0), wide * k, rise]
+                b.sweep(key, wire, 0.4 * t, "metal", loop=True, collision=False)
             if not d:
                 c = foot - 2 * t - 0.3 * g
                 b.lathe(key, [(0.8 * t, c - 0.8 * r), (2.5 * t, c - 0.5 * r), (2.5 * t, c)], "dark")
@@ -188,15 +191,15 @@ def corkscrew(b: Builder) -> None:
         for q, wide, rad in ((p, t, rg), (p, 1.9 * t, 0.3 * rg), (end, t, b.uniform(1, 2) * half)):
             _rod(b, arm, q - np.array((wide, 0, 0)), q + np.array((wide, 0, 0)), rad)
         bar(b, arm, p, end, 2 * half, 1.6 * t, X, "metal", "handle")
-        b.hinge(arm, "base", p, X, 0.0, b.uniform(1.5, 2.6) - lean, opens=(0, s, 0))
+        b.hinge(arm, "base", p, X, 0.0, b.uniform(1.5, 2.0) - lean, opens=(0, s, 0))
     kind, rack = b.choice(("rise", "turn", "both")), part(b, "rack", "slider")
     screw, z = part(b, "screw", "handle") if kind == "both" else rack, top + 0.5 * g
-    _rod(b, rack, (0, 0, 0.7 * mid), (0, 0, z + rs), rs)
+    _rod(b, rack, (0, 0, (0.7 if kind == "both" else 0.58) * mid), (0, 0, z + rs), rs)
     _rod(b, rack, (0, 0, z), (0, 0, z + rs), 0.9 * ro)
     u = np.linspace(0, 1, 8 * b.integer(3, 5) + 1)
     a = TAU * (len(u) // 8) * u
-    worm = np.c_[0.6 * rs * np.cos(a), 0.6 * rs * np.sin(a), 0.1 * mid + 0.6 * mid * u]
-    b.sweep(screw, worm, 0.35 * rs, "metal")
+    worm = np.c_[0.6 * rs * np.cos(a), 0.6 * rs * np.sin(a), 0.1 * mid + 0.5 * mid * u]
+    b.sweep(screw, worm, 0.35 * rs, "metal", collision=False)
     z += rs + (0.4 * g if kind == "both" else 0)
     wide, up = b.uniform(0.7, 1.0) * (yp + 0.1 * h), z + 0.12 * h
     _rod(b, screw, (0, 0, z), (0, 0, up), 0.8 * rs)
@@ -251,11 +254,13 @@ def padlock(b: Builder) -> None:
     tall, deep, swings = b.uniform(0.6, 1.8) * w, 0.3 * h, b.chance(0.35)
     b.size(2 * t, w, h + tall)
     b.theme(b.choice(("steel", "paint", "dark", "plastic")))
-    g, top = max(0.5 * b.gap, 0.0005), h * (0.4 if swings else b.choice((1.0, 0.4)))
-    z, u, edge = b.uniform(0.35, 0.5) * h, np.linspace(0, TAU / 2, 9), b.uniform(0.1, 0.45) * w
-    edge = edge if top == h else 0.03 * w
-    rounded(b, "base", (-t, -w / 2, 0), (t, w / 2, top), edge, "x")
-    for y0, y1, c in ((-w / 2, 0, -a), (0, w / 2, a)) if top < h else ():
+    g, top = max(0.5 * b.gap, 0.0005), h * b.choice((0.5, 0.35))
+    z, u, edge = b.uniform(0.35, 0.5) * h, np.linspace(0, TAU / 2, 9), b.uniform(0.05, 0.23) * w
+    side = np.linspace(-TAU / 4, 0, 5)  # round below, flat where the holes begin
+    foot = np.c_[w / 2 + edge * (np.cos(side) - 1), edge * (1 + np.sin(side))]
+    line = [*foot, (w / 2, top), (-w / 2, top), *(foot[::-1] * (-1, 1))]
+    profile(b, "base", line, -t, t, "x")
+    for y0, y1, c in ((-w / 2, 0, -a), (0, w / 2, a)):
         bored(b, "base", (-t, y0, top), (t, y1, h), "z", (0, c), r + g)
     key, up = part(b, "shackle"), h + (deep + g if swings else b.choice((0.0, 0.5 * deep)))
     bow = np.c_[0 * u, a * np.cos(u), up + tall - a + b.uniform(0.9, 1.3) * a * np.sin(u)]

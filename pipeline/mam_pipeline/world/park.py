@@ -189,6 +189,8 @@ def wishing_well(b: Builder) -> None:
     b.tube("base", (0, 0, low), (0, 0, low + t), 1.12 * r, 0.78 * r, b.choice(("wood", "stone")))
     b.lathe("base", [(1.5 * r, 0.97 * h), (0.05 * r, 1.35 * h)], "red", sides=b.choice((4, 8, 30)))
     pail, rim, deep = part(b, "bucket") if b.chance(0.6) else "base", 0.22 * r, 0.45 * r
+    x = rim + a + g  # the bucket goes down along a pipe
+    _rod(b, "base", (x, 0, 0), (x, 0, low + 1.5 * t + 0.6 * deep), 0.8 * a)
     with b.moved((0, 0, low + 1.5 * t)):
         b.vessel(pail, [(0.8 * rim, 0), (rim, 0.8 * deep)], 0.1 * rim, "wood")
         bow = arc((0, 0, 0.75 * deep), 0.95 * rim, 0, np.pi, 9, "x")
@@ -331,10 +333,11 @@ def pinball(b: Builder) -> None:
             b.hinge(key, "base", p, b.choice(((0, 1, 0), (1, 0, 0))), -0.3, 0.3)
     if table:
         y, z = -0.4 * w, 0.82 * low
-        b.tube("base", (-0.5 * t, y, z), (0, y, z), 1.5 * t, 0.5 * t + g)
-        _rod(b, key, (-4 * t, y, z), (-0.1 * t, y, z), 0.5 * t)
-        b.sphere(key, (-4 * t, y, z), 1.2 * t, "dark")
-        b.slide(key, "base", (-1, 0, 0), 0, b.uniform(2, 4) * t)
+        far = b.uniform(2, 4) * t
+        b.tube("base", (-far - 0.3 * t, y, z), (0, y, z), 1.5 * t, 0.5 * t + g)
+        _rod(b, key, (-far - 3 * t, y, z), (-0.1 * t, y, z), 0.5 * t)
+        b.sphere(key, (-far - 3 * t, y, z), 1.2 * t, "dark")
+        b.slide(key, "base", (-1, 0, 0), 0, far)
     settle(b)
 
 

@@ -124,7 +124,8 @@ def tipper_truck(b: Builder) -> None:
     at, axis, tip = (end, 0, z0), Y, (x0, 0, z0)
     if aside:
         at, axis, tip = (x0, aside * w / 2, z0), X, (x0, -aside * w / 2, z0)
-        boxes(b, "base", *[(x, 0, 2 * r, 0.03, w, 0.2 * r, "dark") for x in (x0 + 0.1, x1 - 0.1)])
+        beams = [(x, 0, 2.06 * r, 0.03, w, 0.08 * r, "dark") for x in (x0 + 0.1, x1 - 0.1)]
+        boxes(b, "base", *beams)  # above the wheels
     b.hinge(bed, "base", at, axis, 0, b.uniform(0.5, 0.9), opens=Z, tip=tip)
     if gate:
         flap, x, z = part(b, "flap", "tailgate"), x1 + g, z0 + (h if gate == "top" else 0)

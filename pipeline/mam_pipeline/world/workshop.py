@@ -215,6 +215,7 @@ def tool_cabinet(b: Builder) -> None:
         b.box("base", (0, cuts[1] - t / 2, z0 + t), (d - t, cuts[1] + t / 2, z1 - t))
     x0, x1 = (0.0, 0.02) if inset else (-0.02 - 0.3 * g, -0.3 * g)
     edge, grip = g if inset else g / 2 - 0.4 * t, b.choice(("strip", "strip", "bar", "bow"))
+    v = g if inset else g / 2  # between fronts one above the other, where no wall is
     door, reach = b.choice((0.0, 0.0, b.uniform(0.35, 0.6))) * (h - 2 * t), b.uniform(0.6, 0.9) * d
     for k in range(cols):
         y0, y1, low = cuts[k] + t / 2 + edge, cuts[k + 1] - t / 2 - edge, z0 + t
@@ -222,16 +223,16 @@ def tool_cabinet(b: Builder) -> None:
         if door and k == cols - 1:
             low, n, link, (pin, free) = low + door, n // 2, part(b, "door"), (y0, y1)[::s]
             at = (x0, 0.9 * free + 0.1 * pin, low - 0.4 * door)
-            b.front(link, (x0, y0, z0 + t + edge), (x1, y1, low - edge), "moulded")
+            b.front(link, (x0, y0, z0 + t + edge), (x1, y1, low - v), "moulded")
             b.handle(link, at, (-1, 0, 0), (0, 0, 1), 0.12, b.choice(("bar", "bow", "knob")))
             b.hinge(link, "base", (x0, pin, low), (0, 0, 1), 0.0, 1.7, opens=(-1, 0, 0))
         sizes = np.sort(b.rng.choice([1.0, 1.0, 1.5, 2.0, 3.0], n))[:: b.choice((-1, -1, 1))]
         rows = low + np.r_[0, np.cumsum(sizes)] / sizes.sum() * (z1 - t - low)
-        for a, c in zip(rows[:-1] + edge, rows[1:] - edge, strict=True):
+        for a, c in zip(rows[:-1] + v, rows[1:] - v, strict=True):
             link, at = part(b, "drawer"), (x0, (y0 + y1) / 2, c - 0.3 * min(c - a, 0.06))
             b.panel(link, (x0, y0, a), (x1, y1, c), "front")
             rear = (d - t - g, cuts[k + 1] - q, 0.3 * a + 0.7 * c)
-            b.drawer_box(link, (x1, cuts[k] + q, max(a, a - edge + g) + 0.004), rear, 0.005)
+            b.drawer_box(link, (x1, cuts[k] + q, a - v + g + 0.004), rear, 0.005)
             long = 0.95 * (y1 - y0) if grip == "strip" else min(0.6 * (y1 - y0), 0.3)
             b.handle(link, at, (-1, 0, 0), (0, 1, 0), long, grip)
             b.slide(link, "base", (-1, 0, 0), 0.0, reach)
