@@ -205,7 +205,7 @@ def steering_stand(b: Builder) -> None:
             link = part(b, "lever") if k == 0 or b.chance(0.6) else "base"
             b.sphere("base", (0, y, deep), ball, "rubber")
             with b.moved((0, y, deep), Y, b.choice((0.0, b.uniform(-0.3, 0.3)))):
-                b.cylinder(link, (0, 0, 0), (0, 0, long), 0.009, None, "metal")
+                b.cylinder(link, (0, 0, 0.3 * ball), (0, 0, long), 0.009, None, "metal")
                 if n == 1 or b.chance(0.3):
                     b.cylinder(link, (0, 0, long / 2), (0, 0, long), 0.02, 0.024, "dark", "handle")
                     boxes(b, link, (-0.022, 0, 0.85 * long, 0.02, 0.015, 0.04, "red"))
