@@ -57,9 +57,17 @@ class NotThisKind(_PictureError):
     exit_code = 4
 
 
+FEW = 40  # names that a message can list
+
+
 def unknown_name(what: str, given: str, available: Iterable[str]) -> ConfigError:
-    """Build the error for a name that is not in a table, naming the nearest and all others."""
+    """Build the error for a name that is not in a table, naming the nearest and all others.
+
+    Where there are very many, the nearest is enough.
+    """
     names = sorted(available)
     near = difflib.get_close_matches(given, names, n=1)
+    if near and len(names) > FEW:
+        return ConfigError(f"no {what} named {given!r}; did you mean {near[0]!r}?")
     hint = f"; did you mean {near[0]!r}?" if near else ";"
     return ConfigError(f"no {what} named {given!r}{hint} available: {', '.join(names)}")

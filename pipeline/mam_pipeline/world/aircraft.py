@@ -1,6 +1,6 @@
-"""Planes and helicopters, and stands to steer from."""
+"""Planes, helicopters and drones."""
 
-# ruff: noqa: RUF005  (a point plus a tuple is a vector sum here, not a joined list)
+
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 
 from mam_pipeline.world.fixtures import PAINTS
 from mam_pipeline.world.kit import Builder
-from mam_pipeline.world.mech import dial
+from mam_pipeline.world.mech import boxes, rods, rolls
 from mam_pipeline.world.solids import TAU, bar, part, profile, rounded, settle, wedge
-from mam_pipeline.world.transport import BOTH, COATS, OUT, X, Y, Z, boxes, rods, rolls
+from mam_pipeline.world.transport import BOTH, COATS, OUT, X, Y, Z
 
 
 def _rotor(b: Builder, at: Any, axis: Any, r: float, n: int, wide: float, live: bool = True,
@@ -144,80 +144,7 @@ def helicopter(b: Builder) -> None:
     settle(b)
 
 
-def steering_stand(b: Builder) -> None:
-    """A ship's wheel, steering wheel, joystick, gear shift or pedals among still controls."""
-    kind = b.choice(("ship", "wheel", "lever", "lever", "pedal"))
-    h, r = b.uniform(0.5, 1.1), b.uniform(0.12, 0.35)
-    b.size(0.4, 2 * r, h + r if kind in ("ship", "wheel") else 0.4)
-    b.theme(b.choice((*COATS, "wood")))
-    g, n, w, ship = max(b.gap, 0.002), b.integer(1, 4), b.uniform(0.08, 0.14), kind == "ship"
-    if kind in ("ship", "wheel"):
-        far, n = b.choice((np.inf, b.uniform(1, 6))), 2 * n + 2 if ship else n + 1
-        lean, wide = 0.0 if ship else b.uniform(0.2, 1.2), b.uniform(0.8, 1.6) * r
-        at = np.array([-0.12, 0, h])
-        e, key = np.array([-np.cos(lean), 0, np.sin(lean)]), part(b, "wheel", "helm")
-        p = at - 0.08 * e
-        if b.chance(0.5):
-            wedge(b, "base", (-0.06, -0.15, 0.2, 0.15), (0, -0.08, 0.14, 0.08), 0, h + 0.06)
-        else:
-            rods(b, "base", ((0.07, 0, 0), (0.07, 0, 0.03), 0.2, "trim"),
-                  ((0.07, 0, 0), (0.07, 0, h + 0.08), 0.07, "body"))  # fmt: skip
-        if b.chance(0.6):  # a dashboard with gauges and keys that stay
-            boxes(b, "base", (0.1, 0, h + 0.02, 0.14, 2 * wide, b.uniform(0.1, 0.2), "dark"))
-            for y in np.linspace(-0.75, 0.75, b.integer(2, 5)) * wide:
-                dial(b, "base", (0.03, y, h + 0.02), OUT, 0.03, 0.012)
-        rods(b, "base", (at - g * e, at - 0.25 * e, 0.03, "metal"),
-              (p, p + (0, b.uniform(0.02, 0.14), 0.02), 0.008, "dark"))  # fmt: skip
-        with b.facing(at, e):
-            b.cylinder(key, (0, 0, 0), (0, 0, 0.05), b.uniform(0.15, 0.3) * r, None, "dark")
-            for k in (0.8, 0.6) if ship else (0.8,):
-                b.torus(key, (0, 0, 0.025), Z, k * r, b.uniform(0.01, 0.018), "wood", "handle")
-            for c in TAU * np.arange(n) / n:
-                d, hub = r * np.array([np.cos(c), np.sin(c), 0]), np.array([0, 0, 0.025])
-                b.cylinder(key, hub, 0.8 * d + hub, 0.01, None, "metal")
-                if ship:
-                    b.cylinder(key, 0.8 * d + hub, 1.2 * d + hub, 0.014, None, "wood")
-            b.spin(key, "base", (0, 0, 0), Z, -far, far, closed=0.0)
-    elif kind == "pedal":
-        n, wide = n + 1, 1.4 * (n + 1) * w
-        boxes(b, "base", (0, 0, 0.01, 0.4, wide, 0.02, "dark"),
-               (0.18, 0, 0.12, 0.03, wide, 0.24, "body"))  # fmt: skip
-        rods(b, "base", ((0.1, -0.48 * wide, 0.2), (0.1, 0.48 * wide, 0.2), 0.012, "metal"))
-        for k in range(n):
-            y = 1.3 * w * (k - (n - 1) / 2)
-            link = part(b, "pedal") if k == 0 or b.chance(0.6) else "base"
-            b.tube(link, (0.1, y - 0.3 * w, 0.2), (0.1, y + 0.3 * w, 0.2), 0.025, 0.0145, "metal")
-            bar(b, link, (0.09, y, 0.19), (-0.06, y, 0.1), 0.02, 0.015, Y, "metal")
-            size = b.uniform(0.4, 0.9) * w
-            bar(b, link, (-0.09, y, 0.13), (-0.04, y, 0.06), size, 0.015, (1, 0, 0.7), "rubber")
-            if link != "base":
-                b.hinge(link, "base", (0.1, y, 0.2), Y, 0, b.uniform(0.1, 0.2), opens=(0, 0, -1))
-    else:
-        deep, long, axis = b.uniform(0.04, 0.12), b.uniform(0.1, 0.3), b.choice((X, Y, Y))
-        w, axis, ball = 1.6 * w, axis if n == 1 else Y, b.uniform(0.022, 0.03)
-        wide = max(w, 0.09 * n)
-        rounded(b, "base", (-0.7 * w, -wide, 0), (0.7 * w, wide, deep), 0.2 * w)
-        for x in (-0.45, 0, 0.45)[: b.integer(0, 3)]:
-            for s in BOTH:
-                dial(b, "base", (x * w, s * (wide - 0.03), deep), Z, 0.016, 0.012)
-        for k in range(n):
-            y = 0.09 * (k - (n - 1) / 2)
-            link = part(b, "lever") if k == 0 or b.chance(0.6) else "base"
-            b.sphere("base", (0, y, deep), ball, "rubber")
-            with b.moved((0, y, deep), Y, b.choice((0.0, b.uniform(-0.3, 0.3)))):
-                b.cylinder(link, (0, 0, 0.3 * ball), (0, 0, long), 0.009, None, "metal")
-                if n == 1 or b.chance(0.3):
-                    b.cylinder(link, (0, 0, long / 2), (0, 0, long), 0.02, 0.024, "dark", "handle")
-                    boxes(b, link, (-0.022, 0, 0.85 * long, 0.02, 0.015, 0.04, "red"))
-                else:
-                    b.sphere(link, (0, 0, long), ball, b.choice(PAINTS), "handle")
-            if link != "base":
-                b.hinge(link, "base", (0, y, deep), axis, -0.35, 0.35, closed=0.0)
-    settle(b)
-
-
 CATEGORIES: dict[str, Callable[[Builder], None]] = {
     "propeller_plane": propeller_plane,
     "helicopter": helicopter,
-    "steering_stand": steering_stand,
 }

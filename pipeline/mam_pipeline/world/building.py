@@ -1,6 +1,6 @@
 """Parts of buildings: garage doors, shutters, turnstiles, lifts, skylights, vaults, louvres."""
 
-# ruff: noqa: I001, RUF005  (a point plus a tuple is a vector sum here)
+# ruff: noqa: RUF005  (a point plus a tuple is a vector sum here, not a joined list)
 
 from __future__ import annotations
 
@@ -11,8 +11,18 @@ import numpy as np
 from mam_pipeline.types import joint_motion
 from mam_pipeline.world.kit import Builder
 from mam_pipeline.world.mech import dial, studs
-from mam_pipeline.world.solids import (TAU, bar, bored, frame, part, pierced, plate, profile,
-                                       rounded, settle)  # fmt: skip
+from mam_pipeline.world.solids import (
+    TAU,
+    bar,
+    bored,
+    frame,
+    part,
+    pierced,
+    plate,
+    profile,
+    rounded,  # fmt: skip
+    settle,
+)
 
 SKINS = ("boards", "boards", "fields", "ribs", "panes", "slab", "framed", "louvre", "double")
 ACROSS, UP, FRONT = (0, 1, 0), (0, 0, 1), (-1, 0, 0)

@@ -1,6 +1,7 @@
 """Things to cook with: grills, ranges, stoves, cookers, fryers, mixers, presses, bread boxes."""
 
 # ruff: noqa: RUF005  (a point plus a tuple is a vector sum here, not a joined list)
+
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence

@@ -6,11 +6,10 @@ from collections.abc import Callable, Sequence
 from functools import wraps
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from mam_pipeline.world.fixtures import PAINTS
 from mam_pipeline.world.kit import Builder
-from mam_pipeline.world.mech import dial
+from mam_pipeline.world.mech import dial, rod
 from mam_pipeline.world.solids import (
     TAU,
     bar,
@@ -42,10 +41,6 @@ def _held(draw: Draw) -> Draw:
     return made
 
 
-def _rod(b: Builder, link: str, p: ArrayLike, q: ArrayLike, r: float, paint: str = "metal") -> None:
-    b.cylinder(link, p, q, r, None, paint)
-
-
 def _box(b: Builder, link: str, x: Pair, y: Pair, z: Pair, paint: str = "body") -> None:
     lo, hi = np.sort([x, y, z], axis=1).T
     b.box(link, lo, hi, paint)
@@ -54,7 +49,7 @@ def _box(b: Builder, link: str, x: Pair, y: Pair, z: Pair, paint: str = "body") 
 def _crank(b: Builder, link: str, arm: float, r: float) -> None:
     """A hub at the local origin, an arm or two along x, knobs that grow along z."""
     h, knob, paint = r * b.uniform(2, 4), b.uniform(3, 7) * r, b.choice(("wood", "dark", "red"))
-    _rod(b, link, (0, 0, 0), (0, 0, h), 1.5 * r)
+    rod(b, link, (0, 0, 0), (0, 0, h), 1.5 * r)
     bent, shape = b.choice((0.0, 0.7)) * h, b.choice(((1, 1.4, 1), (0.8, 1.7, 1.3), (1.2, 1.2, 1)))
     for s in (1, -1) if b.chance(0.2) else (1,):
         path = [(0, 0, 0.7 * h), (0.5 * s * arm, 0, 0.7 * h), (s * arm, 0, 0.7 * h + bent)]
@@ -67,8 +62,8 @@ def _trigger(b: Builder, h: float, neck: float, g: float) -> None:
     """The head of a trigger sprayer on a neck at height h; its nozzle may turn."""
     hn, hh, w, sides = b.uniform(0.035, 0.055), b.uniform(0.018, 0.03), 0.01, b.choice((4, 6, 20))
     z, long, t, rp = h + hn, hn * b.uniform(0.75, 0.95), 0.1 * hh, 0.2 * hh
-    _rod(b, "base", (0, 0, h), (0, 0, h + 0.5 * hn), 1.25 * neck, "accent")
-    _rod(b, "base", (0, 0, h + 0.5 * hn), (0, 0, z), 0.8 * neck, "trim")
+    rod(b, "base", (0, 0, h), (0, 0, h + 0.5 * hn), 1.25 * neck, "accent")
+    rod(b, "base", (0, 0, h + 0.5 * hn), (0, 0, z), 0.8 * neck, "trim")
     xf, xb = -1.3 * neck - b.uniform(0.5, 0.9) * long, b.uniform(0.015, 0.045)
     head = [(xf, z), (0.7 * xb, z), (xb, z + 0.5 * hh), (0.6 * xb, z + hh), (xf, z + 0.9 * hh)]
     profile(b, "base", head, -w, w, "y", "accent")
@@ -76,7 +71,7 @@ def _trigger(b: Builder, h: float, neck: float, g: float) -> None:
     for s in (-1, 1):
         ear = (s * (0.6 * w + g), s * (w + g))
         _box(b, "base", (xp - rp, xp + rp), ear, (zp - rp, z + rp), "accent")
-    _rod(b, key, (xp, -0.9 * w, zp), (xp, 0.9 * w, zp), 0.6 * rp)
+    rod(b, key, (xp, -0.9 * w, zp), (xp, 0.9 * w, zp), 0.6 * rp)
     u, lean, bow = np.linspace(0, 1, 6), b.uniform(0.0, 0.25), b.uniform(-0.05, 0.2) * long
     x = xp - lean * long * u + bow * np.sin(TAU / 2 * u)
     line = np.r_[np.c_[x - t, zp - long * u], np.c_[x + 1.5 * t, zp - long * u][::-1]]
@@ -86,7 +81,7 @@ def _trigger(b: Builder, h: float, neck: float, g: float) -> None:
     nozzle = part(b, "nozzle", "knob") if b.chance(0.5) else "base"
     with b.facing((xf - (0 if nozzle == "base" else 0.2 * g), 0, z + 0.5 * hh), (-1, 0, 0)):
         b.cylinder(nozzle, (0, 0, 0), (0, 0, 0.5 * hh), 0.42 * hh, 0.38 * hh, "trim", sides=sides)
-        _rod(b, nozzle, (0, 0, 0), (0, 0, 0.9 * hh), 0.25 * hh, "dark")
+        rod(b, nozzle, (0, 0, 0), (0, 0, 0.9 * hh), 0.25 * hh, "dark")
         if nozzle != "base":
             b.spin(nozzle, "base", (0, 0, 0), Z)
 
@@ -95,9 +90,9 @@ def _pump(b: Builder, h: float, neck: float, g: float) -> None:
     """A lotion pump or an atomiser that is pressed; the spout may turn on its stem."""
     rs, d, down, low = b.uniform(0.3, 0.45) * neck, 0.6 * neck, b.uniform(0.5, 1.2) * neck, h + 0.01
     key, z, out = part(b, "pump", "button"), low + 2.45 * down + 0.005, b.uniform(2, 4) * neck
-    _rod(b, "base", (0, 0, h), (0, 0, low), 1.2 * neck, "accent")
+    rod(b, "base", (0, 0, h), (0, 0, low), 1.2 * neck, "accent")
     b.tube("base", (0, 0, low), (0, 0, z - 1.15 * down), 0.8 * neck + g, rs + g, "trim")
-    _rod(b, key, (0, 0, low + 1.1 * down), (0, 0, z), rs, "light")
+    rod(b, key, (0, 0, low + 1.1 * down), (0, 0, z), rs, "light")
     head = part(b, "spout") if b.chance(0.35) else key
     z += 0.0 if head == key else 0.3 * g
     b.lathe(head, [(1.5 * rs, z), (2 * rs, z + d), (b.uniform(1, 2) * rs, z + 1.5 * d)], "accent")
@@ -105,7 +100,7 @@ def _pump(b: Builder, h: float, neck: float, g: float) -> None:
         path = [(0, 0, z + 0.8 * d), (-0.8 * out, 0, z + d), (-out, 0, z + 0.5 * d)]
         b.sweep(head, path, 0.4 * d, "accent", "handle")
     else:
-        _rod(b, head, (0, 0, z + 0.6 * d), (-2.6 * rs, 0, z + 0.6 * d), 0.3 * d, "dark")
+        rod(b, head, (0, 0, z + 0.6 * d), (-2.6 * rs, 0, z + 0.6 * d), 0.3 * d, "dark")
     b.slide(key, "base", (0, 0, -1), 0.0, down)
     if head != key:
         b.spin(head, key, (0, 0, z), Z)
@@ -158,7 +153,7 @@ def egg_beater(b: Builder) -> None:
     for x in (-d, d) if d else (0.0,):
         key = part(b, "beater" if d else "chuck")
         with b.moved((x, 0, 0)):
-            _rod(b, key, (0, 0, foot - 2.2 * t), (0, 0, 0.1 * h), 0.8 * t)
+            rod(b, key, (0, 0, foot - 2.2 * t), (0, 0, 0.1 * h), 0.8 * t)
             for k in range(n if d else 0):
                 wide, rise = 0.85 * d * np.cos(u), 0.1 * h + half * (1 + np.sin(u))
                 wire = np.c_[wide * (k == 0), wide * k, rise]
@@ -189,21 +184,21 @@ def corkscrew(b: Builder) -> None:
         arm, p = part(b, "arm", "lever"), np.array([0, s * yp, zp])
         end = p + long * np.array([0, s * np.sin(lean), -np.cos(lean)])
         for q, wide, rad in ((p, t, rg), (p, 1.9 * t, 0.3 * rg), (end, t, b.uniform(1, 2) * half)):
-            _rod(b, arm, q - np.array((wide, 0, 0)), q + np.array((wide, 0, 0)), rad)
+            rod(b, arm, q - np.array((wide, 0, 0)), q + np.array((wide, 0, 0)), rad)
         bar(b, arm, p, end, 2 * half, 1.6 * t, X, "metal", "handle")
         b.hinge(arm, "base", p, X, 0.0, b.uniform(1.5, 2.0) - lean, opens=(0, s, 0))
     kind, rack = b.choice(("rise", "turn", "both")), part(b, "rack", "slider")
     screw, z = part(b, "screw", "handle") if kind == "both" else rack, top + 0.5 * g
-    _rod(b, rack, (0, 0, (0.7 if kind == "both" else 0.58) * mid), (0, 0, z + rs), rs)
-    _rod(b, rack, (0, 0, z), (0, 0, z + rs), 0.9 * ro)
+    rod(b, rack, (0, 0, (0.7 if kind == "both" else 0.58) * mid), (0, 0, z + rs), rs)
+    rod(b, rack, (0, 0, z), (0, 0, z + rs), 0.9 * ro)
     u = np.linspace(0, 1, 8 * b.integer(3, 5) + 1)
     a = TAU * (len(u) // 8) * u
     worm = np.c_[0.6 * rs * np.cos(a), 0.6 * rs * np.sin(a), 0.1 * mid + 0.5 * mid * u]
     b.sweep(screw, worm, 0.35 * rs, "metal", collision=False)
     z += rs + (0.4 * g if kind == "both" else 0)
     wide, up = b.uniform(0.7, 1.0) * (yp + 0.1 * h), z + 0.12 * h
-    _rod(b, screw, (0, 0, z), (0, 0, up), 0.8 * rs)
-    _rod(b, screw, (0, -wide, up), (0, wide, up), b.uniform(1.0, 2.4) * rs, "wood")
+    rod(b, screw, (0, 0, z), (0, 0, up), 0.8 * rs)
+    rod(b, screw, (0, -wide, up), (0, wide, up), b.uniform(1.0, 2.4) * rs, "wood")
     if kind != "turn":
         b.slide(rack, "base", Z, 0.0, b.uniform(0.2, 0.4) * h)
     if kind != "rise":
@@ -232,14 +227,14 @@ def c_clamp(b: Builder) -> None:
         b.slide(jaw, "base", Z, -b.uniform(0.1, 0.4) * s, tall - s - 1.2 * th)
     profile(b, "base", line, -w, w, "y")
     bored(b, jaw, (-d - bs, -bs, s - 0.2 * th), (bs - d, bs, s + 1.3 * th), "z", (-d, 0), rs + g)
-    _rod(b, "base", (-d, 0, -0.5 * th), (-d, 0, 0.08 * s), 1.5 * rs)
+    rod(b, "base", (-d, 0, -0.5 * th), (-d, 0, 0.08 * s), 1.5 * rs)
     with b.moved((-d, 0, 0)):
-        _rod(b, screw, (0, 0, low), (0, 0, high), 0.85 * rs)
+        rod(b, screw, (0, 0, low), (0, 0, high), 0.85 * rs)
         for z in np.linspace(low + 2 * rs, high - 2 * rs, b.integer(0, 16)):  # the thread
             b.cylinder(screw, (0, 0, z), (0, 0, z + 0.4 * rs), rs, None, "metal", collision=False)
         b.lathe(screw, [(2 * rs, low - rs), (2 * rs, low), (1.2 * rs, low + rs)], "metal")
         rad, *end = b.choice(((0.5 * rs, 0, min(5 * rs, 0.7 * d), 0), (2.2 * rs, 0, 0, 0.2 * s)))
-        _rod(b, screw, np.subtract((0, 0, high), end), np.add((0, 0, high), end), rad, "wood")
+        rod(b, screw, np.subtract((0, 0, high), end), np.add((0, 0, high), end), rad, "wood")
         if kind == "bar" or b.chance(0.6):
             b.spin(screw, jaw, (0, 0, 0), Z)
         else:
@@ -279,7 +274,7 @@ def padlock(b: Builder) -> None:
             dial(b, turn, (0, 0, 0), Z, b.uniform(0.2, 0.36) * w, b.uniform(0.1, 0.3) * w)
         else:
             long, eye = b.uniform(0.15, 0.4) * w, b.uniform(0.15, 0.25) * w
-            _rod(b, turn, (0, 0, -0.01 * w), (0, 0, 0.02 * w), 0.11 * w, "gold")
+            rod(b, turn, (0, 0, -0.01 * w), (0, 0, 0.02 * w), 0.11 * w, "gold")
             b.block(turn, (0, 0, 0.6 * long), (0.1 * w, 0.04 * w, 1.2 * long), "metal")
             b.torus(turn, (0, 0, long + eye), Y, 0.8 * eye, 0.25 * eye, "metal", "handle")
         b.spin(turn, "base", (0, 0, 0), Z)
@@ -315,12 +310,12 @@ def hinged_case(b: Builder) -> None:
             with b.facing((0, 0, h + g + roof), (0, 0, -1), X):
                 half(lid, roof)
                 if b.chance(0.5):
-                    _rod(b, lid, (0, 0, t), (0, 0, 1.3 * t), 0.6 * min(d, w), "glass")
+                    rod(b, lid, (0, 0, t), (0, 0, 1.3 * t), 0.6 * min(d, w), "glass")
             lip = -d - 0.5 * t - 0.3 * g
             _box(b, lid, (lip - t, lip), (-0.12 * w, 0.12 * w), (0.75 * h, h + 0.5 * roof), "gold")
-            _rod(b, lid, (lip, 0, h + 0.4 * roof), (0.5 * t - d, 0, h + 0.4 * roof), 0.8 * t)
+            rod(b, lid, (lip, 0, h + 0.4 * roof), (0.5 * t - d, 0, h + 0.4 * roof), 0.8 * t)
         for link, y0, y1 in ((lid, -0.5, 0.5), ("base", -0.6, -0.52), ("base", 0.52, 0.6)):
-            _rod(b, link, (x, y + y0 * n, z), (x, y + y1 * n, z), 0.9 * t)
+            rod(b, link, (x, y + y0 * n, z), (x, y + y1 * n, z), 0.9 * t)
         pose = rest if lids == 1 else b.choice((0.0, 0.0, rest))
         b.hinge(lid, "base", (x, y, z), Y, 0.0, far, opens=Z, rest=pose)
     if kind == "box" and lids == 1 and rest == far:
@@ -350,7 +345,7 @@ def clipboard(b: Builder) -> None:
         profile(b, key, line, -n, n, "y", "metal", "handle")
         for s in (-1, 1):
             _box(b, "base", (x - 2 * r, x + 2 * r), (s * (n + g), s * (n + g + r)), (t, z + r))
-        _rod(b, key, (x, -n - g, z), (x, n + g, z), r)
+        rod(b, key, (x, -n - g, z), (x, n + g, z), r)
         b.hinge(key, "base", (x, 0, z), Y, 0.0, 0.8 * rise / c, opens=Z, tip=(x - c, 0, t))
     elif kind == "book":
         e, far = d * b.uniform(0.1, 0.6), b.uniform(1.6, 3.1)
@@ -371,7 +366,7 @@ def clipboard(b: Builder) -> None:
         profile(b, "base", line, -w, w, "y", "dark")
         for s, link in ((-1, key), (1, part(b, kind, "lever"))):
             x, far = s * (2 * r + g), TAU / 2 - np.arctan(q / h) - 0.4
-            _rod(b, link, (x, -n, h), (x, n, h), r)
+            rod(b, link, (x, -n, h), (x, n, h), r)
             path = [(x, -n, h), (x, -0.4 * n, h + d), (x, 0.4 * n, h + d), (x, n, h)]
             b.sweep(link, path, 0.6 * r, "metal", "handle")
             b.hinge(link, "base", (x, 0, h), Y, 0, far, opens=(s, 0, 0), rest=far * up)
@@ -393,8 +388,8 @@ def torch(b: Builder) -> None:
     q = b.uniform(1.15, 2.0) * r
     line = [(1.05 * r, z), (1.05 * r, z + 0.3 * hl), (q, z + 0.6 * hl), (q, z + hl)]
     b.lathe(top, line, "trim", sides=b.choice((8, None, None)))
-    _rod(b, top, (0, 0, z + hl), (0, 0, z + 1.02 * hl), 0.85 * q, "glass")
-    _rod(b, end, (0, 0, -0.15 * long), (0, 0, low), 1.05 * r, "trim")
+    rod(b, top, (0, 0, z + hl), (0, 0, z + 1.02 * hl), 0.85 * q, "glass")
+    rod(b, end, (0, 0, -0.15 * long), (0, 0, low), 1.05 * r, "trim")
     x, z0, z1, tab = -r - g, 0.5 * long, 0.8 * long, b.uniform(0.04, 0.08) * long
     _box(b, "base", (x + 0.3 * g, -0.8 * r), (-0.4 * r, 0.4 * r), (z0, z1), "dark")
     link = part(b, "switch", "slider") if kind == "switch" else "base"  # or a still switch
@@ -420,7 +415,7 @@ def _drill(b: Builder, long: float, r: float) -> None:
     tip, key = part(b, "chuck", "knob"), part(b, "trigger", "button")
     with b.facing((-0.5 * g, 0, 0), (-1, 0, 0)):
         b.lathe(tip, [(0.8 * nose, 0), (0.8 * nose, 0.5 * r), (0.3 * nose, 1.3 * r)], "dark")
-        _rod(b, tip, (0, 0, 0), (0, 0, 1.5 * r + b.uniform(0, 0.6) * long), 0.1 * r)
+        rod(b, tip, (0, 0, 0), (0, 0, 1.5 * r + b.uniform(0, 0.6) * long), 0.1 * r)
         b.spin(tip, "base", (0, 0, 0), Z)
     z, move = -1.2 * r - 0.1 * long, 0.35 * hr
     x = xt + lean * (z + 0.07 * long) / low - move - g

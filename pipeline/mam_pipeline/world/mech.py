@@ -1,10 +1,11 @@
-"""Fittings of the mechanism families: dials, road wheels, feet, bails, fixed studs."""
+"""Fittings of the mechanism families: dials, road wheels, feet, bails, fixed studs, rods."""
 
 # ruff: noqa: RUF005  (a point plus a tuple is a vector sum here, not a joined list)
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -139,3 +140,35 @@ def studs(
             b.lathe(
                 link, [(radius, 0), (0.8 * radius, 0.5 * radius)], "metal", "decor", collision=False
             )
+
+
+def rod(
+    b: Builder, link: str, start: ArrayLike, end: ArrayLike, radius: float, material: str = "metal"
+) -> None:
+    """A round rod between two points, of metal unless another material is named."""
+    b.cylinder(link, start, end, radius, None, material)
+
+
+def boxes(b: Builder, link: str, *rows: Any) -> None:
+    """Blocks (x, y, z, dx, dy, dz, material), mirrored unless y is 0."""
+    for x, y, z, dx, dy, dz, material in rows:
+        for side in (y, -y) if y else (0,):
+            b.block(link, (x, side, z), (dx, dy, dz), material)
+
+
+def rods(b: Builder, link: str, *rows: Any) -> None:
+    """Rods (start, end, radius, material), mirrored unless they lie across the middle."""
+    for p, q, r, material in rows:
+        for s in (1, -1) if abs(p[1] + q[1]) > 1e-9 else (1,):
+            ends = np.array([p, q], float) * (1, s, 1)
+            b.cylinder(link, ends[0], ends[1], r, None, material)
+
+
+def rolls(b: Builder, x: float, y: float, r: float, wide: float, style: str, live: bool,
+           parent: str = "base") -> None:  # fmt: skip
+    """Wheels on the floor at x and both y, which spin on their parent or are fixed to it."""
+    for s in (1, -1) if y else (1,):
+        link, at = b.link("wheel", "wheel") if live else parent, (x, s * y, r)
+        wheel(b, link, at, (0, 1, 0), r, wide, style)
+        if live:
+            b.spin(link, parent, at, (0, 1, 0))

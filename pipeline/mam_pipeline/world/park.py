@@ -8,12 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mam_pipeline.world.kit import Builder
-from mam_pipeline.world.mech import studs, wheel
+from mam_pipeline.world.mech import rod, studs, wheel
 from mam_pipeline.world.solids import TAU, arc, bar, bored, part, pierced, profile, settle, tray
-
-
-def _rod(b: Builder, to: str, p: ArrayLike, q: ArrayLike, r: float, paint: str = "metal") -> None:
-    b.cylinder(to, p, q, r, None, paint)
 
 
 def _turns(b: Builder, n: int, at: ArrayLike = (0, 0, 0), axis: ArrayLike = (0, 0, 1)) -> Iterator:
@@ -34,12 +30,12 @@ def _big_wheel(b: Builder) -> None:
         mid = s * (x + 0.04 * r)
         b.block("base", (mid, 0, z), (0.08 * r, 0.2 * r, 0.2 * r), "trim")
         for q in legs:
-            _rod(b, "base", (mid, q * r, 0), (mid, 0, z), 0.04 * r, "body")
+            rod(b, "base", (mid, q * r, 0), (mid, 0, z), 0.04 * r, "body")
         for ring in (1.0, 0.6):
             b.torus(key, (s * w, 0, z), (1, 0, 0), ring * r, t, "metal")
         for _ in _turns(b, n, (0, 0, z), (1, 0, 0)):
-            _rod(b, key, (s * w, 0, 0), (s * w, 0, r), 0.7 * t, "body")
-    _rod(b, key, (-x - 0.06 * r, 0, z), (x + 0.06 * r, 0, z), 0.05 * r)
+            rod(b, key, (s * w, 0, 0), (s * w, 0, r), 0.7 * t, "body")
+    rod(b, key, (-x - 0.06 * r, 0, z), (x + 0.06 * r, 0, z), 0.05 * r)
     b.box("base", (-x - 0.2 * r, -0.75 * r, 0), (x + 0.2 * r, 0.75 * r, 0.05 * r), "stone")
     for k in range(n):
         if water:
@@ -49,9 +45,9 @@ def _big_wheel(b: Builder) -> None:
         p = (0, r * np.sin(TAU * k / n), z + r * np.cos(TAU * k / n))
         to = part(b, "cabin") if links else key
         with b.moved(p):
-            _rod(b, key, (-w, 0, 0), (w, 0, 0), 0.8 * t)
+            rod(b, key, (-w, 0, 0), (w, 0, 0), 0.8 * t)
             for q in (-m, m):
-                _rod(b, to, (q, 0, -1.2 * c), (q, 0, 0.5 * t), 0.6 * t)
+                rod(b, to, (q, 0, -1.2 * c), (q, 0, 0.5 * t), 0.6 * t)
             tray(b, to, (-m, -c, -1.7 * c), (m, c, -1.0 * c), 0.06 * c, "z", 1, "accent")
             b.box(to, (-m, -c, -0.5 * c), (m, c, -0.4 * c), "accent")
         if links:
@@ -72,16 +68,16 @@ def merry_go_round(b: Builder) -> None:
     g, foot, n = max(b.gap, 0.003 * r), b.uniform(0.03, 0.15) * h, b.integer(3, 8)
     z, post, still = foot + g + 0.05 * h, b.uniform(0.06, 0.2) * r, b.chance(0.5)
     key, out = part(b, "rotor", "platform"), b.uniform(0.4, 1.15) * r
-    _rod(b, "base", (0, 0, 0), (0, 0, foot), out, "stone")
+    rod(b, "base", (0, 0, 0), (0, 0, foot), out, "stone")
     b.tube(key, (0, 0, foot + g), (0, 0, z), r, post + g, b.choice(("body", "wood", "metal")))
     who, low, wide = ("base", foot, post) if still else (key, foot + g, post + 1.2 * g)
     cover = who if b.chance(0.5) else key
     high = h - (0 if who == cover else g)
-    _rod(b, who, (0, 0, low), (0, 0, high), wide, "trim")
+    rod(b, who, (0, 0, low), (0, 0, high), wide, "trim")
     top, peak = z + b.uniform(0.4, 0.95) * (h - z), h + b.uniform(0.2, 0.6) * r
     if play:
         b.torus(who, (0, 0, high), (0, 0, 1), 2 * post, 0.25 * post, "metal")
-        _rod(b, who, (0, 0, high - 0.2 * post), (0, 0, high), 2 * post, "accent")
+        rod(b, who, (0, 0, high - 0.2 * post), (0, 0, high), 2 * post, "accent")
     else:
         roof = [(1.08 * r, h), (1.08 * r, 1.08 * h), (0.5 * r, (h + peak) / 2 + 0.08 * h)]
         b.lathe(cover, [*roof, (0.04 * r, peak + 0.1 * h)], "front")
@@ -91,13 +87,13 @@ def merry_go_round(b: Builder) -> None:
             b.sweep(key, path, 0.018 * r, "metal", "handle")
             b.box(key, (0.6 * r, -0.5 * r / n, z), (0.8 * r, 0.5 * r / n, z + 0.3 * h), "wood")
             continue
-        _rod(b, key, (0.75 * r, 0, z), (0.75 * r, 0, h - (g if cover == "base" else 0)), 0.01 * r)
+        rod(b, key, (0.75 * r, 0, z), (0.75 * r, 0, h - (g if cover == "base" else 0)), 0.01 * r)
         b.block(cover, (1.09 * r, 0, h), (0.02 * r, 2 * r / n, 0.12 * h), "accent", "decor")
         s = min(0.3 * r, 0.3 * h, 1.2 * r / n)
         with b.moved((0.75 * r, 0, z + 0.3 * h)):  # a horse
             for y, x in ((-0.4, 0.1), (0.35, 0.1), (-0.4, -0.1), (0.35, -0.1)):
-                _rod(b, key, (x * s, y * s, -0.5 * s), (x * s, y * s, 0), 0.05 * s, "light")
-            _rod(b, key, (0, -0.5 * s, 0), (0, 0.5 * s, 0), 0.17 * s, "light")
+                rod(b, key, (x * s, y * s, -0.5 * s), (x * s, y * s, 0), 0.05 * s, "light")
+            rod(b, key, (0, -0.5 * s, 0), (0, 0.5 * s, 0), 0.17 * s, "light")
             b.sweep(key, np.array([(0, 0.4, 0), (0, 0.6, 0.5), (0, 0.85, 0.35)]) * s, 0.09 * s)
     b.spin(key, "base", (0, 0, foot), (0, 0, 1))
 
@@ -109,13 +105,13 @@ def _signal(b: Builder) -> None:
     b.block("base", (0, 0, 0.02 * h), (6 * t, 6 * t, 0.04 * h), "stone")
     b.box("base", (-t, -t, 0), (t, t, h), "body")
     for y in (-1.2 * t, 1.2 * t) if b.chance(0.7) else ():  # a ladder
-        _rod(b, "base", (5 * t, y, 0), (1.1 * t, y, 0.8 * h), 0.25 * t)
+        rod(b, "base", (5 * t, y, 0), (1.1 * t, y, 0.8 * h), 0.25 * t)
         for k in np.linspace(0.1, 0.9, 7):
             b.block("base", ((5 - 3.9 * k) * t, y / 2, 0.8 * h * k), (0.3 * t, 1.4 * t, 0.3 * t))
     x, far = -1.5 * t - max(b.gap, 0.002 * h), b.uniform(0.35, 0.6)
     for z in (0.9 * h, 0.6 * h)[: b.integer(1, 2)]:
         key, rest = part(b, "arm", "signal"), b.choice((0.0, 0.0, far))
-        _rod(b, key, (0, 0, z), (x - 0.6 * t, 0, z), 0.7 * t)
+        rod(b, key, (0, 0, z), (x - 0.6 * t, 0, z), 0.7 * t)
         b.block(key, (x, s * 0.44 * long, z), (0.8 * t, 1.12 * long, 2 * t), "red")
         b.block(key, (x - 0.1 * t, s * 0.8 * long, z), (0.8 * t, t, 2.1 * t), "light")
         for dz in (-1.3 * t, 1.3 * t):
@@ -134,7 +130,7 @@ def water_pump(b: Builder) -> None:
     h, r, drop = b.uniform(0.3, 1.3), b.uniform(0.05, 0.1), b.uniform(0.2, 1.1)
     b.size(0.8 * h, 2 * r * h, 1.2 * h)
     g, r, z, top, bulge = max(b.gap, 0.002 * h), r * h, 0.85 * h, 0.62 * h, b.uniform(1.0, 1.7)
-    _rod(b, "base", (0, 0, 0), (0, 0, 0.04 * h), 2.2 * r, "trim")
+    rod(b, "base", (0, 0, 0), (0, 0, 0.04 * h), 2.2 * r, "trim")
     studs(b, [(x * r, y * r, 0.04 * h) for x in (-1.3, 1.3) for y in (-1, 1)], (0, 0, 1), 0.25 * r)
     b.lathe("base", [(r, 0), (0.9 * r, 0.4 * h), (bulge * r, 0.5 * h), (bulge * r, top)])
     b.lathe("base", [(1.3 * bulge * r, top), (1.2 * bulge * r, top + 0.2 * r), (0.3 * r, top + r)])
@@ -142,9 +138,9 @@ def water_pump(b: Builder) -> None:
     b.sweep("base", [(0, 0, 0.6 * h), (-0.7 * out, 0, 0.6 * h), (-out, 0, low)], 0.45 * r, "body")
     px, key, long = bulge * r * b.uniform(1.0, 1.6), part(b, "handle", "lever"), b.uniform(0.4, 0.8)
     for y in (-0.7 * r, 0.7 * r):
-        _rod(b, "base", (0.5 * px, y, top), (px, y, z), 0.2 * r, "trim")
+        rod(b, "base", (0.5 * px, y, top), (px, y, z), 0.2 * r, "trim")
     end = np.array([px + long * h * np.cos(drop), 0, z - long * h * np.sin(drop)])
-    _rod(b, key, (px, -0.7 * r, z), (px, 0.7 * r, z), 0.2 * r)
+    rod(b, key, (px, -0.7 * r, z), (px, 0.7 * r, z), 0.2 * r)
     bar(b, key, (-0.2 * r, 0, z + 0.1 * r), (px, 0, z), r - 2 * min(g, 0.2 * r), 0.35 * r)
     bend = np.array([px + 0.4 * long * h, 0, z - 0.1 * long * h * drop])
     b.sweep(key, np.array([(px, 0, z), bend, end]), 0.2 * r, "body", "handle")
@@ -163,7 +159,7 @@ def wishing_well(b: Builder) -> None:
     w, tall = (0.9 * r, h) if well else (h * b.uniform(0.12, 0.35), z + 3 * t)
     key, side, thick = part(b, "drum", "roller"), b.choice((-1, 1)), b.uniform(0.05, 0.09) * h
     out = w + 2 * t + b.uniform(0.03, 0.1) * h
-    _rod(b, key, (0, -side * (w + 2.5 * t), z), (0, side * out, z), a)
+    rod(b, key, (0, -side * (w + 2.5 * t), z), (0, side * out, z), a)
     p = np.array([0, side * (out - a), z])
     q = p + np.array(b.choice(((0, 0, -1), (0, 0, 1), (-0.8, 0, -0.6)))) * b.uniform(0.1, 0.2) * h
     bar(b, key, p, q, 2.4 * a, 1.4 * a, (0, 1, 0), "metal")
@@ -173,14 +169,14 @@ def wishing_well(b: Builder) -> None:
         bored(b, "base", (-t, y[0], 0), (t, y[1], tall), "y", (0, z), 1.2 * a)
         if not well:
             b.block("base", (0, s * (w + t), t), (2 * r, 2 * t, 2 * t), "body")
-            _rod(b, "base", (0.8 * r, s * (w + t), t), (t, s * (w + t), 0.5 * h), 0.7 * t, "body")
+            rod(b, "base", (0.8 * r, s * (w + t), t), (t, s * (w + t), 0.5 * h), 0.7 * t, "body")
     b.spin(key, "base", (0, 0, z), (0, 1, 0))
     if not well:
         big = b.uniform(0.25, 0.5) * h
         b.box("base", (1.1 * big, -w, 0), (1.1 * big + 3 * t, w + 2 * t, 0.8 * z), "trim")
         wheel(b, key, (0, 0, z), (0, 1, 0), big, min(0.3 * big, w - g), b.choice(("cast", "disc")))
         return
-    _rod(b, key, (0, -0.75 * w, z), (0, 0.75 * w, z), thick, "wood")
+    rod(b, key, (0, -0.75 * w, z), (0, 0.75 * w, z), thick, "wood")
     for k in range(b.integer(0, 5)):
         b.torus(key, (0, 1.8 * (k - 2) * a, z), (0, 1, 0), thick, 0.8 * a, "fabric")
     b.tube("base", (0, 0, 0), (0, 0, low), 0.95 * r, 0.82 * r, "stone")
@@ -190,7 +186,7 @@ def wishing_well(b: Builder) -> None:
     b.lathe("base", [(1.5 * r, 0.97 * h), (0.05 * r, 1.35 * h)], "red", sides=b.choice((4, 8, 30)))
     pail, rim, deep = part(b, "bucket") if b.chance(0.6) else "base", 0.22 * r, 0.45 * r
     x = rim + a + g  # the bucket goes down along a pipe
-    _rod(b, "base", (x, 0, 0), (x, 0, low + 1.5 * t + 0.6 * deep), 0.8 * a)
+    rod(b, "base", (x, 0, 0), (x, 0, low + 1.5 * t + 0.6 * deep), 0.8 * a)
     with b.moved((0, 0, low + 1.5 * t)):
         b.vessel(pail, [(0.8 * rim, 0), (rim, 0.8 * deep)], 0.1 * rim, "wood")
         bow = arc((0, 0, 0.75 * deep), 0.95 * rim, 0, np.pi, 9, "x")
@@ -211,10 +207,10 @@ def cannon(b: Builder) -> None:
     half, rolling = 1.1 * r + g, gun and b.chance(0.7)
     body = part(b, "carriage", "yoke") if not rolling and b.chance(0.6) else "base"
     key, big = part(b, "barrel"), b.uniform(2.5, 3.9) * t
-    _rod(b, key, (0, -half - t, z), (0, half + t, z), 0.4 * min(r, t))
+    rod(b, key, (0, -half - t, z), (0, half + t, z), 0.4 * min(r, t))
     if not rolling:  # a foot, the carriage turns on it
-        _rod(b, "base", (0, 0, -b.uniform(1, 8) * t), (0, 0, t - g), 0.3 * long, "stone")
-        _rod(b, body, (0, 0, t), (0, 0, 2 * t), 0.26 * long + half, "trim")
+        rod(b, "base", (0, 0, -b.uniform(1, 8) * t), (0, 0, t - g), 0.3 * long, "stone")
+        rod(b, body, (0, 0, t), (0, 0, 2 * t), 0.26 * long + half, "trim")
     tail, low, spins = b.uniform(0.4, 1.1) * long, 2 * t, b.choice((0, 0, 1, 2))
     cheek = [(-0.2 * long, low), (tail, low), (tail, low + 2 * t), (0.5 * tail, 0.7 * z)]
     cheek = cheek if gun else [(-t, low), (t, low), (t, z)]
@@ -227,7 +223,7 @@ def cannon(b: Builder) -> None:
             if to != "base":
                 b.spin(to, "base", at, (0, 1, 0))
     for x in (0.0, 0.8 * tail) if gun else ():
-        _rod(b, body, (x, -half - 2 * t, 3 * t), (x, half + 2 * t, 3 * t), 0.6 * t)
+        rod(b, body, (x, -half - 2 * t, 3 * t), (x, half + 2 * t, 3 * t), 0.6 * t)
     far, near, deep, m = up, -0.1, b.uniform(0.3, 0.8) * r, b.uniform(0.6, 0.95) * r
     with b.facing((back if gun else 0, 0, z), (-1, 0, 0)):
         if gun:
@@ -238,7 +234,7 @@ def cannon(b: Builder) -> None:
             near, far = -0.4, b.uniform(0.4, 0.9)
             b.lathe(key, [(0.4 * r, -deep), (0.9 * r, -0.5 * deep), (r, 0), (r, deep)], "body")
             b.torus(key, (0, 0, deep), (0, 0, 1), 0.95 * r, 0.06 * r)
-            _rod(b, key, (0, 0, deep), (0, 0, 1.02 * deep), 0.85 * r, "glass")
+            rod(b, key, (0, 0, deep), (0, 0, 1.02 * deep), 0.85 * r, "glass")
             b.handle(key, (0, 0, -deep), (0, 0, -1), (1, 0, 0), 0.5 * r, "bow")
     b.hinge(key, body, (0, 0, z), (0, 1, 0), near, far, closed=0.0)
     if body != "base":
@@ -328,14 +324,14 @@ def pinball(b: Builder) -> None:
                 b.disc("base", (x, y, 0), (0, 0, 1), 0.04 * w, 0.03 * w, "red")
         if not table:
             p, top = (0.28 * d, 0, 0.6 * t), (0.28 * d, 0, 5 * t)
-            _rod(b, key, p, top, 0.5 * t)
+            rod(b, key, p, top, 0.5 * t)
             b.sphere(key, top, 1.3 * t, "red")
             b.hinge(key, "base", p, b.choice(((0, 1, 0), (1, 0, 0))), -0.3, 0.3)
     if table:
         y, z = -0.4 * w, 0.82 * low
         far = b.uniform(2, 4) * t
         b.tube("base", (-far - 0.3 * t, y, z), (0, y, z), 1.5 * t, 0.5 * t + g)
-        _rod(b, key, (-far - 3 * t, y, z), (-0.1 * t, y, z), 0.5 * t)
+        rod(b, key, (-far - 3 * t, y, z), (-0.1 * t, y, z), 0.5 * t)
         b.sphere(key, (-far - 3 * t, y, z), 1.2 * t, "dark")
         b.slide(key, "base", (-1, 0, 0), 0, far)
     settle(b)
@@ -344,9 +340,9 @@ def pinball(b: Builder) -> None:
 def _grill(b: Builder, to: str, low: ArrayLike, high: ArrayLike, n: int, r: float) -> None:
     (x, y0, z0), (_, y1, z1) = np.asarray(low, float), np.asarray(high, float)
     for z in (z0, z1, b.choice((z0, (z0 + z1) / 2))):
-        _rod(b, to, (x, y0 - r, z), (x, y1 + r, z), 1.2 * r)
+        rod(b, to, (x, y0 - r, z), (x, y1 + r, z), 1.2 * r)
     for y in np.linspace(y0, y1, n):
-        _rod(b, to, (x, y, z0), (x, y, z1), r)
+        rod(b, to, (x, y, z0), (x, y, z1), r)
 
 
 def pet_crate(b: Builder) -> None:
@@ -416,7 +412,7 @@ def park_bin(b: Builder) -> None:
         if not post or b.chance(0.5):
             flap, pin = part(b, "flap"), z1 - g - 0.4 * t
             b.box(flap, (0.3 * t, y - a + g, low + g), (0.7 * t, y + a - g, pin), paint)
-            _rod(b, flap, (0.5 * t, y - a + g, pin), (0.5 * t, y + a - g, pin), 0.3 * t)
+            rod(b, flap, (0.5 * t, y - a + g, pin), (0.5 * t, y + a - g, pin), 0.3 * t)
             b.hinge(flap, "base", (0.5 * t, y, pin), (0, 1, 0), 0, far, opens=(1, 0, 0))
         door = part(b, "door") if post or (n < 3 and b.chance(0.6)) else "base"
         b.box(door, (0, y - w / 2 + t + g, g), (t, y + w / 2 - t - g, z0 - g), "front")

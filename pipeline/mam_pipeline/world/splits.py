@@ -11,8 +11,8 @@ from mam_pipeline.world.registry import CATEGORIES
 
 Split = Literal["train", "validation", "test"]
 SPLITS: tuple[Split, ...] = ("train", "validation", "test")
-# held back from all training: what is trained is chosen by them. Of the eight families that came
-# last the second kind and the sixth, as their first drafts listed them
+# held back from all training: what is trained is chosen by them. Of the eight families that were
+# written last (`cooking` to `park`) the second kind and the sixth, as first drafted
 VALIDATION_ONLY = frozenset({
     "rice_cooker", "miter_saw", "excavator", "ottoman_bench", "window_shutters", "flatbed_scanner",
     "egg_beater", "water_pump",
