@@ -33,7 +33,7 @@ from mam_pipeline.types import Articulation, FloatArray, Mesh
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".off")
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".gif", ".heic")
-STAGE_VERSION = 16
+STAGE_VERSION = 17
 
 
 @dataclass(frozen=True)

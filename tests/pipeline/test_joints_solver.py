@@ -241,6 +241,26 @@ def test_a_persons_joint_is_obeyed() -> None:
     assert (joint.lower, joint.upper, joint.open) == (0.0, 0.5, 0.5)
 
 
+@pytest.mark.parametrize("angles", [(0, 0, 30.0), (4.0, -3.0, 0)])
+def test_an_object_that_stands_askew_keeps_its_joints_and_its_own_frame(
+    angles: tuple[float, ...],
+) -> None:
+    mesh, owner = door_cabinet()
+    before = solve((mesh, owner), "hinge")
+    turn = np.eye(4)
+    turn[:3, :3] = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
+    askew = mesh.transformed(turn), owner
+    after = solve(askew, "hinge")
+    assert after.axis == pytest.approx(turn[:3, :3] @ before.axis, abs=1e-4)
+    assert after.origin == pytest.approx(turn[:3, :3] @ before.origin, abs=1e-3 * mesh.diagonal)
+    assert (after.lower, after.upper) == pytest.approx((before.lower, before.upper), abs=0.02)
+    chosen = after.evidence["candidates"][after.evidence["chosen"]]
+    assert np.abs(np.dot(chosen["axis"], after.axis)) == pytest.approx(1, abs=1e-4)
+    wish = JointCandidate("hinge", turn[:3, 1], turn[:3, 2] * 0.8)
+    joint = solve(askew, "hinge", candidates=(wish,), provenance="user", limits=(0.0, 0.5))
+    assert joint.axis == pytest.approx(wish.axis) and joint.origin == pytest.approx(wish.origin)
+
+
 def test_fixed_parts_stay_fixed() -> None:
     assert solve(door_cabinet(), "fixed").type == "fixed"
 

@@ -29,6 +29,7 @@ from mam_pipeline.joints.limits import (
 )
 from mam_pipeline.joints.optimise import Method, refine
 from mam_pipeline.joints.paper import initialise, paper_part
+from mam_pipeline.joints.straight import straightened, turned_joint, turned_tree
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import (
     Articulation,
@@ -91,6 +92,9 @@ class EmbeddedSolver:
         """
         whole, of_whole = mesh, primitives
         mesh, primitives = without_repeats(mesh, primitives)
+        mesh, rotation = straightened(mesh)
+        if rotation is not None:
+            tree = turned_tree(tree, rotation)
         frame = estimate_frame(mesh)
 
         def solved(tree: KinematicTree, index: int) -> Joint:
@@ -113,6 +117,8 @@ class EmbeddedSolver:
         joints = {i: replace(joint, parent=tree.nodes[i].parent) for i, joint in joints.items()}
         tree, joints = carried(tree, joints)
         ordered = tuple(joints[i] for i in topological_order(tree))
+        if rotation is not None:
+            ordered = tuple(turned_joint(joint, rotation.T) for joint in ordered)
         return Articulation(whole, _links(of_whole, tree), ordered)
 
     def _joint(

@@ -13,6 +13,7 @@ import numpy as np
 
 from mam_pipeline.geometry.frames import estimate_frame
 from mam_pipeline.joints.candidates import kind_probabilities, rank_hypotheses
+from mam_pipeline.joints.straight import straightened, turned_tree
 from mam_pipeline.types import JointSubtype, KinematicTree, Mesh, PartNode, Primitives
 
 MOTION_WEIGHT = 1.5  # exponent of the ranker's odds: best of 0 to 4 on 750 validation parts
@@ -24,6 +25,7 @@ def with_joints(
     """Return the tree with joint candidates on every part, and types that both views support."""
     if len(tree.nodes) < 2:
         return tree
+    mesh, rotation = straightened(mesh)
     frame = estimate_frame(mesh)
     owner = np.zeros(primitives.count, dtype=np.int64)
     for index, node in enumerate(tree.nodes):
@@ -44,7 +46,8 @@ def with_joints(
         )
         odds = kind_probabilities(candidates)
         nodes.append(_settled(node, odds, tuple(candidates)))
-    return KinematicTree(tuple(nodes))
+    found = KinematicTree(tuple(nodes))
+    return found if rotation is None else turned_tree(found, rotation.T)
 
 
 def _carried(tree: KinematicTree, index: int) -> list[int]:

@@ -292,6 +292,9 @@ def skylight(b: Builder) -> None:
                 pin = (x1 if kind == "top" else 0, y0, z + t / 2 * (kind == "middle"))
                 axis, tip = ((1, 0, 0), (0, y1, z)) if kind == "side" else (ACROSS, (x0, y0, z))
                 b.hinge(key, "base", pin, axis, 0.0, b.uniform(0.4, 1.3), opens=UP, tip=tip)
+                for y in (y0 + e, y1 - e - g) if kind == "middle" else ():  # pivots
+                    at = (0, y, pin[2])
+                    b.cylinder("base", at, np.add(at, (0, g, 0)), t / 4, None, "metal")
     settle(b)
 
 
@@ -435,6 +438,9 @@ def venetian_window(b: Builder) -> None:
             pins = {"awning": (x, m, hi[2]), "hopper": (x + t, m, lo[2])}
             pin, far = pins.get(kind, (x + t / 2, m, c)), b.uniform(0.35, 1.3)
             b.hinge(key, "base", pin, axis, 0.0, far, opens=(way, 0, 0), tip=tip)
+            ends = ((pin[0], y, c) for y in (y0, y1 - e)), ((pin[0], m, z) for z in (z0, z1 - e))
+            for at in ends[axis == UP] if kind in ("middle", "upright") else ():  # pivots
+                b.cylinder("base", at, np.add(at, np.multiply(axis, e)), t / 4, None, "metal")
 
 
 CATEGORIES: dict[str, Callable[[Builder], None]] = {

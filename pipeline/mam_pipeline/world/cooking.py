@@ -360,7 +360,8 @@ def juice_press(b: Builder) -> None:
         b.block("base", (x, y, 0.85 * h), (0.6 * r, 0.2 * r, 0.3 * h + 0.4 * r), "body")
     b.box("base", (xc - wide, -wide, 0), (xc + wide, wide, h - 0.45 * r), "body")
     if espresso:
-        b.box("base", (xc - r, -r, 0), (xc + r, r, b.uniform(0.75, 1.1) * h), "body")
+        near, tall = max(xc - r, 0.75 * r + g), b.uniform(0.75, 1.1) * h
+        b.box("base", (near, -r, 0), (xc + r, r, tall), "body")
         b.box("base", (-0.9 * r, -0.7 * r, 0.62 * h), (xc, 0.7 * r, h - 0.45 * r), b.choice(METALS))
         b.cylinder(key, (0, 0, z - 0.5 * r), (0, 0, z), 0.7 * r, None, "metal")
         p, q = (0, 0, z - 0.3 * r), (-b.uniform(2, 3.5) * r, 0, z - 0.35 * r)

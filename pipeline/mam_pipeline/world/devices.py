@@ -252,7 +252,8 @@ def cash_register(b: Builder) -> None:
                 _keys(b, "base", 0.85 * w * share, 0.8 * long, n, round(10 * share), rise)
     high, wide, v = b.uniform(0.1, 0.25), b.uniform(0.3, 0.9) * w, top + 0.04
     to = part(b, "screen", "tilt") if b.chance(0.6) else "base"
-    b.block("base", (x, 0, top), (0.024, 0.06, 2 * (0.028 - 0.4 * min(g, 0.03))), "trim")
+    foot = (0.024, max(0.06, 0.27 * wide), 2 * (0.028 - 0.4 * min(g, 0.03)))
+    b.block("base", (x, 0, top), foot, "trim")
     b.cylinder(to, (x, -0.06, v), (x, 0.06, v), 0.012, None, "dark")
     b.box(to, (x - 0.03, -wide / 2, v), (x - 0.005, wide / 2, v + high))
     _still(b, to, (x - 0.03, 0, v + high / 2), 0.9 * wide, 0.85 * high, "screen")
@@ -343,10 +344,12 @@ def radio_set(b: Builder) -> None:
         _panel(b, 0.9 * cut * w, 0.85 * h, b.integer(1, 3), b.integer(1, 5))
     _still(b, "base", (0, -s * 0.47 * w * cut, f + h / 2), 0.85 * (1 - cut) * w, 0.75 * h, kind)
     extra, z, r, x = b.choice(("handle", "antenna", "none")), f + 0.8 * h, 0.012 * w + 0.002, d / 2
-    if extra == "handle":
-        key, y, top = part(b, "handle"), w / 2 + g + r, z + float(np.hypot(x, 0.2 * h)) + 3 * r + g
+    if extra == "handle":  # between two ears on the top
+        key, y, z, top = part(b, "handle"), 0.46 * w, f + h + 3 * r, f + h + 0.3 * w + 7 * r
         for q in (-y, y):
-            b.cylinder(key, (x, q - r, z), (x, q + r, z), 2 * r, None, "metal")
+            ear = q + np.sign(q) * 2 * r
+            b.block("base", (x, ear, z - 3 * r), (4 * r, 2 * r, 10 * r), "dark")
+            b.cylinder(key, (x, q - r, z), (x, q + r, z), 1.5 * r, None, "metal")
             b.cylinder(key, (x, q, z), (x, q, top), r, None, "metal", "handle")
         b.cylinder(key, (x, -y, top), (x, y, top), 1.3 * r, None, "dark", "handle")
         b.hinge(key, "base", (x, 0, z), (0, 1, 0), 0.0, b.uniform(0.8, 1.4))

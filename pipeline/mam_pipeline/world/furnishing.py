@@ -31,10 +31,11 @@ def _turn(b: Builder, key: str, pin: Sequence[float], far: float, way: Sequence[
     b.hinge(key, "base", pin, (0, 1, 0), 0.0, far, opens=way)
 
 
-def _both(b: Builder, low: Sequence[float], high: Sequence[float], paint: str = "body") -> None:
-    """A box of the base, and its mirror image in y."""
+def _both(b: Builder, low: Sequence[float], high: Sequence[float], paint: str = "body",
+          key: str = "base") -> None:  # fmt: skip
+    """A box of the base or another link, and its mirror image in y."""
     for y0, y1 in ((low[1], high[1]), (-high[1], -low[1])):
-        b.box("base", (low[0], y0, low[2]), (high[0], y1, high[2]), paint)
+        b.box(key, (low[0], y0, low[2]), (high[0], y1, high[2]), paint)
 
 
 def _still(b: Builder, m: c.Manner, cell: c.Cell) -> None:
@@ -134,6 +135,8 @@ def ottoman_bench(b: Builder) -> None:
         if b.chance(0.35):
             b.slide(lid, "base", UP, 0.0, b.uniform(0.1, 0.4))
         else:
+            for key, z0, z1 in (("base", h - 0.1 * r, h), (lid, z, z + 0.08 * r)):  # hinge plates
+                b.box(key, (0.85 * r, -0.26 * r, z0), (1.02 * r, 0.26 * r, z1), "dark")
             _turn(b, lid, (1.02 * r, 0, z), b.uniform(0.9, 1.5))
         return
     b.feet("base", (0, -y), (d, y), low, b.choice(("square", "round", "tapered")), inset=0.005)
@@ -230,12 +233,16 @@ def recliner(b: Builder) -> None:
         _rest(b, seat, w, s, t, slats)
     if kind == "cinema":
         _turn(b, seat, (s, 0, zs), b.uniform(0.7, 1.2))
+        _both(b, (s - 0.07, y, zs - 0.03), (s + 0.03, y + wide, zs + 0.02), "dark")
+        _both(b, (s - 0.05, w / 2 - 0.03, zs - 0.02), (s, y, zs), "dark", seat)  # its pivots
     leans, lean = kind not in ("cinema", "tablet") or b.chance(0.3), b.uniform(0.08, 0.4)
     back = part(b, "back") if leans else "base"
     with b.moved((s + g, 0, zs), (0, 1, 0), lean):
         _rest(b, back, w, tall, t, slats)
         if b.chance(0.5) or dentist:
             rounded(b, back, (-0.04, -0.3 * w, 0.75 * tall), (0, 0.3 * w, tall), 0.03, "x", "light")
+        if leans and seat != "base":
+            _both(b, (0, w / 2 - 0.03, 0), (0.03, y, 0.03), "dark", back)
         if leans:
             _turn(b, back, (0, 0, 0), b.uniform(0.3, min(1.2, 1.5 - lean)), BACK)
     foot = part(b, "foot_rest") if sofa or dentist or (kind == "lounger" and b.chance(0.6)) else ""
@@ -257,7 +264,7 @@ def recliner(b: Builder) -> None:
         return
     lifts, top = kind != "tablet" and b.chance(0.6), zs + za
     _both(b, (0, y, low - 0.05), (s, y + wide, low), "trim")
-    _both(b, (s - 0.15, y, low), (s - 0.1, y + wide, top), "trim")
+    _both(b, (s - 0.11, y, low), (s - 0.06, y + wide, top), "trim")
     for y0, y1 in ((-y - wide, -y), (y, y + wide)):
         arm, z = (part(b, "arm"), top + g) if lifts else ("base", top)
         rounded(b, arm, (0.05, y0, z), (s - 0.06, y1, z + 0.04), 0.015, "z", "wood")
@@ -307,6 +314,8 @@ def drop_leaf_table(b: Builder) -> None:
             b.slide(leaf, "base", (0, s, 0), 0.0, b.uniform(0.4, 0.7) * y)
             continue
         rounded(b, leaf, (0, y0, h - t), (d, y1, h), b.choice((0.003, 0.3 * min(a, d))), "z", paint)
+        m = (y0 + y1) / 2  # only the free edge has round corners
+        b.box(leaf, (0, min(m, s * (y + g)), h - t), (d, max(m, s * (y + g)), h), paint)
         b.hinge(leaf, "base", (0, s * y, h - t), BACK, 0.0, np.pi / 2, opens=DOWN,
                 rest=0.0 if up else np.pi / 2, ajar=up)  # fmt: skip
         if b.chance(0.6):  # a leg that swings out below a raised leaf

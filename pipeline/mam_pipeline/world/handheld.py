@@ -319,10 +319,10 @@ def hinged_case(b: Builder) -> None:
         pose = rest if lids == 1 else b.choice((0.0, 0.0, rest))
         b.hinge(lid, "base", (x, y, z), Y, 0.0, far, opens=Z, rest=pose)
     if kind == "box" and lids == 1 and rest == far:
-        key, e, c = part(b, "tray", "drawer"), t + g, b.uniform(0.4, 0.7) * h
+        key, e, c = part(b, "tray", "drawer"), t + g, b.uniform(0.2, 0.4) * h
         tray(b, key, (e - d, e - w, c), (d - e, w - e, h), 0.6 * t, material="inside")
         b.handle(key, (0, 0, c + t / 2), Z, Y, 0.4 * w, b.choice(("bow", "knob")), standoff=0.5 * h)
-        b.slide(key, "base", Z, 0.0, b.uniform(0.8, 1.5) * h)
+        b.slide(key, "base", Z, 0.0, b.uniform(0.6, 0.95) * (h - c))
     elif lids == 1:
         b.block("base", (0, 0, 0.5 * h), (1.2 * d, 1.2 * w, 0.6 * h), "fabric", "content")
 

@@ -70,7 +70,8 @@ def tipper_truck(b: Builder) -> None:
     b.size(1, w, 0.4)
     b.theme(b.choice(COATS))
     g, truck, roof, top = max(b.gap, 0.002), b.chance(0.7), b.uniform(0.18, 0.3), 2.1 * r
-    boxes(b, "base", (end / 2, 0.14 * w, 1.75 * r, end, 0.08 * w, 0.7 * r, "dark"))
+    boxes(b, "base", (end / 2, 0.14 * w, 1.75 * r, end, 0.08 * w, 0.7 * r, "dark"),
+          (end - 0.02, 0, 2 * r, 0.04, 0.6 * w, 0.2 * r, "dark"))  # fmt: skip
     live, style, wide = b.choice(("", "", "each", "pair")), b.choice(TYRES), b.uniform(0.1, 0.18)
     axles = [end - (1.2 + 2.15 * i) * r for i in range(b.integer(1, 2 if live else 3))]
     if truck:
@@ -99,11 +100,14 @@ def tipper_truck(b: Builder) -> None:
     if aside:
         at, axis, tip = (x0, aside * w / 2, z0), X, (x0, -aside * w / 2, z0)
         beams = [(x, 0, 2.06 * r, 0.03, w, 0.08 * r, "dark") for x in (x0 + 0.1, x1 - 0.1)]
-        boxes(b, "base", *beams)  # above the wheels
+        sill = ((x0 + x1) / 2, w / 2 - 0.01, 2.06 * r, x1 - x0, 0.02, 0.08 * r, "dark")
+        boxes(b, "base", *beams, sill)  # above the wheels
     b.hinge(bed, "base", at, axis, 0, b.uniform(0.5, 0.9), opens=Z, tip=tip)
     if gate:
         flap, x, z = part(b, "flap", "tailgate"), x1 + g, z0 + (h if gate == "top" else 0)
-        b.panel(flap, (x, -w / 2, z0), (x + 0.015, w / 2, z0 + 0.97 * h), "front")
+        edge = z0 + (h if gate == "top" else 0.97 * h)
+        b.panel(flap, (x, -w / 2, z0), (x + 0.015, w / 2, edge), "front")
+        boxes(b, bed, (x, w / 2 + 0.005, z, 0.04, 0.01, 0.02, "metal"))  # it hangs between straps
         boxes(b, flap, *[(x + 0.015, y * w, z0 + 0.48 * h, 0.015, 0.03 * w, 0.8 * h, "trim")
                for y in (0.45, b.uniform(0.1, 0.3))])  # fmt: skip
         b.hinge(flap, bed, (x + 0.007, 0, z), Y, 0, b.uniform(0.8, 1.4), opens=X)
@@ -205,9 +209,10 @@ def skateboard(b: Builder) -> None:
                 rounded(b, "base", (lo, -w / 2, 0), (hi, w / 2, t), 0.35 * w, "z", tone)
             x = s * b.uniform(0.24, 0.28) * long
             axle = "pair" if turn == 0 else "each"
-            _axle(b, x, r, b.uniform(0.42, 0.52) * w, 0.16 * w, style, axle, z - 0.3 * r)
+            half = b.uniform(0.42, 0.52) * w
+            _axle(b, x, r, half, 0.16 * w, style, axle, z - 0.3 * r)
             boxes(b, "base", (x, 0, z - 0.2 * r, 0.1 * long, 0.3 * w, 0.4 * r, "metal"),
-                   (x, 0, 1.6 * r, 0.5 * r, 0.6 * w, 0.5 * r, "metal"),
+                   (x, 0, 1.6 * r, 0.5 * r, 1.7 * half - 0.28 * w, 0.5 * r, "metal"),
                    (x, 0.1 * w, z + t, 0.01, 0.01, 0.004, "metal"))  # fmt: skip
             rods(b, "base", ((x, 0, 1.4 * r), (x, 0, z), 0.3 * r, "metal"))
     else:
@@ -223,7 +228,7 @@ def skateboard(b: Builder) -> None:
         at, fork = np.array([-0.42 * long, 0, 2.6 * r]), part(b, "handle", "column")
         top, front, neck = at + b.uniform(0.6, 0.9) * long * e, at - 1.6 * r * e, at + 0.05 * e
         b.tube("base", at + 0.02 * e, at + 0.12 * e, 0.03, 0.02 + g, "body")
-        b.sweep("base", np.array([neck, (-0.25 * long, 0, z)]) + (0.026, 0, 0.01), 0.018, "body")
+        b.sweep("base", np.array([neck, (-0.25 * long, 0, z)]) + (0.045, 0, 0.01), 0.018, "body")
         hub = np.array([0, 0.6 * r, 0])
         rods(b, fork, (at, top, 0.015, "metal"), (top - bow, top + bow, 0.012, "metal"),
               (top + 0.6 * bow, top + bow, 0.018, "rubber"),
@@ -331,6 +336,9 @@ def trailer_ramp(b: Builder) -> None:
             b.hinge(link, "base", (x, s * 0.485, z0), Z, 0, b.uniform(1.3, 1.9), opens=OUT)
     if mode != "pair":
         key, n, share = part(b, "door"), b.integer(4, 12), b.choice((1.0, b.uniform(0.6, 1.0)))
+        if mode == "hatch":  # below a beam
+            share = 1.0
+            boxes(b, "base", (x / 2, 0, roof + 0.02, -x, 1.0, 0.04, "trim"))
         high, d = z0 + (h if mode == "roll" else share * h) - g, h * share / n
         b.panel(key, (x, -0.49, z0 + g), (-g, 0.49, high), "front")
         boxes(b, key, *[(x, 0, z0 + (k + 0.5) * d, 0.02, 0.8, 0.3 * d, "trim") for k in range(n)])

@@ -110,6 +110,7 @@ def miter_saw(b: Builder) -> None:
     xp, zp = 1.3 * disc + b.uniform(0.0, 0.4) * r, top + b.uniform(0.75, 1.1) * r
     if turns:
         b.spin(table, "base", (0, 0, top), (0, 0, 1), -0.78, 0.78, closed=0.0)
+        _rod(b, "base", (0, 0, z1), (0, 0, g), 0.2 * disc)
     b.box("base", (-0.75 * disc, -w / 2, 0), (0.75 * disc, w / 2, z1), "body")
     _rod(b, table, (0, 0, low), (0, 0, top - low), disc)
     rounded(b, table, (-1.5 * disc, -0.2 * r, low), (-0.8 * disc, 0.2 * r, top), 0.1 * r)
