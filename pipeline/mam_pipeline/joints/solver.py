@@ -11,7 +11,7 @@ import numpy as np
 
 from mam_pipeline.backends import Availability
 from mam_pipeline.check.thresholds import THRESHOLDS
-from mam_pipeline.geometry.frames import ObjectFrame, estimate_frame
+from mam_pipeline.geometry.frames import ObjectFrame
 from mam_pipeline.geometry.hinge_line import HingeBodies
 from mam_pipeline.geometry.sampling import unit
 from mam_pipeline.geometry.sweep import SweepScene
@@ -92,10 +92,9 @@ class EmbeddedSolver:
         """
         whole, of_whole = mesh, primitives
         mesh, primitives = without_repeats(mesh, primitives)
-        mesh, rotation = straightened(mesh)
+        mesh, frame, rotation = straightened(mesh)
         if rotation is not None:
             tree = turned_tree(tree, rotation)
-        frame = estimate_frame(mesh)
 
         def solved(tree: KinematicTree, index: int) -> Joint:
             return self._joint(mesh, frame, tree, _links(primitives, tree), index, seed)

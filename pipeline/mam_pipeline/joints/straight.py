@@ -11,21 +11,26 @@ from typing import TypeVar
 
 import numpy as np
 
-from mam_pipeline.geometry.frames import estimate_frame
+from mam_pipeline.geometry.frames import ObjectFrame, estimate_frame
 from mam_pipeline.types import FloatArray, Joint, JointCandidate, KinematicTree, Mesh
 
 Turnable = TypeVar("Turnable", Joint, JointCandidate)
 SLIGHT = np.deg2rad(4.0)  # an object that stands askew by less is left as it is
 
 
-def straightened(mesh: Mesh) -> tuple[Mesh, FloatArray | None]:
-    """The mesh turned into the frame of its walls, and the (3, 3) rotation; None: not needed."""
-    axes = estimate_frame(mesh).axes
+def straightened(mesh: Mesh) -> tuple[Mesh, ObjectFrame, FloatArray | None]:
+    """The mesh turned into the frame of its walls, its frame there, and the (3, 3) rotation.
+
+    One that stands askew by less than `SLIGHT` is returned as it is; its rotation is None.
+    """
+    frame = estimate_frame(mesh)
+    axes = frame.axes
     if np.arccos(np.clip((np.trace(axes) - 1) / 2, -1, 1)) < SLIGHT:
-        return mesh, None
+        return mesh, frame, None
     matrix = np.eye(4)
     matrix[:3, :3] = axes
-    return mesh.transformed(matrix), np.asarray(axes)
+    mesh = mesh.transformed(matrix)
+    return mesh, estimate_frame(mesh), np.asarray(axes)
 
 
 def turned_tree(tree: KinematicTree, rotation: FloatArray) -> KinematicTree:

@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from mam_pipeline.geometry.frames import estimate_frame
 from mam_pipeline.joints.candidates import kind_probabilities, rank_hypotheses
 from mam_pipeline.joints.straight import straightened, turned_tree
 from mam_pipeline.types import JointSubtype, KinematicTree, Mesh, PartNode, Primitives
@@ -25,8 +24,7 @@ def with_joints(
     """Return the tree with joint candidates on every part, and types that both views support."""
     if len(tree.nodes) < 2:
         return tree
-    mesh, rotation = straightened(mesh)
-    frame = estimate_frame(mesh)
+    mesh, frame, rotation = straightened(mesh)
     owner = np.zeros(primitives.count, dtype=np.int64)
     for index, node in enumerate(tree.nodes):
         owner[list(node.primitives)] = index
