@@ -17,6 +17,7 @@ from mam_pipeline.joints.blockers import take_along
 from mam_pipeline.joints.candidates import kind_probabilities, rank_hypotheses
 from mam_pipeline.joints.limits import Surroundings, embedded_limits, paper_limits
 from mam_pipeline.joints.solver import EmbeddedSolver, agreement, topological_order
+from mam_pipeline.joints.straight import straightened
 from mam_pipeline.types import (
     Articulation,
     FloatArray,
@@ -259,6 +260,23 @@ def test_an_object_that_stands_askew_keeps_its_joints_and_its_own_frame(
     wish = JointCandidate("hinge", turn[:3, 1], turn[:3, 2] * 0.8)
     joint = solve(askew, "hinge", candidates=(wish,), provenance="user", limits=(0.0, 0.5))
     assert joint.axis == pytest.approx(wish.axis) and joint.origin == pytest.approx(wish.origin)
+
+
+def test_only_what_stands_clearly_askew_is_straightened() -> None:
+    mesh, _ = door_cabinet()
+    for angle, wanted in ((0.0, False), (2.0, False), (30.0, True), (-50.0, True)):
+        turn = np.eye(4)
+        turn[:3, :3] = Rotation.from_euler("z", angle, degrees=True).as_matrix()
+        turned = mesh.transformed(turn)
+        straight, frame, rotation = straightened(turned)
+        assert (rotation is not None) == wanted
+        if rotation is None:
+            assert straight is turned
+            continue
+        assert straight.diagonal == pytest.approx(mesh.diagonal)
+        assert straight.diagonal < 0.99 * turned.diagonal
+        assert frame.axes == pytest.approx(np.eye(3), abs=1e-6)
+        assert straight.vertices @ rotation == pytest.approx(turned.vertices)
 
 
 def test_fixed_parts_stay_fixed() -> None:
