@@ -165,6 +165,8 @@ def test_all_of_a_kind_is_in_one_fold_but_for_fused_ones() -> None:
     assert all(len(found) == 1 for (_, fused), found in folds.items() if not fused)
     assert set.union(*folds.values()) == set(range(FOLDS))
     assert folds["abstract_case", True] == set(range(FOLDS))
+    loose = object_name("abstract_case", 7, False, loose=True)
+    assert {fold_of(loose)} == folds["abstract_case", False]
 
 
 def test_tuning_goes_on_from_given_weights(tmp_path: Path) -> None:

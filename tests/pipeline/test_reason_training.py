@@ -1,10 +1,14 @@
 """The training of the model that ranks sets of candidates."""
 
+from pathlib import Path
+
 import lightgbm
 import numpy as np
 
+from mam_pipeline.reason.corpus import FUSED, LOOSE, generated, generated_example
 from mam_pipeline.reason.features import table
-from mam_pipeline.reason.recipe import FOLDS
+from mam_pipeline.reason.loosening import loosened
+from mam_pipeline.reason.recipe import FOLDS, gather
 from mam_pipeline.reason.train import LEVELS, RANKS, Options, fit_choice, lean
 from mam_pipeline.reason.training_looks import Rows
 
@@ -58,3 +62,45 @@ def test_what_is_packed_predicts_the_same_in_half_the_room() -> None:
     assert len(packed) < 0.7 * len(text)
     again = lightgbm.Booster(model_str=packed)
     np.testing.assert_array_equal(again.predict(rows), model.predict(rows))
+
+
+def test_loose_objects_keep_links_and_types_but_not_their_clearances() -> None:
+    """Pieces of different links run into each other more often than in the exact objects."""
+    crossing = {False: 0, True: 0}
+    for seed in range(12):
+        made = generated("chest_of_drawers", seed, solids=False)
+        loose = loosened(made, np.random.default_rng(seed))
+        assert set(loose.soup.face_link) == set(made.soup.face_link)
+        assert loose.articulation == made.articulation
+        assert len(loose.soup.faces) <= len(made.soup.faces)
+        assert np.isfinite(loose.soup.vertices).all()
+        assert loose.soup.vertices[:, 2].min() == 0
+        crossing[False] += crossings(made.soup)
+        crossing[True] += crossings(loose.soup)
+    assert crossing[True] > crossing[False]
+
+
+def crossings(soup) -> int:
+    """Pairs of pieces of different links whose boxes share more than a millimetre every way."""
+    spans = []
+    for piece, link in enumerate(soup.piece_link):
+        points = soup.vertices[soup.faces[soup.face_piece == piece]].reshape(-1, 3)
+        if len(points):
+            spans.append((link, points.min(axis=0), points.max(axis=0)))
+    return sum(
+        bool(a[0] != b[0] and (np.minimum(a[2], b[2]) - np.maximum(a[1], b[1]) > 1e-3).all())
+        for k, a in enumerate(spans) for b in spans[:k]
+    )  # fmt: skip
+
+
+def test_a_share_of_the_examples_is_modelled_loosely(tmp_path: Path) -> None:
+    wanted = [("nightstand", seed, False) for seed in range(10)] + [("nightstand", 200_000, True)]
+    found = gather(wanted, tmp_path, 0.5)
+    assert len(found) == len(wanted)
+    assert 0 < sum(p.stem.endswith(LOOSE) for p in found) < 10
+    assert found[-1].stem.endswith(FUSED)
+    loose = next(p for p in found if p.stem.endswith(LOOSE))
+    seed = int(loose.stem.removesuffix(LOOSE).rsplit("_", 1)[1])
+    exact, slack = (generated_example("nightstand", seed, loose=s) for s in (False, True))
+    assert exact.subtype.tolist() == slack.subtype.tolist()
+    assert exact.graph.gap.tolist() != slack.graph.gap.tolist()

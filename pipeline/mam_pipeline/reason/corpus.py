@@ -17,6 +17,7 @@ from mam_pipeline.geometry.fuse import fuse_mesh, nearest_faces
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.prior.embedded import prior_of
 from mam_pipeline.reason.graph import Graph, build_graph
+from mam_pipeline.reason.loosening import loosened
 from mam_pipeline.segment.geometric import CLEAR, GeometricSegmenter
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import Articulation, FloatArray, IntArray, Primitives
@@ -27,6 +28,7 @@ from mam_pipeline.world.static import Soup
 from mam_pipeline.world.style import draw_style
 
 FUSED = "_f"  # ends the names of fused examples
+LOOSE = "_l"  # ends the names of loosely modelled ones
 RESOLUTIONS = (112, 128, 160, 192, 192)  # cells along a fused example's longest side
 ROUGHNESS = (0.0, 0.0, 0.0, 0.0003, 0.001)  # of its diagonal
 COARSENESS = (0.4, 1.6)  # times the bound on the cost of a cut, for fused examples
@@ -113,22 +115,27 @@ def make_example(name: str, category: str, truth: Articulation, primitives: Prim
     return Example(name, category, fused, graph, overlap, parent, subtype)
 
 
-def generated_example(kind: str, seed: int, fused: bool = False) -> Example:
+def generated_example(kind: str, seed: int, fused: bool = False, loose: bool = False) -> Example:
     """One generated object, segmented as in the product, in a style of its own or as one skin."""
-    return make_example(object_name(kind, seed, fused), kind, *as_met(kind, seed, fused))
+    truth, primitives = as_met(kind, seed, fused, loose)
+    return make_example(object_name(kind, seed, fused, loose), kind, truth, primitives)
 
 
-def object_name(kind: str, seed: int, fused: bool) -> str:
+def object_name(kind: str, seed: int, fused: bool, loose: bool = False) -> str:
     """What the example of a generated object is called."""
-    return f"{kind}_{seed:06d}{FUSED if fused else ''}"
+    return f"{kind}_{seed:06d}{FUSED if fused else ''}{LOOSE if loose else ''}"
 
 
-def as_met(kind: str, seed: int, fused: bool) -> tuple[Articulation, Primitives]:
+def as_met(
+    kind: str, seed: int, fused: bool, loose: bool = False
+) -> tuple[Articulation, Primitives]:
     """A generated object with its truth, and its primitives; as one skin if `fused`.
 
-    The skin's resolution and roughness are drawn.
+    The skin's resolution and roughness are drawn. Of `loose` ones (`loosened`) the links and types
+    hold, but not where the joints lie.
     """
-    truth = generated(kind, seed, solids=not fused).truth()
+    made = generated(kind, seed, solids=not fused)
+    truth = (loosened(made, generator(kind, seed, stream=6)) if loose else made).truth()
     if not fused:
         return truth, GeometricSegmenter().segment(truth.mesh)
     rng = _draws(kind, seed)

@@ -7,7 +7,14 @@ import time
 import zlib
 from pathlib import Path
 
-from mam_pipeline.reason.corpus import FUSED, generated_example, object_name, save_example
+from mam_pipeline.reason.corpus import (
+    FUSED,
+    LOOSE,
+    generated_example,
+    object_name,
+    save_example,
+)
+from mam_pipeline.world.object import generator
 from mam_pipeline.world.splits import iterate
 
 FUSED_FROM = 200_000  # seeds of fused objects begin here, so that none is seen twice
@@ -48,14 +55,19 @@ def _abstract(split: str, number: int) -> list[tuple[str, int]]:
     return [(MIX[n % len(MIX)], first + n) for n in range(number)]
 
 
-def gather(wanted: list[Job], cache: Path) -> list[Path]:
-    """Make the examples, or find them in the cache; an object that fails is skipped."""
+def gather(wanted: list[Job], cache: Path, loose: float = 0.0) -> list[Path]:
+    """Make the examples, or find them in the cache; an object that fails is skipped.
+
+    Args:
+        loose: share of the objects that are not fused that are modelled loosely.
+    """
     out, started = [], time.time()
     for kind, seed, fused in wanted:
-        path = cache / f"{object_name(kind, seed, fused)}.ex"
+        slack = not fused and generator(kind, seed, stream=5).random() < loose
+        path = cache / f"{object_name(kind, seed, fused, slack)}.ex"
         if not path.exists():
             try:
-                save_example(generated_example(kind, seed, fused), path)
+                save_example(generated_example(kind, seed, fused, slack), path)
             except Exception as error:  # one bad object must not end an hour of work
                 print(f"skipped {path.stem}: {error!r}", file=sys.stderr)
                 continue
@@ -70,5 +82,5 @@ def fold_of(name: str) -> int:
     What is learned from models that never saw the kind is learned about new kinds. Of fused objects
     there are too few of every kind to do without any of them.
     """
-    same = name if name.endswith(FUSED) else name.rsplit("_", 1)[0]
+    same = name if name.endswith(FUSED) else name.removesuffix(LOOSE).rsplit("_", 1)[0]
     return zlib.crc32(same.encode()) % FOLDS

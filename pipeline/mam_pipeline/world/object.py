@@ -91,7 +91,12 @@ class WorldObject:
 
 
 def generator(name: str, seed: int, stream: int = 0) -> np.random.Generator:
-    """The random numbers of one object: `stream` 0 shapes, 1 style, 2 file, 3 rest, 4 setting."""
+    """The random numbers of one object.
+
+    Args:
+        stream: 0 shapes, 1 style, 2 file, 3 rest, 4 setting; in training 5 whether it is modelled
+            loosely, 6 how.
+    """
     return np.random.default_rng([zlib.crc32(name.encode()), seed, stream])
 
 
