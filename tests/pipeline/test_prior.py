@@ -38,6 +38,20 @@ def test_clearance_is_the_gap_to_the_next_box() -> None:
     assert len(sampled.members(first)) == len(clear)
 
 
+def test_what_a_part_runs_into_at_rest_does_not_block_it() -> None:
+    # a drawer that is modelled into a solid body, and one that only touches it
+    body = ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    sunk, touching = ((0.2, -0.2, 0.2), (0.8, 0.6, 0.8)), ((0.2, -0.8, 0.2), (0.8, 0.0, 0.8))
+    second = np.array([False, True])
+    clear = probe(*boxes(body, sunk)).clearance(second)
+    assert np.isinf(clear[:, 3]).all()  # pulled out, towards -Y
+    assert np.isfinite(clear[:, 2]).any()  # pushed in, what stands out meets the body
+    clear = probe(*boxes(body, touching)).clearance(second)
+    assert np.isinf(clear[:, 3]).all() and np.isfinite(clear[:, 2]).any()
+    caged = probe(*boxes(body, ((0.2, 0.2, 0.2), (0.8, 0.8, 0.8)))).clearance(second)
+    assert np.isfinite(caged).all()  # what lies in a shell as a whole does not come out
+
+
 def test_a_group_does_not_block_itself() -> None:
     mesh, primitives = boxes(((0, 0, 0), (1, 1, 1)), ((1.5, 0, 0), (2.5, 1, 1)))
     assert np.isinf(probe(mesh, primitives).clearance(np.array([True, True]))).all()

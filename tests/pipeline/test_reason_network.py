@@ -152,7 +152,7 @@ def test_what_slides_and_what_turns_both_occur(kind: str) -> None:
 def test_the_shipped_scores_read_with_networks() -> None:
     example, unary, pairs = seen()
     reading = load_scores().read(example.graph, unary, pairs)
-    assert len(reading.views) == 2  # of two halves of the objects
+    assert len(reading.views) == 3
     assert reading.same.shape == (len(example.graph.pairs),)
     assert ((reading.move > 0) & (reading.move < 1)).all()
 

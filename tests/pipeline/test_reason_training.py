@@ -8,9 +8,11 @@ import numpy as np
 from mam_pipeline.reason.corpus import FUSED, LOOSE, generated, generated_example
 from mam_pipeline.reason.features import table
 from mam_pipeline.reason.loosening import loosened
-from mam_pipeline.reason.recipe import FOLDS, gather
+from mam_pipeline.reason.recipe import FOLDS, HOUSEHOLD, gather, jobs
 from mam_pipeline.reason.train import LEVELS, RANKS, Options, fit_choice, lean
 from mam_pipeline.reason.training_looks import Rows
+from mam_pipeline.world.registry import CATEGORIES
+from mam_pipeline.world.splits import split_of
 
 
 def options(rng: np.random.Generator, fold: int) -> Options:
@@ -51,6 +53,14 @@ def test_a_fold_is_left_out_with_its_objects() -> None:
         rows.add(item.features, grade, weight, item.fold)
     assert share_right(rows.fit(100, 0, **RANKS), rng) > 0.8
     assert share_right(wrong.fit(100, **RANKS), rng) < 0.2
+
+
+def test_more_objects_of_homes_are_new_ones_of_the_split() -> None:
+    plain, more = jobs("train", 400, 0, 0), jobs("train", 400, 0, 0, household=200)
+    extra = more[400:]
+    assert more[:400] == plain and len(set(more)) == 600
+    assert {kind for kind, _, _ in extra} <= HOUSEHOLD <= set(CATEGORIES)
+    assert {split_of(kind, seed) for kind, seed, _ in extra} == {"train"}
 
 
 def test_what_is_packed_predicts_the_same_in_half_the_room() -> None:

@@ -21,6 +21,8 @@ DIRECTIONS = np.array(
     [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=np.float64
 )
 SKIN = 5e-4  # crossings nearer than this (share of the diagonal) are the sample's own surface
+INSIDE = 6  # rays that leave a primitive for good when a sample lies inside it: all of them
+CAGED = 0.95  # share of its samples inside another, above which a primitive is caged
 NEAR = 0.04  # "right in front of": share of the diagonal
 
 
@@ -36,6 +38,8 @@ class Probe:
         weight: (N,) share of the object's area that the sample stands for.
         hit_sample, hit_direction, hit_distance, hit_owner: (H,) crossings, at most one (the
             nearest) for each sample, direction and primitive met; own primitive included.
+        hit_inside: (H,) whether the sample lies inside the primitive met: the two run into each
+            other at rest, as pieces of real files often do.
         count: number of primitives. surface: the object's area over its squared diagonal.
     """
 
@@ -49,6 +53,7 @@ class Probe:
     hit_direction: IntArray
     hit_distance: FloatArray
     hit_owner: IntArray
+    hit_inside: NDArray[np.bool_]
     count: int
     surface: float = 1.0
 
@@ -76,7 +81,9 @@ class Probe:
     def clearance(self, member: NDArray[np.bool_]) -> FloatArray:
         """(n, 6) free distance of every sample of a group (P,) along the six directions.
 
-        Infinite where nothing outside the group lies ahead.
+        Infinite where nothing outside the group lies ahead. What a sample lies inside of already at
+        rest does not block it, as the check counts penetration beyond the rest pose's; a primitive
+        that lies inside another as a whole is caged by it.
         """
         members = np.flatnonzero(member)
         sizes = self._starts[members + 1] - self._starts[members]
@@ -87,7 +94,7 @@ class Probe:
         first, last = self._hit_starts[members], self._hit_starts[members + 1]
         hits = np.concatenate([np.arange(i, j) for i, j in zip(first, last)])
         row = self.hit_sample[hits] + np.repeat(shift, last - first)
-        use = ~member[self.hit_owner[hits]]
+        use = ~member[self.hit_owner[hits]] & ~self._interlocked[hits]
         hits, row = hits[use], row[use]
         np.minimum.at(out, (row, self.hit_direction[hits]), self.hit_distance[hits])
         return out
@@ -96,6 +103,19 @@ class Probe:
         """(n,) samples of a group (P,), in the order of `clearance`."""
         spans = [np.arange(self._starts[k], self._starts[k + 1]) for k in np.flatnonzero(member)]
         return np.concatenate(spans) if spans else np.zeros(0, dtype=np.int64)
+
+    @cached_property
+    def _interlocked(self) -> NDArray[np.bool_]:
+        """(H,) crossings of what a sample's primitive runs into, but does not lie inside of."""
+        inside = np.flatnonzero(self.hit_inside)
+        pair = self.owner[self.hit_sample[inside]] * self.count + self.hit_owner[inside]
+        # a sample that is inside meets the other with every ray
+        met = np.bincount(pair, minlength=self.count**2) / len(DIRECTIONS)
+        samples = np.bincount(self.owner, minlength=self.count)
+        caged = met.reshape(self.count, self.count) > CAGED * samples[:, None]
+        out = self.hit_inside.copy()
+        out[inside] = ~caged.reshape(-1)[pair]
+        return out
 
     @cached_property
     def _starts(self) -> IntArray:
@@ -189,8 +209,8 @@ def _sample(
 
 def _cross(
     vertices: FloatArray, faces: IntArray, labels: IntArray, points: FloatArray
-) -> tuple[IntArray, IntArray, FloatArray, IntArray]:
-    """Nearest crossing of each primitive by each sample's six rays."""
+) -> tuple[IntArray, IntArray, FloatArray, IntArray, NDArray[np.bool_]]:
+    """Nearest crossing of each primitive by each sample's six rays, and whether from inside."""
     scene = o3d.t.geometry.RaycastingScene(nthreads=1)
     scene.add_triangles(
         o3d.core.Tensor.from_numpy(vertices.astype(np.float32)),
@@ -210,5 +230,10 @@ def _cross(
     ray, distance, other = ray[order], distance[order], other[order]
     first = np.ones(len(ray), dtype=bool)
     first[1:] = (ray[1:] != ray[:-1]) | (other[1:] != other[:-1])
+    crossed = np.diff(np.append(np.flatnonzero(first), len(first)))
     ray, distance, other = ray[first], distance[first], other[first]
-    return ray // 6, ray % 6, distance, other
+    # inside a closed shell every ray crosses it an odd number of times
+    count = int(labels.max()) + 1
+    _, pair = np.unique(ray // 6 * count + other, return_inverse=True)
+    inside = np.bincount(pair, crossed % 2) >= INSIDE
+    return ray // 6, ray % 6, distance, other, inside[pair]

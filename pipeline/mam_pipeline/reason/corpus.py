@@ -32,7 +32,9 @@ LOOSE = "_l"  # ends the names of loosely modelled ones
 RESOLUTIONS = (112, 128, 160, 192, 192)  # cells along a fused example's longest side
 ROUGHNESS = (0.0, 0.0, 0.0, 0.0003, 0.001)  # of its diagonal
 COARSENESS = (0.4, 1.6)  # times the bound on the cost of a cut, for fused examples
-UNITED = 0.4  # share of authored examples whose base, or every link, is made one solid
+# share of authored examples whose base, or every link, is made one solid: the largest piece of real
+# files fills 0.75 of the object's box in the median, of generated cabinets and doors it was 0.16
+UNITED = 0.8
 SUBTYPE_OF = {"hinge": 0, "spin": 1, "slide": 2}
 
 

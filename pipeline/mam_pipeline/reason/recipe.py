@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 import zlib
+from itertools import islice
 from pathlib import Path
 
 from mam_pipeline.reason.corpus import (
@@ -35,13 +36,34 @@ MIX = (
     "abstract_opening", "abstract_clutter", "abstract_opening", "abstract_arm", "abstract_opening",
     "abstract_opening", "abstract_clutter", "abstract_arm",
 )  # fmt: skip
+# what stands in homes: large fronts, leaves and lids, which most other kinds do not have
+HOUSEHOLD = frozenset({
+    "chest_of_drawers", "cabinet_one_door", "cabinet_two_door", "cabinet_three_door",
+    "storage_mixed", "cabinet_nested_drawers", "cabinet_sliding", "sideboard", "tall_cabinet",
+    "bookcase", "wardrobe", "nightstand", "corner_cabinet", "filing_cabinet", "table_with_drawers",
+    "desk", "coffee_table", "dressing_table", "fridge", "freezer_upright", "dishwasher", "oven",
+    "microwave", "washer_front", "washer_top", "dryer", "door_lever", "door_knob", "door_double",
+    "door_sliding", "window_sash", "window_casement", "window_sliding", "safe", "box_with_lid",
+    "chest", "kitchen_run", "cooktop_oven", "tool_cabinet", "wall_locker", "secretary_desk",
+    "bed_storage", "drop_leaf_table", "medicine_cabinet", "shoe_cabinet", "garage_door",
+    "lift_doors", "skylight", "stable_door", "venetian_window", "hatch", "fence_gate", "air_fryer",
+    "bread_box", "fuse_box", "vending_machine", "server_rack", "laptop", "toilet", "box_cabinet",
+    "box_drawer", "box_door", "box_appliance", "hob", "lamp", "fan",
+})  # fmt: skip
+HOUSEHOLD_FROM = 700  # seeds of more of these begin here
 FOLDS = 3  # of the cross-fitting
 Job = tuple[str, int, bool]  # kind, seed, fused
 
 
-def jobs(split: str, world: int, abstract: int, fused: int) -> list[Job]:
-    """What a split consists of: the world's categories, abstract kinds, and both as one skin."""
+def jobs(split: str, world: int, abstract: int, fused: int, household: int = 0) -> list[Job]:
+    """What a split consists of: the world's categories, abstract kinds, and both as one skin.
+
+    Args:
+        household: how many more of the world's objects are of HOUSEHOLD kinds.
+    """
     plain: list[Job] = [(kind, seed, False) for kind, seed in iterate(split, world)]
+    more = (job for job in iterate(split, start=HOUSEHOLD_FROM) if job[0] in HOUSEHOLD)
+    plain += [(kind, seed, False) for kind, seed in islice(more, household)]
     plain += [(kind, seed, False) for kind, seed in _abstract(split, abstract)]
     skins: list[Job] = [
         (kind, seed, True) for kind, seed in iterate(split, 3 * fused // 4, start=FUSED_FROM)

@@ -320,6 +320,7 @@ def main(arguments: list[str] | None = None) -> None:
 
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=9800, help="objects of the world")
+    parser.add_argument("--household", type=int, default=5000, help="more objects of homes")
     parser.add_argument("--abstract", type=int, default=17400, help="abstract objects")
     parser.add_argument("--fused", type=int, default=5400, help="fused objects of either sort")
     parser.add_argument("--validation", type=int, default=100, help="objects of each sort")
@@ -328,7 +329,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--cache", type=Path, required=True, help="folder for examples")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "weights")
     options = parser.parse_args(arguments)
-    wanted = jobs("train", options.count, options.abstract, options.fused)
+    wanted = jobs("train", options.count, options.abstract, options.fused, options.household)
     train = gather(wanted, options.cache, options.loose)
     few = options.validation
     held = gather(jobs("validation", few, few, few), options.cache)
