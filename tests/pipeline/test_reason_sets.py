@@ -29,7 +29,7 @@ def sizes(*longest: float) -> Table:
 
 
 def measured() -> tuple[Example, np.ndarray, np.ndarray, np.ndarray]:
-    item = generated_example("abstract_case", 3)
+    item = generated_example("cabinet_two_door", 2)
     same = (item.link[item.graph.pairs[:, 0]] == item.link[item.graph.pairs[:, 1]]).astype(float)
     move = (item.subtype[item.link] >= 0).astype(float)
     same, move = 0.9 * same + 0.05, 0.9 * move + 0.05
