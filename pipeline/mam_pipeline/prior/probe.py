@@ -21,7 +21,6 @@ DIRECTIONS = np.array(
     [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=np.float64
 )
 SKIN = 5e-4  # crossings nearer than this (share of the diagonal) are the sample's own surface
-INSIDE = 6  # rays that leave a primitive for good when a sample lies inside it: all of them
 CAGED = 0.95  # share of its samples inside another, above which a primitive is caged
 NEAR = 0.04  # "right in front of": share of the diagonal
 
@@ -235,5 +234,5 @@ def _cross(
     # inside a closed shell every ray crosses it an odd number of times
     count = int(labels.max()) + 1
     _, pair = np.unique(ray // 6 * count + other, return_inverse=True)
-    inside = np.bincount(pair, crossed % 2) >= INSIDE
+    inside = np.bincount(pair, crossed % 2) == len(DIRECTIONS)
     return ray // 6, ray % 6, distance, other, inside[pair]
