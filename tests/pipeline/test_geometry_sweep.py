@@ -95,6 +95,32 @@ def test_ray_scene_answers_in_the_callers_units() -> None:
     assert not np.isfinite(empty.distance(np.zeros((2, 3)))).any()
 
 
+def test_a_point_is_enclosed_by_closed_shells_only() -> None:
+    mesh, _ = boxes(((0, 0, 0), (1, 1, 1)), ((3, 0, 0), (4, 1, 1)))
+    points = np.array([[0.3, 0.4, 0.6], [3.9, 0.1, 0.2], [2.0, 0.5, 0.5], [0.5, 0.5, 1.5]])
+    scene = RayScene(mesh.vertices, mesh.faces)
+    assert scene.encloses(points).tolist() == [True, True, False, False]
+    lidless = RayScene(mesh.vertices, mesh.faces[2:])  # no floor
+    assert lidless.encloses(points).tolist() == [False, True, False, False]
+    assert not RayScene(mesh.vertices, mesh.faces[:0]).encloses(points).any()
+
+
+def test_bodies_that_run_into_each_other_at_rest_block_only_what_comes_after() -> None:
+    """A drawer whose sides are sunk in the boards beside it comes out, and is stopped going in."""
+    mesh, owner = boxes(
+        ((0, 0, 0), (1, 0.1, 1)), ((0, 0.9, 0), (1, 1, 1)), ((1.1, 0, 0), (1.2, 1, 1)),
+        ((0, 0.08, 0.2), (1, 0.92, 0.8)),
+    )  # fmt: skip
+    scene = SweepScene(mesh, *split(owner, 3))
+    out = scene.sweep("prismatic", (-1, 0, 0), (0, 0, 0), np.array([0.5, 1.0]))
+    inwards = scene.sweep("prismatic", (1, 0, 0), (0, 0, 0), np.array([0.05, 0.5]))
+    assert out.blocked.max() < 0.01
+    assert inwards.blocked[0] < 0.01 and inwards.blocked[1] > 0.2
+    caged, whole = boxes(((0, 0, 0), (1, 1, 1)), ((0.2, 0.2, 0.2), (0.8, 0.8, 0.8)))
+    held = SweepScene(caged, *split(whole, 1))
+    assert held.sweep("prismatic", (1, 0, 0), (0, 0, 0), np.array([1.0])).blocked[0] > 0.5
+
+
 def test_a_door_swings_out_but_not_in() -> None:
     mesh, owner = cabinet()
     scene = SweepScene(mesh, *split(owner, 5))

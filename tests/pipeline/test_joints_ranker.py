@@ -81,6 +81,21 @@ def test_a_renamed_feature_is_an_error() -> None:
         ranker.unpack(data)
 
 
+def test_skins_ask_the_boosters_that_know_them() -> None:
+    file = resources.files("mam_pipeline.joints") / ranker.WEIGHTS
+    data = json.loads(gzip.decompress(file.read_bytes()))
+    every, few = ranker.learned(), ranker.learned(skin=True)
+    assert every is not None and few is not None
+    count = data["of_skins"]["boosters"]
+    assert len(few.line.boosters) == count < len(every.line.boosters) == len(data["line"])
+    assert few.line_temperature == data["of_skins"]["line_temperature"] != every.line_temperature
+    row = np.random.default_rng(0).normal(size=(1, few.line.num_feature()))
+    each = [b.predict(row)[0] for b in few.line.boosters]
+    assert few.line.predict(row)[0] == pytest.approx(np.mean(each))
+    del data["of_skins"]
+    assert len(ranker.unpack(data, skin=True).line.boosters) == len(data["line"])
+
+
 def test_names_used_by_the_model_exist() -> None:
     known = {*LINE_NAMES, *SLIDE_NAMES}
     assert {*ranker._LEAST, *ranker._MOST} <= known

@@ -14,7 +14,7 @@ from mam_pipeline.reason.features import Table, table
 from mam_pipeline.reason.group_features import group_features, joined
 from mam_pipeline.reason.groups import enumerate_groups, expand_groups
 from mam_pipeline.reason.scores import RuleScores, load_scores
-from mam_pipeline.reason.select import completed
+from mam_pipeline.reason.select import LEAST_BASE, completed
 from mam_pipeline.reason.tree import Choice, build_tree, left_out_note
 from mam_pipeline.types import KinematicTree, PartNode
 
@@ -116,7 +116,8 @@ def test_an_example_knows_how_well_its_primitives_hold_the_parts() -> None:
 def test_what_was_left_of_a_part_joins_it_and_what_the_base_holds_more_does_not() -> None:
     item, *_ = measured()
     pairs = np.array([[0, 1], [0, 2], [2, 3], [1, 4]])
-    graph = replace(item.graph, pairs=pairs)
+    count = item.graph.count
+    graph = replace(item.graph, pairs=pairs, area=np.full(count, 1 / count))
     move = np.full(graph.count, 0.1)
     move[[0, 1, 2]] = 0.9
     part = np.arange(graph.count)[None] == 0
@@ -128,6 +129,10 @@ def test_what_was_left_of_a_part_joins_it_and_what_the_base_holds_more_does_not(
     assert np.flatnonzero(found[0]).tolist() == [0, 1, 2]
     found = completed(graph, part, np.array([0.2, 0.6, 0.5, 0.1]), move)
     assert np.flatnonzero(found[0]).tolist() == [0, 2]  # 1 is bound too weakly
+    share = np.where(np.arange(count) == 0, 0.9, 0.01 / (count - 2))
+    share[2] = 0.09  # 0.01 would be left of the base without it
+    found = completed(replace(graph, area=share), part, np.array([0.4, 0.6, 0.5, 0.1]), move)
+    assert np.flatnonzero(found[0]).tolist() == [0, 1]
 
 
 def test_parts_that_leave_nothing_give_the_largest_to_the_base() -> None:
@@ -140,6 +145,11 @@ def test_parts_that_leave_nothing_give_the_largest_to_the_base() -> None:
     assert [n.primitives for n in tree.nodes] == [(0,), rest, (1,)]
     some = build_tree(graph, parts, replace(choice, chosen=(0, 2)))
     assert [n.primitives for n in some.nodes] == [(0,), rest, (1,)]
+    last = int(every[-1])
+    assert graph.area[last] < LEAST_BASE  # a knob alone is no base
+    parts[0, last] = False
+    knob = build_tree(graph, parts, choice)
+    assert [n.primitives for n in knob.nodes] == [(0, last), rest[:-1], (1,)]
 
 
 def test_equal_parts_that_leave_nothing_each_leave_their_largest_piece() -> None:

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from mam_pipeline.types import FloatArray, IntArray
 
 _tensor: Any = o3d.core.Tensor  # its stubs know no NumPy
+# six directions at right angles, askew, so that they pass few edges
+_AROUND = np.array([[6, 2, 3], [-3, 6, 2], [-2, -3, 6], [-6, -2, -3], [3, -6, -2], [2, 3, -6]]) / 7
 _THREADS = 1  # runs are parallel over processes; one thread each is the fastest in total
 
 
@@ -91,6 +93,21 @@ class RayScene:
         query = ((points - self._center) / self._unit).astype(np.float32)
         found = self._scene.compute_signed_distance(_tensor(query), nthreads=_THREADS, nsamples=3)
         return found.numpy().astype(np.float64) * self._unit
+
+    def encloses(self, points: FloatArray) -> NDArray[np.bool_]:
+        """Mask (n,) of points inside closed shells: crossed an odd number of times by every ray.
+
+        Points in the opening of an open surface, or between sheets, are not.
+        """
+        n = len(points)
+        if self.empty or n == 0:
+            return np.zeros(n, dtype=np.bool_)
+        rays = np.empty((n, len(_AROUND), 6), dtype=np.float32)
+        rays[:, :, :3] = ((points - self._center) / self._unit)[:, None]
+        rays[:, :, 3:] = _AROUND
+        flat = _tensor(rays.reshape(-1, 6))
+        crossed = self._scene.count_intersections(flat, nthreads=_THREADS).numpy()
+        return np.asarray((crossed.reshape(n, -1) % 2 == 1).all(axis=1), dtype=np.bool_)
 
     def closest(self, points: FloatArray) -> Closest:
         """Closest points on the triangles (not on vertices) of queries (n, 3)."""

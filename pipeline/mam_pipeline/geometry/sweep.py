@@ -4,7 +4,8 @@ Real meshes are soups of sheets, so no inside and outside exists. Instead rays f
 of surface samples: a sample is blocked once its path has crossed a static triangle and gone on
 behind it; the reverse (static samples against the part) finds thin things that the part's samples
 pass by. Everything counts relative to the rest pose: a crossing at the very start is a surface in
-contact, and then only motion *into* it counts. Lengths are relative to the object's diagonal.
+contact, and then only motion *into* it counts; what of one body lies inside a closed shell of the
+other at rest blocks nothing. Lengths are relative to the object's diagonal.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ START = 0.0025  # path before which a crossing is a contact at rest, of the diag
 COINCIDENT = 0.0002  # closer than this, two surfaces are one, of the diagonal
 CHORD = np.deg2rad(6.0)  # longest arc replaced by its chord: 0.14 % of the radius off
 _BATCH = 24  # lines swept at once
+CAGED = 0.95  # share of a body's samples inside another, above which it is caged by it
 DEEP = 0.004  # depth behind a crossed surface that counts as blocked, of the diagonal
 
 
@@ -100,6 +102,13 @@ def _cross_matrices(axes: FloatArray) -> FloatArray:
     for i, j, k, sign in ((0, 1, 2, -1), (0, 2, 1, 1), (1, 2, 0, -1)):
         out[:, i, j], out[:, j, i] = sign * axes[:, k], -sign * axes[:, k]
     return out
+
+
+def _overlap(scene: RayScene, points: FloatArray) -> IntArray:
+    """Those of the samples (n, 3) of one body that lie inside the other; none of a body that is
+    caged by the other as a whole."""
+    inside = np.flatnonzero(scene.encloses(points))
+    return inside if len(inside) <= CAGED * len(points) else inside[:0]
 
 
 def _circles(
@@ -181,6 +190,10 @@ class SweepScene:
         self.area = max(dense.area, 1e-300)
         self._sample_static(v, static, static_samples, margin, seed)
         self._rest_contact()
+        # Grazing samples are judged by the direction of their contact; what bodies that run into
+        # each other share at rest blocks neither.
+        self._silent = np.union1d(self._grazing, _overlap(self.static_scene, self.points))
+        self._static_silent = _overlap(self.part_scene, self.static_points)
 
     def _sample_static(
         self, v: FloatArray, static: IntArray, count: int, margin: float, seed: int
@@ -266,12 +279,13 @@ class SweepScene:
         path = motion_points(motion, a, o, q, self.points)
         back = motion_points(motion, a, o, -q, self.static_points)
         depth = self._crossings(path, self.static_scene, index)
-        depth[:, self._grazing] = 0.0  # these are judged by the direction of their contact below
+        depth[:, self._silent] = 0.0
         if len(self._touch):
             moved = path[index + 1][:, self._touch] - path[:1, self._touch]
             pushed = np.einsum("nsk,sk->ns", moved, self._into)
             depth[:, self._touch] = np.maximum(depth[:, self._touch], pushed)
         other = self._crossings(back, self.part_scene, index)
+        other[:, self._static_silent] = 0.0
         depth, other = (np.maximum.accumulate(d, axis=0) for d in (depth, other))
         deep = DEEP * self.diagonal
         blocked = (depth > deep).sum(axis=1) / max(len(self.points), 1)
@@ -322,7 +336,7 @@ class SweepScene:
         steps, mine, theirs = len(path), len(self.points), len(self.static_points)
         flat = path.reshape(steps, count * mine, 3)
         depth = self._crossings(flat, self.static_scene, index).reshape(len(index), count, mine)
-        depth[:, :, self._grazing] = 0.0
+        depth[:, :, self._silent] = 0.0
         if len(self._touch):
             moved = path[index + 1][:, :, self._touch] - self.points[self._touch]
             pushed = np.einsum("nlsk,sk->nls", moved, self._into)
@@ -331,6 +345,7 @@ class SweepScene:
         deep = DEEP * self.diagonal
         hit = np.logical_or.accumulate(depth > deep, axis=0).sum(axis=2) / max(mine, 1)
         other = other.reshape(len(index), count, theirs)  # there may be none of theirs
+        other[:, :, self._static_silent] = 0.0
         other_hit = np.logical_or.accumulate(other > deep, axis=0)
         return np.minimum(hit + other_hit.sum(axis=2) * self._static_weight, 1.0).T
 

@@ -38,6 +38,7 @@ def rank_hypotheses(
     seed: int = 0,
     top: int = 12,
     rules: bool = False,
+    skin: bool = False,
 ) -> list[JointCandidate]:
     """Rank how a part may move against what stands still.
 
@@ -50,6 +51,7 @@ def rank_hypotheses(
             like fronts, leaves that overlap and what covers what tell of the type.
         top: how many candidates to return; the fixed one is always among them.
         rules: use the hand-set scores instead of the learned model.
+        skin: whether the mesh is one skin, of which a model of its own knows more.
 
     Returns:
         Candidates of every subtype, most probable first. `score` is the log probability;
@@ -69,18 +71,18 @@ def rank_hypotheses(
     parts = [part_features(c) for c in contexts]
     hypotheses = enumerate_hypotheses(contexts[0])
     views = [hypotheses, *(remeasured(c, hypotheses) for c in contexts[1:])]
-    ranking = agreed(views, [rank(p, v, rules=rules) for p, v in zip(parts, views)])
+    ranking = agreed(views, [rank(p, v, rules=rules, skin=skin) for p, v in zip(parts, views)])
     context, part = contexts[0], parts[0]
     lines = [h for h in hypotheses if h.revolute]
     slides = [h for h in hypotheses if not h.revolute]
     p_fixed, p_slide, p_turn = (float(p) for p in ranking.kind)
     out = [
-        _candidate(h, float(p), p_turn, float(s), part)
+        _candidate(h, float(p), p_turn, float(s), part, skin)
         for h, p, s in zip(
             lines, settle(lines, ranking.line, context.diagonal), ranking.line_side
         )
     ] + [
-        _candidate(h, float(p), p_slide, float(s), part)
+        _candidate(h, float(p), p_slide, float(s), part, skin)
         for h, p, s in zip(slides, ranking.slide, ranking.slide_side)
     ]
     out.sort(key=lambda c: -c.score)
@@ -102,14 +104,14 @@ def kind_probabilities(candidates: list[JointCandidate]) -> dict[str, float]:
 
 
 def _candidate(
-    h: Hypothesis, within: float, kind: float, side: float, part: FloatArray
+    h: Hypothesis, within: float, kind: float, side: float, part: FloatArray, skin: bool
 ) -> JointCandidate:
     subtype: JointSubtype = "slide" if not h.revolute else "spin" if h.spin else "hinge"
     p = within * kind
     evidence = {
         "probability": p, "kind_probability": kind, "within_kind": within, "open_sure": h.sure,
     }  # fmt: skip
-    reach = usual_reach(part, h) if within > 0.02 else None
+    reach = usual_reach(part, h, skin) if within > 0.02 else None
     if reach is not None:
         evidence.update(usual_open=reach.open, usual_back=reach.back, endless=reach.endless)
     return JointCandidate(subtype, side * h.axis, h.origin, float(np.log(p + 1e-12)), evidence)

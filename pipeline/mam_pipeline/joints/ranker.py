@@ -161,9 +161,12 @@ class Model:
     endless: Any
 
 
-@lru_cache(maxsize=1)
-def learned() -> Model | None:
+@lru_cache(maxsize=2)
+def learned(skin: bool = False) -> Model | None:
     """The packaged model, or None when the package was built without weights.
+
+    Args:
+        skin: the one for parts of one skin.
 
     Raises:
         ConfigError: the weights were made for other features than the code computes.
@@ -171,11 +174,15 @@ def learned() -> Model | None:
     file = resources.files("mam_pipeline.joints") / WEIGHTS
     if not file.is_file():
         return None
-    return unpack(json.loads(gzip.decompress(file.read_bytes())))
+    return unpack(json.loads(gzip.decompress(file.read_bytes())), skin)
 
 
-def unpack(data: dict[str, Any]) -> Model:
+def unpack(data: dict[str, Any], skin: bool = False) -> Model:
     """A model from plain data, as `train_ranker` packs it.
+
+    Args:
+        skin: with what `of_skins` sets, if it is there: how many of the first `boosters` of every
+            bag are asked, and their temperatures.
 
     Raises:
         ConfigError: the weights were made for other features than the code computes.
@@ -190,10 +197,12 @@ def unpack(data: dict[str, Any]) -> Model:
                 "train again: python -m mam_pipeline.joints.train_ranker"
             )
     values: dict[str, Any] = {}
+    own = data.get("of_skins", {}) if skin else {}
     for field in fields(Model):
-        value = data[field.name]
+        value = own.get(field.name, data[field.name])
         if isinstance(value, list):
-            value = Bag([lightgbm.Booster(model_str=text) for text in value])
+            texts = value[: own.get("boosters")]
+            value = Bag([lightgbm.Booster(model_str=text) for text in texts])
         values[field.name] = value
     return Model(**values)
 
@@ -222,12 +231,14 @@ def softmax(scores: FloatArray, temperature: float = 1.0) -> FloatArray:
     return np.asarray(z / z.sum())
 
 
-def rank(part: FloatArray, hypotheses: Sequence[Hypothesis], *, rules: bool = False) -> Ranking:
-    """Rank one part's hypotheses with the learned model, or with the rules if asked for."""
+def rank(
+    part: FloatArray, hypotheses: Sequence[Hypothesis], *, rules: bool = False, skin: bool = False
+) -> Ranking:
+    """Rank one part's hypotheses with the learned model (of skins), or with the rules if asked."""
     lines = np.array([h.features for h in hypotheses if h.revolute]).reshape(-1, len(LINE_NAMES))
     ways = np.array([h.features for h in hypotheses if not h.revolute])
     ways = ways.reshape(-1, len(SLIDE_NAMES))
-    model = None if rules else learned()
+    model = None if rules else learned(skin)
     if model is None:
         a, b = rule_line_scores(lines), rule_slide_scores(ways)
         return Ranking(rule_kind(part, a, b), softmax(a, 0.15), softmax(b, 0.15),
@@ -337,9 +348,9 @@ class Reach:
     endless: float
 
 
-def usual_reach(part: FloatArray, hypothesis: Hypothesis) -> Reach | None:
+def usual_reach(part: FloatArray, hypothesis: Hypothesis, skin: bool = False) -> Reach | None:
     """Typical travel of a joint, or None without a learned model."""
-    model = learned()
+    model = learned(skin)
     if model is None:
         return None
     row = np.concatenate([hypothesis.features, part])[None]

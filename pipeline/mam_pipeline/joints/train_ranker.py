@@ -2,10 +2,11 @@
 
     python -m mam_pipeline.joints.train_ranker --cache FOLDER
 
-Measures the features of `--objects` objects of the training split, and of `--fused` more as one
-skin (of the validation split a tenth as many, categories included that are never trained on), fits
-small boosted trees, sets the temperatures on the validation split, prints its figures and writes
-the packaged weights.
+Measures the features of `--objects` objects of the training split, of `--household` more of kinds
+that stand in homes, a share of them modelled loosely (`--loose`), and of `--fused` more as one skin
+(of the validation split a tenth as many, categories included that are never trained on), fits small
+boosted trees, sets the temperatures on the validation split, prints its figures and writes the
+packaged weights.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ from scipy.optimize import minimize_scalar
 from mam_pipeline.joints.features import LINE_NAMES, PART_NAMES, SLIDE_NAMES
 from mam_pipeline.joints.ranker import WEIGHTS, Bag, kind_features, model_rows, softmax
 from mam_pipeline.joints.training_data import Example, cached_examples
-from mam_pipeline.reason.recipe import jobs
+from mam_pipeline.reason.recipe import jobs, loose
+from mam_pipeline.reason.train import lean
 from mam_pipeline.types import FloatArray
 
 COMMON = {"verbosity": -1, "num_threads": 1, "seed": 0, "deterministic": True,
@@ -179,8 +181,8 @@ def _binary_temperature(booster: Bag, x: FloatArray, y: FloatArray) -> float:
 
 
 def _texts(bag: Bag | None) -> list[str] | None:
-    """The boosters of a bag in LightGBM's text format."""
-    return None if bag is None else [b.model_to_string() for b in bag.boosters]
+    """The boosters of a bag in LightGBM's text format, without what only tells their history."""
+    return None if bag is None else [lean(b.model_to_string()) for b in bag.boosters]
 
 
 def fit(train: Sequence[Example], check: Sequence[Example]) -> dict[str, Any]:
@@ -224,7 +226,7 @@ def report(data: Sequence[Example]) -> dict[str, float]:
         hit.setdefault(key, []).append(float(value))
 
     for e in data:
-        ranking = rank(e.part, e.hypotheses)
+        ranking = rank(e.part, e.hypotheses, skin=e.fused)
         note("kind incl. fixed", int(np.argmax(ranking.kind)) == e.kind)
         if e.kind == 0:
             continue
@@ -243,13 +245,16 @@ def report(data: Sequence[Example]) -> dict[str, float]:
     return {k: round(float(np.mean(v)), 3) for k, v in sorted(hit.items())} | {"parts": len(data)}
 
 
-def collect(split: str, count: int, fused: int, cache: Path) -> list[Example]:
-    """Examples of `count` objects of a split, a quarter of abstract kinds, and of `fused` skins."""
+def collect(
+    split: str, count: int, household: int, fused: int, cache: Path, share: float
+) -> list[Example]:
+    """Examples of `count` objects of a split, a quarter of abstract kinds, of `household` more of
+    kinds of homes, and of `fused` skins; a `share` of those that are no skins is loose."""
     out: list[Example] = []
-    wanted = jobs(split, count - count // 4, count // 4, fused)
+    wanted = jobs(split, count - count // 4, count // 4, fused, household)
     for n, (kind, seed, skin) in enumerate(wanted):
         try:
-            out += cached_examples(kind, seed, skin, cache)
+            out += cached_examples(kind, seed, skin, cache, loose(kind, seed, skin, share))
         except Exception as error:  # one bad object must not end an hour of work
             print(f"skipped {kind} {seed}: {error!r}", file=sys.stderr)
         if n % 50 == 0:
@@ -260,14 +265,19 @@ def collect(split: str, count: int, fused: int, cache: Path) -> list[Example]:
 def main(argv: Sequence[str] | None = None) -> None:
     """Command line; see the module's text."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
-    parser.add_argument("--objects", type=int, default=9000)
-    parser.add_argument("--fused", type=int, default=2000)
+    parser.add_argument("--objects", type=int, default=5200)
+    parser.add_argument("--household", type=int, default=2100, help="more objects of homes")
+    parser.add_argument("--fused", type=int, default=700)
+    parser.add_argument("--loose", type=float, default=0.5, help="share modelled loosely")
     parser.add_argument("--cache", type=Path, required=True)
     parser.add_argument("--out", type=Path, default=Path(__file__).with_name(WEIGHTS))
     args = parser.parse_args(argv)
     warnings.filterwarnings("ignore")
-    train = collect("train", args.objects, args.fused, args.cache)
-    check = collect("validation", args.objects // 10, args.fused // 10, args.cache)
+    train, check = (
+        collect(split, args.objects // part, args.household // part, args.fused // part,
+                args.cache, args.loose)
+        for split, part in (("train", 1), ("validation", 10))
+    )  # fmt: skip
     packed = fit(train, check)
     args.out.write_bytes(gzip.compress(json.dumps(packed).encode(), mtime=0))
     from mam_pipeline.joints import ranker

@@ -277,15 +277,16 @@ def _still_pieces(
     yield from found
 
 
-def make_examples(kind: str, seed: int, fused: bool) -> list[Example]:
+def make_examples(kind: str, seed: int, fused: bool, loose: bool = False) -> list[Example]:
     """Examples of one generated object: a category of the world or an abstract kind.
 
-    Of one skin a reasoner can take only whole primitives, so these are the parts there.
+    Of one skin a reasoner can take only whole primitives, so these are the parts there. `loose`:
+    see `mam_pipeline.reason.loosening`.
     """
-    truth, primitives = as_met(kind, seed, fused)
+    truth, primitives = as_met(kind, seed, fused, loose)
     if fused:
         truth = of_whole_primitives(truth, primitives.labels)
-    name = object_name(kind, seed, fused)
+    name = object_name(kind, seed, fused, loose)
     return list(examples(truth, primitives.labels, name, kind, seed, fused=fused))
 
 
@@ -297,12 +298,14 @@ def of_whole_primitives(truth: Articulation, labels: IntArray) -> Articulation:
     return relabelled(truth, inside.argmax(axis=1)[labels])
 
 
-def cached_examples(kind: str, seed: int, fused: bool, cache: Path) -> list[Example]:
+def cached_examples(
+    kind: str, seed: int, fused: bool, cache: Path, loose: bool = False
+) -> list[Example]:
     """Examples of one generated object, kept in a cache folder."""
-    file = cache / f"{object_name(kind, seed, fused)}.pkl"
+    file = cache / f"{object_name(kind, seed, fused, loose)}.pkl"
     if file.is_file():
         return list(pickle.loads(file.read_bytes()))
-    found = make_examples(kind, seed, fused)
+    found = make_examples(kind, seed, fused, loose)
     cache.mkdir(parents=True, exist_ok=True)
     temporary = file.with_suffix(".part")
     temporary.write_bytes(pickle.dumps(found))

@@ -15,13 +15,13 @@ import open3d as o3d
 from numpy.typing import NDArray
 
 from mam_pipeline.geometry.sampling import face_geometry
+from mam_pipeline.geometry.sweep import CAGED
 from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives
 
 DIRECTIONS = np.array(
     [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=np.float64
 )
 SKIN = 5e-4  # crossings nearer than this (share of the diagonal) are the sample's own surface
-CAGED = 0.95  # share of its samples inside another, above which a primitive is caged
 NEAR = 0.04  # "right in front of": share of the diagonal
 
 

@@ -134,7 +134,7 @@ def as_met(
     """A generated object with its truth, and its primitives; as one skin if `fused`.
 
     The skin's resolution and roughness are drawn. Of `loose` ones (`loosened`) the links and types
-    hold, but not where the joints lie.
+    hold, and the joints lie about where they should.
     """
     made = generated(kind, seed, solids=not fused)
     truth = (loosened(made, generator(kind, seed, stream=6)) if loose else made).truth()

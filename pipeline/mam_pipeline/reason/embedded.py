@@ -24,7 +24,7 @@ from mam_pipeline.reason.groups import Masks, enumerate_groups, expand_groups
 from mam_pipeline.reason.joint_view import with_joints
 from mam_pipeline.reason.network import Reading, log_odds
 from mam_pipeline.reason.scores import Scores, load_scores
-from mam_pipeline.reason.select import completed
+from mam_pipeline.reason.select import LEAST_BASE, completed
 from mam_pipeline.reason.tree import Choice, build_tree, named
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import FloatArray, KinematicTree, Mesh, Primitives
@@ -62,7 +62,7 @@ class EmbeddedReasoner:
         scores = self.scores or load_scores("fused" if skin else "authored")
         masks, choice = decide(views, scores)
         tree = build_tree(views[0].graph, masks, choice)
-        return named(views[0].graph, with_joints(tree, mesh, primitives, seed))
+        return named(views[0].graph, with_joints(tree, mesh, primitives, seed, skin))
 
 
 @dataclass(frozen=True)
@@ -118,6 +118,7 @@ def decide(views: Sequence[View], scores: Scores) -> tuple[Masks, Choice]:
         value = _mean([scores.value(t) for t in tables])
     value = _mean([scores.revise(with_rivals(t, masks, value)) for t in tables])
     odds = _mean([scores.subtype(t) for t in tables])
+    value = np.where(masks @ graph.area > 1.0 - LEAST_BASE, 0.0, value)  # something stays
     confidence = scores.confidence(value)
     chosen: list[int] = []
     left: list[int] = []

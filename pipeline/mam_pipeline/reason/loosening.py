@@ -1,9 +1,9 @@
 """Generated objects made as loosely as many real files are modelled, for the reasoner's training.
 
 Primitives of real files are told from generated ones by a classifier with an AUC of 0.97: their
-pieces run into each other, fill less of their box, are thicker, or are missing. Joints are no
-longer exact afterwards: such objects teach which pieces belong together and what kind of motion a
-part has, never where a joint lies.
+pieces run into each other, fill less of their box, are thicker, or are missing. Joints follow their
+links when these are stretched and moved, but are no longer exact: a leaf that grew thicker may have
+its line inside. Limits are those of before.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mam_pipeline.types import FloatArray
+from mam_pipeline.geometry.sampling import unit
+from mam_pipeline.types import FloatArray, Joint
 from mam_pipeline.world.object import WorldObject
 from mam_pipeline.world.static import Soup
 
@@ -27,13 +28,16 @@ SMALLEST = 1e-5  # metres: thinner pieces are measured as if they had this thick
 def loosened(made: WorldObject, rng: np.random.Generator) -> WorldObject:
     """Stretched, with thicker panels, pieces grown into each other, sunk links and lost pieces.
 
+    The joints are stretched and moved with their links.
+
     Every fault comes to some objects only, in a strength that they share. Every link keeps a piece.
     """
     soup = made.soup
     strength = float(rng.choice(STRENGTHS))
-    points = soup.vertices
+    stretch: FloatArray = np.ones(3)
     if rng.random() < OFTEN:
-        points = points * np.exp(rng.uniform(-STRETCH, STRETCH, 3) * strength)
+        stretch = np.exp(rng.uniform(-STRETCH, STRETCH, 3) * strength)
+    points = soup.vertices * stretch
     unit = strength * float(np.linalg.norm(np.ptp(points, axis=0)))
     owner = np.zeros(len(points), dtype=int)
     owner[soup.faces] = soup.face_piece[:, None]
@@ -46,17 +50,31 @@ def loosened(made: WorldObject, rng: np.random.Generator) -> WorldObject:
         hit = rng.random(len(extent)) < 0.4
         more = rng.uniform(0, GROWN, extent.shape) * unit * hit[:, None]
         scale *= 1 + np.minimum(more / extent, 0.3)
+    sunk = np.zeros((len(made.articulation.links), 3))
     if rng.random() < OFTEN:
         for link in range(1, soup.piece_link.max() + 1):
             if rng.random() < OFTEN:
                 step = np.clip(rng.normal() * SUNK * unit, *np.array([-1, 1]) * FARTHEST * unit)
-                shift[soup.piece_link == link, rng.integers(3)] += step
+                axis = rng.integers(3)
+                shift[soup.piece_link == link, axis] += step
+                sunk[link, axis] += step
     points = middle[owner] + (points - middle[owner]) * scale[owner] + shift[owner]
-    points[:, 2] -= points[:, 2].min()
+    floor = points[:, 2].min()
+    points[:, 2] -= floor
     soup = replace(soup, vertices=points)
     if rng.random() < OFTEN / 2:
         soup = _with_lost_pieces(soup, rng)
-    return replace(made, soup=soup)
+    sunk[:, 2] -= floor
+    joints = tuple(_moved(j, stretch, sunk[j.child]) for j in made.articulation.joints)
+    return replace(made, soup=soup, articulation=replace(made.articulation, joints=joints))
+
+
+def _moved(joint: Joint, stretch: FloatArray, shift: FloatArray) -> Joint:
+    """A joint of a stretched and shifted link."""
+    along = joint.axis * stretch
+    ratio = float(np.linalg.norm(along)) if joint.type == "prismatic" else 1.0
+    way = {k: getattr(joint, k) * ratio for k in ("lower", "upper", "closed", "open")}
+    return replace(joint, axis=unit(along), origin=joint.origin * stretch + shift, **way)
 
 
 def _boxes(points: FloatArray, owner: np.ndarray, count: int) -> tuple[FloatArray, FloatArray]:
@@ -89,7 +107,7 @@ def _with_lost_pieces(soup: Soup, rng: np.random.Generator) -> Soup:
     """Without one piece in ten; a link that would lose all of them keeps one."""
     keep = rng.random(len(soup.piece_link)) > 0.1
     for link in np.unique(soup.piece_link):
-        own = np.flatnonzero(soup.piece_link == link)
-        if not keep[own].any():
+        own = np.unique(soup.face_piece[soup.face_link == link])
+        if len(own) and not keep[own].any():
             keep[own[0]] = True
     return soup.keep(keep[soup.face_piece])

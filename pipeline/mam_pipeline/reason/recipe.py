@@ -77,15 +77,20 @@ def _abstract(split: str, number: int) -> list[tuple[str, int]]:
     return [(MIX[n % len(MIX)], first + n) for n in range(number)]
 
 
-def gather(wanted: list[Job], cache: Path, loose: float = 0.0) -> list[Path]:
+def loose(kind: str, seed: int, fused: bool, share: float) -> bool:
+    """Whether an object is of the `share` of those that are not fused that is modelled loosely."""
+    return not fused and bool(generator(kind, seed, stream=5).random() < share)
+
+
+def gather(wanted: list[Job], cache: Path, share: float = 0.0) -> list[Path]:
     """Make the examples, or find them in the cache; an object that fails is skipped.
 
     Args:
-        loose: share of the objects that are not fused that are modelled loosely.
+        share: of the objects that are not fused that are modelled loosely.
     """
     out, started = [], time.time()
     for kind, seed, fused in wanted:
-        slack = not fused and generator(kind, seed, stream=5).random() < loose
+        slack = loose(kind, seed, fused, share)
         path = cache / f"{object_name(kind, seed, fused, slack)}.ex"
         if not path.exists():
             try:

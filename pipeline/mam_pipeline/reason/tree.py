@@ -9,6 +9,7 @@ import numpy as np
 from mam_pipeline.joints.fittings import FITTING, moves_if_above
 from mam_pipeline.reason.graph import Graph
 from mam_pipeline.reason.groups import Masks
+from mam_pipeline.reason.select import LEAST_BASE
 from mam_pipeline.types import FloatArray, JointSubtype, KinematicTree, PartNode
 
 SUBTYPES: tuple[JointSubtype, ...] = ("hinge", "spin", "slide")
@@ -105,13 +106,14 @@ def left_out_note(tree: KinematicTree) -> str:
 
 
 def _with_base(graph: Graph, masks: Masks, choice: Choice) -> tuple[Masks, Choice]:
-    """Something must stay: what it is where the parts leave nothing.
+    """Something must stay: what it is where the parts leave less than LEAST_BASE.
 
     Of parts that are alike each leaves its largest primitive, against which the rest of it moves;
     else the part with the most surface stays.
     """
     chosen = list(choice.chosen)
-    if not chosen or not masks[chosen].any(axis=0).all():
+    left = graph.area[~masks[chosen].any(axis=0)].sum()
+    if not chosen or left >= LEAST_BASE:
         return masks, choice
     area = [float(graph.area[masks[c]].sum()) for c in chosen]
     if len(chosen) > 1 and min(area) > ALIKE * max(area) and (masks[chosen].sum(axis=1) > 1).all():
