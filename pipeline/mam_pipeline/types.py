@@ -136,6 +136,25 @@ class Primitives:
         """Number of primitives."""
         return int(self.labels.max()) + 1 if len(self.labels) else 0
 
+    @property
+    def one_skin(self) -> bool:
+        """See `cut_from_one_skin`."""
+        return cut_from_one_skin(self.merges, self.count)
+
+
+ONE_SKIN = 0.8  # share of the cuts that undo merges: above it a mesh is fused
+
+
+def cut_from_one_skin(merges: IntArray | None, count: int) -> bool:
+    """Whether (nearly) all primitives were cut out of one surface: generated and scanned ones.
+
+    What separates parts there is the cuts' creases, not gaps: other weights judge such objects.
+
+    Args:
+        merges: (M, 2) as in `Primitives`. count: of primitives.
+    """
+    return merges is not None and len(merges) > ONE_SKIN * max(count - 1, 1)
+
 
 @dataclass(frozen=True)
 class JointCandidate:

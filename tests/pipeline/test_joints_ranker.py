@@ -86,8 +86,10 @@ def test_skins_ask_the_boosters_that_know_them() -> None:
     data = json.loads(gzip.decompress(file.read_bytes()))
     every, few = ranker.learned(), ranker.learned(skin=True)
     assert every is not None and few is not None
-    count = data["of_skins"]["boosters"]
-    assert len(few.line.boosters) == count < len(every.line.boosters) == len(data["line"])
+    for bag in ("line", "line_open"):
+        asked, there = getattr(few, bag).boosters, getattr(every, bag).boosters
+        assert len(asked) == round(data["of_skins"]["share"] * len(data[bag]))
+        assert 0 < len(asked) < len(there) == len(data[bag])
     assert few.line_temperature == data["of_skins"]["line_temperature"] != every.line_temperature
     row = np.random.default_rng(0).normal(size=(1, few.line.num_feature()))
     each = [b.predict(row)[0] for b in few.line.boosters]

@@ -12,11 +12,18 @@ from scipy.spatial.transform import Rotation
 
 from mam_pipeline import backends
 from mam_pipeline.geometry.boxes import angle_between
+from mam_pipeline.geometry.frames import estimate_frame
 from mam_pipeline.geometry.sweep import SweepScene
 from mam_pipeline.joints.blockers import take_along
 from mam_pipeline.joints.candidates import kind_probabilities, rank_hypotheses
 from mam_pipeline.joints.limits import Surroundings, embedded_limits, paper_limits
-from mam_pipeline.joints.solver import EmbeddedSolver, agreement, topological_order
+from mam_pipeline.joints.solver import (
+    EmbeddedSolver,
+    agreement,
+    choose_candidates,
+    faces_around,
+    topological_order,
+)
 from mam_pipeline.joints.straight import straightened
 from mam_pipeline.types import (
     Articulation,
@@ -26,6 +33,7 @@ from mam_pipeline.types import (
     JointCandidate,
     JointSubtype,
     KinematicTree,
+    Link,
     Mesh,
     PartNode,
     Primitives,
@@ -316,6 +324,23 @@ def test_slides_end_where_contact_is_lost() -> None:
     scene = SweepScene(mesh, np.flatnonzero(owner == 1), np.flatnonzero(owner == 0))
     found = paper_limits(scene, "slide", np.array([-1.0, 0, 0]), np.zeros(3))
     assert found.upper == pytest.approx(0.3, abs=0.04)
+
+
+@pytest.mark.parametrize("skin", [False, True])
+def test_parts_that_a_person_named_are_judged_as_skins_where_they_are(skin: bool) -> None:
+    mesh, owner = door_cabinet()
+    links = tuple(Link(n, n, np.flatnonzero(owner == k)) for k, n in enumerate(("base", "door")))
+    nodes = PartNode("base", "body", (0,), -1, "fixed"), PartNode("door", "door", (1,), 0, "hinge")
+    frame = estimate_frame(mesh)
+    faces = faces_around(KinematicTree(nodes), links, 1, skin)
+    found = [c.score for c in choose_candidates(mesh, frame, nodes[1], faces, 0)]
+    both = [
+        [c.score for c in rank_hypotheses(mesh, links[1].faces, links[0].faces, frame=frame,
+                                          top=1000, skin=k) if c.subtype in ("hinge", "spin")]
+        for k in (False, True)
+    ]  # fmt: skip
+    assert both[0] != both[1]
+    assert found == pytest.approx(both[skin])
 
 
 def test_hypotheses_carry_probabilities() -> None:

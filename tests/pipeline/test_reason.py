@@ -222,6 +222,8 @@ def test_a_mesh_is_fused_when_nearly_all_cuts_are_on_one_skin() -> None:
     assert not graph.one_skin
     assert not replace(graph, merges=np.array(order[:1])).one_skin
     assert replace(graph, merges=np.array(order)).one_skin
+    labels = np.arange(graph.count)
+    assert Primitives(labels, np.array(order)).one_skin and not Primitives(labels).one_skin
     kinds = load_scores("authored"), load_scores("fused")
     assert kinds[0] is not kinds[1] and not any(isinstance(k, RuleScores) for k in kinds)
 

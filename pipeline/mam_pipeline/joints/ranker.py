@@ -181,8 +181,8 @@ def unpack(data: dict[str, Any], skin: bool = False) -> Model:
     """A model from plain data, as `train_ranker` packs it.
 
     Args:
-        skin: with what `of_skins` sets, if it is there: how many of the first `boosters` of every
-            bag are asked, and their temperatures.
+        skin: with what `of_skins` sets, if it is there: which `share` of every bag is asked, its
+            first ones, and their temperatures.
 
     Raises:
         ConfigError: the weights were made for other features than the code computes.
@@ -201,7 +201,7 @@ def unpack(data: dict[str, Any], skin: bool = False) -> Model:
     for field in fields(Model):
         value = own.get(field.name, data[field.name])
         if isinstance(value, list):
-            texts = value[: own.get("boosters")]
+            texts = value[: round(len(value) * own.get("share", 1.0))]
             value = Bag([lightgbm.Booster(model_str=text) for text in texts])
         values[field.name] = value
     return Model(**values)

@@ -61,6 +61,7 @@ class PartFaces:
     Attributes:
         own: of the link. moving: with its descendants. static: everything else.
         parent: of the parent link. fixed: static without the link's movable siblings.
+        skin: whether all of them were cut out of one skin.
     """
 
     own: IntArray
@@ -68,6 +69,7 @@ class PartFaces:
     static: IntArray
     parent: IntArray
     fixed: IntArray
+    skin: bool = False
 
 
 class EmbeddedSolver:
@@ -97,7 +99,7 @@ class EmbeddedSolver:
             tree = turned_tree(tree, rotation)
 
         def solved(tree: KinematicTree, index: int) -> Joint:
-            return self._joint(mesh, frame, tree, _links(primitives, tree), index, seed)
+            return self._joint(mesh, frame, tree, primitives, index, seed)
 
         joints = {i: solved(tree, i) for i in topological_order(tree)}
         for i in list(joints):
@@ -121,11 +123,11 @@ class EmbeddedSolver:
         return Articulation(whole, _links(of_whole, tree), ordered)
 
     def _joint(
-        self, mesh: Mesh, frame: ObjectFrame, tree: KinematicTree, links: Sequence[Link],
+        self, mesh: Mesh, frame: ObjectFrame, tree: KinematicTree, primitives: Primitives,
         index: int, seed: int,
     ) -> Joint:  # fmt: skip
         node = tree.nodes[index]
-        faces = faces_around(tree, links, index)
+        faces = faces_around(tree, _links(primitives, tree), index, primitives.one_skin)
         if node.subtype == "fixed" or not len(faces.moving) or not len(faces.static):
             return _fixed_joint(mesh, node, index, faces)
         return self._estimate(mesh, frame, node, index, faces, seed)
@@ -245,7 +247,9 @@ def topological_order(tree: KinematicTree) -> list[int]:
     return [i for i in depth if i != 0]
 
 
-def faces_around(tree: KinematicTree, links: Sequence[Link], index: int) -> PartFaces:
+def faces_around(
+    tree: KinematicTree, links: Sequence[Link], index: int, skin: bool = False
+) -> PartFaces:
     """Which faces move with node `index`, and which stand still."""
     moving = {index}
     while True:
@@ -268,7 +272,7 @@ def faces_around(tree: KinematicTree, links: Sequence[Link], index: int) -> Part
     rest = set(range(len(links))) - moving
     return PartFaces(
         links[index].faces, gather(moving), gather(rest), links[parent].faces,
-        gather(trunk | stiff),
+        gather(trunk | stiff), skin,
     )  # fmt: skip
 
 
@@ -289,7 +293,7 @@ def choose_candidates(
         known = [
             c for c in rank_hypotheses(
                 mesh, faces.moving, faces.static, frame=frame, parent_faces=parent, seed=seed,
-                top=1000,
+                top=1000, skin=faces.skin,
             ) if c.subtype in kinds
         ]  # fmt: skip
     return known

@@ -58,11 +58,10 @@ class EmbeddedReasoner:
         """Group the primitives into parts; a tree with only the base when nothing may move."""
         mesh, primitives = without_repeats(mesh, primitives)
         views = sampled_views(mesh, primitives, prior, seed)
-        skin = views[0].graph.one_skin
-        scores = self.scores or load_scores("fused" if skin else "authored")
+        scores = self.scores or load_scores("fused" if primitives.one_skin else "authored")
         masks, choice = decide(views, scores)
         tree = build_tree(views[0].graph, masks, choice)
-        return named(views[0].graph, with_joints(tree, mesh, primitives, seed, skin))
+        return named(views[0].graph, with_joints(tree, mesh, primitives, seed))
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 from mam_pipeline.geometry.rows import row_keys
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.prior.probe import Probe, probe
-from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives
+from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives, cut_from_one_skin
 
 REACH = 0.04  # pairs farther apart than this (share of the diagonal) are not neighbours
 TOUCH = 0.006  # nearer than this counts as contact
-ONE_SKIN = 0.8  # share of the cuts that undo merges: above it a mesh is fused
 NEAREST = 4  # every primitive gets at least this many neighbours
 
 
@@ -64,12 +63,8 @@ class Graph:
 
     @property
     def one_skin(self) -> bool:
-        """Whether (nearly) all primitives were cut out of one surface: generated and scanned ones.
-
-        What separates parts there is the cuts' creases, not gaps: other weights judge such objects.
-        """
-        merges = 0 if self.merges is None else len(self.merges)
-        return merges > ONE_SKIN * max(self.count - 1, 1)
+        """See `cut_from_one_skin`."""
+        return cut_from_one_skin(self.merges, self.count)
 
     @property
     def center(self) -> FloatArray:

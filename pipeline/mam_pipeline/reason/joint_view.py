@@ -19,13 +19,9 @@ MOTION_WEIGHT = 1.0  # exponent of the ranker's odds: 0.75 to 1 is best on 505 v
 
 
 def with_joints(
-    tree: KinematicTree, mesh: Mesh, primitives: Primitives, seed: int = 0, skin: bool = False
+    tree: KinematicTree, mesh: Mesh, primitives: Primitives, seed: int = 0
 ) -> KinematicTree:
-    """Return the tree with joint candidates on every part, and types that both views support.
-
-    Args:
-        skin: whether the mesh is one skin.
-    """
+    """Return the tree with joint candidates on every part, and types that both views support."""
     if len(tree.nodes) < 2:
         return tree
     mesh, frame, rotation = straightened(mesh)
@@ -45,7 +41,7 @@ def with_joints(
             parent_faces=np.flatnonzero(face_node == node.parent),
             others=[f for k, f in enumerate(faces) if k > 0 and not moving[f].any()],
             seed=seed,
-            skin=skin,
+            skin=primitives.one_skin,
         )
         odds = kind_probabilities(candidates)
         nodes.append(_settled(node, odds, tuple(candidates)))
