@@ -164,6 +164,18 @@ def test_a_stuck_slide_gives_way_to_one_nearly_as_probable_only() -> None:
     assert joint.axis == pytest.approx(aside) and joint.evidence["limits"]["share"] < 0.25
 
 
+def test_a_stuck_slide_is_turned_round_sooner_than_taken_elsewhere() -> None:
+    """A block before a wall: it may go away from the wall, and along it."""
+    wall, box = block((0, -1, -1), (0.1, 1, 1)), block((-0.2, -0.25, -0.25), (0, 0.25, 0.25))
+    ranked = tuple(
+        JointCandidate("slide", np.array(a), np.zeros(3), float(np.log(p)))
+        for a, p in (((1.0, 0, 0), 0.4), ((0, 1.0, 0), 0.3))
+    )
+    joint = solve(assemble([(0, wall), (1, box)]), "slide", candidates=ranked)
+    assert joint.axis == pytest.approx([-1, 0, 0]) and joint.evidence["chosen"] == 0
+    assert joint.evidence["limits"]["share"] > 0.5
+
+
 def test_a_line_off_the_bodies_gives_way_to_a_parallel_one_first() -> None:
     ranked = tuple(
         JointCandidate("hinge", np.array(a), np.array(o), float(np.log(p)))

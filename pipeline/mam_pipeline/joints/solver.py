@@ -153,9 +153,17 @@ class EmbeddedSolver:
         best, limits, chosen = candidates[0], limits_of(candidates[0]), 0
         for k in _instead(candidates) if moved_share(limits) < MOVES else ():
             found = limits_of(candidates[k])
-            if moved_share(found) >= MOVES:
-                best, limits, chosen = candidates[k], found, k
-                break
+            if moved_share(found) < MOVES:
+                continue
+            if abs(float(candidates[k].axis @ best.axis)) < PARALLEL:
+                # sooner the same line the other way round than one that runs another way
+                back = replace(best, axis=-best.axis)
+                other_way = limits_of(back)
+                if moved_share(other_way) >= MOVES:
+                    best, limits = back, other_way
+                    break
+            best, limits, chosen = candidates[k], found, k
+            break
         evidence = {
             "solver": "embedded",
             **_contact_evidence(around.scene),

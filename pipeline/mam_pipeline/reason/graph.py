@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mam_pipeline.geometry.rows import row_keys
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.prior.probe import Probe, probe
+from mam_pipeline.reason.feet import Seams, Surface, standing
 from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives, cut_from_one_skin
 
 REACH = 0.04  # pairs farther apart than this (share of the diagonal) are not neighbours
@@ -37,6 +38,7 @@ class Graph:
             TOUCH of j, and of j's of i. patch: (E, 3) extents of the contact region's box.
         border: (E,) length of shared mesh edges; concave, convex: (E,) mean angle over it, rad.
         merges: (M, 2) the segmenter's own merge order, as in `Primitives`.
+        rigid: (T, P) what moves as one, see `standing`; of skins only.
     """
 
     probe: Probe
@@ -55,6 +57,7 @@ class Graph:
     concave: FloatArray
     convex: FloatArray
     merges: IntArray | None = None
+    rigid: NDArray[np.bool_] | None = None
 
     @property
     def count(self) -> int:
@@ -94,7 +97,11 @@ def build_graph(
         own = slice(starts[k], starts[k + 1])
         revolve[k], spin[k] = roundness(sampled.points[own], axes[k], size[k])
     pairs, gap, touch, patch = _contacts(mesh, sampled, groups, low, high)
-    border = _borders(sampled.vertices, mesh.faces, primitives.labels, pairs)
+    seams = _seams(sampled.vertices, mesh.faces, primitives.labels)
+    normals, areas = face_geometry(sampled.vertices, mesh.faces)
+    middle = sampled.vertices[mesh.faces].mean(axis=1)
+    surface = Surface(primitives.labels, middle, normals, areas)
+    rigid = standing(seams, surface, count) if primitives.one_skin else None
     return Graph(
         sampled,
         sampled.area,
@@ -108,8 +115,9 @@ def build_graph(
         gap,
         touch,
         patch,
-        *border,
+        *_borders(seams, surface, pairs, count),
         primitives.merges,
+        rigid,
     )
 
 
@@ -221,16 +229,8 @@ def _distances(vertices: FloatArray, faces: IntArray, points: FloatArray) -> Flo
     return scene.compute_distance(query, nthreads=1).numpy().astype(np.float64)
 
 
-def _borders(
-    vertices: FloatArray, faces: IntArray, labels: IntArray, pairs: IntArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Shared mesh edges between primitives: total length, mean concave and mean convex angle.
-
-    Zero for authored meshes, whose primitives share no edge; the seams of fused ones.
-    """
-    zero = np.zeros(len(pairs))
-    if len(pairs) == 0:
-        return zero, zero.copy(), zero.copy()
+def _seams(vertices: FloatArray, faces: IntArray, labels: IntArray) -> Seams:
+    """Mesh edges between primitives: none in authored meshes, whose primitives share no edge."""
     rounded = np.round(vertices[faces.reshape(-1)], 6)
     _, first, inverse = np.unique(row_keys(rounded), return_index=True, return_inverse=True)
     used = rounded[first]
@@ -240,22 +240,26 @@ def _borders(
     key = ends[:, 0] * np.int64(len(used)) + ends[:, 1]
     order = np.argsort(key, kind="stable")
     same = np.flatnonzero(key[order][1:] == key[order][:-1])
-    a, b = owner[order[same]], owner[order[same + 1]]
-    cross = labels[a] != labels[b]
-    a, b, at = a[cross], b[cross], order[same][cross]
-    if len(a) == 0:
-        return zero, zero.copy(), zero.copy()
-    length = np.linalg.norm(used[ends[at, 0]] - used[ends[at, 1]], axis=1)
-    normals, _ = face_geometry(vertices, faces)
-    angle = np.arccos(np.clip(np.sum(normals[a] * normals[b], axis=1), -1, 1))
-    middle = vertices[faces].mean(axis=1)
-    bent_in = np.sum(normals[a] * (middle[b] - middle[a]), axis=1) > 0
-    count = int(labels.max()) + 1
+    sides = np.stack([owner[order[same]], owner[order[same + 1]]], axis=1)
+    cross = labels[sides[:, 0]] != labels[sides[:, 1]]
+    sides, at = sides[cross], ends[order[same][cross]]
+    length = np.linalg.norm(used[at[:, 0]] - used[at[:, 1]], axis=1)
+    return Seams(used, at, sides, labels[sides], length)
+
+
+def _borders(
+    seams: Seams, surface: Surface, pairs: IntArray, count: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Seams between primitives: total length, mean concave and mean convex angle, each (E,)."""
+    a, b = seams.faces.T
+    normal, middle = surface.normal, surface.middle
+    angle = np.arccos(np.clip(np.sum(normal[a] * normal[b], axis=1), -1, 1))
+    bent_in = np.sum(normal[a] * (middle[b] - middle[a]), axis=1) > 0
     index = {int(i) * count + int(j): e for e, (i, j) in enumerate(pairs)}
-    low, high = np.minimum(labels[a], labels[b]), np.maximum(labels[a], labels[b])
+    low, high = seams.labels.min(axis=1), seams.labels.max(axis=1)
     edge = np.array([index.get(int(k), -1) for k in low * count + high], dtype=np.int64)
     keep = edge >= 0
-    edge, length, angle, bent_in = edge[keep], length[keep], angle[keep], bent_in[keep]
+    edge, length, angle, bent_in = edge[keep], seams.length[keep], angle[keep], bent_in[keep]
     total = np.bincount(edge, length, minlength=len(pairs)).astype(np.float64)
     hollow = np.bincount(edge, length * angle * bent_in, minlength=len(pairs))
     ridge = np.bincount(edge, length * angle * ~bent_in, minlength=len(pairs))

@@ -27,8 +27,9 @@ def enumerate_groups(graph: Graph, same: FloatArray, move: FloatArray) -> Masks:
     found: dict[bytes, NDArray[np.bool_]] = {}
 
     def add(mask: NDArray[np.bool_]) -> None:
+        mask, bodies = with_rigid(graph, mask)
         size = int(mask.sum())
-        if 0 < size < count or (size == count == 1):
+        if bodies < 2 and (0 < size < count or size == count == 1):
             found.setdefault(np.packbits(mask).tobytes(), mask)
 
     for k in range(count):
@@ -62,8 +63,9 @@ def expand_groups(graph: Graph, masks: Masks, value: FloatArray, same: FloatArra
     fresh: dict[bytes, NDArray[np.bool_]] = {}
 
     def add(mask: NDArray[np.bool_]) -> None:
+        mask, bodies = with_rigid(graph, mask)
         key = np.packbits(mask).tobytes()
-        if key not in known and 0 < mask.sum() < graph.count:
+        if bodies < 2 and key not in known and 0 < mask.sum() < graph.count:
             fresh.setdefault(key, mask)
 
     i, j = graph.pairs[:, 0], graph.pairs[:, 1]
@@ -87,6 +89,15 @@ def expand_groups(graph: Graph, masks: Masks, value: FloatArray, same: FloatArra
                 add(mask | masks[d])
     new = list(fresh.values())[:FRESH]
     return np.array(new, dtype=bool).reshape(-1, graph.count)
+
+
+def with_rigid(graph: Graph, mask: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], int]:
+    """The group (P,) with what moves with any of its primitives as one body, and how many such
+    bodies it has: two flats with a handle each are two fronts."""
+    if graph.rigid is None:
+        return mask, 0
+    bodies = graph.rigid[(graph.rigid & mask).any(axis=1)]
+    return mask | bodies.any(axis=0), len(bodies)
 
 
 def plausibility(graph: Graph, masks: Masks, same: FloatArray, move: FloatArray) -> FloatArray:

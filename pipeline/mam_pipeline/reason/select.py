@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mam_pipeline.reason.graph import Graph
 from mam_pipeline.reason.groups import Masks
@@ -52,7 +53,7 @@ def completed(graph: Graph, parts: Masks, same: FloatArray, move: FloatArray) ->
     A front without its handle overlaps the true part well, so its score hardly asks for the
     handle; the bonds do. A primitive that is likely to move, and is no part of its own, joins the
     part that it is bound to most, if it is bound to no still one as much; the strongest bond first.
-    LEAST_BASE of the surface stays, if so much was left.
+    LEAST_BASE of the surface stays, if so much was left, and so does what moves only as a whole.
 
     Args:
         same: (E,), move: (P,) probabilities of the bonds and of moving.
@@ -61,13 +62,16 @@ def completed(graph: Graph, parts: Masks, same: FloatArray, move: FloatArray) ->
     one, other = graph.pairs[:, 0], graph.pairs[:, 1]
     a, b = np.concatenate([one, other]), np.concatenate([other, one])
     bond = np.concatenate([same, same])
+    whole: NDArray[np.bool_] = np.zeros(graph.count, dtype=bool)
+    if graph.rigid is not None:
+        whole |= graph.rigid.any(axis=0)
     spare = LEAST_BASE if graph.area[owner < 0].sum() >= LEAST_BASE else 0.0
     while True:
         still = np.full(graph.count, FAINT)
         base = (owner[b] < 0) & (move[b] < LIKELY)
         np.maximum.at(still, a[base], bond[base])
         joins = (owner[a] < 0) & (owner[b] >= 0) & (move[a] > LIKELY) & (bond > still[a])
-        joins &= graph.area[a] <= graph.area[owner < 0].sum() - spare
+        joins &= ~whole[a] & (graph.area[a] <= graph.area[owner < 0].sum() - spare)
         if not joins.any():
             return np.arange(len(parts))[:, None] == owner[None]
         best = int(np.argmax(np.where(joins, bond, -1.0)))
