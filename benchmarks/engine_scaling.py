@@ -28,23 +28,34 @@ from mam_pipeline.world.style import Style
 
 
 def refined(mesh: Mesh, target: int) -> Mesh:
-    """The same surface with about `target` faces: the triangle with the longest side is halved."""
-    vertices, faces = mesh.vertices, mesh.faces
+    """The same surface with about `target` faces, edge to edge.
+
+    Edges that are the longest of all their triangles are halved, the longest first, each with all
+    its triangles: a vertex in the middle of a neighbour's edge would part the two.
+    """
+    vertices, index = np.unique(np.round(mesh.vertices, 9), axis=0, return_inverse=True)
+    faces = index.reshape(-1)[mesh.faces]
     while len(faces) < target:
-        corners = vertices[faces]
-        sides = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
-        many = min(target - len(faces), max(len(faces) // 3, 1))
-        chosen = np.argpartition(-sides.max(axis=1), many - 1)[:many]
-        k = sides[chosen].argmax(axis=1)
-        rows = np.arange(len(chosen))
-        a, b, c = (corners[chosen][rows, (k + i) % 3] for i in range(3))
-        middle = 0.5 * (a + b)
-        new = np.stack([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
-        left = np.delete(corners, chosen, axis=0)
-        corners = np.concatenate([left, new.reshape(-1, 3, 3)])
-        flat = corners.reshape(-1, 3)
-        vertices, index = np.unique(np.round(flat, 9), axis=0, return_inverse=True)
-        faces = index.reshape(-1, 3)
+        ends = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2)
+        edges, edge = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
+        edge = edge.reshape(-1, 3)
+        length = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
+        rank = np.argsort(np.argsort(length, kind="stable"))
+        side = rank[edge].argmax(axis=1)
+        longest = edge[np.arange(len(faces)), side]
+        users = np.bincount(edge.reshape(-1), minlength=len(edges))
+        final = np.flatnonzero(np.bincount(longest, minlength=len(edges)) == users)
+        final = final[np.argsort(-rank[final])]
+        final = final[: np.searchsorted(np.cumsum(users[final]), target - len(faces)) + 1]
+        middle = np.full(len(edges), -1)
+        middle[final] = len(vertices) + np.arange(len(final))
+        vertices = np.concatenate([vertices, vertices[edges[final]].mean(axis=1)])
+        split = middle[longest] >= 0
+        rows = np.flatnonzero(split)
+        a, b, c = (faces[rows, (side[rows] + k) % 3] for k in range(3))
+        m = middle[longest[rows]]
+        halves = [np.stack([a, m, c], axis=1), np.stack([m, b, c], axis=1)]
+        faces = np.concatenate([faces[~split], *halves])
     return Mesh(vertices, faces)
 
 

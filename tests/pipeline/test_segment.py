@@ -100,6 +100,19 @@ def test_a_fused_surface_splits_along_its_creases() -> None:
     assert GeometricSegmenter(clear=0.002).segment(fused).count > got.count
 
 
+def test_a_finely_cut_piece_beside_others_is_cut_along_its_creases_only() -> None:
+    mesh, owner = CABINET
+    drum = trimesh.creation.cylinder(1.0, 1.0, sections=48)
+    vertices, faces = drum.vertices + np.array([3.0, 0, 0]), drum.faces
+    for _ in range(3):
+        vertices, faces = trimesh.remesh.subdivide(vertices, faces)
+    both = np.concatenate([mesh.faces, faces + len(mesh.vertices)])
+    fine = Mesh(np.concatenate([mesh.vertices, vertices]), both)
+    labels = GeometricSegmenter().segment(fine).labels
+    up = face_geometry(fine.vertices, fine.faces)[0][len(owner) :, 2].round()
+    assert same(labels, np.concatenate([owner, 10 + up.astype(int)]))  # a wall and two lids
+
+
 def test_loose_triangles_on_a_skin_cost_no_primitive() -> None:
     mesh, _ = boxes(((0, 0, 0), (1, 1, 1)), ((0, -0.6, 0), (0.5, 0.2, 0.5)))
     skin = fuse_mesh(mesh, 48)

@@ -67,7 +67,9 @@ class GeometricSegmenter:
         loose = specks(topo, shreds, SHRED)
         tree = hierarchy(topo, np.flatnonzero(inside & ~loose))
         # every surface of its own keeps at least one node, so disjoint ones are never joined
-        count = int(np.clip(1 + (tree.costs > self.clear).sum(), FEWEST, MOST))
+        alone = topo.areas[inside].sum() >= DOMINANT * topo.areas[topo.kept].sum()
+        fewest = FEWEST if alone else 1  # a finely cut panel beside other pieces may stay whole
+        count = int(np.clip(1 + (tree.costs > self.clear).sum(), fewest, MOST))
         split, merges = cut(tree, count)
         others = np.unique(np.where(inside, -1, whole), return_inverse=True)[1] - 1
         label = np.where(inside, split, np.where(whole >= 0, others + 1 + split.max(), -1))
