@@ -10,7 +10,7 @@ from mam_pipeline.geometry.fuse import fuse_mesh
 from mam_pipeline.reason import feet
 from mam_pipeline.reason.graph import Graph, build_graph
 from mam_pipeline.reason.groups import enumerate_groups, expand_groups
-from mam_pipeline.reason.select import completed
+from mam_pipeline.reason.select import completed, with_twins
 from mam_pipeline.segment.geometric import GeometricSegmenter
 from mam_pipeline.types import Mesh, Primitives
 
@@ -21,10 +21,11 @@ FRONT = -0.5  # y of the cube's front
 Box = tuple[tuple[float, ...], tuple[float, ...]]  # middle, size
 
 
-def bow(x: float = 0.0, reach: float = 0.2) -> list[Box]:
+def bow(x: float = 0.0, reach: float = 0.2, high: float = 0.7) -> list[Box]:
     """An upright handle on two feet before the front; its bar ends `reach` before it."""
-    foot = [((x, FRONT - reach / 2, z), (0.1, reach, 0.1)) for z in (-0.3, 0.3)]
-    return [*foot, ((x, FRONT - reach + 0.05, 0.0), (0.1, 0.1, 0.7))]
+    at = high / 2 - 0.05
+    foot = [((x, FRONT - reach / 2, z), (0.1, reach, 0.1)) for z in (-at, at)]
+    return [*foot, ((x, FRONT - reach + 0.05, 0.0), (0.1, 0.1, high))]
 
 
 def mesh_of(*boxes: Box, beside: trimesh.Trimesh | None = None) -> Mesh:
@@ -123,3 +124,16 @@ def test_no_candidate_parts_a_handle_from_its_front_or_has_two_fronts() -> None:
     part = ~graph.rigid.any(axis=0)
     filled = completed(graph, part[None], np.full(len(same), 0.9), np.full(graph.count, 0.9))
     assert not filled[0][~part].any()
+
+
+@pytest.mark.parametrize("high", [0.7, 0.5])
+def test_a_front_with_the_same_handle_moves_as_well(high: float) -> None:
+    back = [((x, -y, z), size) for (x, y, z), size in bow(high=high)]
+    graph = graph_of(CUBE, *bow(), *back)
+    assert graph.rigid is not None and len(graph.rigid) == 2
+    more = graph.rigid | (np.arange(graph.count) == np.argmax(graph.area * ~graph.rigid.any(0)))
+    masks = np.concatenate([graph.rigid, more])
+    value = np.array([0.5, 0.2, 0.4, 0.3])  # the second body is best together with a side
+    found = with_twins(graph, masks, value, [0])
+    assert found == ([0, 3] if high == 0.7 else [0])
+    assert with_twins(graph, masks, value, [0, 1]) == [0, 1]

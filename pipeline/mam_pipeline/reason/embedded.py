@@ -24,7 +24,7 @@ from mam_pipeline.reason.groups import Masks, enumerate_groups, expand_groups
 from mam_pipeline.reason.joint_view import with_joints
 from mam_pipeline.reason.network import Reading, log_odds
 from mam_pipeline.reason.scores import Scores, load_scores
-from mam_pipeline.reason.select import LEAST_BASE, completed
+from mam_pipeline.reason.select import LEAST_BASE, completed, with_twins
 from mam_pipeline.reason.tree import Choice, build_tree, named
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import FloatArray, KinematicTree, Mesh, Primitives
@@ -129,7 +129,7 @@ def decide(views: Sequence[View], scores: Scores) -> tuple[Masks, Choice]:
         ])  # fmt: skip
         ranked = sorted(sets.rows()[int(np.argmax(quality))], key=lambda c: -value[c])
         left = [c for c in ranked[1:] if confidence[c] < scores.least]
-        chosen = [c for c in ranked if c not in left]
+        chosen = with_twins(graph, masks, value, [c for c in ranked if c not in left])
         masks = masks.copy()
         masks[chosen] = completed(graph, masks[chosen], same, readings[0].move)
     best = float(value.max())

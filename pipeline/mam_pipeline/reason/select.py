@@ -11,6 +11,8 @@ from mam_pipeline.types import FloatArray
 
 LIKELY = 0.5  # from here on a primitive is taken to move
 FAINT = 0.3  # bonds below this say nothing of where a primitive belongs
+ALIKE = 0.15  # how far the logarithms of the extents of twins may differ
+EVEN = 5e-3  # added to extents (of the diagonal) before they are compared
 # share of the surface that stays in the base at least: a chandelier's 0.04 is the least of 111 real
 # objects, 0.10 of 1 200 generated ones
 LEAST_BASE = 0.03
@@ -76,6 +78,35 @@ def completed(graph: Graph, parts: Masks, same: FloatArray, move: FloatArray) ->
             return np.arange(len(parts))[:, None] == owner[None]
         best = int(np.argmax(np.where(joins, bond, -1.0)))
         owner[a[best]] = owner[b[best]]
+
+
+def with_twins(graph: Graph, masks: Masks, value: FloatArray, chosen: list[int]) -> list[int]:
+    """The chosen candidates, and those of bodies (`Graph.rigid`) with the handle of a chosen one.
+
+    Two fronts with the same handle both move. Handles are compared, not fronts, since a front's
+    outline is ragged where its gap has closed. The best candidate is added that has the body and
+    shares no primitive with what was chosen, as long as LEAST_BASE stays.
+
+    Args:
+        masks: (C, P). value: (C,). chosen: indices.
+    """
+    if graph.rigid is None or len(graph.rigid) < 2:
+        return chosen
+    bodies, out = graph.rigid, list(chosen)
+    largest = np.argmax(bodies * graph.area, axis=1)
+    handles = bodies & (np.arange(graph.count) != largest[:, None])
+    extent = [graph.high[h].max(axis=0) - graph.low[h].min(axis=0) for h in handles]
+    size = np.sort(extent, axis=1) + EVEN
+    taken = masks[out].any(axis=0)
+    has = (bodies & taken).any(axis=1)
+    for k in np.flatnonzero(~has):
+        like = np.abs(np.log(size / size[k])).max(axis=1) < ALIKE
+        options = (masks & bodies[k]).any(axis=1) & ~(masks & taken).any(axis=1)
+        options &= (masks | taken) @ graph.area <= 1.0 - LEAST_BASE
+        if (like & has).any() and options.any():
+            out.append(int(np.argmax(np.where(options, value, -1.0))))
+            taken |= masks[out[-1]]
+    return out
 
 
 def _fill(start: list[int], order: list[int], clash: Masks) -> list[int]:
