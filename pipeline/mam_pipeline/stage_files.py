@@ -66,12 +66,13 @@ def load_geometry(folder: Path) -> Mesh:
 
 
 def _save_primitives(value: Primitives, path: Path) -> None:
-    np.savez_compressed(path, labels=value.labels, merges=value.merges, method=value.method)
+    kept = {name: getattr(value, name) for name in ("labels", "merges", "method", "fronts")}
+    np.savez_compressed(path, **kept)
 
 
 def _load_primitives(path: Path) -> Primitives:
     with np.load(path) as data:
-        return Primitives(data["labels"], data["merges"], str(data["method"]))
+        return Primitives(data["labels"], data["merges"], str(data["method"]), data["fronts"])
 
 
 def _save_prior(value: KinematicPrior | None, path: Path) -> None:

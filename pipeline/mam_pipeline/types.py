@@ -121,15 +121,20 @@ class Primitives:
             nodes named into node count + k (as in a SciPy linkage), cheapest first. Empty for
             authored meshes, whose components are final.
         method: which segmenter made them.
+        fronts: (T, count) the primitives of each front of several whose gaps have closed, with its
+            handle: what moves as one body, and apart from the others.
     """
 
     labels: IntArray
     merges: IntArray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     method: str = "geometric"
+    fronts: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "labels", readonly(self.labels, np.int64, (None,)))
         object.__setattr__(self, "merges", readonly(self.merges, np.int64, (None, 2)))
+        fronts = np.reshape(self.fronts, (-1, max(self.count, 1)))
+        object.__setattr__(self, "fronts", readonly(fronts, np.bool_, (None, None)))
 
     @property
     def count(self) -> int:

@@ -178,3 +178,83 @@ def test_an_empty_mesh_is_refused() -> None:
         GeometricSegmenter().segment(Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=int)))
     with pytest.raises(InputError, match="no face with an area"):
         GeometricSegmenter().segment(Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]])))
+
+
+CASE = (0, 0, 0), (1.2, 0.8, 1.0)  # its front is at y = -0.4
+Item = tuple[tuple[float, ...], tuple[float, ...]]
+
+
+def knob(x: float, z: float, wide: float = 0.05, high: float = 0.05) -> Item:
+    return (x, -0.42, z), (wide, 0.1, high)
+
+
+def fronts_of(*items: Item) -> tuple[Mesh, Primitives, list[IntArray]]:
+    """A skin, its primitives and the faces of every front that its handles tell."""
+    skin = fuse_mesh(boxes(*items)[0], 96)
+    got = GeometricSegmenter().segment(skin)
+    assert len(got.merges) == got.count - 1 and is_valid_tree(got.merges, got.count)
+    assert got.fronts is not None and (got.fronts.sum(axis=0) <= 1).all()
+    return skin, got, [np.flatnonzero(row[got.labels]) for row in got.fronts]
+
+
+def span(skin: Mesh, faces: IntArray, axis: int) -> tuple[float, float]:
+    points = skin.vertices[skin.faces[faces]].reshape(-1, 3)[:, axis]
+    return float(points.min()), float(points.max())
+
+
+def test_two_knobs_beside_the_middle_make_a_pair_of_leaves() -> None:
+    skin, _, fronts = fronts_of(CASE, knob(-0.08, 0.1), knob(0.08, 0.1))
+    assert len(fronts) == 2
+    (_, left), (right, _) = sorted(span(skin, faces, 0) for faces in fronts)
+    assert abs(left) < 0.05 and abs(right) < 0.05
+    for faces in fronts:  # each has its knob
+        assert span(skin, faces, 1)[0] < -0.44
+
+
+def test_handles_above_each_other_make_a_stack() -> None:
+    edges = np.array([-0.5, -0.1, 0.25, 0.5])  # uneven: every handle is in the middle of its front
+    bars = [knob(0.0, z, wide=0.3) for z in (edges[:-1] + edges[1:]) / 2]
+    skin, _, fronts = fronts_of(CASE, *bars)
+    spans = sorted(span(skin, faces, 2) for faces in fronts)
+    assert len(spans) == 3
+    np.testing.assert_allclose([low for low, _ in spans[1:]], edges[1:-1], atol=0.05)
+    np.testing.assert_allclose([high for _, high in spans[:-1]], edges[1:-1], atol=0.05)
+
+
+def test_a_drawer_above_two_leaves() -> None:
+    knobs = [knob(0.0, 0.35), knob(-0.08, 0.0), knob(0.08, 0.0)]
+    skin, _, fronts = fronts_of(CASE, *knobs)
+    assert len(fronts) == 3
+    wide = [faces for faces in fronts if np.ptp(span(skin, faces, 0)) > 1.0]
+    assert len(wide) == 1 and span(skin, wide[0], 2)[0] > 0.1
+
+
+def test_a_lever_on_the_middle_of_a_ring_parts_both_faces_of_the_leaves() -> None:
+    bars: list[Item] = [((x, 0, 0), (0.1, 0.1, 1.2)) for x in (-0.5, 0.5)]
+    bars += [((0, 0, 0), (0.2, 0.1, 1.2))]
+    bars += [((0, 0, z), (1.0, 0.1, 0.1)) for z in (-0.55, 0.55)]
+    bars += [((x, 0, 0), (0.5, 0.03, 1.2)) for x in (-0.25, 0.25)]  # panes
+    lever = (0.02, -0.08, 0.0), (0.04, 0.1, 0.16)
+    skin, got, _ = fronts_of(*bars, lever)
+    middle = skin.vertices[skin.faces].mean(axis=1)
+    normals = face_geometry(skin.vertices, skin.faces)[0]
+    for side in (-1.0, 1.0):
+        on = (normals[:, 1] * side > 0.9) & (middle[:, 1] * side > 0.04)
+        left, right = (set(got.labels[on & (middle[:, 0] * s > 0.12)]) for s in (-1, 1))
+        assert left and right and not left & right
+
+
+@pytest.mark.parametrize(
+    "items",
+    [
+        [knob(0.4, 0.0, wide=0.15), *(knob(-0.55, z, 0.04, 0.1) for z in (-0.4, 0.0, 0.4))],
+        [knob(-0.3, 0.0), knob(0.3, 0.0)],
+        [knob(x, 0.4) for x in (-0.4, -0.2, 0.0, 0.2, 0.4)],
+        [knob(0.0, 0.3, wide=0.6), knob(0.0, -0.2)],
+        [((0, -0.405, z), (0.5, 0.05, 0.3)) for z in (-0.25, 0.25)],
+    ],
+    ids=["hinges and a lever", "one wide drawer", "switches", "unlike", "mouldings"],
+)
+def test_other_things_on_a_flat_cut_nothing(items: list[Item]) -> None:
+    _, _, fronts = fronts_of(CASE, *items)
+    assert not fronts

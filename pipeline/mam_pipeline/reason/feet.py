@@ -79,10 +79,14 @@ def standing(seams: Seams, surface: Surface, count: int) -> NDArray[np.bool_]:
         ]  # fmt: skip
         if len(on_it) == 1 and area[on_it[0]].sum() > SHARE[0] * area[flat]:
             found.append(on_it[0] | ~others)
-    bodies = np.array(found, dtype=bool).reshape(-1, count)
+    return disjoint(np.array(found, dtype=bool).reshape(-1, count))
+
+
+def disjoint(bodies: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(T', P) the bodies (T, P) with those that share a primitive made one."""
     number, body = connected_components(bodies.astype(int) @ bodies.T.astype(int), directed=False)
     merged = [bodies[body == k].any(axis=0) for k in range(number)]
-    return np.array(merged, dtype=bool).reshape(-1, count)
+    return np.array(merged, dtype=bool).reshape(-1, bodies.shape[1])
 
 
 def _on_two_feet(

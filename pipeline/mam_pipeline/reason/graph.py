@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mam_pipeline.geometry.rows import row_keys
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.prior.probe import Probe, probe
-from mam_pipeline.reason.feet import Seams, Surface, standing
+from mam_pipeline.reason.feet import Seams, Surface, disjoint, standing
 from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives, cut_from_one_skin
 
 REACH = 0.04  # pairs farther apart than this (share of the diagonal) are not neighbours
@@ -38,7 +38,7 @@ class Graph:
             TOUCH of j, and of j's of i. patch: (E, 3) extents of the contact region's box.
         border: (E,) length of shared mesh edges; concave, convex: (E,) mean angle over it, rad.
         merges: (M, 2) the segmenter's own merge order, as in `Primitives`.
-        rigid: (T, P) what moves as one, see `standing`; of skins only.
+        rigid: (T, P) what moves as one, see `standing` and `Primitives.fronts`; of skins only.
     """
 
     probe: Probe
@@ -101,7 +101,9 @@ def build_graph(
     normals, areas = face_geometry(sampled.vertices, mesh.faces)
     middle = sampled.vertices[mesh.faces].mean(axis=1)
     surface = Surface(primitives.labels, middle, normals, areas)
-    rigid = standing(seams, surface, count) if primitives.one_skin else None
+    rigid = None
+    if primitives.one_skin:
+        rigid = disjoint(np.vstack([standing(seams, surface, count), primitives.fronts]))
     return Graph(
         sampled,
         sampled.area,

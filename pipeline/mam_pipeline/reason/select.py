@@ -95,6 +95,7 @@ def with_twins(graph: Graph, masks: Masks, value: FloatArray, chosen: list[int])
     bodies, out = graph.rigid, list(chosen)
     largest = np.argmax(bodies * graph.area, axis=1)
     handles = bodies & (np.arange(graph.count) != largest[:, None])
+    handles = np.where(handles.any(axis=1, keepdims=True), handles, bodies)
     extent = [graph.high[h].max(axis=0) - graph.low[h].min(axis=0) for h in handles]
     size = np.sort(extent, axis=1) + EVEN
     taken = masks[out].any(axis=0)

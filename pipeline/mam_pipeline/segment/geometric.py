@@ -15,6 +15,7 @@ from mam_pipeline.segment.components import (
     spread,
 )
 from mam_pipeline.segment.frame import dominant_frame
+from mam_pipeline.segment.fronts import divide, fronts, joined
 from mam_pipeline.segment.fused import cut, hierarchy
 from mam_pipeline.segment.topology import Topology, groups, topology
 from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives
@@ -74,8 +75,14 @@ class GeometricSegmenter:
         others = np.unique(np.where(inside, -1, whole), return_inverse=True)[1] - 1
         label = np.where(inside, split, np.where(whole >= 0, others + 1 + split.max(), -1))
         label = absorb_specks(topo, shreds, loose, label)
+        body: IntArray = np.full(len(label), -1, dtype=np.int64)
+        if alone:
+            label, origin, body = divide(topo, label)
+            merges = joined(merges, int(split.max()) + 1, origin)
+            split = label
         label, merges = _numbered(topo, label, merges, int(split.max()) + 1)
-        return Primitives(label, merges, method="geometric, split along creases")
+        told = fronts(topo, label, body)
+        return Primitives(label, merges, "geometric, split along creases", told)
 
 
 def _to_split(topo: Topology, label: IntArray) -> NDArray[np.bool_]:
