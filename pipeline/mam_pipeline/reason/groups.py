@@ -14,6 +14,7 @@ from mam_pipeline.types import FloatArray, IntArray
 Masks = NDArray[np.bool_]
 LIMIT = 150  # candidates that are looked at closely
 BEST, STEPS, FRESH = 12, 4, 90  # groups varied, primitives tried on each, new groups in all
+BEHIND, FILLS = 0.1, 0.5  # of a front: a box reaches no further beside it, and fills this much
 SMALL = 8  # up to this many primitives every connected group is tried
 
 
@@ -93,11 +94,32 @@ def expand_groups(graph: Graph, masks: Masks, value: FloatArray, same: FloatArra
 
 def with_rigid(graph: Graph, mask: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], int]:
     """The group (P,) with what moves with any of its primitives as one body, and how many such
-    bodies it has: two flats with a handle each are two fronts."""
+    bodies it has: two flats with a handle each are two fronts. The box behind a front is its own.
+    """
     if graph.rigid is None:
         return mask, 0
-    bodies = graph.rigid[(graph.rigid & mask).any(axis=1)]
+    has = (graph.rigid & mask).any(axis=1)
+    if not has.any() and mask.any():
+        low, high = graph.low[mask].min(axis=0), graph.high[mask].max(axis=0)
+        has = np.array([_boxed(graph, body, low, high) for body in graph.rigid], dtype=bool)
+        has &= has.sum() == 1
+    bodies = graph.rigid[has]
     return mask | bodies.any(axis=0), len(bodies)
+
+
+def _boxed(graph: Graph, body: NDArray[np.bool_], low: FloatArray, high: FloatArray) -> bool:
+    """Whether a box (corners) fills the space close behind a front."""
+    front = int(np.argmax(body * graph.area))
+    thin = int(np.argmin(graph.high[front, :2] - graph.low[front, :2]))
+    across = [1 - thin, 2]
+    start, end = graph.low[front, across], graph.high[front, across]
+    span = end - start
+    inside = (low[across] > start - BEHIND * span) & (high[across] < end + BEHIND * span)
+    if not inside.all() or (high[across] - low[across] < FILLS * span).any():
+        return False
+    gap = max(low[thin] - graph.high[front, thin], graph.low[front, thin] - high[thin])
+    deep = high[thin] - low[thin] > graph.high[front, thin] - graph.low[front, thin]
+    return bool(deep and -BEHIND < gap < BEHIND)
 
 
 def plausibility(graph: Graph, masks: Masks, same: FloatArray, move: FloatArray) -> FloatArray:

@@ -154,11 +154,12 @@ def fronts(topo: Topology, label: IntArray, body: IntArray) -> NDArray[np.bool_]
         label: (F,) primitive of every face. body: (F,) as `divide` gives it.
     """
     whole = np.bincount(label, weights=topo.areas)
-    rows = [
-        np.bincount(label[body == k], weights=topo.areas[body == k], minlength=len(whole))
-        > FILLED * whole
-        for k in np.unique(body[body >= 0])
-    ]
+    rows = []
+    for k in np.unique(body[body >= 0]):
+        area = np.bincount(label[body == k], topo.areas[body == k], minlength=len(whole))
+        row = area > FILLED * whole
+        if area[row].sum() > 0.5 * area.sum():  # not a handle alone
+            rows.append(row)
     return np.array(rows, dtype=bool).reshape(-1, len(whole))
 
 
