@@ -72,7 +72,8 @@ def _save_primitives(value: Primitives, path: Path) -> None:
 
 def _load_primitives(path: Path) -> Primitives:
     with np.load(path) as data:
-        return Primitives(data["labels"], data["merges"], str(data["method"]), data["fronts"])
+        fronts = data["fronts"] if "fronts" in data else np.zeros((0, 0), dtype=bool)
+        return Primitives(data["labels"], data["merges"], str(data["method"]), fronts)
 
 
 def _save_prior(value: KinematicPrior | None, path: Path) -> None:

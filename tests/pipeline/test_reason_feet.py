@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -9,7 +11,7 @@ import trimesh
 from mam_pipeline.geometry.fuse import fuse_mesh
 from mam_pipeline.reason import feet
 from mam_pipeline.reason.graph import Graph, build_graph
-from mam_pipeline.reason.groups import enumerate_groups, expand_groups
+from mam_pipeline.reason.groups import enumerate_groups, expand_groups, with_rigid
 from mam_pipeline.reason.select import completed, with_twins
 from mam_pipeline.segment.geometric import GeometricSegmenter
 from mam_pipeline.types import Mesh, Primitives
@@ -137,3 +139,29 @@ def test_a_front_with_the_same_handle_moves_as_well(high: float) -> None:
     found = with_twins(graph, masks, value, [0])
     assert found == ([0, 3] if high == 0.7 else [0])
     assert with_twins(graph, masks, value, [0, 1]) == [0, 1]
+
+
+def test_the_box_behind_a_front_belongs_to_it() -> None:
+    fronts: list[Box] = [((0, 0, z), (1.0, 0.05, 0.48)) for z in (-0.25, 0.25)]
+    box, rod = ((0, 0.4, 0.25), (0.8, 0.7, 0.4)), ((0, 0.4, 0.25), (0.05, 0.7, 0.05))
+    wide = (0, 0.4, 0.0), (0.9, 0.7, 0.9)  # behind both
+    far = (0, 1.4, 0.25), (0.8, 0.7, 0.4)
+    mesh = mesh_of(*fronts, box, rod, wide, far)
+    graph = build_graph(mesh, Primitives(np.repeat(np.arange(6), 12)))
+    graph = replace(graph, rigid=np.eye(6, dtype=bool)[:2])
+    row = np.eye(6, dtype=bool)
+    got, bodies = with_rigid(graph, row[2])
+    assert bodies == 1 and np.flatnonzero(got).tolist() == [1, 2]
+    for k in (3, 4, 5):
+        got, bodies = with_rigid(graph, row[k])
+        assert bodies == 0 and np.flatnonzero(got).tolist() == [k]
+
+
+def test_a_front_without_a_handle_has_a_twin_all_the_same() -> None:
+    leaves: list[Box] = [((x, 0, 0), (0.48, 0.05, 1.0)) for x in (-0.25, 0.25)]
+    graph = build_graph(
+        mesh_of(*leaves, ((0, 0.5, 0), (1.0, 0.9, 1.0))), Primitives(np.repeat(np.arange(3), 12))
+    )
+    graph = replace(graph, rigid=np.eye(3, dtype=bool)[:2])
+    masks = np.eye(3, dtype=bool)
+    assert with_twins(graph, masks, np.array([0.9, 0.4, 0.1]), [0]) == [0, 1]

@@ -25,7 +25,8 @@ ALIGNED = np.cos(np.radians(12.0))  # of a flat's faces with its normal
 LEVEL = 0.004  # diagonals off its plane
 FILLED = 0.4  # share of a primitive that lies in its flat
 SLIVER = 0.15  # of its area: a primitive loses no less to a cut
-WHOLE = 0.75  # of a front's flat: several primitives side by side may be fronts of their own
+WHOLE = 0.75  # of a front: several primitives side by side may be fronts of their own
+STACK = 64  # more than the fronts of one flat
 EDGE = 0.09  # of the front's width: what stands nearer to its sides is a hinge
 GRID = 96  # cells across a flat
 SMALL = 0.1  # a handle's area over that of the front that it stands on
@@ -77,7 +78,8 @@ def divide(topo: Topology, label: IntArray) -> tuple[IntArray, list[int], IntArr
 
     Returns:
         The labels with new ones appended, for each new one the primitive it was cut out of, and
-        (F,) a number for each front of several, its handle and other face included, -1 elsewhere.
+        (F,) for each front of several, its handle and other face included, STACK times the number
+        of its flat and one of its own, -1 elsewhere.
     """
     count = int(label.max()) + 1
     middle = topo.points[topo.faces].mean(axis=1)
@@ -118,12 +120,10 @@ def divide(topo: Topology, label: IntArray) -> tuple[IntArray, list[int], IntArr
                 ours |= flats[face].faces
                 for handle in _handles(topo, middle, flats[face]):
                     ours[handle.faces] = True
-            for k in np.unique(which[ours]):
-                one = ours & (which == k)
-                flat = one & front.faces
-                areas = np.bincount(out[flat], topo.areas[flat])
-                if areas.max(initial=0.0) > WHOLE * areas.sum():
-                    body[one] = body.max() + 1
+            strips = [np.flatnonzero(front.faces & (which == k)) for k in np.unique(which[ours])]
+            areas = [np.bincount(out[f], topo.areas[f], minlength=1) for f in strips]
+            if all(a.max() > WHOLE * a.sum() for a in areas):
+                body[ours] = STACK * number + which[ours]
     return out, origin, body
 
 
@@ -150,17 +150,20 @@ def joined(merges: IntArray, count: int, origin: list[int]) -> IntArray:
 def fronts(topo: Topology, label: IntArray, body: IntArray) -> NDArray[np.bool_]:
     """(T, P) the primitives of each front with its handle, as `Primitives.fronts`.
 
+    None of a flat where one of its fronts has no primitive of its own.
+
     Args:
         label: (F,) primitive of every face. body: (F,) as `divide` gives it.
     """
     whole = np.bincount(label, weights=topo.areas)
-    rows = []
+    rows, told = [], []
     for k in np.unique(body[body >= 0]):
         area = np.bincount(label[body == k], topo.areas[body == k], minlength=len(whole))
-        row = area > FILLED * whole
-        if area[row].sum() > 0.5 * area.sum():  # not a handle alone
-            rows.append(row)
-    return np.array(rows, dtype=bool).reshape(-1, len(whole))
+        rows.append(area > FILLED * whole)
+        told.append(area[rows[-1]].sum() > 0.5 * area.sum())  # not of its handle alone
+    flat = np.unique(body[body >= 0]) // STACK
+    kept = [row for row, at in zip(rows, flat) if all(np.array(told)[flat == at])]
+    return np.array(kept, dtype=bool).reshape(-1, len(whole))
 
 
 def _flats(topo: Topology, label: IntArray, middle: FloatArray) -> list[_Flat]:
@@ -175,7 +178,8 @@ def _flats(topo: Topology, label: IntArray, middle: FloatArray) -> list[_Flat]:
         if plane is None:
             continue
         out, depth = plane
-        flat = (topo.normals @ out > ALIGNED) & (np.abs(middle @ out - depth) < LEVEL) & topo.kept
+        flat = (topo.normals @ out > ALIGNED) & (np.abs(middle @ out - depth) < LEVEL)
+        flat &= topo.kept & (label >= 0)
         region = groups(topo.manifold[flat[topo.manifold].all(axis=1)], len(label))
         main = np.bincount(region[flat & mine], weights=topo.areas[flat & mine]).argmax()
         flat &= region == main
@@ -186,8 +190,8 @@ def _flats(topo: Topology, label: IntArray, middle: FloatArray) -> list[_Flat]:
         frame = np.column_stack([right, np.cross(out, right), out])
         corners = topo.points[topo.faces[flat]].reshape(-1, 3) @ frame[:, :2]
         low, high = corners.min(axis=0), corners.max(axis=0)
-        share = np.bincount(label[flat], weights=topo.areas[flat], minlength=len(size)) / size
-        pieces = [int(q) for q in np.flatnonzero(share > FILLED)]
+        inside = np.bincount(label[flat], weights=topo.areas[flat], minlength=len(size))
+        pieces = [int(q) for q in np.flatnonzero(inside > FILLED * size)]
         if len(pieces) and (high - low).min() > 2 * OUT:
             found.append(_Flat(frame, low, high, depth, flat, pieces))
     return found
@@ -208,6 +212,8 @@ def _plane(
     if abs(out[2]) > UPRIGHT:
         return None
     aligned = normals @ out > ALIGNED
+    if not aligned.any():
+        return None
     depths = middle[mine][aligned] @ out
     order = np.argsort(depths)
     weight = np.cumsum(areas[aligned][order])
@@ -219,6 +225,8 @@ def _plane(
 
 def _rectangle(topo: Topology, front: _Flat, rows: list[list[_Handle]]) -> FloatArray:
     """(2, 2) corners of what reaches out evenly from the handles; fractions of the flat."""
+    if not rows:
+        return np.array([[0.0, 0.0], [1.0, 1.0]])
     picture = Image.new("1", (GRID, GRID))
     draw = ImageDraw.Draw(picture)
     span = front.high - front.low
@@ -233,8 +241,6 @@ def _rectangle(topo: Topology, front: _Flat, rows: list[list[_Handle]]) -> Float
         x, y = np.clip((handle.at * GRID).astype(int), 0, GRID - 1)
         runs = (ndimage.label(solid[y])[0], x), (ndimage.label(solid[:, x])[0], y)
         ends.append([np.flatnonzero(run == run[cell])[[0, -1]] for run, cell in runs])
-    if not ends:
-        return np.array([[0.0, 0.0], [1.0, 1.0]])
     first_last = np.median(np.array(ends), axis=0).T  # from (handles, axes, 2)
     return np.array([first_last[0], first_last[1] + 1.0]) / GRID
 
@@ -325,8 +331,8 @@ def _two_leaves(row: list[_Handle], bottom: float, top: float) -> bool:
     if not 0.25 < height < 0.75:
         return False
     aside = abs(at[0] - 0.5)
-    if row[0].upright:
-        return aside < MIDDLE
+    if row[0].upright and aside < MIDDLE:
+        return True
     inner = min(abs(float(row[0].low[0]) - 0.5), abs(float(row[0].high[0]) - 0.5))
     return MIDDLE / 2 < aside < 2 * MIDDLE and inner < MIDDLE / 2
 

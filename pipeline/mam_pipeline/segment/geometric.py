@@ -31,7 +31,8 @@ FEWEST, MOST = 16, 60  # primitives from splitting
 class GeometricSegmenter:
     """Primitives from connectivity (authored meshes) and from creases (fused ones).
 
-    Deterministic; the partition does not depend on scale, rotation or the order of faces.
+    Deterministic; the partition does not depend on scale, turning about the vertical or the order
+    of faces. Only where handles tell fronts of one skin apart is it asked which way is up.
 
     Args:
         clear: cost above which pieces of one surface stay apart (`segment.fused`).
