@@ -253,10 +253,11 @@ def _handles(topo: Topology, middle: FloatArray, front: _Flat) -> list[_Handle]:
     touched = island[border[~on_flat]]
     area = topo.areas[front.faces].sum()
     found = []
-    for k in np.unique(touched):
-        faces = np.flatnonzero((island == k) & ~front.faces & topo.kept)
-        if topo.areas[faces].sum() > SMALL * area:
-            continue
+    beyond = np.flatnonzero(~front.faces & topo.kept)
+    sizes = np.bincount(island[beyond], topo.areas[beyond], minlength=int(island.max()) + 1)
+    touched = np.unique(touched)
+    for k in touched[(sizes[touched] > OUT**2) & (sizes[touched] < SMALL * area)]:
+        faces = beyond[island[beyond] == k]
         corners = topo.points[topo.faces[faces]].reshape(-1, 3) @ front.frame
         low, high = corners.min(axis=0), corners.max(axis=0)
         wide, tall = high[:2] - low[:2]
