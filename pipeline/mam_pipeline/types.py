@@ -133,8 +133,8 @@ class Primitives:
     def __post_init__(self) -> None:
         object.__setattr__(self, "labels", readonly(self.labels, np.int64, (None,)))
         object.__setattr__(self, "merges", readonly(self.merges, np.int64, (None, 2)))
-        fronts = np.reshape(self.fronts, (-1, max(self.count, 1)))
-        object.__setattr__(self, "fronts", readonly(fronts, np.bool_, (None, None)))
+        fronts = self.fronts if len(self.fronts) else np.zeros((0, self.count))
+        object.__setattr__(self, "fronts", readonly(fronts, np.bool_, (None, self.count)))
 
     @property
     def count(self) -> int:

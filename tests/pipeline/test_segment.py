@@ -258,3 +258,16 @@ def test_a_lever_on_the_middle_of_a_ring_parts_both_faces_of_the_leaves() -> Non
 def test_other_things_on_a_flat_cut_nothing(items: list[Item]) -> None:
     _, _, fronts = fronts_of(CASE, *items)
     assert not fronts
+
+
+@pytest.mark.parametrize("knobs", [[], [knob(-0.08, 0.1), knob(0.08, 0.1)]], ids=["none", "pair"])
+def test_a_small_surface_beside_a_skin_stays_out_of_its_tree(knobs: list[Item]) -> None:
+    skin = fuse_mesh(boxes(CASE, *knobs)[0], 96)
+    crumb, _ = boxes(((0.0, 0.0, 0.7), (0.1, 0.1, 0.1)), ((0.3, 0.0, 0.7), (0.07, 0.07, 0.07)))
+    both = np.concatenate([skin.faces, crumb.faces + len(skin.vertices)])
+    got = GeometricSegmenter().segment(Mesh(np.concatenate([skin.vertices, crumb.vertices]), both))
+    apart = set(got.labels[len(skin.faces) :])
+    assert len(apart) == 2 and not apart & set(got.labels[: len(skin.faces)])
+    assert len(got.merges) == got.count - 3 and is_valid_tree(got.merges, got.count)
+    assert not apart & set(got.merges.ravel().tolist())
+    assert len(got.fronts) == len(knobs)

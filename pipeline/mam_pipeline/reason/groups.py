@@ -14,7 +14,8 @@ from mam_pipeline.types import FloatArray, IntArray
 Masks = NDArray[np.bool_]
 LIMIT = 150  # candidates that are looked at closely
 BEST, STEPS, FRESH = 12, 4, 90  # groups varied, primitives tried on each, new groups in all
-BEHIND, FILLS = 0.1, 0.5  # of a front: a box reaches no further beside it, and fills this much
+BESIDE, FILLS = 0.1, 0.5  # of a front: its box reaches no further beside it, and fills this much
+BEHIND = 0.1  # diagonals: its box is no further from it
 SMALL = 8  # up to this many primitives every connected group is tried
 
 
@@ -108,13 +109,13 @@ def with_rigid(graph: Graph, mask: NDArray[np.bool_]) -> tuple[NDArray[np.bool_]
 
 
 def _boxed(graph: Graph, body: NDArray[np.bool_], low: FloatArray, high: FloatArray) -> bool:
-    """Whether a box (corners) fills the space close behind a front."""
+    """Whether a box (corners) fills the space close before or behind a front, along x or y."""
     front = int(np.argmax(body * graph.area))
     thin = int(np.argmin(graph.high[front, :2] - graph.low[front, :2]))
     across = [1 - thin, 2]
     start, end = graph.low[front, across], graph.high[front, across]
     span = end - start
-    inside = (low[across] > start - BEHIND * span) & (high[across] < end + BEHIND * span)
+    inside = (low[across] > start - BESIDE * span) & (high[across] < end + BESIDE * span)
     if not inside.all() or (high[across] - low[across] < FILLS * span).any():
         return False
     gap = max(low[thin] - graph.high[front, thin], graph.low[front, thin] - high[thin])

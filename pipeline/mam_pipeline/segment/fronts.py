@@ -70,20 +70,24 @@ class _Handle:
     faces: IntArray
 
 
-def divide(topo: Topology, label: IntArray) -> tuple[IntArray, list[int], IntArray]:
+def divide(
+    topo: Topology, label: IntArray, leaves: int
+) -> tuple[IntArray, list[int], IntArray]:
     """Cut the primitives of one skin that carry handles of several fronts.
 
     Args:
-        label: (F,) primitive of every face, -1 for none.
+        label: (F,) primitive of every face, -1 for none. leaves: how many of them, the first ones,
+            were cut out of the skin; others are surfaces of their own, and stay whole.
 
     Returns:
-        The labels with new ones appended, for each new one the primitive it was cut out of, and
+        The labels with new ones after these, for each new one the primitive it was cut out of, and
         (F,) for each front of several, its handle and other face included, STACK times the number
         of its flat and one of its own, -1 elsewhere.
     """
-    count = int(label.max()) + 1
     middle = topo.points[topo.faces].mean(axis=1)
-    flats = _flats(topo, label, middle)
+    flats = _flats(topo, label, middle, leaves)
+    handles = [_handles(topo, flat) for flat in flats]
+    total = int(label.max()) + 1
     out, body = label.copy(), np.full(len(label), -1, dtype=np.int64)
     origin: list[int] = []
 
@@ -91,7 +95,7 @@ def divide(topo: Topology, label: IntArray) -> tuple[IntArray, list[int], IntArr
         for old in np.unique(out[np.isin(label, pieces)]):
             area = topo.areas * (out == old)
             if SLIVER < area[side].sum() / area.sum() < 1.0 - SLIVER:
-                out[side & (out == old)] = count + len(origin)
+                out[side & (out == old)] = total + len(origin)
                 origin.append(int(old))
 
     taken: set[int] = set()
@@ -99,7 +103,7 @@ def divide(topo: Topology, label: IntArray) -> tuple[IntArray, list[int], IntArr
         if number in taken:
             continue
         place = (middle @ front.frame[:, :2] - front.low) / (front.high - front.low)
-        rows = _rows(_handles(topo, middle, front))
+        rows = _rows(handles[number])
         levels = _levels(rows, _rectangle(topo, front, rows))
         for level in levels:
             cut(front.pieces, place[:, 1] > level)
@@ -118,20 +122,23 @@ def divide(topo: Topology, label: IntArray) -> tuple[IntArray, list[int], IntArr
             ours = np.zeros(len(label), dtype=bool)
             for face in faces:
                 ours |= flats[face].faces
-                for handle in _handles(topo, middle, flats[face]):
+                for handle in handles[face]:
                     ours[handle.faces] = True
             strips = [np.flatnonzero(front.faces & (which == k)) for k in np.unique(which[ours])]
             areas = [np.bincount(out[f], topo.areas[f], minlength=1) for f in strips]
             if all(a.max() > WHOLE * a.sum() for a in areas):
                 body[ours] = STACK * number + which[ours]
-    return out, origin, body
+    new = np.arange(leaves, leaves + len(origin))
+    move = np.concatenate([np.arange(leaves), np.arange(leaves, total) + len(new), new])
+    return np.where(out >= 0, move[out], -1), [int(move[k]) for k in origin], body
 
 
 def joined(merges: IntArray, count: int, origin: list[int]) -> IntArray:
     """The merge order with the new primitives joined to those they were cut out of first.
 
     Args:
-        merges: (M, 2) over `count` primitives, as in `Primitives`. origin: as `divide` gives it.
+        merges: (M, 2) over the first `count` primitives, as in `Primitives`.
+        origin: as `divide` gives it, for those that follow them.
     """
     new = len(origin)
     moved = np.where(merges >= count, merges + 2 * new, merges)
@@ -166,7 +173,7 @@ def fronts(topo: Topology, label: IntArray, body: IntArray) -> NDArray[np.bool_]
     return np.array(kept, dtype=bool).reshape(-1, len(whole))
 
 
-def _flats(topo: Topology, label: IntArray, middle: FloatArray) -> list[_Flat]:
+def _flats(topo: Topology, label: IntArray, middle: FloatArray, leaves: int) -> list[_Flat]:
     """The large upright flats, those of large primitives first."""
     found: list[_Flat] = []
     size = np.bincount(label[label >= 0], weights=topo.areas[label >= 0])
@@ -191,7 +198,7 @@ def _flats(topo: Topology, label: IntArray, middle: FloatArray) -> list[_Flat]:
         corners = topo.points[topo.faces[flat]].reshape(-1, 3) @ frame[:, :2]
         low, high = corners.min(axis=0), corners.max(axis=0)
         inside = np.bincount(label[flat], weights=topo.areas[flat], minlength=len(size))
-        pieces = [int(q) for q in np.flatnonzero(inside > FILLED * size)]
+        pieces = [int(q) for q in np.flatnonzero(inside > FILLED * size) if q < leaves]
         if len(pieces) and (high - low).min() > 2 * OUT:
             found.append(_Flat(frame, low, high, depth, flat, pieces))
     return found
@@ -225,7 +232,7 @@ def _plane(
 
 def _rectangle(topo: Topology, front: _Flat, rows: list[list[_Handle]]) -> FloatArray:
     """(2, 2) corners of what reaches out evenly from the handles; fractions of the flat."""
-    if not rows:
+    if len(rows) < 2:  # no stack
         return np.array([[0.0, 0.0], [1.0, 1.0]])
     picture = Image.new("1", (GRID, GRID))
     draw = ImageDraw.Draw(picture)
@@ -245,7 +252,7 @@ def _rectangle(topo: Topology, front: _Flat, rows: list[list[_Handle]]) -> Float
     return np.array([first_last[0], first_last[1] + 1.0]) / GRID
 
 
-def _handles(topo: Topology, middle: FloatArray, front: _Flat) -> list[_Handle]:
+def _handles(topo: Topology, front: _Flat) -> list[_Handle]:
     """The small pieces that stand on a front with flat all around them."""
     island = groups(topo.manifold[~front.faces[topo.manifold].any(axis=1)], len(topo.faces))
     border = topo.manifold[front.faces[topo.manifold].sum(axis=1) == 1]

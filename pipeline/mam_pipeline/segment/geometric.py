@@ -76,12 +76,13 @@ class GeometricSegmenter:
         others = np.unique(np.where(inside, -1, whole), return_inverse=True)[1] - 1
         label = np.where(inside, split, np.where(whole >= 0, others + 1 + split.max(), -1))
         label = absorb_specks(topo, shreds, loose, label)
+        leaves = int(split.max()) + 1
         body: IntArray = np.full(len(label), -1, dtype=np.int64)
         if alone:
-            label, origin, body = divide(topo, label)
-            merges = joined(merges, int(split.max()) + 1, origin)
-            split = label
-        label, merges = _numbered(topo, label, merges, int(split.max()) + 1)
+            label, origin, body = divide(topo, label, leaves)
+            merges = joined(merges, leaves, origin)
+            leaves += len(origin)
+        label, merges = _numbered(topo, label, merges, leaves)
         told = fronts(topo, label, body)
         return Primitives(label, merges, "geometric, split along creases", told)
 
