@@ -220,6 +220,14 @@ def test_a_hinge_line_stays_on_both_bodies_or_is_told_how_far_it_strays() -> Non
     assert away == pytest.approx(np.hypot(0.2, 0.3) / mesh.diagonal, rel=0.02)
 
 
+def test_a_spindle_inside_a_leaf_lies_on_it() -> None:
+    mesh, owner = boxes(((0, 0, 0), (1, 0.2, 1)), ((0.1, -0.1, 0.45), (0.4, 0.3, 0.55)))
+    bodies = HingeBodies(mesh, np.flatnonzero(owner == 1), np.flatnonzero(owner == 0))
+    line = np.array([0, 1.0, 0]), np.array([0.15, 0, 0.5])
+    assert bodies.line_gap(*line) > 0.02
+    assert bodies.line_gap(*line, bodies.encloses) == 0.0
+
+
 def test_a_line_through_one_knuckle_beside_a_lid_does_not_run_askew() -> None:
     mesh, owner = boxes(
         ((-0.4, 0, 0), (0.02, 1, 0.99)),

@@ -22,23 +22,25 @@ def joint(child: int, parent: int, confidence: float) -> Joint:
 
 
 @pytest.mark.parametrize(
-    ("kind", "subtype", "share", "least"),
+    ("leaf", "subtype", "kind", "share", "least"),
     [
-        ("door", "hinge", 0.01, 0.9),
-        ("door", "spin", 0.01, 0.7),
-        ("door", "slide", 0.01, 0.0),  # a button in a door
-        ("door", "hinge", 0.1, 0.0),  # a large lever: of these some do turn
-        ("door", "hinge", 0.5, 0.5),  # a pane
-        ("panel", "slide", 0.5, 0.5),
-        ("door", "hinge", 1.5, 0.0),
-        ("lever", "spin", 0.01, 0.0),
-        ("wheel", "spin", 0.5, 0.0),
+        ("door", "hinge", "lever", 0.01, 0.9),
+        ("door", "spin", "knob", 0.01, 0.7),
+        ("door", "slide", "button", 0.01, 0.0),  # a button in a door
+        ("door", "hinge", "lever", 0.1, 0.0),  # a large lever: of these some do turn
+        ("door", "hinge", "lever", 0.3, 0.0),
+        ("door", "hinge", "door", 0.5, 0.5),  # a pane
+        ("panel", "hinge", "lid", 0.5, 0.5),
+        ("panel", "slide", "panel", 0.5, 0.0),  # a leaf beside one that has the frame
+        ("door", "hinge", "door", 1.5, 0.0),
+        ("lever", "spin", "knob", 0.01, 0.0),
+        ("wheel", "spin", "knob", 0.5, 0.0),
     ],
 )
 def test_only_small_fittings_and_panes_of_leaves_are_doubted(
-    kind: str, subtype: JointSubtype, share: float, least: float
+    leaf: str, subtype: JointSubtype, kind: str, share: float, least: float
 ) -> None:
-    assert moves_if_above(subtype, kind, share) == least
+    assert moves_if_above(subtype, kind, leaf, share) == least
 
 
 @pytest.mark.parametrize(
@@ -70,7 +72,21 @@ def test_an_unclear_lever_becomes_its_doors(
     (said,) = left[1].evidence["carries"]
     assert said["name"] == "lever_0" and said["confidence"] == 0.6
     (note,) = carried_notes(left.values())
-    assert "lever_0" in note and "hints" in note
+    assert note.startswith("door_0: carries lever_0") and "hints" in note
+
+
+def test_an_unclear_small_part_stays_in_the_base() -> None:
+    doubt = {"moves_if_above": 0.4}
+    lid, lamp = node("lid_0", "lid", 1, 0), node("knob_0", "knob", 2, 0, evidence=doubt)
+    given = KinematicTree((node("base", "body", 0, -1, subtype="fixed"), lid, lamp))
+    joints = {1: joint(1, 0, 0.9), 2: joint(2, 0, 0.3)}
+    tree, left = carried(given, joints)
+    assert [n.primitives for n in tree.nodes] == [(0, 2), (1,)]
+    (note,) = carried_notes(left.values())
+    assert note.startswith("base: carries knob_0")
+    alone = KinematicTree((given.nodes[0], lamp))  # it is all there is
+    tree, left = carried(alone, {1: joint(1, 0, 0.3)})
+    assert tree is alone and list(left) == [1]
 
 
 def test_what_carries_others_is_kept() -> None:

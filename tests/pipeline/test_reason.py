@@ -10,6 +10,7 @@ import pytest
 import trimesh
 
 from mam_pipeline.backends import KinematicPrior
+from mam_pipeline.joints.fittings import UNCLEAR
 from mam_pipeline.prior.embedded import EmbeddedPrior
 from mam_pipeline.reason.corpus import Example, abstract_kinds, generated, generated_example, united
 from mam_pipeline.reason.embedded import (
@@ -267,7 +268,18 @@ def test_a_thick_handle_makes_no_lever_of_a_door() -> None:
     assert part_kind(graph, np.array([False, False, True]), "hinge") == "lever"
 
 
-def test_a_lever_on_a_leaf_is_doubted_and_one_on_the_body_is_not() -> None:
+def test_a_door_that_stands_ajar_is_a_door() -> None:
+    mesh, primitives = boxes(((0.0, 0, 0), (2.0, 0.5, 2.0)), ((0.0, 0.6, 0), (0.9, 0.65, 2.0)))
+    leaf = np.unique(mesh.faces[primitives.labels == 1])
+    turn, vertices = np.radians(40), mesh.vertices.copy()
+    vertices[leaf, :2] = vertices[leaf, :2] @ np.array(
+        [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+    )
+    graph = build_graph(replace(mesh, vertices=vertices), primitives)
+    assert part_kind(graph, np.array([False, True]), "hinge") == "door"
+
+
+def test_small_parts_and_levers_on_a_leaf_are_doubted() -> None:
     mesh, primitives = boxes(
         ((0.0, 0, 0), (0.5, 0.9, 2.0)), ((-0.04, 0, 0), (-0.002, 0.9, 2.0)),
         ((-0.06, 0.75, 1.0), (-0.04, 0.85, 1.02)),
@@ -280,7 +292,10 @@ def test_a_lever_on_a_leaf_is_doubted_and_one_on_the_body_is_not() -> None:
     assert [n.name for n in found] == ["base", "door_0", "lever_0"]
     assert found[2].evidence["moves_if_above"] > NEEDS_REVIEW
     found = named(graph, KinematicTree((base, door, on_body))).nodes
-    assert "moves_if_above" not in found[2].evidence
+    assert not graph.one_skin and found[2].evidence["moves_if_above"] == UNCLEAR
+    assert "moves_if_above" not in found[1].evidence
+    found = named(graph, KinematicTree((base, on_body))).nodes  # the largest there is
+    assert "moves_if_above" not in found[1].evidence
 
 
 def test_the_pieces_of_a_link_become_one_solid() -> None:

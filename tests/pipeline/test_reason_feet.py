@@ -148,7 +148,7 @@ def test_the_box_behind_a_front_belongs_to_it() -> None:
     far = (0, 1.4, 0.25), (0.8, 0.7, 0.4)
     mesh = mesh_of(*fronts, box, rod, wide, far)
     graph = build_graph(mesh, Primitives(np.repeat(np.arange(6), 12)))
-    graph = replace(graph, rigid=np.eye(6, dtype=bool)[:2])
+    graph = replace(graph, rigid=np.eye(6, dtype=bool)[:2], fronts=np.ones(2, dtype=bool))
     row = np.eye(6, dtype=bool)
     got, bodies = with_rigid(graph, row[2])
     assert bodies == 1 and np.flatnonzero(got).tolist() == [1, 2]
@@ -162,6 +162,6 @@ def test_a_front_without_a_handle_has_a_twin_all_the_same() -> None:
     graph = build_graph(
         mesh_of(*leaves, ((0, 0.5, 0), (1.0, 0.9, 1.0))), Primitives(np.repeat(np.arange(3), 12))
     )
-    graph = replace(graph, rigid=np.eye(3, dtype=bool)[:2])
+    graph = replace(graph, rigid=np.eye(3, dtype=bool)[:2], fronts=np.ones(2, dtype=bool))
     masks = np.eye(3, dtype=bool)
     assert with_twins(graph, masks, np.array([0.9, 0.4, 0.1]), [0]) == [0, 1]

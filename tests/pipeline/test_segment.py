@@ -11,6 +11,8 @@ from scipy.cluster.hierarchy import is_valid_linkage
 from mam_pipeline.errors import InputError
 from mam_pipeline.geometry.fuse import fuse_mesh
 from mam_pipeline.geometry.sampling import face_geometry
+from mam_pipeline.segment import fronts as fronts_module
+from mam_pipeline.segment.fronts import divide
 from mam_pipeline.segment.geometric import GeometricSegmenter
 from mam_pipeline.segment.topology import topology, weld, without_repeats
 from mam_pipeline.types import IntArray, Mesh, Primitives
@@ -219,6 +221,27 @@ def test_handles_above_each_other_make_a_stack() -> None:
     assert len(spans) == 3
     np.testing.assert_allclose([low for low, _ in spans[1:]], edges[1:-1], atol=0.05)
     np.testing.assert_allclose([high for _, high in spans[:-1]], edges[1:-1], atol=0.05)
+
+
+def test_a_front_that_has_grown_into_the_body_is_cut_out_of_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    items = [CASE, *(knob(0.0, z, wide=0.3) for z in (-0.25, 0.25))]
+    skin = fuse_mesh(boxes(*items)[0], 96)
+    topo = topology(skin)
+    whole = GeometricSegmenter().segment(skin)
+    middle = skin.vertices[skin.faces].mean(axis=1)
+    lower = (middle[:, 1] < -0.39) & (middle[:, 2] < 0)
+    label = whole.labels.copy()
+    grown = int(np.bincount(label[middle[:, 2] < -0.49]).argmax())
+    label[lower & np.isin(label, np.flatnonzero(whole.fronts.any(axis=0)))] = grown
+    label = np.unique(label, return_inverse=True)[1]
+    told = []
+    for share in (0.6, 0.0):
+        monkeypatch.setattr(fronts_module, "CARVED", share)
+        out, _, body = divide(topo, label, int(label.max()) + 1)
+        told.append(len(fronts_module.fronts(topo, out, body)))
+    assert told == [2, 0]
 
 
 def test_a_drawer_above_two_leaves() -> None:

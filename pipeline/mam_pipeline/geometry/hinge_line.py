@@ -40,6 +40,10 @@ class HingeBodies:
             for c, f in zip(self.corners, faces)
         ]
 
+    def encloses(self, points: FloatArray, part: bool) -> NDArray[np.bool_]:
+        """(n,) which points are inside closed shells of the part, or of the body it hangs on."""
+        return self.scenes[0 if part else 1].encloses(points)
+
     def line_gap(self, axis: FloatArray, origin: FloatArray, inside: Inside | None = None) -> float:
         """How far a line strays from both bodies over their common extent.
 

@@ -349,7 +349,8 @@ def _on_both(
         return c.score >= best.score - (STUCK_HINGE if parallel else NEARLY)
 
     lines = [c for c in candidates[:LINES] if near(c)]
-    return [c for c in lines if bodies.line_gap(c.axis, c.origin) <= most] or candidates
+    fits = [c for c in lines if bodies.line_gap(c.axis, c.origin, bodies.encloses) <= most]
+    return fits or candidates
 
 
 def opening_sign(

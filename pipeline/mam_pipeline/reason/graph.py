@@ -17,6 +17,7 @@ from mam_pipeline.geometry.rows import row_keys
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.prior.probe import Probe, probe
 from mam_pipeline.reason.feet import Seams, Surface, disjoint, standing
+from mam_pipeline.reason.sheets import sheets, through
 from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives, cut_from_one_skin
 
 REACH = 0.04  # pairs farther apart than this (share of the diagonal) are not neighbours
@@ -38,7 +39,8 @@ class Graph:
             TOUCH of j, and of j's of i. patch: (E, 3) extents of the contact region's box.
         border: (E,) length of shared mesh edges; concave, convex: (E,) mean angle over it, rad.
         merges: (M, 2) the segmenter's own merge order, as in `Primitives`.
-        rigid: (T, P) what moves as one, see `standing` and `Primitives.fronts`; of skins only.
+        rigid: (T, P) what moves as one, see `standing`, `Primitives.fronts`, `sheets`, `through`;
+            of skins only. fronts: (T,) which of it are fronts with handles, each a part of its own.
     """
 
     probe: Probe
@@ -58,6 +60,7 @@ class Graph:
     convex: FloatArray
     merges: IntArray | None = None
     rigid: NDArray[np.bool_] | None = None
+    fronts: NDArray[np.bool_] | None = None
 
     @property
     def count(self) -> int:
@@ -101,9 +104,14 @@ def build_graph(
     normals, areas = face_geometry(sampled.vertices, mesh.faces)
     middle = sampled.vertices[mesh.faces].mean(axis=1)
     surface = Surface(primitives.labels, middle, normals, areas)
-    rigid = None
+    rigid: NDArray[np.bool_] | None = None
+    fronts: NDArray[np.bool_] | None = None
     if primitives.one_skin:
-        rigid = disjoint(np.vstack([standing(seams, surface, count), primitives.fronts]))
+        apart = np.vstack([standing(seams, surface, count), primitives.fronts])
+        faces = sheets(sampled, low, high)
+        both = np.array([np.isin(np.arange(count), pair) for pair in faces]).reshape(-1, count)
+        rigid = disjoint(np.vstack([apart, both, through(seams, faces, sampled.area, low, high)]))
+        fronts = np.array((rigid @ apart.T).any(axis=1), dtype=bool)
     return Graph(
         sampled,
         sampled.area,
@@ -120,6 +128,7 @@ def build_graph(
         *_borders(seams, surface, pairs, count),
         primitives.merges,
         rigid,
+        fronts,
     )
 
 

@@ -14,7 +14,7 @@ from mam_pipeline.types import FloatArray, IntArray
 Masks = NDArray[np.bool_]
 LIMIT = 150  # candidates that are looked at closely
 BEST, STEPS, FRESH = 12, 4, 90  # groups varied, primitives tried on each, new groups in all
-BESIDE, FILLS = 0.1, 0.5  # of a front: its box reaches no further beside it, and fills this much
+BESIDE, FILLS = 0.2, 0.5  # of a front: its box reaches no further beside it, and fills this much
 BEHIND = 0.1  # diagonals: its box is no further from it
 SMALL = 8  # up to this many primitives every connected group is tried
 
@@ -29,9 +29,9 @@ def enumerate_groups(graph: Graph, same: FloatArray, move: FloatArray) -> Masks:
     found: dict[bytes, NDArray[np.bool_]] = {}
 
     def add(mask: NDArray[np.bool_]) -> None:
-        mask, bodies = with_rigid(graph, mask)
+        mask, fronts = with_rigid(graph, mask)
         size = int(mask.sum())
-        if bodies < 2 and (0 < size < count or size == count == 1):
+        if fronts < 2 and (0 < size < count or size == count == 1):
             found.setdefault(np.packbits(mask).tobytes(), mask)
 
     for k in range(count):
@@ -65,9 +65,9 @@ def expand_groups(graph: Graph, masks: Masks, value: FloatArray, same: FloatArra
     fresh: dict[bytes, NDArray[np.bool_]] = {}
 
     def add(mask: NDArray[np.bool_]) -> None:
-        mask, bodies = with_rigid(graph, mask)
+        mask, fronts = with_rigid(graph, mask)
         key = np.packbits(mask).tobytes()
-        if bodies < 2 and key not in known and 0 < mask.sum() < graph.count:
+        if fronts < 2 and key not in known and 0 < mask.sum() < graph.count:
             fresh.setdefault(key, mask)
 
     i, j = graph.pairs[:, 0], graph.pairs[:, 1]
@@ -94,18 +94,18 @@ def expand_groups(graph: Graph, masks: Masks, value: FloatArray, same: FloatArra
 
 
 def with_rigid(graph: Graph, mask: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], int]:
-    """The group (P,) with what moves with any of its primitives as one body, and how many such
-    bodies it has: two flats with a handle each are two fronts. The box behind a front is its own.
+    """The group (P,) with what moves with any of its primitives as one body, and how many fronts
+    it has: two flats with a handle each are two. The box behind a front is its own.
     """
-    if graph.rigid is None:
+    if graph.rigid is None or graph.fronts is None:
         return mask, 0
-    has = (graph.rigid & mask).any(axis=1)
-    if not has.any() and mask.any():
+    has = np.array((graph.rigid & mask).any(axis=1), dtype=bool)
+    if not has[graph.fronts].any() and mask.any():
         low, high = graph.low[mask].min(axis=0), graph.high[mask].max(axis=0)
-        has = np.array([_boxed(graph, body, low, high) for body in graph.rigid], dtype=bool)
-        has &= has.sum() == 1
-    bodies = graph.rigid[has]
-    return mask | bodies.any(axis=0), len(bodies)
+        boxed = np.array([_boxed(graph, body, low, high) for body in graph.rigid], dtype=bool)
+        boxed &= graph.fronts
+        has |= boxed & (boxed.sum() == 1)
+    return mask | graph.rigid[has].any(axis=0), int(has[graph.fronts].sum())
 
 
 def _boxed(graph: Graph, body: NDArray[np.bool_], low: FloatArray, high: FloatArray) -> bool:

@@ -55,7 +55,8 @@ def completed(graph: Graph, parts: Masks, same: FloatArray, move: FloatArray) ->
     A front without its handle overlaps the true part well, so its score hardly asks for the
     handle; the bonds do. A primitive that is likely to move, and is no part of its own, joins the
     part that it is bound to most, if it is bound to no still one as much; the strongest bond first.
-    LEAST_BASE of the surface stays, if so much was left, and so does what moves only as a whole.
+    What moves with it as one body joins as well. LEAST_BASE of the surface stays, if so much was
+    left, and so do fronts with handles, which are parts of their own.
 
     Args:
         same: (E,), move: (P,) probabilities of the bonds and of moving.
@@ -64,20 +65,23 @@ def completed(graph: Graph, parts: Masks, same: FloatArray, move: FloatArray) ->
     one, other = graph.pairs[:, 0], graph.pairs[:, 1]
     a, b = np.concatenate([one, other]), np.concatenate([other, one])
     bond = np.concatenate([same, same])
-    whole: NDArray[np.bool_] = np.zeros(graph.count, dtype=bool)
-    if graph.rigid is not None:
-        whole |= graph.rigid.any(axis=0)
+    alone: NDArray[np.bool_] = np.zeros(graph.count, dtype=bool)
+    together: NDArray[np.bool_] = np.eye(graph.count, dtype=bool)
+    if graph.rigid is not None and graph.fronts is not None:
+        alone |= graph.rigid[graph.fronts].any(axis=0)
+        together |= graph.rigid.T.astype(int) @ graph.rigid.astype(int) > 0
+    area = together @ graph.area
     spare = LEAST_BASE if graph.area[owner < 0].sum() >= LEAST_BASE else 0.0
     while True:
         still = np.full(graph.count, FAINT)
         base = (owner[b] < 0) & (move[b] < LIKELY)
         np.maximum.at(still, a[base], bond[base])
         joins = (owner[a] < 0) & (owner[b] >= 0) & (move[a] > LIKELY) & (bond > still[a])
-        joins &= ~whole[a] & (graph.area[a] <= graph.area[owner < 0].sum() - spare)
+        joins &= ~alone[a] & (area[a] <= graph.area[owner < 0].sum() - spare)
         if not joins.any():
             return np.arange(len(parts))[:, None] == owner[None]
         best = int(np.argmax(np.where(joins, bond, -1.0)))
-        owner[a[best]] = owner[b[best]]
+        owner[together[a[best]]] = owner[b[best]]
 
 
 def with_twins(graph: Graph, masks: Masks, value: FloatArray, chosen: list[int]) -> list[int]:
@@ -90,9 +94,9 @@ def with_twins(graph: Graph, masks: Masks, value: FloatArray, chosen: list[int])
     Args:
         masks: (C, P). value: (C,). chosen: indices.
     """
-    if graph.rigid is None or len(graph.rigid) < 2:
+    if graph.rigid is None or graph.fronts is None or graph.fronts.sum() < 2:
         return chosen
-    bodies, out = graph.rigid, list(chosen)
+    bodies, out = graph.rigid[graph.fronts], list(chosen)
     largest = np.argmax(bodies * graph.area, axis=1)
     handles = bodies & (np.arange(graph.count) != largest[:, None])
     handles = np.where(handles.any(axis=1, keepdims=True), handles, bodies)

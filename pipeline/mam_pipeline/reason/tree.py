@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mam_pipeline.joints.fittings import FITTING, moves_if_above
-from mam_pipeline.reason.graph import Graph
+from mam_pipeline.joints.fittings import FITTING, MINOR, UNCLEAR, moves_if_above
+from mam_pipeline.reason.graph import Graph, tight_box
 from mam_pipeline.reason.groups import Masks
 from mam_pipeline.reason.select import LEAST_BASE
 from mam_pipeline.types import FloatArray, JointSubtype, KinematicTree, PartNode
 
 SUBTYPES: tuple[JointSubtype, ...] = ("hinge", "spin", "slide")
+REPEATED = 3  # so many small parts of one size are no accident: castors
 ALIKE = 0.8  # share of the largest surface from which parts count as equal
 
 
@@ -136,15 +137,24 @@ def named(graph: Graph, tree: KinematicTree) -> KinematicTree:
     for i, node in enumerate(tree.nodes[1:], start=1):
         kind, evidence = kinds[i], dict(node.evidence)
         share = area[i] / max(area[node.parent], 1e-12)
-        least = moves_if_above(node.subtype, kinds[node.parent], share) if node.parent else 0.0
-        if least:
-            evidence["moves_if_above"] = least
+        leaf = kinds[node.parent] if node.parent else ""
+        least = moves_if_above(node.subtype, kind, leaf, share)
         if least and share < FITTING:
             kind = "knob" if node.subtype == "spin" else "lever"
+        minor = area[i] < MINOR * max(area[1:]) and _alike(area[i], area[1:]) < REPEATED
+        if minor and not graph.one_skin:
+            least = max(least, UNCLEAR)
+        if least:
+            evidence["moves_if_above"] = least
         counts[kind] = counts.get(kind, -1) + 1
         name = f"{kind}_{counts[kind]}"
         nodes.append(replace(node, name=name, kind=kind, evidence=evidence))
     return KinematicTree(tuple(nodes))
+
+
+def _alike(area: float, areas: list[float]) -> int:
+    """How many of the parts have this surface, within a tenth."""
+    return int(np.isclose(areas, area, rtol=0.1).sum())
 
 
 def _indices(mask: np.ndarray) -> tuple[int, ...]:
@@ -182,18 +192,22 @@ def _parents(graph: Graph, parts: list[np.ndarray]) -> list[int]:
 
 BULK = 0.7
 """The largest primitives with this share of a part's area are its body, the others its fittings."""
+LEVEL = 0.7
+"""Cosine between the upward direction and the thin side of what lies."""
 
 
 def part_kind(graph: Graph, mask: np.ndarray, subtype: JointSubtype) -> str:
     """A free word for a part's shape: it names links and helps grasps and reports."""
     extent = graph.high[mask].max(axis=0) - graph.low[mask].min(axis=0)
     top = graph.high[:, 2].max()
-    if subtype == "hinge":  # a handle makes no door less flat
+    level = int(np.argmin(extent)) == 2
+    if subtype == "hinge":  # a handle makes no door less flat, nor does a door that stands ajar
         own = np.flatnonzero(mask)
         own = own[np.argsort(-graph.area[own], kind="stable")]
         share = np.cumsum(graph.area[own]) / max(graph.area[own].sum(), 1e-12)
-        bulk = own[: 1 + int(np.searchsorted(share, BULK))]
-        extent = graph.high[bulk].max(axis=0) - graph.low[bulk].min(axis=0)
+        bulk = np.isin(graph.probe.owner, own[: 1 + int(np.searchsorted(share, BULK))])
+        axes, extent = tight_box(graph.probe.points[bulk])
+        level = abs(float(axes[2, 2])) > LEVEL
     low = graph.low[mask].min(axis=0)
     order = np.sort(extent)
     if subtype == "spin":
@@ -204,8 +218,7 @@ def part_kind(graph: Graph, mask: np.ndarray, subtype: JointSubtype) -> str:
             return "button"
         return "panel" if order[0] < 0.12 * order[1] else "drawer"
     if order[0] < 0.35 * order[1] or order[0] < 0.1 * order[2]:
-        flat = int(np.argmin(extent))
-        return "lid" if flat == 2 or low[2] > 0.7 * top else "door"
+        return "lid" if level or low[2] > 0.7 * top else "door"
     return "lever"
 
 

@@ -26,6 +26,7 @@ LEVEL = 0.004  # diagonals off its plane
 FILLED = 0.4  # share of a primitive that lies in its flat
 SLIVER = 0.15  # of its area: a primitive loses no less to a cut
 WHOLE = 0.75  # of a front: several primitives side by side may be fronts of their own
+CARVED = 0.6  # of a primitive: a front that is less of it is cut out of it
 STACK = 64  # more than the fronts of one flat
 EDGE = 0.09  # of the front's width: what stands nearer to its sides is a hinge
 GRID = 96  # cells across a flat
@@ -98,6 +99,13 @@ def divide(
                 out[side & (out == old)] = total + len(origin)
                 origin.append(int(old))
 
+    def carve(faces: IntArray, old: int) -> None:
+        mine = faces[out[faces] == old]
+        own = old < leaves or old >= total
+        if own and topo.areas[mine].sum() < CARVED * topo.areas[out == old].sum():
+            out[mine] = total + len(origin)
+            origin.append(old)
+
     taken: set[int] = set()
     for number, front in enumerate(flats):
         if number in taken:
@@ -128,6 +136,8 @@ def divide(
             areas = [np.bincount(out[f], topo.areas[f], minlength=1) for f in strips]
             if all(a.max() > WHOLE * a.sum() for a in areas):
                 body[ours] = STACK * number + which[ours]
+                for strip_faces, area in zip(strips, areas):
+                    carve(strip_faces, int(area.argmax()))
     new = np.arange(leaves, leaves + len(origin))
     move = np.concatenate([np.arange(leaves), np.arange(leaves, total) + len(new), new])
     return np.where(out >= 0, move[out], -1), [int(move[k]) for k in origin], body
