@@ -129,6 +129,12 @@ def test_what_was_left_of_a_part_joins_it_and_what_the_base_holds_more_does_not(
     assert np.flatnonzero(found[0]).tolist() == [0, 1, 2]
     found = completed(graph, part, np.array([0.2, 0.6, 0.5, 0.1]), move)
     assert np.flatnonzero(found[0]).tolist() == [0, 2]  # 1 is bound too weakly
+    for times, taken in ((0.3, [0, 1]), (0.1, [0, 1, 2])):  # what was nearly a part, and a trifle
+        left = np.arange(count)[None] == 2
+        area = np.where(left[0], times * graph.area[0], graph.area)
+        weights = np.array([0.4, 0.6, 0.5, 0.1])
+        found = completed(replace(graph, area=area), part, weights, move, left)
+        assert np.flatnonzero(found[0]).tolist() == taken
     share = np.where(np.arange(count) == 0, 0.9, 0.01 / (count - 2))
     share[2] = 0.09  # 0.01 would be left of the base without it
     found = completed(replace(graph, area=share), part, np.array([0.4, 0.6, 0.5, 0.1]), move)

@@ -131,7 +131,7 @@ def decide(views: Sequence[View], scores: Scores) -> tuple[Masks, Choice]:
         left = [c for c in ranked[1:] if confidence[c] < scores.least]
         chosen = with_twins(graph, masks, value, [c for c in ranked if c not in left])
         masks = masks.copy()
-        masks[chosen] = completed(graph, masks[chosen], same, readings[0].move)
+        masks[chosen] = completed(graph, masks[chosen], same, readings[0].move, masks[left])
     best = float(value.max())
     return masks, Choice(tuple(chosen), value, odds, confidence, best, tuple(left))
 

@@ -16,6 +16,7 @@ EVEN = 5e-3  # added to extents (of the diagonal) before they are compared
 # share of the surface that stays in the base at least: a chandelier's 0.04 is the least of 111 real
 # objects, 0.10 of 1 200 generated ones
 LEAST_BASE = 0.03
+TRIFLE = 0.2  # of a part's surface: so small is a knob that was left out, and goes with its leaf
 
 
 def select_groups(masks: Masks, value: FloatArray, threshold: float, sweeps: int = 3) -> list[int]:
@@ -49,17 +50,21 @@ def select_groups(masks: Masks, value: FloatArray, threshold: float, sweeps: int
     return sorted(chosen, key=lambda c: -value[c])
 
 
-def completed(graph: Graph, parts: Masks, same: FloatArray, move: FloatArray) -> Masks:
+def completed(
+    graph: Graph, parts: Masks, same: FloatArray, move: FloatArray, left: Masks | None = None
+) -> Masks:
     """Parts (K, P) with the primitives that were left in the base and belong to them.
 
     A front without its handle overlaps the true part well, so its score hardly asks for the
     handle; the bonds do. A primitive that is likely to move, and is no part of its own, joins the
     part that it is bound to most, if it is bound to no still one as much; the strongest bond first.
     What moves with it as one body joins as well. LEAST_BASE of the surface stays, if so much was
-    left, and so do fronts with handles, which are parts of their own.
+    left, and so do fronts with handles, which are parts of their own, and what was nearly made a
+    part and is no trifle beside it: the panes that stay beside a leaf.
 
     Args:
-        same: (E,), move: (P,) probabilities of the bonds and of moving.
+        same: (E,), move: (P,) probabilities of the bonds and of moving. left: (L, P) what is too
+            unsure to be a part of its own.
     """
     owner = np.where(parts.any(axis=0), np.argmax(parts, axis=0), -1)
     one, other = graph.pairs[:, 0], graph.pairs[:, 1]
@@ -71,13 +76,16 @@ def completed(graph: Graph, parts: Masks, same: FloatArray, move: FloatArray) ->
         alone |= graph.rigid[graph.fronts].any(axis=0)
         together |= graph.rigid.T.astype(int) @ graph.rigid.astype(int) > 0
     area = together @ graph.area
+    stays = np.zeros((graph.count, len(parts)), dtype=bool)
+    for mask in () if left is None else left:
+        stays |= mask[:, None] & (mask @ graph.area > TRIFLE * (parts @ graph.area))
     spare = LEAST_BASE if graph.area[owner < 0].sum() >= LEAST_BASE else 0.0
     while True:
         still = np.full(graph.count, FAINT)
         base = (owner[b] < 0) & (move[b] < LIKELY)
         np.maximum.at(still, a[base], bond[base])
         joins = (owner[a] < 0) & (owner[b] >= 0) & (move[a] > LIKELY) & (bond > still[a])
-        joins &= ~alone[a] & (area[a] <= graph.area[owner < 0].sum() - spare)
+        joins &= ~alone[a] & ~stays[a, owner[b]] & (area[a] <= graph.area[owner < 0].sum() - spare)
         if not joins.any():
             return np.arange(len(parts))[:, None] == owner[None]
         best = int(np.argmax(np.where(joins, bond, -1.0)))
