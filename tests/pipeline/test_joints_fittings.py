@@ -72,7 +72,7 @@ def test_an_unclear_lever_becomes_its_doors(
     (said,) = left[1].evidence["carries"]
     assert said["name"] == "lever_0" and said["confidence"] == 0.6
     (note,) = carried_notes(left.values())
-    assert note.startswith("door_0: carries lever_0") and "hints" in note
+    assert note.startswith("door_0: carries lever_0 (primitives 2)") and "hints" in note
 
 
 def test_an_unclear_small_part_stays_in_the_base() -> None:

@@ -88,7 +88,9 @@ def carried_notes(joints: Iterable[Joint]) -> list[str]:
     names: dict[str, list[str]] = {}
     for joint in joints:
         for said in joint.evidence.get("carries", ()):
-            names.setdefault(str(said["by"]), []).append(str(said["name"]))
+            pieces = ", ".join(str(k) for k in said["primitives"])
+            name = f"{said['name']} (primitives {pieces})"
+            names.setdefault(str(said["by"]), []).append(name)
     return [
         f"{body}: carries {', '.join(parts)}, whose own joint is unclear; if it moves by "
         "itself, say so in a hints file"
