@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mam_pipeline.joints.fittings import carried, carried_notes, moves_if_above
+from mam_pipeline.joints.fittings import carried, carried_notes, is_minor, moves_if_above
 from mam_pipeline.types import Joint, JointSubtype, KinematicTree, PartNode, Provenance
 
 
@@ -73,6 +73,12 @@ def test_an_unclear_lever_becomes_its_doors(
     assert said["name"] == "lever_0" and said["confidence"] == 0.6
     (note,) = carried_notes(left.values())
     assert note.startswith("door_0: carries lever_0 (primitives 2)") and "hints" in note
+
+
+def test_small_parts_are_minor_unless_three_are_alike() -> None:
+    assert is_minor(0.2, [1.0, 0.2]) and is_minor(0.2, [1.0, 0.2, 0.2])
+    assert not is_minor(0.2, [1.0, 0.2, 0.21, 0.19])
+    assert not is_minor(0.4, [1.0, 0.4]) and not is_minor(1.0, [1.0])
 
 
 def test_an_unclear_small_part_stays_in_the_base() -> None:

@@ -12,6 +12,7 @@ import trimesh
 from mam_pipeline.backends import KinematicPrior
 from mam_pipeline.joints.fittings import UNCLEAR
 from mam_pipeline.prior.embedded import EmbeddedPrior
+from mam_pipeline.reason import joint_view
 from mam_pipeline.reason.corpus import Example, abstract_kinds, generated, generated_example, united
 from mam_pipeline.reason.embedded import (
     SAMPLINGS,
@@ -294,8 +295,23 @@ def test_small_parts_and_levers_on_a_leaf_are_doubted() -> None:
     found = named(graph, KinematicTree((base, door, on_body))).nodes
     assert not graph.one_skin and found[2].evidence["moves_if_above"] == UNCLEAR
     assert "moves_if_above" not in found[1].evidence
+    skin = replace(graph, merges=np.array([[0, 1], [2, 3]]))  # there right ones are as unclear
+    found = named(skin, KinematicTree((base, door, on_body))).nodes
+    assert skin.one_skin and "moves_if_above" not in found[2].evidence
     found = named(graph, KinematicTree((base, on_body))).nodes  # the largest there is
     assert "moves_if_above" not in found[1].evidence
+
+
+@pytest.mark.parametrize(
+    ("weight", "subtype"),
+    [(joint_view.MOTION_WEIGHT, "slide"), (joint_view.MOTION_WEIGHT_OF_SKINS, "hinge")],
+)
+def test_the_ranker_counts_less_on_a_skin(weight: float, subtype: JointSubtype) -> None:
+    own = {"hinge": 0.88, "spin": 0.01, "slide": 0.11}
+    node = PartNode("a", "part", (1,), 0, "hinge", confidence=0.8, evidence={"subtype": own})
+    odds = {"slide": 0.93, "revolute": 0.07}
+    found = joint_view._settled(node, odds, (), weight)
+    assert found.subtype == subtype and 0.4 < found.confidence < 0.8
 
 
 def test_the_pieces_of_a_link_become_one_solid() -> None:

@@ -10,8 +10,10 @@ a button, lamp and rose that is a piece of its own and does not move.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from mam_pipeline.types import NEEDS_REVIEW, Joint, JointSubtype, KinematicTree
 
@@ -25,6 +27,17 @@ UNLIKELY = 0.5  # a pane of less confidence does not move by itself
 MINOR = 0.3  # of the surface of the object's largest part
 # a minor part of less confidence does not move by itself; on skins right ones have less as well
 UNCLEAR = 0.4
+REPEATED = 3  # so many parts of one size are no accident: castors
+
+
+def is_minor(area: float, areas: Sequence[float]) -> bool:
+    """Whether a part is small beside the largest part, and not one of several of its size.
+
+    Args:
+        area: its surface. areas: of all parts, it among them.
+    """
+    alike = int(np.isclose(areas, area, rtol=0.1).sum())
+    return area < MINOR * max(areas) and alike < REPEATED
 
 
 def moves_if_above(subtype: JointSubtype, kind: str, leaf: str, share: float) -> float:
@@ -45,13 +58,14 @@ def moves_if_above(subtype: JointSubtype, kind: str, leaf: str, share: float) ->
 def carried(
     tree: KinematicTree, joints: Mapping[int, Joint]
 ) -> tuple[KinematicTree, dict[int, Joint]]:
-    """The tree and joints in which what is unclear belongs to its leaf.
+    """The tree and joints in which what is unclear belongs to what it hangs on.
 
     Args:
         joints: by node, of every node but the base.
 
     Returns:
-        A tree whose leaves have what they carry, and its joints, which say so in their evidence.
+        A tree whose bodies have what they carry, and its joints, which say so in their evidence;
+        both as they were where nothing else would move.
     """
     nodes = list(tree.nodes)
     gone = [

@@ -41,6 +41,12 @@ class Seams:
     labels: IntArray
     length: FloatArray
 
+    def neighbours(self, count: int) -> NDArray[np.bool_]:
+        """(P, P) which of `count` primitives share an edge."""
+        out = np.zeros((count, count), dtype=bool)
+        out[self.labels[:, 0], self.labels[:, 1]] = True
+        return out | out.T
+
 
 @dataclass(frozen=True)
 class Surface:
@@ -65,9 +71,7 @@ def standing(seams: Seams, surface: Surface, count: int) -> NDArray[np.bool_]:
         count: of primitives.
     """
     area = np.bincount(surface.labels, surface.area, minlength=count)
-    touch = np.zeros((count, count), dtype=bool)
-    touch[seams.labels[:, 0], seams.labels[:, 1]] = True
-    touch |= touch.T
+    touch = seams.neighbours(count)
     found = []
     for flat in np.flatnonzero(touch.any(axis=1)):
         others = np.arange(count) != flat

@@ -15,7 +15,7 @@ from mam_pipeline.joints.candidates import kind_probabilities, rank_hypotheses
 from mam_pipeline.joints.straight import straightened, turned_tree
 from mam_pipeline.types import JointSubtype, KinematicTree, Mesh, PartNode, Primitives
 
-# exponent of the ranker's odds: 0.75 to 1 is best on 505 validation parts, a half on 117 of skins
+# exponent of the ranker's odds: 0.75 to 1 is best on 505 validation parts, a half on 217 of skins
 MOTION_WEIGHT, MOTION_WEIGHT_OF_SKINS = 1.0, 0.5
 
 

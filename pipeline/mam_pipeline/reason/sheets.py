@@ -59,9 +59,7 @@ def through(
         faces: (S, 2) the sheets. area: (P,); low, high: (P, 3) boxes of the primitives.
     """
     count = len(area)
-    touch = np.zeros((count, count), dtype=bool)
-    touch[seams.labels[:, 0], seams.labels[:, 1]] = True
-    touch |= touch.T
+    touch = seams.neighbours(count)
     found = []
     for sheet in faces:
         start, end = low[sheet].min(axis=0), high[sheet].max(axis=0)

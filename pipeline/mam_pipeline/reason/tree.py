@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mam_pipeline.joints.fittings import FITTING, MINOR, UNCLEAR, moves_if_above
+from mam_pipeline.joints.fittings import FITTING, UNCLEAR, is_minor, moves_if_above
 from mam_pipeline.reason.graph import Graph, tight_box
 from mam_pipeline.reason.groups import Masks
 from mam_pipeline.reason.select import LEAST_BASE
 from mam_pipeline.types import FloatArray, JointSubtype, KinematicTree, PartNode
 
 SUBTYPES: tuple[JointSubtype, ...] = ("hinge", "spin", "slide")
-REPEATED = 3  # so many small parts of one size are no accident: castors
 ALIKE = 0.8  # share of the largest surface from which parts count as equal
 
 
@@ -127,8 +126,8 @@ def _with_base(graph: Graph, masks: Masks, choice: Choice) -> tuple[Masks, Choic
 
 
 def named(graph: Graph, tree: KinematicTree) -> KinematicTree:
-    """The tree with every part named after its shape and its type, and with what a leaf may carry
-    marked in its evidence."""
+    """The tree with every part named after its shape and its type, and with what has to be clear to
+    move by itself marked in its evidence (`joints.fittings`)."""
     masks = [np.isin(np.arange(graph.count), node.primitives) for node in tree.nodes]
     area = [float(graph.area[mask].sum()) for mask in masks]
     kinds = [part_kind(graph, mask, node.subtype) for mask, node in zip(masks, tree.nodes)]
@@ -141,8 +140,7 @@ def named(graph: Graph, tree: KinematicTree) -> KinematicTree:
         least = moves_if_above(node.subtype, kind, leaf, share)
         if least and share < FITTING:
             kind = "knob" if node.subtype == "spin" else "lever"
-        minor = area[i] < MINOR * max(area[1:]) and _alike(area[i], area[1:]) < REPEATED
-        if minor and not graph.one_skin:
+        if is_minor(area[i], area[1:]) and not graph.one_skin:
             least = max(least, UNCLEAR)
         if least:
             evidence["moves_if_above"] = least
@@ -150,11 +148,6 @@ def named(graph: Graph, tree: KinematicTree) -> KinematicTree:
         name = f"{kind}_{counts[kind]}"
         nodes.append(replace(node, name=name, kind=kind, evidence=evidence))
     return KinematicTree(tuple(nodes))
-
-
-def _alike(area: float, areas: list[float]) -> int:
-    """How many of the parts have this surface, within a tenth."""
-    return int(np.isclose(areas, area, rtol=0.1).sum())
 
 
 def _indices(mask: np.ndarray) -> tuple[int, ...]:
