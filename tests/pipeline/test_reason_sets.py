@@ -6,17 +6,19 @@ from copy import copy
 from dataclasses import replace
 
 import numpy as np
+import trimesh
 
 from mam_pipeline.reason.configurations import enumerate_sets, promise, set_features
 from mam_pipeline.reason.corpus import Example, generated_example
 from mam_pipeline.reason.embedded import View, decide
 from mam_pipeline.reason.features import Table, table
+from mam_pipeline.reason.graph import Graph, build_graph
 from mam_pipeline.reason.group_features import group_features, joined
 from mam_pipeline.reason.groups import enumerate_groups, expand_groups
 from mam_pipeline.reason.scores import RuleScores, load_scores
-from mam_pipeline.reason.select import LEAST_BASE, completed
+from mam_pipeline.reason.select import LEAST_BASE, completed, lighter, without_spanning
 from mam_pipeline.reason.tree import Choice, build_tree, left_out_note
-from mam_pipeline.types import KinematicTree, PartNode
+from mam_pipeline.types import KinematicTree, Mesh, PartNode, Primitives
 
 # panel and handle, the panel, the handle, another front
 MASKS = np.array([[1, 1, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], dtype=bool)
@@ -200,3 +202,50 @@ def test_what_a_hint_moves_is_no_longer_told_as_left_out() -> None:
     assert left_out_note(KinematicTree((rest, door))) == note  # the door carries it
     for own in (replace(door, provenance="user"), replace(door, primitives=(1, 2))):
         assert left_out_note(KinematicTree((rest, own))) == ""
+
+
+Box = tuple[tuple[float, ...], tuple[float, ...]]  # middle, size
+
+
+def graph_of(*pieces: list[Box]) -> Graph:
+    """The graph of primitives that are boxes, one or several each."""
+    made, labels = [], []
+    for k, boxes in enumerate(pieces):
+        for middle, size in boxes:
+            box = trimesh.creation.box(size)
+            box.apply_translation(middle)
+            made.append(box)
+            labels += [k] * len(box.faces)
+    whole = trimesh.util.concatenate(made)
+    mesh = Mesh(np.asarray(whole.vertices, dtype=float), np.asarray(whole.faces))
+    return build_graph(mesh, Primitives(np.array(labels)))
+
+
+def window(split: float) -> Graph:
+    """Two leaves that meet at x = split, the rails around both, and the wall that holds them."""
+    rails: list[Box] = [((x, 0, 0), (0.06, 0.05, 1.0)) for x in (-0.6, 0.6)]
+    rails += [((0, 0, z), (1.2, 0.05, 0.06)) for z in (-0.5, 0.5)]
+    leaves: list[Box] = [
+        (((split + side * 0.6) / 2, 0, 0), (0.58 - side * split, 0.05, 0.9)) for side in (-1, 1)
+    ]
+    return graph_of([leaves[0]], [leaves[1]], rails, [((0, 0.2, 0), (1.6, 0.1, 1.4))])
+
+
+def test_rails_around_two_leaves_go_with_neither() -> None:
+    parts = np.array([[1, 0, 1, 0], [0, 1, 0, 0]], dtype=bool)
+    assert without_spanning(window(0.0), parts)[:, :3].tolist() == [[1, 0, 0], [0, 1, 0]]
+    assert (without_spanning(window(0.3), parts) == parts).all()  # a door with a flap beside it
+    assert (without_spanning(window(0.0), parts[:1]) == parts[:1]).all()
+
+
+def test_of_two_bodies_on_the_floor_the_bulkier_stays() -> None:
+    """A case lies open on its side: its box, and its lid flat on the floor."""
+    box: Box = ((0, 0, 0.2), (0.8, 0.2, 0.4))
+    masks, value = np.eye(2, dtype=bool), np.array([0.6, 0.5])
+    flat = graph_of([box], [((0, -0.31, 0.01), (0.8, 0.4, 0.02))])
+    assert lighter(flat, masks, value, 0) == 1 and lighter(flat, masks, value, 1) == 1
+    assert lighter(flat, masks[:1], value[:1], 0) == 0  # nothing else is drawn up
+    alike = graph_of([box], [((0, -0.31, 0.15), (0.8, 0.2, 0.3))])
+    assert lighter(alike, masks, value, 0) == 0
+    held = graph_of([((0, 0, 0.7), (0.8, 0.2, 0.4))], [((0, 0, 0.25), (0.1, 0.1, 0.5))])
+    assert lighter(held, masks, value, 0) == 0  # a sign on its post

@@ -19,7 +19,15 @@ from mam_pipeline.joints.features import (
     part_features,
     remeasured,
 )
-from mam_pipeline.joints.ranker import KINDS, agreed, rank, settle, usual_reach
+from mam_pipeline.joints.flush import runs_into_skin
+from mam_pipeline.joints.ranker import (
+    KINDS,
+    agreed,
+    rank,
+    settle,
+    usual_reach,
+    without_slides,
+)
 from mam_pipeline.types import FloatArray, IntArray, JointCandidate, JointSubtype, Mesh
 
 # a part is sampled so often and the rankings are averaged, so that no single draw decides: the
@@ -75,6 +83,9 @@ def rank_hypotheses(
     context, part = contexts[0], parts[0]
     lines = [h for h in hypotheses if h.revolute]
     slides = [h for h in hypotheses if not h.revolute]
+    if skin and slides:
+        axes = np.array([h.axis for h in slides])
+        ranking = without_slides(ranking, runs_into_skin(mesh, part_faces, axes, seed))
     p_fixed, p_slide, p_turn = (float(p) for p in ranking.kind)
     out = [
         _candidate(h, float(p), p_turn, float(s), part, skin)

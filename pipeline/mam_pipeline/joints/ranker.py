@@ -9,12 +9,13 @@ from __future__ import annotations
 import gzip
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from importlib import resources
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.joints.features import LINE_NAMES, PART_NAMES, SLIDE_NAMES, Hypothesis
@@ -221,6 +222,16 @@ class Ranking:
     slide: FloatArray
     line_side: FloatArray
     slide_side: FloatArray
+
+
+def without_slides(ranking: Ranking, blocked: NDArray[np.bool_]) -> Ranking:
+    """The ranking when the slides of the mask (m,) are impossible: the rest share what they had."""
+    slide = np.where(blocked, 0.0, ranking.slide)
+    left = float(slide.sum())
+    kind = ranking.kind * [left if name == "slide" else 1.0 for name in KINDS]
+    return replace(
+        ranking, kind=kind / max(float(kind.sum()), 1e-12), slide=slide / max(left, 1e-12)
+    )
 
 
 def softmax(scores: FloatArray, temperature: float = 1.0) -> FloatArray:

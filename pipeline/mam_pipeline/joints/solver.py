@@ -44,10 +44,11 @@ from mam_pipeline.types import (
     Primitives,
 )
 
-FALLBACKS = 12  # hypotheses that are tried when the best ones leave a part stuck
+FALLBACKS = 12  # hypotheses, best first, that may be tried when the best one leaves a part stuck
+TIED = 0.3  # log odds between two that are as probable
 LINES = 40  # hinge lines, best first, that are tried on both bodies
-NEARLY = 1.6  # log odds below the best one at which another hypothesis may take its place
-STUCK_HINGE = 3.0  # the same where the best hinge is stuck: most others are parallel to it
+NEARLY = 1.6  # log odds below the best line at which one on both bodies may take its place
+NEARLY_PARALLEL = 3.0  # the same for parallel ones
 PARALLEL = 0.99  # cosine between lines that run the same way
 SAME_WAY = 0.995  # cosine between axes that mean the same joint
 CLOSE, CLOSE_OWN = 0.03, 0.1  # how far apart such lines may lie: of the object, of the part
@@ -150,20 +151,14 @@ class EmbeddedSolver:
             return embedded_limits(around, c.subtype, c.axis, c.origin, alone=alone, given=given,
                                    usual=_usual(c))  # fmt: skip
 
-        best, limits, chosen = candidates[0], limits_of(candidates[0]), 0
-        for k in _instead(candidates) if moved_share(limits) < MOVES else ():
-            found = limits_of(candidates[k])
-            if moved_share(found) < MOVES:
-                continue
-            if abs(float(candidates[k].axis @ best.axis)) < PARALLEL:
-                # sooner the same line the other way round than one that runs another way
-                back = replace(best, axis=-best.axis)
-                other_way = limits_of(back)
-                if moved_share(other_way) >= MOVES:
-                    best, limits = back, other_way
-                    break
-            best, limits, chosen = candidates[k], found, k
-            break
+        near = min(CLOSE * mesh.diagonal, CLOSE_OWN * _size(mesh, faces.own))
+        best, chosen = candidates[0], 0
+        limits = limits_of(best)
+        for k, c in _instead(candidates, near) if moved_share(limits) < MOVES else ():
+            found = limits_of(c)
+            if moved_share(found) >= MOVES:
+                best, limits, chosen = c, found, k
+                break
         evidence = {
             "solver": "embedded",
             **_contact_evidence(around.scene),
@@ -171,7 +166,6 @@ class EmbeddedSolver:
             "chosen": chosen,
             "limits": {"rule": limits.rule, "by": node.provenance, **limits.evidence},
         }
-        near = min(CLOSE * mesh.diagonal, CLOSE_OWN * _size(mesh, faces.own))
         sure = 1.0 if node.provenance == "user" else agreement(best, ranked, near)
         confidence = node.confidence * sure
         return _joint(node, index, best.axis, best.origin, limits, confidence, evidence)
@@ -312,27 +306,36 @@ def agreement(best: JointCandidate, ranked: Sequence[JointCandidate], near: floa
     one. Lines mean the same when they run the same way, less than `near` apart."""
     if "within_kind" not in best.evidence:
         return 1.0
-    total = 0.0
-    for c in ranked:
-        offset = c.origin - best.origin
-        apart = 0.0 if c.subtype == "slide" else np.linalg.norm(np.cross(offset, best.axis))
-        if abs(float(c.axis @ best.axis)) > SAME_WAY and apart <= near:
-            total += float(c.evidence.get("within_kind", 0.0))
-    return min(total, 1.0)
+    same = [c for c in ranked if same_joint(c, best, near)]
+    return min(sum(float(c.evidence.get("within_kind", 0.0)) for c in same), 1.0)
+
+
+def same_joint(one: JointCandidate, other: JointCandidate, near: float) -> bool:
+    """Whether two hypotheses of a kind run the same way, less than `near` apart."""
+    apart = np.linalg.norm(np.cross(one.origin - other.origin, other.axis))
+    close = one.subtype == "slide" or apart <= near
+    return bool(close and abs(float(one.axis @ other.axis)) > SAME_WAY)
 
 
 def _size(mesh: Mesh, faces: IntArray) -> float:
     return float(np.linalg.norm(np.ptp(mesh.vertices[np.unique(mesh.faces[faces])], axis=0)))
 
 
-def _instead(candidates: list[JointCandidate]) -> list[int]:
-    """Which hypotheses to try where the best one leaves a part stuck.
+def _instead(
+    candidates: list[JointCandidate], near: float
+) -> list[tuple[int, JointCandidate]]:
+    """What to try where the best hypothesis leaves a part stuck, and its place among them.
 
-    Only those that are not much less probable: on a mesh whose cut is ragged, or where a piece of
-    the part was missed, the right one is stuck as well.
+    Where a cut is ragged, or a piece of the part was missed, the right one is stuck as well, and
+    another is seldom right because it is free. So: lines that mean the same joint, then the best
+    one the other way round, then what is as probable.
     """
-    least = candidates[0].score - (NEARLY if candidates[0].subtype == "slide" else STUCK_HINGE)
-    return [k for k, c in enumerate(candidates[:FALLBACKS]) if k and c.score >= least]
+    best = candidates[0]
+    ranked = list(enumerate(candidates[:FALLBACKS]))[1:]
+    same = [k for k, c in ranked if same_joint(c, best, near)]
+    tied = [k for k, c in ranked if k not in same and c.score >= best.score - TIED]
+    back = (0, replace(best, axis=-best.axis))
+    return [*((k, candidates[k]) for k in same), back, *((k, candidates[k]) for k in tied)]
 
 
 def _on_both(
@@ -346,7 +349,7 @@ def _on_both(
 
     def near(c: JointCandidate) -> bool:
         parallel = abs(float(c.axis @ best.axis)) > PARALLEL
-        return c.score >= best.score - (STUCK_HINGE if parallel else NEARLY)
+        return c.score >= best.score - (NEARLY_PARALLEL if parallel else NEARLY)
 
     lines = [c for c in candidates[:LINES] if near(c)]
     fits = [c for c in lines if bodies.line_gap(c.axis, c.origin, bodies.encloses) <= most]

@@ -24,8 +24,8 @@ from mam_pipeline.reason.groups import Masks, enumerate_groups, expand_groups
 from mam_pipeline.reason.joint_view import with_joints
 from mam_pipeline.reason.network import Reading, log_odds
 from mam_pipeline.reason.scores import Scores, load_scores
-from mam_pipeline.reason.select import LEAST_BASE, completed, with_twins
-from mam_pipeline.reason.tree import Choice, build_tree, named
+from mam_pipeline.reason.select import LEAST_BASE, completed, lighter, with_twins, without_spanning
+from mam_pipeline.reason.tree import SUBTYPES, Choice, build_tree, named
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import FloatArray, KinematicTree, Mesh, Primitives
 
@@ -35,6 +35,7 @@ RESCUE = 0.2
 # an object is sampled so often, and the scores are averaged: between single samplings the mIoU of
 # 37 real objects differed by up to 0.05
 SAMPLINGS = 4
+HINGE = SUBTYPES.index("hinge")
 
 
 class EmbeddedReasoner:
@@ -128,10 +129,13 @@ def decide(views: Sequence[View], scores: Scores) -> tuple[Masks, Choice]:
             for (v, r), t in zip(seen, tables)
         ])  # fmt: skip
         ranked = sorted(sets.rows()[int(np.argmax(quality))], key=lambda c: -value[c])
+        if len(ranked) == 1 and odds[ranked[0]].argmax() == HINGE:
+            ranked = [lighter(graph, masks, value, ranked[0])]
         left = [c for c in ranked[1:] if confidence[c] < scores.least]
         chosen = with_twins(graph, masks, value, [c for c in ranked if c not in left])
         masks = masks.copy()
-        masks[chosen] = completed(graph, masks[chosen], same, readings[0].move, masks[left])
+        parts = completed(graph, masks[chosen], same, readings[0].move, masks[left])
+        masks[chosen] = without_spanning(graph, parts)
     best = float(value.max())
     return masks, Choice(tuple(chosen), value, odds, confidence, best, tuple(left))
 

@@ -77,6 +77,13 @@ class Graph:
         """(P, 3) centres of the axis-aligned boxes."""
         return (self.low + self.high) / 2
 
+    def bulk(self, mask: NDArray[np.bool_], share: float) -> NDArray[np.bool_]:
+        """(P,) the largest primitives of `mask` with this share of its area: its body."""
+        own = np.flatnonzero(mask)
+        own = own[np.argsort(-self.area[own], kind="stable")]
+        total = np.cumsum(self.area[own]) / max(float(self.area[own].sum()), 1e-12)
+        return np.isin(np.arange(self.count), own[: 1 + int(np.searchsorted(total, share))])
+
 
 def build_graph(
     mesh: Mesh, primitives: Primitives, seed: int = 0, probed: Probe | None = None

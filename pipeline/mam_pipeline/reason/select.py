@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mam_pipeline.reason.graph import Graph
+from mam_pipeline.reason.graph import Graph, tight_box
 from mam_pipeline.reason.groups import Masks
 from mam_pipeline.types import FloatArray
 
@@ -16,6 +16,16 @@ EVEN = 5e-3  # added to extents (of the diagonal) before they are compared
 # share of the surface that stays in the base at least: a chandelier's 0.04 is the least of 111 real
 # objects, 0.10 of 1 200 generated ones
 LEAST_BASE = 0.03
+SPANS = 0.75  # of the box around two parts: what covers so much of it spans both
+SLIVERS = 0.03  # of a surface beyond its box on any side: ragged cuts
+MOST_OF_IT = 0.5  # of a part's surface: what spans is no more than the rest
+BESIDE = 0.2  # of their extent: two that overlap no more stand side by side
+SIMILAR = 0.3  # the same for the extents of two leaves whose outlines are ragged
+# two hinged bodies on the floor: of those of 201 kinds the base is never smaller than 0.6 parts
+BULKIER = 2.0
+ON_FLOOR = 0.05
+LITTLE_LESS = 0.95  # share of a body's surface without its smallest pieces
+MOST_OF_REST = 0.8
 TRIFLE = 0.2  # of a part's surface: so small is a knob that was left out, and goes with its leaf
 
 
@@ -90,6 +100,64 @@ def completed(
             return np.arange(len(parts))[:, None] == owner[None]
         best = int(np.argmax(np.where(joins, bond, -1.0)))
         owner[together[a[best]]] = owner[b[best]]
+
+
+def without_spanning(graph: Graph, parts: Masks) -> Masks:
+    """Parts (K, P) without what spans two of them that are alike without it: their common frame.
+
+    A frame that lies flush with its leaves is bound to them as they are to each other, and goes
+    with one of them. A primitive as wide and high as both together belongs to neither.
+    """
+    parts = parts.copy()
+    single = [_extent(graph, one) for one in np.eye(graph.count, dtype=bool)]
+    for k in range(len(parts)):
+        for m in range(k):
+            low, high = _extent(graph, parts[k] | parts[m])
+            wide = np.argsort(high - low)[1:]
+            cover = np.array([np.minimum(e, high) - np.maximum(s, low) for s, e in single])
+            spans = np.maximum(cover, 0.0)[:, wide].prod(axis=1) > SPANS * (high - low)[wide].prod()
+            rest = parts[[k, m]] & ~spans
+            kept = (rest @ graph.area) / (parts[[k, m]] @ graph.area)
+            if kept.min() == 1.0 or kept.min() < MOST_OF_IT:
+                continue
+            (start, end), (start_m, end_m) = (_extent(graph, r) for r in rest)
+            size, other = end - start + EVEN, end_m - start_m + EVEN
+            both = np.minimum(end, end_m) - np.maximum(start, start_m)
+            beside = (both < BESIDE * np.minimum(size, other))[wide].any()
+            if beside and (np.abs(np.log(size / other))[wide] < SIMILAR).all():
+                parts[[k, m]] = rest
+    return parts
+
+
+def _extent(graph: Graph, mask: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+    """Corners (3,), (3,) of the box around all but SLIVERS of the surface on every side."""
+    own = mask[graph.probe.owner]
+    points, weight = graph.probe.points[own], graph.probe.weight[own]
+    order = np.argsort(points, axis=0)
+    share = np.cumsum(weight[order], axis=0) / max(float(weight.sum()), 1e-12)
+    last = len(points) - 1
+    rows = [np.minimum((share < s).sum(axis=0), last) for s in (SLIVERS, 1.0 - SLIVERS)]
+    low, high = (np.take_along_axis(points, order, axis=0)[r, range(3)] for r in rows)
+    return low, high
+
+
+def lighter(graph: Graph, masks: Masks, value: FloatArray, chosen: int) -> int:
+    """The candidate that moves, where a hinge joins two bodies that both rest on the floor.
+
+    A case that lies open rests on its lid as well as on itself; what is bulkier stays. The other
+    body is the best candidate (C, P) with most of what `chosen` leaves; without one, or where
+    `chosen` is not BULKIER, it is `chosen` itself.
+    """
+    rest = ~masks[chosen]
+    bodies = [graph.bulk(m, LITTLE_LESS)[graph.probe.owner] for m in (masks[chosen], rest)]
+    if max(graph.probe.points[b][:, 2].min() for b in bodies) > ON_FLOOR:
+        return chosen
+    size = [np.prod(tight_box(graph.probe.points[b])[1] + EVEN) for b in bodies]
+    most = masks @ graph.area > MOST_OF_REST * float(rest @ graph.area)
+    options = most & ~(masks & masks[chosen]).any(axis=1)
+    if size[0] < BULKIER * size[1] or not options.any():
+        return chosen
+    return int(np.argmax(np.where(options, value, -1.0)))
 
 
 def with_twins(graph: Graph, masks: Masks, value: FloatArray, chosen: list[int]) -> list[int]:

@@ -195,11 +195,8 @@ def part_kind(graph: Graph, mask: np.ndarray, subtype: JointSubtype) -> str:
     top = graph.high[:, 2].max()
     level = int(np.argmin(extent)) == 2
     if subtype == "hinge":  # a handle makes no door less flat, nor does a door that stands ajar
-        own = np.flatnonzero(mask)
-        own = own[np.argsort(-graph.area[own], kind="stable")]
-        share = np.cumsum(graph.area[own]) / max(graph.area[own].sum(), 1e-12)
-        bulk = np.isin(graph.probe.owner, own[: 1 + int(np.searchsorted(share, BULK))])
-        axes, extent = tight_box(graph.probe.points[bulk])
+        body = graph.bulk(mask, BULK)
+        axes, extent = tight_box(graph.probe.points[body[graph.probe.owner]])
         level = abs(float(axes[2, 2])) > LEVEL
     low = graph.low[mask].min(axis=0)
     order = np.sort(extent)

@@ -1,0 +1,66 @@
+"""What lies in the plane of a leaf of one skin, where a slide along that plane would take it.
+
+The pieces of a skin are open sheets: a pane and the pane beside it lie in one plane, and sliding
+the one over the other crosses no face. But between the two faces of a leaf there is material, and
+where its middle would come to lie in the material of something else, it cannot go.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mam_pipeline.geometry.boxes import minimal_box
+from mam_pipeline.geometry.raycast import RayScene
+from mam_pipeline.geometry.sampling import sample_surface
+from mam_pipeline.types import FloatArray, IntArray, Mesh
+
+SAMPLES = 800
+FLAT = 0.3  # a leaf is no thicker than this share of its width
+FACING = 0.9  # cosine between a face of the leaf and its thin direction
+TWO_FACES = 0.75  # share of a leaf's surface that has its other face behind it
+ALONG = 0.9  # cosine between a slide and the length or the width of the leaf
+WAY = np.linspace(0.08, 0.5, 6)  # looked at, of the leaf's extent along the slide
+BLOCKED = 0.3  # share of the leaf that meets something else on this way
+
+
+def runs_into_skin(
+    mesh: Mesh, part: IntArray, axes: FloatArray, seed: int = 0
+) -> NDArray[np.bool_]:
+    """(D,) which slides along unit directions (D, 3) are blocked both ways in the leaf's own plane.
+
+    None is, where the part is no leaf.
+
+    Args:
+        mesh: one closed skin. part: (n,) its faces that move.
+    """
+    out = np.zeros(len(axes), dtype=bool)
+    sample = sample_surface(mesh.vertices, mesh.faces[part], SAMPLES, seed)
+    box = minimal_box(sample.points)
+    order = np.argsort(-box.half)
+    if box.half[order[2]] > FLAT * box.half[order[1]]:
+        return out
+    scene = RayScene(mesh.vertices, mesh.faces)
+    facing = np.abs(sample.normals @ box.axes[order[2]]) > FACING
+    points, inward = sample.points[facing], -sample.normals[facing]
+    depth = scene.first_hits(points + 1e-4 * mesh.diagonal * inward, inward).t
+    both = depth < 2.0 * FLAT * box.half[order[1]]
+    if both.sum() < TWO_FACES * len(sample.points):
+        return out
+    middle = points[both] + 0.5 * depth[both, None] * inward[both]
+    middle = middle[scene.encloses(middle)]
+    if not len(middle):
+        return out
+    for k in order[:2]:
+        met = [
+            _met(scene, part, middle, sign * 2.0 * box.half[k] * box.axes[k]) for sign in (1, -1)
+        ]
+        out |= (np.abs(axes @ box.axes[k]) > ALONG) & (min(met) > BLOCKED)
+    return out
+
+
+def _met(scene: RayScene, part: IntArray, middle: FloatArray, way: FloatArray) -> float:
+    """Share of the points that lie in the material of something else somewhere on the way."""
+    there = (middle[None] + WAY[:, None, None] * way).reshape(-1, 3)
+    other = scene.encloses(there) & ~np.isin(scene.closest(there).faces, part)
+    return float(other.reshape(len(WAY), -1).any(axis=0).mean())
