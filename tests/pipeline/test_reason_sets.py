@@ -247,5 +247,9 @@ def test_of_two_bodies_on_the_floor_the_bulkier_stays() -> None:
     assert lighter(flat, masks[:1], value[:1], 0) == 0  # nothing else is drawn up
     alike = graph_of([box], [((0, -0.31, 0.15), (0.8, 0.2, 0.3))])
     assert lighter(alike, masks, value, 0) == 0
+    graph = graph_of([box], [((0, -0.31, 0.01), (0.8, 0.4, 0.02))])
+    lid = graph.probe.owner == 1
+    graph.probe.normals[lid] = (0, 0, 1.0)
+    assert lighter(graph, masks, value, 0) == 0  # no body, but one face of one
     held = graph_of([((0, 0, 0.7), (0.8, 0.2, 0.4))], [((0, 0, 0.25), (0.1, 0.1, 0.5))])
     assert lighter(held, masks, value, 0) == 0  # a sign on its post

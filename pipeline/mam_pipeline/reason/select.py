@@ -24,6 +24,7 @@ SIMILAR = 0.3  # the same for the extents of two leaves whose outlines are ragge
 # two hinged bodies on the floor: of those of 201 kinds the base is never smaller than 0.6 parts
 BULKIER = 2.0
 ON_FLOOR = 0.05
+ONE_SIDED = 0.5  # length of a surface's mean normal: of all sides of a body it is 0, of one face 1
 LITTLE_LESS = 0.95  # share of a body's surface without its smallest pieces
 MOST_OF_REST = 0.8
 TRIFLE = 0.2  # of a part's surface: so small is a knob that was left out, and goes with its leaf
@@ -149,10 +150,14 @@ def lighter(graph: Graph, masks: Masks, value: FloatArray, chosen: int) -> int:
     `chosen` is not BULKIER, it is `chosen` itself.
     """
     rest = ~masks[chosen]
-    bodies = [graph.bulk(m, LITTLE_LESS)[graph.probe.owner] for m in (masks[chosen], rest)]
-    if max(graph.probe.points[b][:, 2].min() for b in bodies) > ON_FLOOR:
+    probe = graph.probe
+    bodies = [graph.bulk(m, LITTLE_LESS)[probe.owner] for m in (masks[chosen], rest)]
+    if max(probe.points[b][:, 2].min() for b in bodies) > ON_FLOOR:
         return chosen
-    size = [np.prod(tight_box(graph.probe.points[b])[1] + EVEN) for b in bodies]
+    open_side = [probe.weight[b] @ probe.normals[b] / probe.weight[b].sum() for b in bodies]
+    if max(np.linalg.norm(side) for side in open_side) > ONE_SIDED:
+        return chosen  # one face of a body is none
+    size = [np.prod(tight_box(probe.points[b])[1] + EVEN) for b in bodies]
     most = masks @ graph.area > MOST_OF_REST * float(rest @ graph.area)
     options = most & ~(masks & masks[chosen]).any(axis=1)
     if size[0] < BULKIER * size[1] or not options.any():
