@@ -321,9 +321,7 @@ def _size(mesh: Mesh, faces: IntArray) -> float:
     return float(np.linalg.norm(np.ptp(mesh.vertices[np.unique(mesh.faces[faces])], axis=0)))
 
 
-def _instead(
-    candidates: list[JointCandidate], near: float
-) -> list[tuple[int, JointCandidate]]:
+def _instead(candidates: list[JointCandidate], near: float) -> list[tuple[int, JointCandidate]]:
     """What to try where the best hypothesis leaves a part stuck, and its place among them.
 
     Where a cut is ragged, or a piece of the part was missed, the right one is stuck as well, and
