@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.asset.card import Asset, CardJoint
-from mam_pipeline.types import NEEDS_REVIEW, Articulation, FloatArray, Mesh
+from mam_pipeline.types import Articulation, FloatArray, Mesh
 from mam_pipeline.urdf_input import read_asset
 
 Picture = NDArray[np.uint8]
@@ -121,7 +121,7 @@ def _joint_row(joint: CardJoint) -> str:
     else:
         span = f"{joint.lower * factor:.3g} … {joint.upper * factor:.3g} {unit}"
     axis = ", ".join(f"{v:.2f}" for v in joint.axis)
-    review = "" if joint.confidence >= NEEDS_REVIEW else " <b>needs review</b>"
+    review = f" <b>{joint.review}</b>" if joint.review else ""
     evidence = html.escape(_short(joint.evidence))
     curve = _curve(joint.evidence)
     return (

@@ -16,7 +16,6 @@ from mam_pipeline.make import MakeConfig, kind_of, make_asset
 from mam_pipeline.models.ledger import Ledger, one_ledger
 from mam_pipeline.models.settings import given
 from mam_pipeline.stages import EngineConfig
-from mam_pipeline.types import NEEDS_REVIEW
 from mam_sim.console import Screen
 from mam_sim.verbs.flags import ModelFlags
 
@@ -191,10 +190,9 @@ def describe(screen: Screen, asset: Asset) -> None:
             span = "without limits"
         else:
             span = f"{joint.lower * factor:.3g} to {joint.upper * factor:.3g} {unit}"
-        review = "" if joint.confidence >= NEEDS_REVIEW else "   needs review"
         screen.say(
             f"  {joint.name:<24} {joint.type:<10} {joint.subtype:<6} {span:<22} "
-            f"confidence {joint.confidence:.2f}{review}"
+            f"confidence {joint.confidence:.2f}   {joint.review}".rstrip()
         )
     if card.metres_per_unit_source == "assumed":
         low, high = card.bounds if card.bounds else ([0, 0, 0], [0, 0, 0])

@@ -19,6 +19,7 @@ JointType = Literal["fixed", "revolute", "continuous", "prismatic"]
 JointSubtype = Literal["fixed", "hinge", "spin", "slide"]
 Provenance = Literal["observed", "inferred", "assumed", "user"]
 NEEDS_REVIEW = 0.7  # of generated joints of less confidence fewer than half are right
+MOVES = 0.25  # a joint by which the part goes less of the usual way is stuck
 
 
 def readonly(array: ArrayLike, dtype: Any, shape: tuple[int | None, ...]) -> NDArray[Any]:

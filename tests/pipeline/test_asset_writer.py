@@ -11,7 +11,7 @@ import pytest
 import trimesh
 import yourdfpy
 
-from mam_pipeline.asset.card import Asset
+from mam_pipeline.asset.card import Asset, CardJoint
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.formats.gltf import read_gltf
@@ -206,6 +206,24 @@ def test_folder_can_move_and_card_reads_back(tmp_path: Path) -> None:
     assert str(tmp_path) not in back.urdf_path.read_text()
     assert {g.joint for g in back.card.grasps} == {"door_hinge", "drawer_slide"}
     assert back.card.parts[1].handles == ["handle_door"]
+
+
+@pytest.mark.parametrize(
+    ("confidence", "share", "said"),
+    [
+        (0.9, 1.0, ""), (0.5, 1.0, "needs review"), (0.9, None, ""),
+        (0.9, 0.04, "needs review: stuck after 4 % of the usual way"),
+    ],
+)  # fmt: skip
+def test_a_joint_says_why_somebody_should_look_at_it(
+    confidence: float, share: float | None, said: str
+) -> None:
+    evidence = {} if share is None else {"limits": {"share": share}}
+    joint = CardJoint(
+        "j", "revolute", "hinge", "base", "door", [0, 0, 1], [0, 0, 0], 0.0, 0.06,
+        confidence=confidence, evidence=evidence,
+    )  # fmt: skip
+    assert joint.review == said
 
 
 def test_inertia_is_possible_and_mass_is_that_of_boards(tmp_path: Path) -> None:

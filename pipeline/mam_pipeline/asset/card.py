@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.types import MOVES, NEEDS_REVIEW
 
 SCHEMA = 1
 
@@ -48,6 +49,14 @@ class CardJoint:
     velocity: float = 2.0
     confidence: float = 1.0
     evidence: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def review(self) -> str:
+        """Why somebody should look at the joint, in words; empty if nobody need."""
+        share = self.evidence.get("limits", {}).get("share", 1.0)
+        if share < MOVES:
+            return f"needs review: stuck after {100 * share:.0f} % of the usual way"
+        return "needs review" if self.confidence < NEEDS_REVIEW else ""
 
 
 @dataclass(frozen=True)

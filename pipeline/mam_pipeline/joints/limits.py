@@ -26,7 +26,6 @@ DEEP, WIDE = 0.75, 0.6  # shares of the check's depth and area (sampled) that a 
 HINGE_CAP = np.pi / 2
 SLIDE_CAP = 0.8  # of the part's extent along the slide: drawers keep some of their rails
 BACK_OFF = 0.93  # of the way to a collision: where exactly it begins is within sampling's error
-MOVES = 0.25  # a hypothesis by which the part goes this share of the usual way is believed
 
 
 @dataclass(frozen=True)

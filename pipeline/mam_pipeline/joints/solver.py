@@ -19,7 +19,6 @@ from mam_pipeline.joints.blockers import STUCK, take_along
 from mam_pipeline.joints.candidates import rank_hypotheses
 from mam_pipeline.joints.fittings import carried
 from mam_pipeline.joints.limits import (
-    MOVES,
     Limits,
     Surroundings,
     Usual,
@@ -32,6 +31,7 @@ from mam_pipeline.joints.paper import initialise, paper_part
 from mam_pipeline.joints.straight import straightened, turned_joint, turned_tree
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import (
+    MOVES,
     Articulation,
     FloatArray,
     IntArray,
