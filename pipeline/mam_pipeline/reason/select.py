@@ -109,6 +109,8 @@ def without_spanning(graph: Graph, parts: Masks) -> Masks:
     A frame that lies flush with its leaves is bound to them as they are to each other, and goes
     with one of them. A primitive as wide and high as both together belongs to neither.
     """
+    if len(parts) < 2:
+        return parts
     parts = parts.copy()
     single = [_extent(graph, one) for one in np.eye(graph.count, dtype=bool)]
     for k in range(len(parts)):
@@ -133,6 +135,8 @@ def without_spanning(graph: Graph, parts: Masks) -> Masks:
 def _extent(graph: Graph, mask: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
     """Corners (3,), (3,) of the box around all but SLIVERS of the surface on every side."""
     own = mask[graph.probe.owner]
+    if not own.any():  # no surface to speak of
+        return np.full(3, np.inf), np.full(3, -np.inf)
     points, weight = graph.probe.points[own], graph.probe.weight[own]
     order = np.argsort(points, axis=0)
     share = np.cumsum(weight[order], axis=0) / max(float(weight.sum()), 1e-12)
