@@ -154,10 +154,19 @@ class EmbeddedSolver:
         near = min(CLOSE * mesh.diagonal, CLOSE_OWN * _size(mesh, faces.own))
         best, chosen = candidates[0], 0
         limits = limits_of(best)
-        for k, c in _instead(candidates, near) if moved_share(limits) < MOVES else ():
-            found = limits_of(c)
-            if moved_share(found) >= MOVES:
-                best, limits, chosen = c, found, k
+        for k in _instead(candidates, near) if moved_share(limits) < MOVES else ():
+            found = limits_of(candidates[k])
+            if moved_share(found) < MOVES:
+                continue
+            if abs(float(candidates[k].axis @ best.axis)) < PARALLEL:
+                # sooner the same line the other way round than one that runs another way
+                back = replace(best, axis=-best.axis)
+                other_way = limits_of(back)
+                if moved_share(other_way) >= MOVES:
+                    best, limits = back, other_way
+                    break
+            if same_joint(candidates[k], best, near) or candidates[k].score >= best.score - TIED:
+                best, limits, chosen = candidates[k], found, k
                 break
         evidence = {
             "solver": "embedded",
@@ -321,19 +330,18 @@ def _size(mesh: Mesh, faces: IntArray) -> float:
     return float(np.linalg.norm(np.ptp(mesh.vertices[np.unique(mesh.faces[faces])], axis=0)))
 
 
-def _instead(candidates: list[JointCandidate], near: float) -> list[tuple[int, JointCandidate]]:
-    """What to try where the best hypothesis leaves a part stuck, and its place among them.
+def _instead(candidates: list[JointCandidate], near: float) -> list[int]:
+    """Which hypotheses to look at where the best one leaves a part stuck.
 
     Where a cut is ragged, or a piece of the part was missed, the right one is stuck as well, and
-    another is seldom right because it is free. So: lines that mean the same joint, then the best
-    one the other way round, then what is as probable.
+    another is seldom right because it is free. So: lines that mean the same joint first, then what
+    is not much less probable, which says that the way back may be free, and is taken in a tie only.
     """
     best = candidates[0]
-    ranked = list(enumerate(candidates[:FALLBACKS]))[1:]
-    same = [k for k, c in ranked if same_joint(c, best, near)]
-    tied = [k for k, c in ranked if k not in same and c.score >= best.score - TIED]
-    back = (0, replace(best, axis=-best.axis))
-    return [*((k, candidates[k]) for k in same), back, *((k, candidates[k]) for k in tied)]
+    least = best.score - (NEARLY if best.subtype == "slide" else NEARLY_PARALLEL)
+    ranked = range(1, len(candidates[:FALLBACKS]))
+    same = [k for k in ranked if same_joint(candidates[k], best, near)]
+    return same + [k for k in ranked if k not in same and candidates[k].score >= least]
 
 
 def _on_both(
