@@ -51,6 +51,7 @@ def test_what_is_no_leaf_is_not_judged() -> None:
     block = slabs(((0, 0, 0), (1.0, 0.8, 1.0)))
     assert not runs_into_skin(block, within(block, (-0.2, -1, -0.2), (0.2, 1, 0.2)), AXES).any()
     assert not runs_into_skin(block, within(block, (-1, -1, -1), (1, -0.39, 1)), AXES).any()
+    assert not runs_into_skin(block, np.zeros(0, dtype=np.int64), AXES).any()
 
 
 def test_probabilities_sum_to_one_without_what_is_impossible() -> None:

@@ -36,6 +36,8 @@ def runs_into_skin(
     """
     out = np.zeros(len(axes), dtype=bool)
     sample = sample_surface(mesh.vertices, mesh.faces[part], SAMPLES, seed)
+    if not len(sample.points):  # a part without surface
+        return out
     box = minimal_box(sample.points)
     order = np.argsort(-box.half)
     if box.half[order[2]] > FLAT * box.half[order[1]]:
