@@ -15,8 +15,15 @@ from mam_pipeline.reason.features import Table, table
 from mam_pipeline.reason.graph import Graph, build_graph
 from mam_pipeline.reason.group_features import group_features, joined
 from mam_pipeline.reason.groups import enumerate_groups, expand_groups
+from mam_pipeline.reason.pulls import with_boards
 from mam_pipeline.reason.scores import RuleScores, load_scores
-from mam_pipeline.reason.select import LEAST_BASE, completed, lighter, without_spanning
+from mam_pipeline.reason.select import (
+    LEAST_BASE,
+    completed,
+    lighter,
+    with_sure,
+    without_spanning,
+)
 from mam_pipeline.reason.tree import Choice, build_tree, left_out_note
 from mam_pipeline.types import KinematicTree, Mesh, PartNode, Primitives
 
@@ -119,7 +126,7 @@ def test_what_was_left_of_a_part_joins_it_and_what_the_base_holds_more_does_not(
     item, *_ = measured()
     pairs = np.array([[0, 1], [0, 2], [2, 3], [1, 4]])
     count = item.graph.count
-    graph = replace(item.graph, pairs=pairs, area=np.full(count, 1 / count))
+    graph = replace(item.graph, pairs=pairs, gap=np.zeros(4), area=np.full(count, 1 / count))
     move = np.full(graph.count, 0.1)
     move[[0, 1, 2]] = 0.9
     part = np.arange(graph.count)[None] == 0
@@ -141,6 +148,26 @@ def test_what_was_left_of_a_part_joins_it_and_what_the_base_holds_more_does_not(
     share[2] = 0.09  # 0.01 would be left of the base without it
     found = completed(replace(graph, area=share), part, np.array([0.4, 0.6, 0.5, 0.1]), move)
     assert np.flatnonzero(found[0]).tolist() == [0, 1]
+
+
+def test_what_stands_apart_and_is_no_trifle_does_not_join() -> None:
+    """The racks behind an oven's door, and its knob."""
+    front: Box = ((0, 0, 0), (1, 0.05, 1))
+    knob, rack = ((0, -0.12, 0.3), (0.05, 0.05, 0.05)), ((0, 0.4, 0), (0.9, 0.6, 0.02))
+    graph = graph_of([front], [knob], [rack], [((0, 1.2, 0), (1.2, 0.5, 1.2))])
+    same, move = np.full(len(graph.pairs), 0.6), np.array([0.9, 0.9, 0.9, 0.0])
+    same[(graph.pairs == 3).any(axis=1)] = 0.1
+    assert completed(graph, np.eye(4, dtype=bool)[:1], same, move)[0].tolist() == [1, 1, 0, 0]
+
+
+def test_what_is_as_good_as_certain_is_no_left_over() -> None:
+    graph = graph_of(*([((k, 0, 0), (0.5, 0.5, 0.5))] for k in range(4)))
+    masks = np.array([[1, 0, 0, 0], [1, 1, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], dtype=bool)
+    value, sure = np.array([0.9, 0.95, 0.8, 0.7]), np.array([1, 1, 1, 0], dtype=bool)
+    assert with_sure(graph, masks, value, sure, [0]) == [0, 2]
+    assert with_sure(graph, masks, value, sure | True, [0]) == [0, 2, 3]
+    few = graph_of(*([((k, 0, 0), (0.5,) * 3)] for k in range(3)))
+    assert with_sure(few, masks[:, :3], value, sure | True, [0]) == [0, 2]  # something stays
 
 
 def test_parts_that_leave_nothing_give_the_largest_to_the_base() -> None:
@@ -251,5 +278,43 @@ def test_of_two_bodies_on_the_floor_the_bulkier_stays() -> None:
     lid = graph.probe.owner == 1
     graph.probe.normals[lid] = (0, 0, 1.0)
     assert lighter(graph, masks, value, 0) == 0  # no body, but one face of one
+    sheet = graph_of([box], [((0, -0.31, 0), (2, 2, 1e-4))])
+    assert lighter(sheet, masks, value, 0) == 0  # a plate on the floor is the floor
     held = graph_of([((0, 0, 0.7), (0.8, 0.2, 0.4))], [((0, 0, 0.25), (0.1, 0.1, 0.5))])
     assert lighter(held, masks, value, 0) == 0  # a sign on its post
+
+
+def test_a_pull_takes_the_board_that_it_is_on() -> None:
+    """A door flush with its box; its handle is a bar on two feet, a bar alone, or a lever."""
+    body: list[Box] = [((x, 0.25, 0), (0.02, 0.5, 1)) for x in (-0.4, 0.4)]
+    body += [((0, 0.25, z), (0.78, 0.5, 0.02)) for z in (-0.49, 0.49)]
+    door: list[Box] = [((0, -0.01, 0), (0.82, 0.02, 1))]
+    bar: Box = ((0.35, -0.08, 0), (0.02, 0.02, 0.3))
+    feet: list[Box] = [((0.35, -0.045, z), (0.02, 0.05, 0.02)) for z in (-0.14, 0.14)]
+    pull, move = np.array([[0, 0, 1]], dtype=bool), np.array([0.0, 0.2, 0.9])
+    for handle in ([bar, *feet], [bar]):
+        graph = graph_of(body, door, handle)
+        assert with_boards(graph, pull, move).tolist() == [[False, True, True]]
+        assert with_boards(graph, pull, np.array([0.0, 0.01, 0.9])).tolist() == pull.tolist()
+    taken = np.array([[0, 0, 1], [0, 1, 0]], dtype=bool)
+    assert (with_boards(graph_of(body, door, [bar, *feet]), taken, move) == taken).all()
+    knob: Box = ((0.35, -0.05, 0), (0.05, 0.06, 0.05))
+    flush: Box = ((0.35, -0.03, 0), (0.02, 0.02, 0.3))
+    beside: Box = ((0.6, -0.08, 0), (0.02, 0.02, 0.3))
+    for other in ([bar, feet[0]], [knob], [flush], [beside]):
+        assert (with_boards(graph_of(body, door, other), pull, move) == pull).all()
+    hidden: list[Box] = [*body, ((0, -0.3, 0), (0.6, 0.3, 0.8))]
+    assert (with_boards(graph_of(hidden, door, [bar, *feet]), pull, move) == pull).all()
+
+
+def test_a_door_that_only_its_handle_gives_away_opens() -> None:
+    """Boards flush with each other: bonds say that the front stays."""
+    walls: list[Box] = [((x, 0.2, 0.35), (0.02, 0.44, 0.66)) for x in (-0.21, 0.21)]
+    walls += [((0, 0.2, z), (0.44, 0.44, 0.02)) for z in (0.01, 0.69)]
+    walls += [((0, 0.43, 0.35), (0.44, 0.02, 0.7)), ((0, -0.03, 0.35), (0.44, 0.02, 0.7))]
+    handle: list[Box] = [((0.17, -0.11, 0.35), (0.015, 0.02, 0.2))]
+    handle += [((0.17, -0.07, z), (0.015, 0.06, 0.015)) for z in (0.26, 0.44)]
+    graph = graph_of(*([box] for box in (*walls, *handle)))
+    masks, choice = decide([View(graph, None)], load_scores())
+    (part,) = masks[list(choice.chosen)]
+    assert np.flatnonzero(part).tolist() == [5, 6, 7, 8]

@@ -14,7 +14,7 @@ from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.segment import fronts as fronts_module
 from mam_pipeline.segment.fronts import divide
 from mam_pipeline.segment.geometric import GeometricSegmenter
-from mam_pipeline.segment.topology import topology, weld, without_repeats
+from mam_pipeline.segment.topology import solids, topology, weld, without_repeats
 from mam_pipeline.types import IntArray, Mesh, Primitives
 
 
@@ -45,6 +45,35 @@ def same(a: NDArray[np.int64], b: NDArray[np.int64]) -> bool:
 
 def test_boxes_that_touch_stay_apart() -> None:
     mesh, owner = CABINET
+    assert same(GeometricSegmenter().segment(mesh).labels, owner)
+
+
+def test_bodies_that_share_corners_and_a_face_stay_apart() -> None:
+    mesh, owner = boxes(
+        ((0, 0, 0), (1, 1, 1)),
+        ((-0.25, -0.51, 0), (0.5, 0.02, 1)),  # two doors, flush with each other and with the body
+        ((0.25, -0.51, 0), (0.5, 0.02, 1)),
+    )
+    found = GeometricSegmenter().segment(mesh)
+    assert same(found.labels, owner) and found.method == "geometric"
+    order = np.random.default_rng(0).permutation(len(owner))
+    shuffled = Mesh(mesh.vertices, mesh.faces[order])
+    assert same(GeometricSegmenter().segment(shuffled).labels, owner[order])
+    twice = Mesh(mesh.vertices, np.concatenate([mesh.faces, mesh.faces[:, ::-1]]))
+    assert same(GeometricSegmenter().segment(twice).labels, np.tile(owner, 2))
+
+
+def test_closed_shells_are_told_by_the_vertices_of_the_file() -> None:
+    mesh, owner = CABINET
+    assert same(solids(mesh.faces), owner)
+    assert (solids(mesh.faces[1:])[:11] == -1).all()  # a body with a hole
+    assert (solids(mesh.faces[1:])[11:] >= 0).all()
+    flag = np.array([[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]])  # both sides of a quad
+    assert (solids(flag) == -1).all()
+
+
+def test_a_convex_body_that_is_nearly_everything_is_not_cut() -> None:
+    mesh, owner = boxes(((0, 0, 0), (1, 0.05, 2)), ((0.4, -0.06, 0), (0.1, 0.02, 0.02)))
     assert same(GeometricSegmenter().segment(mesh).labels, owner)
 
 

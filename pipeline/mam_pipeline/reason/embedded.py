@@ -23,8 +23,17 @@ from mam_pipeline.reason.group_features import joined, measured, with_rivals
 from mam_pipeline.reason.groups import Masks, enumerate_groups, expand_groups
 from mam_pipeline.reason.joint_view import with_joints
 from mam_pipeline.reason.network import Reading, log_odds
+from mam_pipeline.reason.pulls import with_boards
 from mam_pipeline.reason.scores import Scores, load_scores
-from mam_pipeline.reason.select import LEAST_BASE, completed, lighter, with_twins, without_spanning
+from mam_pipeline.reason.select import (
+    LEAST_BASE,
+    completed,
+    lighter,
+    nearest,
+    with_sure,
+    with_twins,
+    without_spanning,
+)
 from mam_pipeline.reason.tree import SUBTYPES, Choice, build_tree, named
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import FloatArray, KinematicTree, Mesh, Primitives
@@ -35,6 +44,7 @@ RESCUE = 0.2
 # an object is sampled so often, and the scores are averaged: between single samplings the mIoU of
 # 37 real objects differed by up to 0.05
 SAMPLINGS = 4
+SURE = 0.8  # confidence of a candidate that is taken even where the best set leaves it
 HINGE = SUBTYPES.index("hinge")
 
 
@@ -133,9 +143,14 @@ def decide(views: Sequence[View], scores: Scores) -> tuple[Masks, Choice]:
             ranked = [lighter(graph, masks, value, ranked[0])]
         left = [c for c in ranked[1:] if confidence[c] < scores.least]
         chosen = with_twins(graph, masks, value, [c for c in ranked if c not in left])
+        chosen = with_sure(graph, masks, value, confidence >= max(SURE, scores.least), chosen)
         masks = masks.copy()
         parts = completed(graph, masks[chosen], same, readings[0].move, masks[left])
-        masks[chosen] = without_spanning(graph, parts)
+        parts = without_spanning(graph, parts)
+        whole = with_boards(graph, parts, readings[0].move)
+        for k in np.flatnonzero((whole != parts).any(axis=1)):
+            chosen[k] = nearest(graph, masks, whole[k], chosen)  # its type is the board's
+        masks[chosen] = whole
     best = float(value.max())
     return masks, Choice(tuple(chosen), value, odds, confidence, best, tuple(left))
 

@@ -24,9 +24,11 @@ SIMILAR = 0.3  # the same for the extents of two leaves whose outlines are ragge
 # two hinged bodies on the floor: of those of 201 kinds the base is never smaller than 0.6 parts
 BULKIER = 2.0
 ON_FLOOR = 0.05
+GROUND = 0.005  # of the diagonal: what lies flatter on the floor is the floor, not a body
 ONE_SIDED = 0.5  # length of a surface's mean normal: of all sides of a body it is 0, of one face 1
 LITTLE_LESS = 0.95  # share of a body's surface without its smallest pieces
 MOST_OF_REST = 0.8
+APART = 0.02  # of the diagonal: what is farther from a part does not hang on it
 TRIFLE = 0.2  # of a part's surface: so small is a knob that was left out, and goes with its leaf
 
 
@@ -70,8 +72,9 @@ def completed(
     handle; the bonds do. A primitive that is likely to move, and is no part of its own, joins the
     part that it is bound to most, if it is bound to no still one as much; the strongest bond first.
     What moves with it as one body joins as well. LEAST_BASE of the surface stays, if so much was
-    left, and so do fronts with handles, which are parts of their own, and what was nearly made a
-    part and is no trifle beside it: the panes that stay beside a leaf.
+    left, and so do fronts with handles, which are parts of their own, and what is no trifle beside
+    the part and was nearly made one itself (the panes that stay beside a leaf) or stands apart from
+    it (the racks behind an oven's door).
 
     Args:
         same: (E,), move: (P,) probabilities of the bonds and of moving. left: (L, P) what is too
@@ -87,6 +90,7 @@ def completed(
         alone |= graph.rigid[graph.fronts].any(axis=0)
         together |= graph.rigid.T.astype(int) @ graph.rigid.astype(int) > 0
     area = together @ graph.area
+    apart = np.concatenate([graph.gap, graph.gap]) > APART
     stays = np.zeros((graph.count, len(parts)), dtype=bool)
     for mask in () if left is None else left:
         stays |= mask[:, None] & (mask @ graph.area > TRIFLE * (parts @ graph.area))
@@ -96,6 +100,7 @@ def completed(
         base = (owner[b] < 0) & (move[b] < LIKELY)
         np.maximum.at(still, a[base], bond[base])
         joins = (owner[a] < 0) & (owner[b] >= 0) & (move[a] > LIKELY) & (bond > still[a])
+        joins &= ~(apart & (graph.area[a] > TRIFLE * (parts @ graph.area)[owner[b]]))
         joins &= ~alone[a] & ~stays[a, owner[b]] & (area[a] <= graph.area[owner < 0].sum() - spare)
         if not joins.any():
             return np.arange(len(parts))[:, None] == owner[None]
@@ -158,6 +163,8 @@ def lighter(graph: Graph, masks: Masks, value: FloatArray, chosen: int) -> int:
     bodies = [graph.bulk(m, LITTLE_LESS)[probe.owner] for m in (masks[chosen], rest)]
     if max(probe.points[b][:, 2].min() for b in bodies) > ON_FLOOR:
         return chosen
+    if min(np.ptp(probe.points[b][:, 2]) for b in bodies) < GROUND:
+        return chosen
     open_side = [probe.weight[b] @ probe.normals[b] / probe.weight[b].sum() for b in bodies]
     if max(np.linalg.norm(side) for side in open_side) > ONE_SIDED:
         return chosen  # one face of a body is none
@@ -167,6 +174,31 @@ def lighter(graph: Graph, masks: Masks, value: FloatArray, chosen: int) -> int:
     if size[0] < BULKIER * size[1] or not options.any():
         return chosen
     return int(np.argmax(np.where(options, value, -1.0)))
+
+
+def nearest(graph: Graph, masks: Masks, part: NDArray[np.bool_], chosen: list[int]) -> int:
+    """The candidate (C, P) with most surface in common with a part (P,) that is not yet chosen."""
+    shared, either = (masks & part) @ graph.area, (masks | part) @ graph.area
+    free = ~np.isin(np.arange(len(masks)), chosen)
+    return int(np.argmax(np.where(free, shared / np.maximum(either, 1e-12), -1.0)))
+
+
+def with_sure(
+    graph: Graph, masks: Masks, value: FloatArray, sure: NDArray[np.bool_], chosen: list[int]
+) -> list[int]:
+    """The chosen candidates, and what shares nothing with them and is as good as certain.
+
+    Args:
+        masks: (C, P). value: (C,). sure: (C,) which are. chosen: indices.
+    """
+    out = list(chosen)
+    while True:
+        taken = masks[out].any(axis=0)
+        options = sure & ~(masks & taken).any(axis=1)
+        options &= (masks | taken) @ graph.area <= 1.0 - LEAST_BASE
+        if not options.any():
+            return out
+        out.append(int(np.argmax(np.where(options, value, -1.0))))
 
 
 def with_twins(graph: Graph, masks: Masks, value: FloatArray, chosen: list[int]) -> list[int]:

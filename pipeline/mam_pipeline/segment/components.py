@@ -125,9 +125,12 @@ def _rejoin_open(topo: Topology, label: IntArray) -> IntArray:
     order = np.lexsort((piece, edge))
     piece, edge, face = piece[order], edge[order], face[order]
     links: list[IntArray] = []
+    closed = np.zeros(count, dtype=bool)
+    closed[label[(topo.solid >= 0) & (label >= 0)]] = True
     # a rim edge carries few pieces: compare each half-edge with the next ones of the same edge
     for step in (1, 2, 3):
         same = (edge[step:] == edge[:-step]) & (piece[step:] != piece[:-step])
+        same &= ~(closed[piece[step:]] & closed[piece[:-step]])
         a, b = piece[:-step][same], piece[step:][same]
         fa, fb = face[:-step][same], face[step:][same]
         smaller = np.where(size[a] <= size[b], fa, fb)

@@ -25,6 +25,7 @@ DENSE = 1000  # faces
 EVEN = 0.004  # typical face over its piece's area: authored panels have far larger faces
 CLEAR = 0.02  # merges above this cost are left to the reasoner
 SHRED = 1e-4  # of the area: less than this on a surface of its own is no primitive
+FLAT = 1e-4  # of the diagonal
 FEWEST, MOST = 16, 60  # primitives from splitting
 
 
@@ -91,7 +92,8 @@ def _to_split(topo: Topology, label: IntArray) -> NDArray[np.bool_]:
     """(F,) the kept faces of pieces that hold several parts in one surface.
 
     Those are pieces that make up nearly everything, and large pieces of many small triangles of
-    like size, as generators and scanners write them.
+    like size, as generators and scanners write them. A convex body of few faces holds none: a door
+    may be nearly all there is.
     """
     kept = label >= 0
     piece, areas = label[kept], topo.areas[kept]
@@ -101,9 +103,20 @@ def _to_split(topo: Topology, label: IntArray) -> NDArray[np.bool_]:
     share = area / area.sum()
     typical = square / np.maximum(area, 1e-30) ** 2  # typical face over the piece's area
     remeshed = (faces >= DENSE) & (typical < EVEN) & (share >= 0.1)
+    most = (share >= DOMINANT) & (faces >= DENSE)
+    for k in np.flatnonzero((share >= DOMINANT) & ~most):
+        most[k] = not _convex(topo, np.flatnonzero(label == k))
     out = np.zeros(len(label), dtype=bool)
-    out[kept] = ((share >= DOMINANT) | remeshed)[piece]
+    out[kept] = (most | remeshed)[piece]
     return out
+
+
+def _convex(topo: Topology, faces: IntArray) -> bool:
+    """Whether every vertex of these faces lies on one side of each of them."""
+    points = topo.points[np.unique(topo.faces[faces])]
+    origin = topo.points[topo.faces[faces, 0]]
+    height = topo.normals[faces] @ points.T - (topo.normals[faces] * origin).sum(axis=1)[:, None]
+    return bool((np.minimum(height.max(axis=1), -height.min(axis=1)) < FLAT).all())
 
 
 def _numbered(

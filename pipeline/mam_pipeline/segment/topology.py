@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives
 
+LEAST_FACES = 4  # of a closed shell
 WELD = 1e-5  # of the bounding-box diagonal: twice what single precision loses on a turned mesh
 
 
@@ -24,7 +25,9 @@ class Topology:
         normals, areas: (F, 3) unit (zero for degenerate faces) and (F,) diagonal squared.
         kept: (F,) True for the faces that take part: neither degenerate nor a repeated copy.
         twin: (F,) the kept face that each face repeats, itself if kept, -1 if degenerate.
-        manifold: (E, 2) pairs of kept faces on edges with exactly two kept faces.
+        solid: (F,) the closed shell of the file's own vertices that a face belongs to, -1 if none.
+        manifold: (E, 2) pairs of kept faces on edges with exactly two kept faces; an edge where
+            solids meet counts as one of each.
         manifold_edge: (E, 2) the welded vertices of those edges.
         rim_face, rim_edge: (H,) faces and edge numbers of edges with three or more kept faces.
         open_face: (B,) kept faces, one entry per edge that has no other face.
@@ -36,6 +39,7 @@ class Topology:
     areas: FloatArray
     kept: NDArray[np.bool_]
     twin: IntArray
+    solid: IntArray
     manifold: IntArray
     manifold_edge: IntArray
     rim_face: IntArray
@@ -55,11 +59,12 @@ def topology(mesh: Mesh) -> Topology:
     thin = double < 1e-14
     normals = cross / np.where(thin, 1.0, double)[:, None]
     normals[thin] = 0.0
-    twin = repeated_faces(faces)
+    solid = solids(mesh.faces)
+    twin = repeated_faces(faces, solid)
     broken = (np.diff(np.sort(faces, axis=1), axis=1) == 0).any(axis=1)
     twin[broken] = -1
     kept = twin == np.arange(len(faces))
-    pairs, pair_edges, rim_face, rim_edge, open_face = _edges(faces, np.flatnonzero(kept))
+    pairs, pair_edges, rim_face, rim_edge, open_face = _edges(faces, np.flatnonzero(kept), solid)
     return Topology(
         points,
         faces,
@@ -67,6 +72,7 @@ def topology(mesh: Mesh) -> Topology:
         0.5 * double,
         kept,
         twin,
+        solid,
         pairs,
         pair_edges,
         rim_face,
@@ -114,15 +120,42 @@ def weld(points: FloatArray, tolerance: float) -> IntArray:
     return connected_components(graph, directed=False)[1][a].astype(np.int64)
 
 
-def repeated_faces(faces: IntArray) -> IntArray:
-    """(F,) the lowest-numbered face on the same three vertices, whatever its orientation."""
+def solids(faces: IntArray) -> IntArray:
+    """(F,) number of the closed shell that each face belongs to, -1 where there is none.
+
+    Shells hang together by the file's own vertices, not by position: two boxes that touch corner to
+    corner are two. Closed is what has two faces on every edge, doubled ones counted once.
+    """
+    kept = np.flatnonzero(repeated_faces(faces) == np.arange(len(faces)))
+    corner = faces[kept]
+    ends = np.stack([corner, np.roll(corner, -1, axis=1)], axis=2).reshape(-1, 2)
+    count = int(faces.max()) + 1
+    shell = groups(ends, count)
+    key = ends.min(axis=1) * np.int64(count) + ends.max(axis=1)
+    _, edge, uses = np.unique(key, return_inverse=True, return_counts=True)
+    closed = np.bincount(shell[corner[:, 0]], minlength=count) >= LEAST_FACES
+    closed[shell[ends[uses[edge] != 2, 0]]] = False
+    own = shell[faces[:, 0]]
+    return np.where(closed[own], own, -1)
+
+
+def repeated_faces(faces: IntArray, solid: IntArray | None = None) -> IntArray:
+    """(F,) the lowest-numbered face on the same three vertices, whatever its orientation.
+
+    Args:
+        solid: (F,) faces of different ones do not repeat each other.
+    """
     rows = np.sort(faces, axis=1).astype(np.uint64)
     odd = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
     mixed = rows * odd
     key = mixed[:, 0] + (mixed[:, 1] >> np.uint64(5)) + mixed[:, 1] + (mixed[:, 2] >> np.uint64(9))
+    if solid is not None:
+        key += (solid + 1).astype(np.uint64) * np.uint64(0xD6E8FEB86659FD93)
     order = np.argsort(key, kind="stable")
     new = np.ones(len(faces), dtype=bool)
     new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
+    if solid is not None:
+        new[1:] |= solid[order[1:]] != solid[order[:-1]]
     group = np.cumsum(new) - 1
     twin = np.empty(len(faces), dtype=np.int64)
     twin[order] = order[new][group]
@@ -136,19 +169,28 @@ def groups(pairs: IntArray, count: int) -> IntArray:
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
-def _edges(faces: IntArray, kept: IntArray) -> tuple[IntArray, ...]:
+def _edges(faces: IntArray, kept: IntArray, solid: IntArray) -> tuple[IntArray, ...]:
     corner = faces[kept]
     ends = np.stack([corner, np.roll(corner, -1, axis=1)], axis=2).reshape(-1, 2)
     owner = np.repeat(kept, 3)
     low, high = ends.min(axis=1), ends.max(axis=1)
     key = low * (int(faces.max()) + 1) + high
-    order = np.argsort(key, kind="stable")
+    order = np.lexsort((solid[owner], key))
     key, owner, low, high = key[order], owner[order], low[order], high[order]
-    start = np.flatnonzero(np.concatenate([[True], key[1:] != key[:-1]])) if len(key) else key
-    size = np.diff(np.concatenate([start, [len(key)]]))
-    two = start[size == 2]
+    start, size = _runs(key[1:] != key[:-1])
+    within, uses = _runs((key[1:] != key[:-1]) | (solid[owner[1:]] != solid[owner[:-1]]))
+    clean = np.isin(within, start[size == 2]) | (solid[owner[within]] >= 0)
+    two = within[clean & (uses == 2)]
     pairs = np.stack([owner[two], owner[two + 1]], axis=1)
     pair_edges = np.stack([low[two], high[two]], axis=1)
     many = np.repeat(size, size) > 2
     number = np.repeat(np.arange(len(size)), size)
     return pairs, pair_edges, owner[many], number[many], owner[start[size == 1]]
+
+
+def _runs(new: NDArray[np.bool_]) -> tuple[IntArray, IntArray]:
+    """Starts and lengths of the runs of a list, given where (n - 1,) the next one begins."""
+    if not len(new):
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    start = np.flatnonzero(np.concatenate([[True], new]))
+    return start, np.diff(np.concatenate([start, [len(new) + 1]]))
