@@ -305,16 +305,3 @@ def test_a_pull_takes_the_board_that_it_is_on() -> None:
         assert (with_boards(graph_of(body, door, other), pull, move) == pull).all()
     hidden: list[Box] = [*body, ((0, -0.3, 0), (0.6, 0.3, 0.8))]
     assert (with_boards(graph_of(hidden, door, [bar, *feet]), pull, move) == pull).all()
-
-
-def test_a_door_that_only_its_handle_gives_away_opens() -> None:
-    """Boards flush with each other: bonds say that the front stays."""
-    walls: list[Box] = [((x, 0.2, 0.35), (0.02, 0.44, 0.66)) for x in (-0.21, 0.21)]
-    walls += [((0, 0.2, z), (0.44, 0.44, 0.02)) for z in (0.01, 0.69)]
-    walls += [((0, 0.43, 0.35), (0.44, 0.02, 0.7)), ((0, -0.03, 0.35), (0.44, 0.02, 0.7))]
-    handle: list[Box] = [((0.17, -0.11, 0.35), (0.015, 0.02, 0.2))]
-    handle += [((0.17, -0.07, z), (0.015, 0.06, 0.015)) for z in (0.26, 0.44)]
-    graph = graph_of(*([box] for box in (*walls, *handle)))
-    masks, choice = decide([View(graph, None)], load_scores())
-    (part,) = masks[list(choice.chosen)]
-    assert np.flatnonzero(part).tolist() == [5, 6, 7, 8]
