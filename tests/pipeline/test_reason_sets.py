@@ -292,16 +292,43 @@ def test_a_pull_takes_the_board_that_it_is_on() -> None:
     bar: Box = ((0.35, -0.08, 0), (0.02, 0.02, 0.3))
     feet: list[Box] = [((0.35, -0.045, z), (0.02, 0.05, 0.02)) for z in (-0.14, 0.14)]
     pull, move = np.array([[0, 0, 1]], dtype=bool), np.array([0.0, 0.2, 0.9])
+    value = np.array([0.6, 0.6])
     for handle in ([bar, *feet], [bar]):
         graph = graph_of(body, door, handle)
-        assert with_boards(graph, pull, move).tolist() == [[False, True, True]]
-        assert with_boards(graph, pull, np.array([0.0, 0.01, 0.9])).tolist() == pull.tolist()
+        assert with_boards(graph, pull, move, value[:1]).tolist() == [[False, True, True]]
+        still = np.array([0.0, 0.01, 0.9])
+        assert (with_boards(graph, pull, still, value[:1]) == pull).all()
+        assert (with_boards(graph, pull, move, np.array([0.9])) == pull).all()  # surely a lever
     taken = np.array([[0, 0, 1], [0, 1, 0]], dtype=bool)
-    assert (with_boards(graph_of(body, door, [bar, *feet]), taken, move) == taken).all()
+    assert (with_boards(graph_of(body, door, [bar, *feet]), taken, move, value) == taken).all()
     knob: Box = ((0.35, -0.05, 0), (0.05, 0.06, 0.05))
     flush: Box = ((0.35, -0.03, 0), (0.02, 0.02, 0.3))
     beside: Box = ((0.6, -0.08, 0), (0.02, 0.02, 0.3))
     for other in ([bar, feet[0]], [knob], [flush], [beside]):
-        assert (with_boards(graph_of(body, door, other), pull, move) == pull).all()
+        assert (with_boards(graph_of(body, door, other), pull, move, value[:1]) == pull).all()
     hidden: list[Box] = [*body, ((0, -0.3, 0), (0.6, 0.3, 0.8))]
-    assert (with_boards(graph_of(hidden, door, [bar, *feet]), pull, move) == pull).all()
+    assert (with_boards(graph_of(hidden, door, [bar, *feet]), pull, move, value[:1]) == pull).all()
+
+
+def test_a_door_does_not_hang_on_the_door_beside_it() -> None:
+    """Two doors that meet each other and stand a little before their cupboard; a flap on one."""
+    body: list[Box] = [((0, 0.25, 0), (0.8, 0.4, 0.6))]
+    doors: list[Box] = [
+        ((-0.2, 0.025, 0), (0.4, 0.02, 0.6)),
+        ((0.201, 0.025, 0), (0.402, 0.02, 0.6)),
+    ]
+    flap: Box = ((0.2, 0.01, 0), (0.2, 0.01, 0.1))
+
+    def parents(*pieces: list[Box]) -> list[int]:
+        graph = graph_of(*pieces)
+        masks = np.eye(len(pieces), dtype=bool)[1:]
+        sure = np.full(len(masks), 0.9)
+        odds = np.tile([0.8, 0.1, 0.1], (len(masks), 1))
+        choice = Choice(tuple(range(len(masks))), sure, odds, sure, 0.9)
+        return [node.parent for node in build_tree(graph, masks, choice).nodes]
+
+    assert parents(body, *([d] for d in doors), [flap]) == [-1, 0, 0, 2]
+    far: list[Box] = [((0, 0.4, 0), (0.8, 0.4, 0.6))]
+    smaller: Box = ((0.15, 0.025, 0), (0.3, 0.02, 0.6))
+    assert parents(body, [doors[0]], [smaller]) == [-1, 0, 1]
+    assert parents(far, [doors[0]], [doors[1]]).count(0) == 1  # a screen that folds

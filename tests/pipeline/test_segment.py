@@ -219,11 +219,16 @@ def knob(x: float, z: float, wide: float = 0.05, high: float = 0.05) -> Item:
     return (x, -0.42, z), (wide, 0.1, high)
 
 
-def fronts_of(*items: Item) -> tuple[Mesh, Primitives, list[IntArray]]:
-    """A skin, its primitives and the faces of every front that its handles tell."""
+def fronts_of(*items: Item, floating: int = 0) -> tuple[Mesh, Primitives, list[IntArray]]:
+    """A skin, its primitives and the faces of every front that its handles tell.
+
+    Args:
+        floating: how many of the items no surface joins to the others.
+    """
     skin = fuse_mesh(boxes(*items)[0], 96)
     got = GeometricSegmenter().segment(skin)
-    assert len(got.merges) == got.count - 1 and is_valid_tree(got.merges, got.count)
+    assert len(got.merges) == got.count - 1 - floating
+    assert floating or is_valid_tree(got.merges, got.count)
     assert got.fronts is not None and (got.fronts.sum(axis=0) <= 1).all()
     return skin, got, [np.flatnonzero(row[got.labels]) for row in got.fronts]
 
@@ -250,6 +255,25 @@ def test_handles_above_each_other_make_a_stack() -> None:
     assert len(spans) == 3
     np.testing.assert_allclose([low for low, _ in spans[1:]], edges[1:-1], atol=0.05)
     np.testing.assert_allclose([high for _, high in spans[:-1]], edges[1:-1], atol=0.05)
+
+
+def test_handles_that_float_before_their_fronts_tell_as_well() -> None:
+    bars: list[Item] = [((0.0, -0.47, z), (0.4, 0.03, 0.04)) for z in (-0.25, 0.25)]
+    skin, got, fronts = fronts_of(CASE, *bars, floating=2)
+    assert got.one_skin and len(fronts) == 2
+    lower, upper = sorted(span(skin, faces, 2) for faces in fronts)
+    assert abs(lower[1]) < 0.05 and abs(upper[0]) < 0.05
+    for faces in fronts:
+        assert span(skin, faces, 1)[0] < -0.47  # the bar is its own
+    far: list[Item] = [((0.0, -0.6, z), (0.4, 0.03, 0.04)) for z in (-0.25, 0.25)]
+    assert not fronts_of(CASE, *far, floating=2)[2]
+
+
+def test_handles_at_even_distances_are_on_fronts_of_one_height() -> None:
+    at = np.array([-0.34, -0.11, 0.12, 0.35])  # of four fronts of 0.23 above a plinth
+    skin, _, fronts = fronts_of(CASE, *(knob(0.0, z, wide=0.3) for z in at))
+    heights = [float(np.ptp(span(skin, faces, 2))) for faces in fronts]
+    assert len(fronts) == 4 and max(heights) < 1.5 * min(heights)
 
 
 def test_a_front_that_has_grown_into_the_body_is_cut_out_of_it(

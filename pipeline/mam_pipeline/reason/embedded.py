@@ -147,7 +147,7 @@ def decide(views: Sequence[View], scores: Scores) -> tuple[Masks, Choice]:
         masks = masks.copy()
         parts = completed(graph, masks[chosen], same, readings[0].move, masks[left])
         parts = without_spanning(graph, parts)
-        whole = with_boards(graph, parts, readings[0].move)
+        whole = with_boards(graph, parts, readings[0].move, value[chosen])
         for k in np.flatnonzero((whole != parts).any(axis=1)):
             chosen[k] = nearest(graph, masks, whole[k], chosen)  # its type is the board's
         masks[chosen] = whole

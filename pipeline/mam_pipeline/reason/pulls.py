@@ -20,24 +20,23 @@ SMALL = 0.25  # of the board's face: a pull covers no more
 CLOSE = 0.05  # of the diagonal: farther before it a bar is no board's
 OVER = 0.02  # of the diagonal: a pull may reach this far over the board's edge
 FOOT = 0.3  # of a pull's height over the board: what is lower is a foot
+FLOATS = 0.004  # of the diagonal: what stands farther off has no feet
 BEFORE = 0.01  # of the diagonal: from here on something stands before the board
 CLUTTER = 0.05  # of the board's surface: so much of other things before it is no front
+CLEAR = 0.8
 STILL = 0.05  # a board that moves with less probability is no front
 FEWEST = 8  # samples
 
 
-def with_boards(graph: Graph, parts: Masks, move: FloatArray) -> Masks:
+def with_boards(graph: Graph, parts: Masks, move: FloatArray, value: FloatArray) -> Masks:
     """Parts (K, P); those that are a pull alone get the board that they are on.
 
-    The skin of one piece has fronts of its own (`Primitives.fronts`).
-
     Args:
-        move: (P,) probability that a primitive moves.
+        move: (P,) probability that a primitive moves. value: (K,) expected overlap of the parts
+            with true ones; from CLEAR on they are left as they are.
     """
-    if graph.rigid is not None:
-        return parts
     parts = parts.copy()
-    for k in range(len(parts)):
+    for k in np.flatnonzero(value < CLEAR):
         taken = parts.any(axis=0)
         boards = [
             (gap, b)
@@ -72,7 +71,7 @@ def _gap_of_pull(graph: Graph, pull: NDArray[np.bool_], board: int) -> float | N
     along = wide[int(np.argmax((end - start)[wide]))]
     third = np.floor(3 * (points[:, along] - start[along]) / max(length, 1e-9)).clip(0, 2)
     feet = [bool((height[third == t] < FOOT * height.max()).any()) for t in range(3)]
-    if feet not in ([True, False, True], [False, False, False]):
+    if height.min() < FLOATS and feet not in ([True, False, True], [False, False, False]):
         return None
     around = probe.points[other]
     before = side * around[:, thin] - face > BEFORE

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mam_pipeline.joints.fittings import FITTING, UNCLEAR, is_minor, moves_if_above
-from mam_pipeline.reason.graph import Graph, tight_box
+from mam_pipeline.reason.graph import REACH, Graph, tight_box
 from mam_pipeline.reason.groups import Masks
-from mam_pipeline.reason.select import LEAST_BASE
+from mam_pipeline.reason.select import EVEN, LEAST_BASE
 from mam_pipeline.types import FloatArray, JointSubtype, KinematicTree, PartNode
 
 SUBTYPES: tuple[JointSubtype, ...] = ("hinge", "spin", "slide")
+TWINS = 0.2  # how far the logarithms of the extents of two doors may differ
 ALIKE = 0.8  # share of the largest surface from which parts count as equal
 
 
@@ -157,14 +158,16 @@ def _indices(mask: np.ndarray) -> tuple[int, ...]:
 def _parents(graph: Graph, parts: list[np.ndarray]) -> list[int]:
     """Index of every part's parent among the parts, or -1 for the base.
 
-    A part hangs on another only if it touches that one much more than the base, and is smaller.
+    A part hangs on another only if it touches that one much more than the base, and is smaller; not
+    on one of its own size beside the base, for these are two doors.
     """
     i, j = graph.pairs[:, 0], graph.pairs[:, 1]
     area = graph.touch[:, 0] * graph.area[i] + graph.touch[:, 1] * graph.area[j]
     label = np.full(graph.count, -1)
     for k, mask in enumerate(parts):
         label[mask] = k
-    size = [float(np.prod(graph.high[m].max(0) - graph.low[m].min(0) + 1e-3)) for m in parts]
+    extent = [graph.high[m].max(0) - graph.low[m].min(0) for m in parts]
+    size = [float(np.prod(e + 1e-3)) for e in extent]
     out = []
     for k in range(len(parts)):
         shared, nearest = np.zeros(len(parts) + 1), np.full(len(parts) + 1, np.inf)
@@ -174,6 +177,9 @@ def _parents(graph: Graph, parts: list[np.ndarray]) -> list[int]:
             np.minimum.at(nearest, label[b[cut]] + 1, graph.gap[cut])
         best, score = -1, shared[0]
         for m in range(len(parts)):
+            twins = np.abs(np.log((extent[m] + EVEN) / (extent[k] + EVEN))).max() < TWINS
+            if twins and nearest[0] < REACH:
+                continue
             closer = nearest[m + 1] < 0.5 * nearest[0] if shared[0] == 0 else False
             if size[m] > size[k] and (
                 shared[m + 1] > 2 * max(score, 1e-9) or (closer and best < 0)

@@ -30,12 +30,14 @@ CARVED = 0.6  # of a primitive: a front that is less of it is cut out of it
 STACK = 64  # more than the fronts of one flat
 EDGE = 0.09  # of the front's width: what stands nearer to its sides is a hinge
 GRID = 96  # cells across a flat
-SMALL = 0.1  # a handle's area over that of the front that it stands on
+SMALL = 0.2  # a handle's area over that of the front that it stands on
+HOVER = 0.05  # diagonals: a handle that no surface joins to the front is no farther from it
 STOUT = 0.3  # a handle stands out by this share of its narrower side at least: mouldings do not
 OUT = 0.005  # and by so many diagonals
 ROW = 0.06  # of the front's height: handles closer than that are beside each other
 ALIKE = 0.35  # most difference of two handles' sizes, as a share
 MIDDLE = 0.08  # of the front's width
+EVEN, JAGGED = 0.1, 0.4  # differences between distances, and between heights, over the distance
 PAIR = 0.3  # of the front's width: two handles that are farther apart may pull one drawer
 SLENDER = 1.8  # an upright handle's height over its width
 THIN = 0.15  # of a leaf's width: its other face lies no deeper
@@ -263,7 +265,7 @@ def _rectangle(topo: Topology, front: _Flat, rows: list[list[_Handle]]) -> Float
 
 
 def _handles(topo: Topology, front: _Flat) -> list[_Handle]:
-    """The small pieces that stand on a front with flat all around them."""
+    """The small pieces that stand on a front with flat all around them, or float before it."""
     island = groups(topo.manifold[~front.faces[topo.manifold].any(axis=1)], len(topo.faces))
     border = topo.manifold[front.faces[topo.manifold].sum(axis=1) == 1]
     on_flat = front.faces[border]
@@ -273,6 +275,11 @@ def _handles(topo: Topology, front: _Flat) -> list[_Handle]:
     beyond = np.flatnonzero(~front.faces & topo.kept)
     sizes = np.bincount(island[beyond], topo.areas[beyond], minlength=int(island.max()) + 1)
     touched = np.unique(touched)
+    nearest = np.full(len(sizes), np.inf)
+    height = (topo.points[topo.faces[beyond]] @ front.frame[:, 2]).min(axis=1) - front.depth
+    np.minimum.at(nearest, island[beyond], height)
+    floats = np.flatnonzero((nearest > 0) & (nearest < HOVER))
+    touched = np.union1d(touched, floats)
     for k in touched[(sizes[touched] > OUT**2) & (sizes[touched] < SMALL * area)]:
         faces = beyond[island[beyond] == k]
         corners = topo.points[topo.faces[faces]].reshape(-1, 3) @ front.frame
@@ -283,11 +290,12 @@ def _handles(topo: Topology, front: _Flat) -> list[_Handle]:
             continue
         span = front.high - front.low
         ends = (low[:2] - front.low) / span, (high[:2] - front.low) / span
-        if not EDGE < (ends[0][0] + ends[1][0]) / 2 < 1.0 - EDGE:
+        middle = (ends[0] + ends[1]) / 2
+        if not EDGE < middle[0] < 1.0 - EDGE or not 0.0 < middle[1] < 1.0:
             continue
         size = np.array([min(wide, tall), max(wide, tall), stands])
         upright = bool(tall > SLENDER * wide)
-        found.append(_Handle((ends[0] + ends[1]) / 2, *ends, size, upright, faces))
+        found.append(_Handle(middle, *ends, size, upright, faces))
     return found
 
 
@@ -332,12 +340,19 @@ def _levels(rows: list[list[_Handle]], whole: FloatArray) -> list[float]:
 
 
 def _centred(at: FloatArray, low: float, high: float) -> FloatArray | None:
-    """The levels if every handle sits in the middle of its front, None if they cannot."""
+    """The levels if every handle sits in the middle of its front, None if they cannot.
+
+    Handles at even distances are on fronts of one height.
+    """
     levels = [low]
     for height in at:
         levels.append(2 * float(height) - levels[-1])
-    spare = high - levels[-1]
-    return np.array(levels[1:-1]) + spare / 2 if abs(spare) < MIDDLE else None
+    spare, steps = high - levels[-1], np.diff(at)
+    even = np.ptp(steps) < EVEN * steps.mean()
+    jagged = np.ptp(np.diff([low, *(np.array(levels[1:-1]) + spare / 2), high]))
+    if abs(spare) > MIDDLE or (even and jagged > JAGGED * steps.mean()):
+        return None
+    return np.array(levels[1:-1]) + spare / 2
 
 
 def _two_leaves(row: list[_Handle], bottom: float, top: float) -> bool:

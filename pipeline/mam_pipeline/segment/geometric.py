@@ -21,6 +21,7 @@ from mam_pipeline.segment.topology import Topology, groups, topology
 from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives
 
 DOMINANT = 0.98  # share of all area: a piece beyond it must hold more than the base
+NEARLY = 0.9  # the same of what was split: beside a skin handles may float
 DENSE = 1000  # faces
 EVEN = 0.004  # typical face over its piece's area: authored panels have far larger faces
 CLEAR = 0.02  # merges above this cost are left to the reasoner
@@ -70,7 +71,7 @@ class GeometricSegmenter:
         loose = specks(topo, shreds, SHRED)
         tree = hierarchy(topo, np.flatnonzero(inside & ~loose))
         # every surface of its own keeps at least one node, so disjoint ones are never joined
-        alone = topo.areas[inside].sum() >= DOMINANT * topo.areas[topo.kept].sum()
+        alone = topo.areas[inside].sum() >= NEARLY * topo.areas[topo.kept].sum()
         fewest = FEWEST if alone else 1  # a finely cut panel beside other pieces may stay whole
         count = int(np.clip(1 + (tree.costs > self.clear).sum(), fewest, MOST))
         split, merges = cut(tree, count)
