@@ -175,11 +175,11 @@ def fronts(topo: Topology, label: IntArray, body: IntArray) -> NDArray[np.bool_]
         label: (F,) primitive of every face. body: (F,) as `divide` gives it.
     """
     whole = np.bincount(label, weights=topo.areas)
-    rows, told = [], []
-    for k in np.unique(body[body >= 0]):
-        area = np.bincount(label[body == k], topo.areas[body == k], minlength=len(whole))
-        rows.append(area > FILLED * whole)
-        told.append(area[rows[-1]].sum() > 0.5 * area.sum())  # not of its handle alone
+    each = [body == k for k in np.unique(body[body >= 0])]
+    areas = [np.bincount(label[own], topo.areas[own], minlength=len(whole)) for own in each]
+    most = np.max(areas, axis=0, initial=0.0)
+    rows = [(area > FILLED * whole) & (area == most) for area in areas]
+    told = [area[row].sum() > 0.5 * area.sum() for row, area in zip(rows, areas)]  # not handles
     flat = np.unique(body[body >= 0]) // STACK
     kept = [row for row, at in zip(rows, flat) if all(np.array(told)[flat == at])]
     return np.array(kept, dtype=bool).reshape(-1, len(whole))
@@ -342,13 +342,13 @@ def _levels(rows: list[list[_Handle]], whole: FloatArray) -> list[float]:
 def _centred(at: FloatArray, low: float, high: float) -> FloatArray | None:
     """The levels if every handle sits in the middle of its front, None if they cannot.
 
-    Handles at even distances are on fronts of one height.
+    Three handles and more at even distances are on fronts of one height.
     """
     levels = [low]
     for height in at:
         levels.append(2 * float(height) - levels[-1])
     spare, steps = high - levels[-1], np.diff(at)
-    even = np.ptp(steps) < EVEN * steps.mean()
+    even = len(steps) > 1 and np.ptp(steps) < EVEN * steps.mean()
     jagged = np.ptp(np.diff([low, *(np.array(levels[1:-1]) + spare / 2), high]))
     if abs(spare) > MIDDLE or (even and jagged > JAGGED * steps.mean()):
         return None
