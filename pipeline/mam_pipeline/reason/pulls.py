@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.reason.graph import Graph
-from mam_pipeline.reason.groups import Masks
+from mam_pipeline.reason.groups import Masks, with_rigid
 from mam_pipeline.reason.select import LEAST_BASE
 from mam_pipeline.types import FloatArray
 
@@ -23,13 +23,13 @@ FOOT = 0.3  # of a pull's height over the board: what is lower is a foot
 FLOATS = 0.004  # of the diagonal: what stands farther off has no feet
 BEFORE = 0.01  # of the diagonal: from here on something stands before the board
 CLUTTER = 0.05  # of the board's surface: so much of other things before it is no front
-CLEAR = 0.8
+CLEAR = 0.8  # expected overlap
 STILL = 0.05  # a board that moves with less probability is no front
 FEWEST = 8  # samples
 
 
 def with_boards(graph: Graph, parts: Masks, move: FloatArray, value: FloatArray) -> Masks:
-    """Parts (K, P); those that are a pull alone get the board that they are on.
+    """Parts (K, P); those that are a pull alone get the board that they are on, and its other face.
 
     Args:
         move: (P,) probability that a primitive moves. value: (K,) expected overlap of the parts
@@ -43,8 +43,11 @@ def with_boards(graph: Graph, parts: Masks, move: FloatArray, value: FloatArray)
             for b in np.flatnonzero(~taken & (move > STILL))
             if (gap := _gap_of_pull(graph, parts[k], int(b))) is not None
         ]
-        if boards and graph.area[~taken].sum() - graph.area[min(boards)[1]] >= LEAST_BASE:
-            parts[k, min(boards)[1]] = True
+        if boards:
+            with_it, _ = with_rigid(graph, parts[k] | (np.arange(graph.count) == min(boards)[1]))
+            with_it &= ~taken | parts[k]
+            if graph.area[~taken & ~with_it].sum() >= LEAST_BASE:
+                parts[k] = with_it
     return parts
 
 
