@@ -278,7 +278,7 @@ def test_of_two_bodies_on_the_floor_the_bulkier_stays() -> None:
     lid = graph.probe.owner == 1
     graph.probe.normals[lid] = (0, 0, 1.0)
     assert lighter(graph, masks, value, 0) == 0  # no body, but one face of one
-    sheet = graph_of([box], [((0, -0.31, 0), (2, 2, 1e-4))])
+    sheet = graph_of([box], [((0, -0.31, 0), (1, 1, 1e-4))])
     assert lighter(sheet, masks, value, 0) == 0  # a plate on the floor is the floor
     held = graph_of([((0, 0, 0.7), (0.8, 0.2, 0.4))], [((0, 0, 0.25), (0.1, 0.1, 0.5))])
     assert lighter(held, masks, value, 0) == 0  # a sign on its post
@@ -299,12 +299,20 @@ def test_a_pull_takes_the_board_that_it_is_on() -> None:
         still = np.array([0.0, 0.01, 0.9])
         assert (with_boards(graph, pull, still, value[:1]) == pull).all()
         assert (with_boards(graph, pull, move, np.array([0.9])) == pull).all()  # surely a lever
+    back: list[Box] = [((0, 0.01, 0), (0.82, 0.01, 1))]
+    skin = replace(
+        graph_of(body, door, [bar, *feet], back),
+        rigid=np.array([[0, 1, 0, 1]], dtype=bool), fronts=np.zeros(1, dtype=bool),
+    )  # fmt: skip
+    alone, moves = np.arange(4)[None] == 2, np.array([0.0, 0.2, 0.9, 0.2])
+    assert with_boards(skin, alone, moves, value[:1])[0].tolist() == [False, True, True, True]
     taken = np.array([[0, 0, 1], [0, 1, 0]], dtype=bool)
     assert (with_boards(graph_of(body, door, [bar, *feet]), taken, move, value) == taken).all()
     knob: Box = ((0.35, -0.05, 0), (0.05, 0.06, 0.05))
+    lamp: Box = ((0.35, -0.08, 0), (0.05, 0.02, 0.05))  # as wide as high, before the door
     flush: Box = ((0.35, -0.03, 0), (0.02, 0.02, 0.3))
     beside: Box = ((0.6, -0.08, 0), (0.02, 0.02, 0.3))
-    for other in ([bar, feet[0]], [knob], [flush], [beside]):
+    for other in ([bar, feet[0]], [knob], [lamp], [flush], [beside]):
         assert (with_boards(graph_of(body, door, other), pull, move, value[:1]) == pull).all()
     hidden: list[Box] = [*body, ((0, -0.3, 0), (0.6, 0.3, 0.8))]
     assert (with_boards(graph_of(hidden, door, [bar, *feet]), pull, move, value[:1]) == pull).all()

@@ -269,6 +269,23 @@ def test_handles_that_float_before_their_fronts_tell_as_well() -> None:
     assert not fronts_of(CASE, *far, floating=2)[2]
 
 
+def test_handles_of_an_eighth_of_the_flat_tell_fronts() -> None:
+    bars = [knob(0.0, z, wide=0.45, high=0.15) for z in (-0.25, 0.25)]
+    skin, _, fronts = fronts_of(CASE, *bars)
+    lower, upper = sorted(span(skin, faces, 2) for faces in fronts)
+    assert abs(lower[1]) < 0.05 and abs(upper[0]) < 0.05
+
+
+def test_a_primitive_is_of_the_front_that_has_most_of_it() -> None:
+    topo = topology(CABINET[0])
+    label = np.repeat([0, 1, 2, 3], 12)
+    body = np.full(48, -1)
+    body[:12], body[12:24] = 0, 1  # two fronts of one flat, and a panel whose faces are of both
+    body[24:36] = np.where(topo.normals[24:36, 1] < -0.9, 0, 1)
+    told = fronts_module.fronts(topo, label, body)
+    assert told.sum(axis=0).tolist() == [1, 1, 1, 0]
+
+
 def test_handles_at_even_distances_are_on_fronts_of_one_height() -> None:
     at = np.array([-0.34, -0.11, 0.12, 0.35])  # of four fronts of 0.23 above a plinth
     skin, _, fronts = fronts_of(CASE, *(knob(0.0, z, wide=0.3) for z in at))

@@ -44,7 +44,8 @@ def with_boards(graph: Graph, parts: Masks, move: FloatArray, value: FloatArray)
             if (gap := _gap_of_pull(graph, parts[k], int(b))) is not None
         ]
         if boards:
-            with_it, _ = with_rigid(graph, parts[k] | (np.arange(graph.count) == min(boards)[1]))
+            _, board = min(boards)
+            with_it, _ = with_rigid(graph, parts[k] | (np.arange(graph.count) == board))
             with_it &= ~taken | parts[k]
             if graph.area[~taken & ~with_it].sum() >= LEAST_BASE:
                 parts[k] = with_it
