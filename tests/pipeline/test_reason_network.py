@@ -23,7 +23,7 @@ from mam_pipeline.reason.group_features import measured
 from mam_pipeline.reason.groups import enumerate_groups
 from mam_pipeline.reason.network import Network, Reading, normalised, read, together
 from mam_pipeline.reason.recipe import FOLDS, fold_of, jobs
-from mam_pipeline.reason.scores import load_scores
+from mam_pipeline.reason.scores import load_scores, second_opinion
 from mam_pipeline.reason.train import apart
 from mam_pipeline.reason.train_network import (
     GROUPS,
@@ -38,7 +38,8 @@ from mam_pipeline.reason.train_network import (
     weights_of,
 )
 
-NEW = [k for k in abstract_kinds() if k.split("_")[1] in ("tracks", "sash", "leaf", "board")]
+SEVERAL = ("tracks", "sash", "leaf", "board", "machine", "rolling", "boom")
+NEW = [k for k in abstract_kinds() if k.split("_")[1] in SEVERAL]
 
 
 @lru_cache(maxsize=2)
@@ -151,15 +152,18 @@ def test_what_slides_and_what_turns_both_occur(kind: str) -> None:
 
 def test_the_shipped_scores_read_with_networks() -> None:
     example, unary, pairs = seen()
-    reading = load_scores().read(example.graph, unary, pairs)
-    assert len(reading.views) == 3
-    assert reading.same.shape == (len(example.graph.pairs),)
-    assert ((reading.move > 0) & (reading.move < 1)).all()
+    for scores, number in ((load_scores(), 3), (second_opinion("authored"), 6)):
+        assert scores is not None
+        reading = scores.read(example.graph, unary, pairs)
+        assert len(reading.views) == number
+        assert reading.same.shape == (len(example.graph.pairs),)
+        assert ((reading.move > 0) & (reading.move < 1)).all()
+    assert second_opinion("fused") is None
 
 
 def test_all_of_a_kind_is_in_one_fold_but_for_fused_ones() -> None:
     folds: dict[tuple[str, bool], set[int]] = {}
-    for kind, seed, fused in jobs("train", 300, 300, 400):
+    for kind, seed, fused in jobs("train", 300, 300, 1200):
         fold = fold_of(object_name(kind, seed, fused))
         folds.setdefault((kind, fused), set()).add(fold)
     assert all(len(found) == 1 for (_, fused), found in folds.items() if not fused)

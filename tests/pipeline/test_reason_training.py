@@ -6,10 +6,11 @@ import lightgbm
 import numpy as np
 import pytest
 
-from mam_pipeline.reason.corpus import FUSED, LOOSE, generated, generated_example
+from mam_pipeline.reason.blocks import of_blocks
+from mam_pipeline.reason.corpus import BLOCKS, FUSED, LOOSE, generated, generated_example
 from mam_pipeline.reason.features import table
 from mam_pipeline.reason.loosening import loosened
-from mam_pipeline.reason.recipe import FOLDS, HOUSEHOLD, gather, jobs
+from mam_pipeline.reason.recipe import FOLDS, HOUSEHOLD, fold_of, gather, jobs
 from mam_pipeline.reason.train import LEVELS, RANKS, Options, fit_choice, lean
 from mam_pipeline.reason.training_looks import Rows
 from mam_pipeline.world.object import generator
@@ -142,3 +143,87 @@ def test_a_share_of_the_examples_is_modelled_loosely(tmp_path: Path) -> None:
     exact, slack = (generated_example("nightstand", seed, loose=s) for s in (False, True))
     assert exact.subtype.tolist() == slack.subtype.tolist()
     assert exact.graph.gap.tolist() != slack.graph.gap.tolist()
+
+
+def spans(soup) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+    """The box around every piece that has faces."""
+    out = {}
+    for piece in np.unique(soup.face_piece):
+        points = soup.vertices[soup.faces[soup.face_piece == piece]].reshape(-1, 3)
+        out[int(piece)] = points.min(axis=0), points.max(axis=0)
+    return out
+
+
+def test_objects_of_blocks_keep_links_joints_and_what_their_pieces_span() -> None:
+    replaced = 0
+    for seed in range(8):
+        made = generated("chest_of_drawers", seed, solids=False)
+        blocks = of_blocks(made, np.random.default_rng(seed))
+        assert blocks.articulation.joints == made.articulation.joints
+        assert set(blocks.soup.face_link) == set(made.soup.face_link)
+        before, after = spans(made.soup), spans(blocks.soup)
+        whole = len(after) < len(before)  # links of one block each have fewer pieces
+        for piece in set(after) if not whole else ():
+            size = np.ptp(before[piece], axis=0)
+            off = np.abs(np.subtract(before[piece], after[piece])).max(axis=0)
+            assert (off <= 0.07 * size.max() + 2e-4).all()  # round ones are made quite round
+        replaced += len(blocks.soup.faces) != len(made.soup.faces)
+    assert replaced > 4
+
+
+def test_what_stands_open_becomes_blocks_square_to_itself() -> None:
+    """A door that stands open by some angle is a box as thin as it was."""
+    thin = []
+    for seed in range(40):
+        made = generated("cabinet_one_door", seed, solids=False)
+        pose = made.soup.link_poses[1]
+        if abs(pose[0, 1]) < 0.2:  # it is closed
+            continue
+        soup = of_blocks(made, np.random.default_rng(3)).soup
+        for piece in np.unique(soup.face_piece[soup.face_link == 1]):
+            sides = []
+            for s in (made.soup, soup):
+                points = s.vertices[s.faces[s.face_piece == piece]].reshape(-1, 3)
+                sides.append(np.ptp((points - pose[:3, 3]) @ pose[:3, :3], axis=0))
+            if len(points):
+                thin.append(float(np.abs(sides[1] - sides[0]).max()))
+    assert len(thin) > 10 and np.mean(np.array(thin) < 1e-3) > 0.5
+
+
+def test_wheels_of_blocks_stay_round_and_hollow_bodies_hollow() -> None:
+    made = generated("cart", 3, solids=False)
+    soup = of_blocks(made, np.random.default_rng(0)).soup
+    assert not soup.piece_is_box[np.unique(soup.face_piece)].all()
+    made = generated("safe", 0)  # its base is one shell
+    rng = np.random.default_rng(1)
+    shell = np.bincount(made.soup.face_piece[made.soup.face_link == 0]).argmax()
+    before = int((made.soup.face_piece == shell).sum())
+    assert before > 12
+    assert all(
+        int((of_blocks(made, rng).soup.face_piece == shell).sum()) == before for _ in range(5)
+    )
+
+
+def test_a_share_of_the_examples_is_built_of_blocks(tmp_path: Path) -> None:
+    wanted = [("nightstand", seed, False) for seed in range(10)] + [("nightstand", 200_000, True)]
+    found = gather(wanted, tmp_path, 0.5, 0.5)
+    manners = {p.stem.split("_", 2)[2] for p in found[:-1] if p.stem.count("_") > 1}
+    assert len(found) == len(wanted) and found[-1].stem.endswith(FUSED)
+    assert 0 < sum(BLOCKS in p.stem for p in found) < 10
+    assert manners <= {"b", "l", "b_l"} and len(manners) > 1
+    assert len({fold_of(p.stem) for p in found[:-1]}) == 1
+
+
+def test_rows_of_machines_move_mostly_and_wheels_stand_on_one_level() -> None:
+    moving = [len(generated("abstract_machine", s, solids=False).articulation.joints) > 0
+              for s in range(20)]  # fmt: skip
+    assert np.mean(moving) > 0.8
+    for seed in range(12):
+        made = generated("abstract_rolling", seed, solids=False)
+        wheels = [j for j in made.articulation.joints if "wheel" in j.name]
+        assert wheels and all(j.subtype == "spin" and abs(j.axis[2]) < 1e-9 for j in wheels)
+        lowest = [
+            made.soup.vertices[made.soup.faces[made.soup.face_link == j.child]][..., 2].min()
+            for j in wheels
+        ]
+        assert np.ptp(lowest) < 0.01 * made.articulation.mesh.diagonal

@@ -16,6 +16,7 @@ from mam_pipeline.backends import KinematicPrior
 from mam_pipeline.geometry.fuse import fuse_mesh, nearest_faces
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.prior.embedded import prior_of
+from mam_pipeline.reason.blocks import of_blocks
 from mam_pipeline.reason.graph import Graph, build_graph
 from mam_pipeline.reason.loosening import loosened
 from mam_pipeline.segment.geometric import CLEAR, GeometricSegmenter
@@ -29,6 +30,7 @@ from mam_pipeline.world.style import draw_style
 
 FUSED = "_f"  # ends the names of fused examples
 LOOSE = "_l"  # ends the names of loosely modelled ones
+BLOCKS = "_b"  # in the names of those built of blocks, before LOOSE
 RESOLUTIONS = (112, 128, 160, 192, 192)  # cells along a fused example's longest side
 ROUGHNESS = (0.0, 0.0, 0.0, 0.0003, 0.001)  # of its diagonal
 COARSENESS = (0.4, 1.6)  # times the bound on the cost of a cut, for fused examples
@@ -117,26 +119,34 @@ def make_example(name: str, category: str, truth: Articulation, primitives: Prim
     return Example(name, category, fused, graph, overlap, parent, subtype)
 
 
-def generated_example(kind: str, seed: int, fused: bool = False, loose: bool = False) -> Example:
+def generated_example(
+    kind: str, seed: int, fused: bool = False, loose: bool = False, blocks: bool = False
+) -> Example:
     """One generated object, segmented as in the product, in a style of its own or as one skin."""
-    truth, primitives = as_met(kind, seed, fused, loose)
-    return make_example(object_name(kind, seed, fused, loose), kind, truth, primitives)
+    truth, primitives = as_met(kind, seed, fused, loose, blocks)
+    return make_example(object_name(kind, seed, fused, loose, blocks), kind, truth, primitives)
 
 
-def object_name(kind: str, seed: int, fused: bool, loose: bool = False) -> str:
+def object_name(
+    kind: str, seed: int, fused: bool, loose: bool = False, blocks: bool = False
+) -> str:
     """What the example of a generated object is called."""
-    return f"{kind}_{seed:06d}{FUSED if fused else ''}{LOOSE if loose else ''}"
+    manner = (FUSED if fused else "") + (BLOCKS if blocks else "") + (LOOSE if loose else "")
+    return f"{kind}_{seed:06d}{manner}"
 
 
 def as_met(
-    kind: str, seed: int, fused: bool, loose: bool = False
+    kind: str, seed: int, fused: bool, loose: bool = False, blocks: bool = False
 ) -> tuple[Articulation, Primitives]:
     """A generated object with its truth, and its primitives; as one skin if `fused`.
 
-    The skin's resolution and roughness are drawn. Of `loose` ones (`loosened`) the links and types
-    hold, and the joints lie about where they should.
+    The skin's resolution and roughness are drawn. Of those built of `blocks` (`of_blocks`) and of
+    `loose` ones (`loosened`) the links and types hold; the joints of the latter lie about where
+    they should.
     """
     made = generated(kind, seed, solids=not fused)
+    if blocks:
+        made = of_blocks(made, generator(kind, seed, stream=7))
     truth = (loosened(made, generator(kind, seed, stream=6)) if loose else made).truth()
     if not fused:
         return truth, GeometricSegmenter().segment(truth.mesh)
@@ -250,6 +260,7 @@ def abstract_kinds() -> dict[str, Any]:
         curriculum_around,
         curriculum_cases,
         curriculum_large,
+        curriculum_machines,
         curriculum_openings,
         curriculum_several,
         curriculum_slides,
@@ -266,4 +277,6 @@ def abstract_kinds() -> dict[str, Any]:
         "abstract_tap": curriculum_large.tap, "abstract_several": curriculum_several.several,
         "abstract_opening": curriculum_openings.opening, "abstract_arm": curriculum_around.arm,
         "abstract_clutter": curriculum_around.clutter,
+        "abstract_machine": curriculum_machines.machine,
+        "abstract_rolling": curriculum_machines.rolling, "abstract_boom": curriculum_machines.boom,
     }  # fmt: skip

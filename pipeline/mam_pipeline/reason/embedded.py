@@ -24,7 +24,7 @@ from mam_pipeline.reason.groups import Masks, enumerate_groups, expand_groups
 from mam_pipeline.reason.joint_view import with_joints
 from mam_pipeline.reason.network import Reading, log_odds
 from mam_pipeline.reason.pulls import with_boards
-from mam_pipeline.reason.scores import Scores, load_scores
+from mam_pipeline.reason.scores import Kind, Scores, load_scores, second_opinion
 from mam_pipeline.reason.select import (
     LEAST_BASE,
     completed,
@@ -45,6 +45,7 @@ RESCUE = 0.2
 # 37 real objects differed by up to 0.05
 SAMPLINGS = 4
 SURE = 0.8  # confidence of a candidate that is taken even where the best set leaves it
+CLEAR = 0.7  # value of every part from which on nobody else is asked
 HINGE = SUBTYPES.index("hinge")
 
 
@@ -69,8 +70,10 @@ class EmbeddedReasoner:
         """Group the primitives into parts; a tree with only the base when nothing may move."""
         mesh, primitives = without_repeats(mesh, primitives)
         views = sampled_views(mesh, primitives, prior, seed)
-        scores = self.scores or load_scores("fused" if primitives.one_skin else "authored")
-        masks, choice = decide(views, scores)
+        kind: Kind = "fused" if primitives.one_skin else "authored"
+        masks, choice = decide(views, self.scores or load_scores(kind))
+        if self.scores is None and unsure(choice) and (further := second_opinion(kind)):
+            masks, choice = decide(views, further)
         tree = build_tree(views[0].graph, masks, choice)
         return named(views[0].graph, with_joints(tree, mesh, primitives, seed))
 
@@ -153,6 +156,11 @@ def decide(views: Sequence[View], scores: Scores) -> tuple[Masks, Choice]:
         masks[chosen] = whole
     best = float(value.max())
     return masks, Choice(tuple(chosen), value, odds, confidence, best, tuple(left))
+
+
+def unsure(choice: Choice) -> bool:
+    """Whether nothing was found, or any part may as well be none."""
+    return not choice.chosen or float(choice.value[list(choice.chosen)].min()) < CLEAR
 
 
 def bonds_of(views: Sequence[View], scores: Scores) -> list[Reading]:

@@ -9,6 +9,7 @@ from itertools import islice
 from pathlib import Path
 
 from mam_pipeline.reason.corpus import (
+    BLOCKS,
     FUSED,
     LOOSE,
     generated_example,
@@ -34,7 +35,9 @@ MIX = (
     "abstract_opening", "abstract_clutter", "abstract_opening", "abstract_arm", "abstract_opening",
     "abstract_opening", "abstract_clutter", "abstract_opening", "abstract_clutter", "abstract_arm",
     "abstract_opening", "abstract_clutter", "abstract_opening", "abstract_arm", "abstract_opening",
-    "abstract_opening", "abstract_clutter", "abstract_arm",
+    "abstract_opening", "abstract_clutter", "abstract_arm", "abstract_machine", "abstract_rolling",
+    "abstract_machine", "abstract_boom", "abstract_machine", "abstract_rolling", "abstract_machine",
+    "abstract_boom", "abstract_machine",
 )  # fmt: skip
 # what stands in homes: large fronts, leaves and lids, which most other kinds do not have
 HOUSEHOLD = frozenset({
@@ -82,19 +85,25 @@ def loose(kind: str, seed: int, fused: bool, share: float) -> bool:
     return not fused and bool(generator(kind, seed, stream=5).random() < share)
 
 
-def gather(wanted: list[Job], cache: Path, share: float = 0.0) -> list[Path]:
+def of_blocks(kind: str, seed: int, fused: bool, share: float) -> bool:
+    """Whether an object is of the `share` of those that are not fused that is built of blocks."""
+    return not fused and bool(generator(kind, seed, stream=8).random() < share)
+
+
+def gather(wanted: list[Job], cache: Path, share: float = 0.0, blocks: float = 0.0) -> list[Path]:
     """Make the examples, or find them in the cache; an object that fails is skipped.
 
     Args:
-        share: of the objects that are not fused that are modelled loosely.
+        share, blocks: of the objects that are not fused that are modelled loosely, that are built
+            of blocks.
     """
     out, started = [], time.time()
     for kind, seed, fused in wanted:
-        slack = loose(kind, seed, fused, share)
-        path = cache / f"{object_name(kind, seed, fused, slack)}.ex"
+        manner = loose(kind, seed, fused, share), of_blocks(kind, seed, fused, blocks)
+        path = cache / f"{object_name(kind, seed, fused, *manner)}.ex"
         if not path.exists():
             try:
-                save_example(generated_example(kind, seed, fused, slack), path)
+                save_example(generated_example(kind, seed, fused, *manner), path)
             except Exception as error:  # one bad object must not end an hour of work
                 print(f"skipped {path.stem}: {error!r}", file=sys.stderr)
                 continue
@@ -109,5 +118,6 @@ def fold_of(name: str) -> int:
     What is learned from models that never saw the kind is learned about new kinds. Of fused objects
     there are too few of every kind to do without any of them.
     """
-    same = name if name.endswith(FUSED) else name.removesuffix(LOOSE).rsplit("_", 1)[0]
+    plain = name.removesuffix(LOOSE).removesuffix(BLOCKS)
+    same = name if name.endswith(FUSED) else plain.rsplit("_", 1)[0]
     return zlib.crc32(same.encode()) % FOLDS

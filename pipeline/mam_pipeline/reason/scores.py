@@ -11,6 +11,7 @@ import json
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from importlib import resources
+from importlib.resources.abc import Traversable
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -22,6 +23,7 @@ from mam_pipeline.reason.graph import Graph
 from mam_pipeline.reason.network import Network, Reading, load_network, read
 from mam_pipeline.types import FloatArray
 
+Kind = Literal["authored", "fused"]
 MODELS = ("same", "move", "value", "revise", "subtype", "choose")
 
 
@@ -145,21 +147,23 @@ class LearnedScores:
         return out
 
 
-@lru_cache(maxsize=2)
-def load_scores(kind: Literal["authored", "fused"] = "authored") -> Scores:
+@lru_cache(maxsize=3)
+def load_scores(kind: Kind = "authored", everyone: bool = False) -> Scores:
     """The learned scores of this package, or the rules when it was built without weights.
 
     Args:
         kind: "authored" for meshes of separate pieces, "fused" for one skin (`Graph.one_skin`).
+        everyone: all members and networks, not the `first` alone (`second_opinion`).
     """
-    folder = resources.files("mam_pipeline.reason") / "weights" / kind
-    if not (folder / "settings.json").is_file():
+    settings = _settings(kind)
+    if settings is None:
         return RuleScores()
     import lightgbm
 
-    settings = json.loads((folder / "settings.json").read_text(encoding="utf-8"))
+    folder = _folder(kind)
+    first = {} if everyone else settings.get("first", {})
     members = []
-    for member in settings["members"]:
+    for member in settings["members"][: first.get("members")]:
         boosters = {}
         for name in MODELS:
             file = folder / f"{member}_{name}.txt.gz"
@@ -167,5 +171,27 @@ def load_scores(kind: Literal["authored", "fused"] = "authored") -> Scores:
                 text = gzip.decompress(file.read_bytes()).decode("utf-8")
                 boosters[name] = lightgbm.Booster(model_str=text)
         members.append(boosters)
-    networks = [load_network(folder / f"{name}.npz") for name in settings.get("networks", ())]
-    return LearnedScores(members, settings, networks)
+    names = settings.get("networks", ())[: first.get("networks")]
+    return LearnedScores(members, settings, [load_network(folder / f"{n}.npz") for n in names])
+
+
+def second_opinion(kind: Kind) -> Scores | None:
+    """Whom to ask where the first are unsure: everyone, or nobody if all were asked already.
+
+    Those who learned more kinds since know more of what the first have never seen, and err where
+    these are right: on 37 real objects they would take a right answer from two, and from none of
+    which the first were sure.
+    """
+    settings = _settings(kind)
+    return load_scores(kind, True) if settings is not None and "first" in settings else None
+
+
+def _folder(kind: Kind) -> Traversable:
+    return resources.files("mam_pipeline.reason") / "weights" / kind
+
+
+@lru_cache(maxsize=2)
+def _settings(kind: Kind) -> dict[str, Any] | None:
+    """What the weights' settings say; None when the package was built without weights."""
+    file = _folder(kind) / "settings.json"
+    return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else None

@@ -95,7 +95,7 @@ def generator(name: str, seed: int, stream: int = 0) -> np.random.Generator:
 
     Args:
         stream: 0 shapes, 1 style, 2 file, 3 rest, 4 setting; in training 5 whether it is modelled
-            loosely, 6 how.
+            loosely, 6 how, 8 whether it is built of blocks, 7 how.
     """
     return np.random.default_rng([zlib.crc32(name.encode()), seed, stream])
 
