@@ -28,30 +28,31 @@ def of_blocks(made: WorldObject, rng: np.random.Generator) -> WorldObject:
     soup = made.soup
     share, whole = float(rng.choice(SHARES)), bool(rng.random() < WHOLE)
     diagonal = float(np.linalg.norm(np.ptp(soup.vertices, axis=0)))
+    blocks: set[int] = set()  # links that are one block each
+    for link in range(1, len(soup.link_poses)) if whole else ():
+        own = np.unique(soup.faces[soup.face_link == link])
+        span = np.ptp(_local(soup.vertices[own], soup.link_poses[link]), axis=0) if len(own) else 0
+        if np.linalg.norm(span) < LITTLE * diagonal and rng.random() < share:
+            blocks.add(link)
     vertices, uv, faces, owner = [], [], [], []
-    is_box, total = np.array(soup.piece_is_box), 0
-    done: set[int] = set()
-    for piece in range(len(soup.piece_link)):
-        own = soup.faces[soup.face_piece == piece]
+    is_box, total, done = np.array(soup.piece_is_box), 0, set()
+    for piece in np.unique(soup.face_piece):
         link = int(soup.piece_link[piece])
-        if not len(own) or link in done:
+        if link in done:
             continue
-        pose = soup.link_poses[link]
-        if whole and link:
-            mine = soup.faces[soup.face_link == link]
-            points = _local(soup.vertices[np.unique(mine)], pose)
-            if np.linalg.norm(np.ptp(points, axis=0)) < LITTLE * diagonal and rng.random() < share:
-                done.add(link)
-                own = mine
+        pose, single = soup.link_poses[link], link in blocks
+        own = soup.faces[(soup.face_link == link) if single else (soup.face_piece == piece)]
         used, index = np.unique(own, return_inverse=True)
         shape = Shape(soup.vertices[used], index.reshape(-1, 3), soup.uv[used])
-        if link in done or (not is_box[piece] and rng.random() < share):
+        if single or (not is_box[piece] and rng.random() < share):
             local = _local(shape.vertices, pose)
             fills = _volume(local, shape.faces) / max(float(np.ptp(local, axis=0).prod()), 1e-18)
-            if link in done or fills > HOLLOW or (link and rng.random() < MOVES_HOLLOW):
-                block, is_box[piece] = _block(local, link in done, rng)
+            if single or fills > HOLLOW or (link and rng.random() < MOVES_HOLLOW):
+                block, is_box[piece] = _block(local, single, rng)
                 moved = block.vertices @ pose[:3, :3].T + pose[:3, 3]
                 shape = Shape(moved, block.faces, block.uv)
+        if single:
+            done.add(link)
         vertices.append(shape.vertices)
         uv.append(shape.uv)
         faces.append(shape.faces + total)

@@ -27,8 +27,8 @@ def _control(b: Builder, kind: str, host: str, s: float, wide: float, tall: floa
     foot = max(b.gap, 2e-4) if deep < 0 else -deep * tall
     moves = not kind.startswith("still")
     kind = kind.removeprefix("still_")
-    names = {"button": "button", "knob": "knob", "switch": "switch", "fader": "slider"}
-    link = b.link(names[kind], names[kind]) if moves else host
+    name = "slider" if kind == "fader" else kind
+    link = b.link(name, name) if moves else host
     if kind == "knob":
         if b.chance(0.4):
             mech.dial(b, link, (0, 0, foot), (0, 0, 1), s, tall)
@@ -97,8 +97,8 @@ def _chamber(b: Builder, d: float, low: FloatArray, high: FloatArray, t: float) 
     if kind != "open":
         lap = b.choice((0.0, 0.0, 0.5 * t)) if x0 < 0 else -g
         lo, hi = np.array([x0, y0 - lap, z0 - lap]), np.array([x0 + front, y1 + lap, z1 + lap])
-        link = b.link("door" if kind != "drawer" else "drawer",
-                      "door" if kind != "drawer" else "drawer")  # fmt: skip
+        name = "drawer" if kind == "drawer" else "door"
+        link = b.link(name, name)
         b.front(link, lo, hi, b.choice(FRONTS))
         middle, side = (lo + hi) / 2, b.choice((-1, 1))
         if kind == "side":
@@ -135,8 +135,7 @@ def _chamber(b: Builder, d: float, low: FloatArray, high: FloatArray, t: float) 
             b.shell(link, lo, hi, 0.2 * thick, "+z")
         else:
             n, r = b.integer(3, 7), 0.25 * thick
-            ends = ((lo[1] + r, "y"), (hi[1] - r, "y"))
-            for y, _ in ends:
+            for y in (lo[1] + r, hi[1] - r):
                 b.cylinder(link, (lo[0], y, z + r), (hi[0], y, z + r), r)
             for x in np.linspace(lo[0] + r, hi[0] - r, n):
                 b.cylinder(link, (x, lo[1] + r, z + r), (x, hi[1] - r, z + r), r)
@@ -153,7 +152,7 @@ def _chamber(b: Builder, d: float, low: FloatArray, high: FloatArray, t: float) 
 
 
 def machine(b: Builder) -> None:
-    """A body of boards or one block with chambers, rows of controls, a lid and loose vessels."""
+    """A body of boards or one block with chambers, rows of controls and a lid."""
     d, w, h = b.uniform(0.2, 0.8), b.uniform(0.25, 1.0), b.uniform(0.2, 1.4)
     b.size(d, w, h)
     b.theme()
@@ -221,7 +220,7 @@ def rolling(b: Builder) -> None:
     """A body of blocks and tubes on two to six wheels that stand beside it, under or in it.
 
     Wheels are discs, tyres or balls; some of the front ones steer. It may have a loading bed that
-    tips, a door, a steering wheel, and stand on a floor.
+    tips, doors, a steering wheel or a bow to push it by.
     """
     d, w, h = b.uniform(0.4, 1.4), b.uniform(0.2, 0.8), b.uniform(0.05, 0.5)
     r = b.uniform(0.1, 0.45) * min(d / 2, w)
