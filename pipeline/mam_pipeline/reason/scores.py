@@ -178,9 +178,8 @@ def load_scores(kind: Kind = "authored", everyone: bool = False) -> Scores:
 def second_opinion(kind: Kind) -> Scores | None:
     """Whom to ask where the first are unsure: everyone, or nobody if all were asked already.
 
-    Those who learned more kinds since know more of what the first have never seen, and err where
-    these are right: on 37 real objects they would take a right answer from two, and from none of
-    which the first were sure.
+    Those who came later know more of what the first have never seen, and spoil answers of which
+    these are sure (docs/engine.md, "Everyone is asked").
     """
     settings = _settings(kind)
     return load_scores(kind, True) if settings is not None and "first" in settings else None
