@@ -53,7 +53,7 @@ def fuse_mesh(
     vertices, triangles, _, _ = measure.marching_cubes(field.astype(np.float32), 0.0)
     vertices = vertices.astype(np.float64) * pitch + origin
     triangles = triangles[:, ::-1].astype(np.int64)  # outward for a field positive outside
-    if _volume(vertices, triangles) < 0:
+    if enclosed_volume(vertices, triangles) < 0:
         triangles = triangles[:, ::-1]
     if faces is not None and len(triangles) > faces:
         vertices, triangles = _decimated(vertices, triangles, faces)
@@ -135,9 +135,10 @@ def _blocks(triangles: FloatArray, samples: int) -> list[tuple[FloatArray, Float
     return [(t[:, 0], t[:, 1], t[:, 2]) for t in cut]
 
 
-def _volume(vertices: FloatArray, faces: IntArray) -> float:
+def enclosed_volume(vertices: FloatArray, faces: IntArray) -> float:
+    """What a closed surface encloses; below 0 where it is inside out."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
 
 
 def _decimated(vertices: FloatArray, faces: IntArray, target: int) -> tuple[FloatArray, IntArray]:

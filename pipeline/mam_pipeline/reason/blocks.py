@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mam_pipeline.geometry.fuse import enclosed_volume
 from mam_pipeline.types import FloatArray
 from mam_pipeline.world import shapes
 from mam_pipeline.world.object import WorldObject
@@ -46,7 +47,8 @@ def of_blocks(made: WorldObject, rng: np.random.Generator) -> WorldObject:
         shape = Shape(soup.vertices[used], index.reshape(-1, 3), soup.uv[used])
         if single or (not is_box[piece] and rng.random() < share):
             local = _local(shape.vertices, pose)
-            fills = _volume(local, shape.faces) / max(float(np.ptp(local, axis=0).prod()), 1e-18)
+            inside = abs(enclosed_volume(local - local.mean(axis=0), shape.faces))
+            fills = inside / max(float(np.ptp(local, axis=0).prod()), 1e-18)
             if single or fills > HOLLOW or (link and rng.random() < MOVES_HOLLOW):
                 block, is_box[piece] = _block(local, single, rng)
                 moved = block.vertices @ pose[:3, :3].T + pose[:3, 3]
@@ -68,12 +70,6 @@ def of_blocks(made: WorldObject, rng: np.random.Generator) -> WorldObject:
 def _local(points: FloatArray, pose: FloatArray) -> FloatArray:
     """Points (n, 3) of the source's pose where they are when the link is closed."""
     return (points - pose[:3, 3]) @ pose[:3, :3]
-
-
-def _volume(vertices: FloatArray, faces: np.ndarray) -> float:
-    """What a closed surface encloses; little for sheets."""
-    a, b, c = (vertices[faces[:, k]] - vertices.mean(axis=0) for k in range(3))
-    return abs(float(np.einsum("ij,ij->", np.cross(a, b), c))) / 6
 
 
 def _block(points: FloatArray, plain: bool, rng: np.random.Generator) -> tuple[Shape, bool]:

@@ -85,7 +85,7 @@ def loose(kind: str, seed: int, fused: bool, share: float) -> bool:
     return not fused and bool(generator(kind, seed, stream=5).random() < share)
 
 
-def of_blocks(kind: str, seed: int, fused: bool, share: float) -> bool:
+def blocky(kind: str, seed: int, fused: bool, share: float) -> bool:
     """Whether an object is of the `share` of those that are not fused that is built of blocks."""
     return not fused and bool(generator(kind, seed, stream=8).random() < share)
 
@@ -99,7 +99,7 @@ def gather(wanted: list[Job], cache: Path, share: float = 0.0, blocks: float = 0
     """
     out, started = [], time.time()
     for kind, seed, fused in wanted:
-        manner = loose(kind, seed, fused, share), of_blocks(kind, seed, fused, blocks)
+        manner = loose(kind, seed, fused, share), blocky(kind, seed, fused, blocks)
         path = cache / f"{object_name(kind, seed, fused, *manner)}.ex"
         if not path.exists():
             try:
