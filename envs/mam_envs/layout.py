@@ -242,13 +242,13 @@ def put_background(env: OperateJointEnv, data: dict[str, Any]) -> None:
     if picture is None:
         raise ConfigError(f"background picture {path} cannot be read")
     seen = [*env.agent.robot.links, *(link for o in env._objects for link in o.links)]
-    ids = torch.unique(torch.cat([link.per_scene_id for link in seen])).to(env.device)
+    ids = torch.unique(torch.cat([link.per_scene_id for link in seen]))
     for name, sensor in env.scene.sensors.items():
         if "rgb" not in data.get(name, {}):
             continue
         rgb = data[name]["rgb"]
         mask = sensor.get_obs(rgb=False, depth=False, position=False, segmentation=True)
-        keep = torch.isin(mask["segmentation"], ids)
+        keep = torch.isin(mask["segmentation"], ids.to(rgb.device))
         size = (rgb.shape[2], rgb.shape[1])
         fitted = cv2.cvtColor(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), 4)
         behind = torch.from_numpy(np.ascontiguousarray(fitted)).to(rgb.device)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mani_skill.utils import common
 
 from mam_policies.expert import Expert, PlanningError
 from mam_policies.interval import wilson
@@ -213,7 +214,7 @@ def _episode(
         steps += 1
         force = max(force, _first(info["contact_force"]))
         if frames is not None and steps % 2 == 0:
-            picture = np.asarray(env.render())
+            picture = np.asarray(common.to_numpy(env.render()))  # on the GPU where one renders
             frames.append(picture.reshape(picture.shape[-3:]))
         success = bool(_first(info["success"]))
         if success or bool(_first(truncated)):

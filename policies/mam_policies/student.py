@@ -171,10 +171,21 @@ def train_policy(
                 size = {"": 1, "K": 1e3, "M": 1e6}[found[2]]
                 done = float(found[1]) * size / config.steps
                 progress(config.kind, min(done, 1.0), f"loss {found[3]}")
+                _keep_last(folder / "checkpoints")
+    _keep_last(folder / "checkpoints")
     if process.returncode != 0 or not policy.is_dir():
         words = next((s for s in reversed(said) if s.strip()), "it said nothing")
         raise TrainingError(f"lerobot-train ended with status {process.returncode}: {words}")
     return policy
+
+
+def _keep_last(checkpoints: Path) -> None:
+    """Delete what is older than the checkpoint to go on from: one may take gigabytes."""
+    last = checkpoints / "last"
+    newest = int(last.resolve().name) if last.exists() else 0
+    for folder in checkpoints.glob("[0-9]*"):
+        if int(folder.name) < newest:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _arguments(dataset: Path, config: StudentConfig, folder: Path) -> list[str]:

@@ -3,8 +3,8 @@ what it goes by."""
 
 from __future__ import annotations
 
-import gzip
 import json
+import lzma
 from dataclasses import replace
 from importlib import resources
 
@@ -75,7 +75,7 @@ def test_the_packaged_weights_fit_the_features() -> None:
 
 def test_a_renamed_feature_is_an_error() -> None:
     file = resources.files("mam_pipeline.joints") / ranker.WEIGHTS
-    data = json.loads(gzip.decompress(file.read_bytes()))
+    data = json.loads(lzma.decompress(file.read_bytes()))
     data["line_names"][3] = "renamed"
     with pytest.raises(ConfigError, match="other features"):
         ranker.unpack(data)
@@ -83,7 +83,7 @@ def test_a_renamed_feature_is_an_error() -> None:
 
 def test_skins_ask_the_boosters_that_know_them() -> None:
     file = resources.files("mam_pipeline.joints") / ranker.WEIGHTS
-    data = json.loads(gzip.decompress(file.read_bytes()))
+    data = json.loads(lzma.decompress(file.read_bytes()))
     every, few = ranker.learned(), ranker.learned(skin=True)
     assert every is not None and few is not None
     for bag in ("line", "line_open"):

@@ -48,6 +48,8 @@ def test_diffusion_on_the_privileged_state_with_a_round(drawer: Path, tmp_path: 
     )  # fmt: skip
     info = train_student(choice, config, tmp_path)
     assert info.algo == "diffusion" and RunInfo.load(tmp_path).results["demonstrations"] == 1
+    left = [p.name for p in (tmp_path / "lerobot" / "checkpoints").glob("[0-9]*")]
+    assert [int(name) for name in left] == [2]  # of two, which are gigabytes each in earnest
     both = json.loads((tmp_path / "data_1" / "meta" / "info.json").read_text())
     assert both["total_episodes"] == 2
     features = json.loads((tmp_path / "policy" / "config.json").read_text())["input_features"]

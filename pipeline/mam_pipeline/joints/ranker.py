@@ -6,8 +6,8 @@ part move; and if it does, does it slide (both from the part and the best hypoth
 
 from __future__ import annotations
 
-import gzip
 import json
+import lzma
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
@@ -22,7 +22,7 @@ from mam_pipeline.joints.features import LINE_NAMES, PART_NAMES, SLIDE_NAMES, Hy
 from mam_pipeline.types import FloatArray
 
 KINDS = ("fixed", "slide", "revolute")
-WEIGHTS = "ranker_weights.json.gz"
+WEIGHTS = "ranker_weights.json.xz"
 
 
 def rule_line_scores(lines: FloatArray) -> FloatArray:
@@ -175,7 +175,7 @@ def learned(skin: bool = False) -> Model | None:
     file = resources.files("mam_pipeline.joints") / WEIGHTS
     if not file.is_file():
         return None
-    return unpack(json.loads(gzip.decompress(file.read_bytes())), skin)
+    return unpack(json.loads(lzma.decompress(file.read_bytes())), skin)
 
 
 def unpack(data: dict[str, Any], skin: bool = False) -> Model:

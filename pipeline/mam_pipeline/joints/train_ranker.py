@@ -3,19 +3,20 @@
     python -m mam_pipeline.joints.train_ranker --cache FOLDER
 
 Measures the features of `--objects` objects of the training split, of `--household` more of kinds
-that stand in homes, a share of them modelled loosely (`--loose`), and of `--fused` more as one skin
-(of the validation split a tenth as many, categories included that are never trained on), fits small
-boosted trees, sets the temperatures on the validation split, prints its figures and writes the
-packaged weights. (Those in the package were put together: three boosters of an earlier training on
-9 000 authored objects and 2 007 skins, which alone judge the parts of skins, `of_skins`, and two of
-this one.)
+that stand in homes, a share of them modelled loosely (`--loose`) or built of blocks (`--blocks`),
+and of `--fused` more as one skin (of the validation split a tenth as many, categories included that
+are never trained on), fits small boosted trees, sets the temperatures on the validation split,
+prints its figures and writes the packaged weights. (Those in the package were put together: three
+boosters of an earlier training on 9 000 authored objects and 2 007 skins, which alone judge the
+parts of skins, `of_skins`, and three of one on 13 917 authored objects, 4 500 of them of homes and
+3 000 of `mam_pipeline.reason.curriculum_habits`.)
 """
 
 from __future__ import annotations
 
 import argparse
-import gzip
 import json
+import lzma
 import sys
 import warnings
 from collections import Counter
@@ -30,7 +31,7 @@ from scipy.optimize import minimize_scalar
 from mam_pipeline.joints.features import LINE_NAMES, PART_NAMES, SLIDE_NAMES
 from mam_pipeline.joints.ranker import WEIGHTS, Bag, kind_features, model_rows, softmax
 from mam_pipeline.joints.training_data import Example, cached_examples
-from mam_pipeline.reason.recipe import jobs, loose
+from mam_pipeline.reason.recipe import blocky, jobs, loose
 from mam_pipeline.reason.train import lean
 from mam_pipeline.types import FloatArray
 
@@ -248,15 +249,17 @@ def report(data: Sequence[Example]) -> dict[str, float]:
 
 
 def collect(
-    split: str, count: int, household: int, fused: int, cache: Path, share: float
+    split: str, count: int, household: int, fused: int, cache: Path, share: float, blocks: float
 ) -> list[Example]:
-    """Examples of `count` objects of a split, a quarter of abstract kinds, of `household` more of
-    kinds of homes, and of `fused` skins; a `share` of those that are no skins is loose."""
+    """Examples of `count` objects of a split, a half of abstract kinds, of `household` more of
+    kinds of homes, and of `fused` skins; of those that are no skins a `share` is loose, `blocks` of
+    them are built of blocks."""
     out: list[Example] = []
-    wanted = jobs(split, count - count // 4, count // 4, fused, household)
+    wanted = jobs(split, count - count // 2, count // 2, fused, household)
     for n, (kind, seed, skin) in enumerate(wanted):
         try:
-            out += cached_examples(kind, seed, skin, cache, loose(kind, seed, skin, share))
+            manner = loose(kind, seed, skin, share), blocky(kind, seed, skin, blocks)
+            out += cached_examples(kind, seed, skin, cache, *manner)
         except Exception as error:  # one bad object must not end an hour of work
             print(f"skipped {kind} {seed}: {error!r}", file=sys.stderr)
         if n % 50 == 0:
@@ -267,21 +270,22 @@ def collect(
 def main(argv: Sequence[str] | None = None) -> None:
     """Command line; see the module's text."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
-    parser.add_argument("--objects", type=int, default=5200)
-    parser.add_argument("--household", type=int, default=2100, help="more objects of homes")
+    parser.add_argument("--objects", type=int, default=9400)
+    parser.add_argument("--household", type=int, default=4500, help="more objects of homes")
     parser.add_argument("--fused", type=int, default=700)
     parser.add_argument("--loose", type=float, default=0.5, help="share modelled loosely")
+    parser.add_argument("--blocks", type=float, default=0.3, help="share built of blocks")
     parser.add_argument("--cache", type=Path, required=True)
     parser.add_argument("--out", type=Path, default=Path(__file__).with_name(WEIGHTS))
     args = parser.parse_args(argv)
     warnings.filterwarnings("ignore")
     train, check = (
         collect(split, args.objects // part, args.household // part, args.fused // part,
-                args.cache, args.loose)
+                args.cache, args.loose, args.blocks)
         for split, part in (("train", 1), ("validation", 10))
     )  # fmt: skip
     packed = fit(train, check)
-    args.out.write_bytes(gzip.compress(json.dumps(packed).encode(), mtime=0))
+    args.out.write_bytes(lzma.compress(json.dumps(packed).encode()))
     from mam_pipeline.joints import ranker
 
     ranker.learned.cache_clear()

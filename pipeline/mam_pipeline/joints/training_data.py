@@ -277,16 +277,18 @@ def _still_pieces(
     yield from found
 
 
-def make_examples(kind: str, seed: int, fused: bool, loose: bool = False) -> list[Example]:
+def make_examples(
+    kind: str, seed: int, fused: bool, loose: bool = False, blocks: bool = False
+) -> list[Example]:
     """Examples of one generated object: a category of the world or an abstract kind.
 
-    Of one skin a reasoner can take only whole primitives, so these are the parts there. `loose`:
-    see `mam_pipeline.reason.loosening`.
+    Of one skin a reasoner can take only whole primitives, so these are the parts there. `loose`,
+    `blocks`: see `mam_pipeline.reason.corpus.as_met`.
     """
-    truth, primitives = as_met(kind, seed, fused, loose)
+    truth, primitives = as_met(kind, seed, fused, loose, blocks)
     if fused:
         truth = of_whole_primitives(truth, primitives.labels)
-    name = object_name(kind, seed, fused, loose)
+    name = object_name(kind, seed, fused, loose, blocks)
     return list(examples(truth, primitives.labels, name, kind, seed, fused=fused))
 
 
@@ -299,13 +301,13 @@ def of_whole_primitives(truth: Articulation, labels: IntArray) -> Articulation:
 
 
 def cached_examples(
-    kind: str, seed: int, fused: bool, cache: Path, loose: bool = False
+    kind: str, seed: int, fused: bool, cache: Path, loose: bool = False, blocks: bool = False
 ) -> list[Example]:
     """Examples of one generated object, kept in a cache folder."""
-    file = cache / f"{object_name(kind, seed, fused, loose)}.pkl"
+    file = cache / f"{object_name(kind, seed, fused, loose, blocks)}.pkl"
     if file.is_file():
         return list(pickle.loads(file.read_bytes()))
-    found = make_examples(kind, seed, fused, loose)
+    found = make_examples(kind, seed, fused, loose, blocks)
     cache.mkdir(parents=True, exist_ok=True)
     temporary = file.with_suffix(".part")
     temporary.write_bytes(pickle.dumps(found))

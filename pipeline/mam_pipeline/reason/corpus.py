@@ -259,6 +259,7 @@ def abstract_kinds() -> dict[str, Any]:
         curriculum,
         curriculum_around,
         curriculum_cases,
+        curriculum_habits,
         curriculum_large,
         curriculum_machines,
         curriculum_openings,
@@ -279,4 +280,6 @@ def abstract_kinds() -> dict[str, Any]:
         "abstract_clutter": curriculum_around.clutter,
         "abstract_machine": curriculum_machines.machine,
         "abstract_rolling": curriculum_machines.rolling, "abstract_boom": curriculum_machines.boom,
+        "abstract_fascia": curriculum_habits.fascia, "abstract_lid": curriculum_habits.lidded,
+        "abstract_beam": curriculum_habits.beam,
     }  # fmt: skip

@@ -37,7 +37,9 @@ MIX = (
     "abstract_opening", "abstract_clutter", "abstract_opening", "abstract_arm", "abstract_opening",
     "abstract_opening", "abstract_clutter", "abstract_arm", "abstract_machine", "abstract_rolling",
     "abstract_machine", "abstract_boom", "abstract_machine", "abstract_rolling", "abstract_machine",
-    "abstract_boom", "abstract_machine",
+    "abstract_boom", "abstract_machine", "abstract_fascia", "abstract_lid", "abstract_fascia",
+    "abstract_beam", "abstract_fascia", "abstract_lid", "abstract_fascia", "abstract_beam",
+    "abstract_fascia", "abstract_lid", "abstract_fascia", "abstract_beam",
 )  # fmt: skip
 # what stands in homes: large fronts, leaves and lids, which most other kinds do not have
 HOUSEHOLD = frozenset({

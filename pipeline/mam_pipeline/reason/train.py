@@ -36,6 +36,7 @@ import sys
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -330,6 +331,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--loose", type=float, default=0.5, help="share modelled loosely")
     parser.add_argument("--blocks", type=float, default=0.4, help="share built of blocks")
     parser.add_argument("--members", type=int, default=4, help="models whose mean is taken")
+    parser.add_argument("--device", default="cpu", help="where torch trains the networks: cuda")
     parser.add_argument("--cache", type=Path, required=True, help="folder for examples")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "weights")
     options = parser.parse_args(arguments)
@@ -338,7 +340,7 @@ def main(arguments: list[str] | None = None) -> None:
     few = options.validation
     held = gather(jobs("validation", few, few, few), options.cache)
     (plain, skins), (held, held_skins) = apart(train), apart(held)
-    learn = lessons.train
+    learn = partial(lessons.train, device=options.device)
     guides = [learn(plain, lessons.WARY, fold=k) for k in range(FOLDS)]
     asked = [learn(half, lessons.LONG, seed=k) for k, half in enumerate(_halves(plain))]
     fit_members(plain, held, guides, asked, options.members, options.out / "authored", PLAIN_HABITS)

