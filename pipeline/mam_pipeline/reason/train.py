@@ -331,7 +331,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--loose", type=float, default=0.5, help="share modelled loosely")
     parser.add_argument("--blocks", type=float, default=0.4, help="share built of blocks")
     parser.add_argument("--members", type=int, default=4, help="models whose mean is taken")
-    parser.add_argument("--device", default="cpu", help="where torch trains the networks: cuda")
+    parser.add_argument("--device", default="cpu", help="of the networks: cpu or cuda")
     parser.add_argument("--cache", type=Path, required=True, help="folder for examples")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "weights")
     options = parser.parse_args(arguments)
