@@ -21,10 +21,10 @@ import trimesh
 from mam_pipeline.asset.collision import collision_shapes, outside
 from mam_pipeline.asset.dynamics import carried_links
 from mam_pipeline.asset.surface import Solid, link_components
-from mam_pipeline.bench.runner import find_tasks
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import sample_surface
 from mam_pipeline.types import Articulation, CollisionShape, FloatArray, Joint, joint_motion
+from mam_sim.bench.runner import find_tasks
 
 
 def main() -> None:

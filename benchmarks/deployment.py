@@ -16,12 +16,12 @@ from typing import Any
 import torch
 import tyro
 
-from mam_policies.body import Body, Faults, mapping_of
 from mam_policies.evaluate import HELD_OUT
-from mam_policies.export_lerobot import deployment
-from mam_policies.interval import wilson
-from mam_policies.lerobot_policy import Converter
+from mam_policies.lerobot.export import deployment
+from mam_policies.lerobot.policy import Converter
+from mam_policies.lerobot.robot_interface import Body, Faults, mapping_of
 from mam_policies.run import MlpPolicy, RunInfo, few_objects
+from mam_policies.wilson import wilson
 
 CASES = {
     "exported policy in motor units": Faults(),

@@ -21,10 +21,10 @@ from pathlib import Path
 
 import numpy as np
 
-from mam_pipeline.stages import Engine, EngineConfig
+from mam_pipeline.engine import Engine, EngineConfig
 from mam_pipeline.types import Mesh
-from mam_pipeline.world import make_object
-from mam_pipeline.world.style import Style
+from mam_world import make_object
+from mam_world.style import Style
 
 
 def refined(mesh: Mesh, target: int) -> Mesh:

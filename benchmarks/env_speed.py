@@ -26,7 +26,7 @@ from mani_skill.utils.assets.data import DATA_GROUPS, is_data_source_downloaded
 from mani_skill.utils.registration import REGISTERED_ENVS
 
 import mam_envs
-from mam_envs.vulkan import vulkan_ok
+from mam_envs.scene.vulkan import vulkan_ok
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import MamSimError
 

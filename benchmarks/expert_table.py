@@ -26,9 +26,9 @@ import mam_envs
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.errors import MamSimError
-from mam_pipeline.world import make_object
 from mam_policies.expert import Expert, run_episode
-from mam_policies.interval import wilson
+from mam_policies.wilson import wilson
+from mam_world import make_object
 
 FIRST_SEED = 10_000
 REFUSED = "refused"

@@ -33,8 +33,8 @@ from mam_pipeline.types import (
     PartNode,
     Primitives,
 )
-from mam_pipeline.world import CATEGORIES, make_object
-from mam_pipeline.world.style import Style
+from mam_world import CATEGORIES, make_object
+from mam_world.style import Style
 
 Changed = tuple[Mesh, IntArray, FloatArray]
 

@@ -23,7 +23,7 @@ from mam_pipeline.geometry.sweep import Motion
 from mam_pipeline.joints.optimise import minimise, residuals, states_of
 from mam_pipeline.joints.paper import initialise, paper_part
 from mam_pipeline.types import Articulation, FloatArray, Joint
-from mam_pipeline.world import make_object
+from mam_world import make_object
 
 
 def compare(truth: Articulation, joint: Joint, contacts: int) -> dict[str, float]:

@@ -16,9 +16,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import torch
 
-from mam_pipeline.reason import train_network as lessons
-from mam_pipeline.reason.recipe import gather, jobs
-from mam_pipeline.reason.train import apart
+from mam_training.parts import train_network as lessons
+from mam_training.parts.recipe import gather, jobs
+from mam_training.parts.train import apart
 
 WARM = 3  # first steps that are not counted
 

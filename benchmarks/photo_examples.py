@@ -11,10 +11,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from mam_pipeline.photo.furniture import WOODS, Cell, Style
-from mam_pipeline.photo.piece import build_piece
-from mam_pipeline.photo.raycast import Light, Scene, Surface, render
-from mam_pipeline.photo.synthetic import frame_camera
+from mam_world.photos.furniture_scene import build_piece
+from mam_world.photos.photo_renderer import Light, Scene, Surface, render
+from mam_world.photos.synthetic_furniture import WOODS, Cell, Style
+from mam_world.photos.synthetic_photo import frame_camera
 
 OAK = Surface("wood", WOODS[1][0], WOODS[1][1], grain=1, scale=0.8, offset=(3, 1, 2), gloss=0.04)
 SAGE = Surface("plain", (0.30, 0.38, 0.31), gloss=0.05)

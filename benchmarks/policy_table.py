@@ -23,16 +23,16 @@ import tyro
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.writer import write_asset
-from mam_pipeline.bench.dataset import list_objects, read_object
 from mam_pipeline.check.check import check_asset
 from mam_pipeline.errors import MamSimError
-from mam_pipeline.meshio import save_glb
-from mam_pipeline.world import make_object
-from mam_policies.bc import BcConfig, train_bc
+from mam_pipeline.formats.mesh_files import save_glb
+from mam_pipeline.ground_truth import list_objects, read_object
+from mam_policies.algorithms.bc import BcConfig, train_bc
 from mam_policies.evaluate import evaluate_run, plain
-from mam_policies.interval import wilson
 from mam_policies.run import EnvChoice
+from mam_policies.wilson import wilson
 from mam_sim.cli import main as mam_sim
+from mam_world import make_object
 
 
 @dataclass

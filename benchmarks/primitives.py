@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from mam_pipeline.bench.dataset import GroundTruth, list_objects, read_object
 from mam_pipeline.geometry.fuse import fuse_mesh
 from mam_pipeline.geometry.sampling import face_geometry
+from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.metrics import nearest_face
 from mam_pipeline.segment.fused import cut, hierarchy
 from mam_pipeline.segment.geometric import GeometricSegmenter

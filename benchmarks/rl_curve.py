@@ -18,8 +18,8 @@ from typing import Any, Literal
 import torch
 import tyro
 
+from mam_policies.algorithms.rl import CONTROL_MODE, RlConfig, train_rl
 from mam_policies.evaluate import HELD_OUT, evaluate
-from mam_policies.rl import CONTROL_MODE, RlConfig, train_rl
 from mam_policies.run import Actor, EnvChoice, MlpPolicy
 
 

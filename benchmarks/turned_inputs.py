@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mam_pipeline.bench.dataset import GroundTruth
-from mam_pipeline.bench.runner import BenchConfig, Task, find_tasks, run_bench
-from mam_pipeline.bench.table import summarise
-from mam_pipeline.stages import EngineConfig, moved
+from mam_pipeline.engine import EngineConfig, moved
+from mam_pipeline.ground_truth import GroundTruth
+from mam_sim.bench.runner import BenchConfig, Task, find_tasks, run_bench
+from mam_sim.bench.table import summarise
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mam_pipeline.bench.dataset import GroundTruth, list_objects, read_object
+from mam_pipeline.engine import Engine, EngineConfig
 from mam_pipeline.errors import MamSimError
+from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.metrics import Scores, score
 from mam_pipeline.models import settings
-from mam_pipeline.stages import Engine, EngineConfig
 from mam_pipeline.types import Primitives
 
 ANSWERS = Path(__file__).resolve().parent.parent / "tests" / "pipeline" / "answers"

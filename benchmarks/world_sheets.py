@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from mam_pipeline.render import contact_sheet, posed, render_mesh
+from mam_pipeline.render.mesh_pictures import contact_sheet, posed, render_mesh
 from mam_pipeline.types import Articulation
-from mam_pipeline.world import CATEGORIES, draw_style, make_object
-from mam_pipeline.world.object import generator
+from mam_world import CATEGORIES, draw_style, make_object
+from mam_world.object import generator
 
 TURN = np.pi / 3
 """How far endless joints are turned in the opened picture, radians."""

@@ -18,9 +18,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mam_pipeline.world import CATEGORIES, draw_style, make_object
-from mam_pipeline.world.object import generator
 from mam_sim.verbs.generate import write_object
+from mam_world import CATEGORIES, draw_style, make_object
+from mam_world.object import generator
 
 
 def main() -> None:

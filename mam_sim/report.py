@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.asset.card import Asset, CardJoint
+from mam_pipeline.formats.urdf_input import read_asset
 from mam_pipeline.types import Articulation, FloatArray, Mesh
-from mam_pipeline.urdf_input import read_asset
 
 Picture = NDArray[np.uint8]
 SIZE = (420, 360)
@@ -67,7 +67,7 @@ def _photo(asset: Asset) -> str:
 
 
 def _stage_pictures(asset: Asset) -> str:
-    from mam_pipeline.render import render_mesh
+    from mam_pipeline.render.mesh_pictures import render_mesh
     from mam_pipeline.stage_files import PRIMITIVES, load_geometry
 
     figures = []
@@ -173,7 +173,7 @@ def _motion(asset: Asset) -> str:
 
 def _views(asset: Asset, fraction: float, views: Sequence[tuple[float, float]]) -> list[Picture]:
     """Pictures with every joint at `fraction` of its way from closed to open."""
-    from mam_pipeline.render import render_mesh
+    from mam_pipeline.render.mesh_pictures import render_mesh
 
     articulation = read_asset(asset)
     q = {}

@@ -35,7 +35,7 @@ if "OperateJoint-v1" not in _gym.registry:
     )
     _gym.register(
         "OperateJointNumpy-v1",
-        entry_point="mam_envs.single:SingleEnv",
+        entry_point="mam_envs.numpy_env:SingleEnv",
         max_episode_steps=MAX_EPISODE_STEPS,
     )
     _gym.register(

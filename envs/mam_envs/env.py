@@ -18,13 +18,15 @@ from mani_skill.utils.structs import Articulation, Link, Pose
 from mani_skill.utils.structs.types import GPUMemoryConfig, SimConfig
 from mani_skill.vector.wrappers.gymnasium import ManiSkillVectorEnv
 
-from mam_envs import layout as layouts
-from mam_envs import rewards, scene, vulkan
-from mam_envs.contact import ContactProbe
-from mam_envs.judge import Judge
-from mam_envs.robots import robot_spec
-from mam_envs.situation import Situation, observe, situation
-from mam_envs.spec import EnvConfig, fill
+from mam_envs.config import EnvConfig, fill
+from mam_envs.robots.catalogue import robot_spec
+from mam_envs.scene import build as scene
+from mam_envs.scene import layout as layouts
+from mam_envs.scene import vulkan
+from mam_envs.scene.contact_probe import ContactProbe
+from mam_envs.tasks import rewards
+from mam_envs.tasks.planner_state import Situation, observe, situation
+from mam_envs.tasks.success import Judge
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import ConfigError
 
@@ -83,7 +85,7 @@ class OperateJointEnv(BaseEnv):
             joint: its name; None takes the most confident joint with a grasp; several make a
                 sequence.
             task: open | close | turn_to | push (one, or one per joint); None picks by the joint.
-            robot_uids: panda, so100, fetch, xarm6_robotiq (see mam_envs.robots).
+            robot_uids: panda, so100, fetch, xarm6_robotiq (see mam_envs.robots.catalogue).
             scale: factor on the object's size, or "auto": 1 where the arm can do it, else shrunk
                 to its reach.
             config: EnvConfig, mapping or YAML file; randomisation, reward, world (scene) and

@@ -11,11 +11,11 @@ import numpy as np
 import tyro
 
 from mam_pipeline.asset.card import Asset
+from mam_pipeline.engine import EngineConfig
 from mam_pipeline.errors import ConfigError, MamSimError
-from mam_pipeline.make import MakeConfig, kind_of, make_asset
 from mam_pipeline.models.ledger import Ledger, one_ledger
 from mam_pipeline.models.settings import given
-from mam_pipeline.stages import EngineConfig
+from mam_pipeline.run import MakeConfig, kind_of, make_asset
 from mam_sim.console import Screen
 from mam_sim.verbs.flags import ModelFlags
 

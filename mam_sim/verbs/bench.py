@@ -9,8 +9,12 @@ from typing import Annotated
 import tyro
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from mam_pipeline.bench.runner import BenchConfig, Record, find_tasks, run_bench
-from mam_pipeline.bench.table import (
+from mam_pipeline.engine import EngineConfig
+from mam_pipeline.errors import ConfigError, HintNeeded
+from mam_pipeline.models.ledger import one_ledger
+from mam_pipeline.models.settings import given
+from mam_sim.bench.runner import BenchConfig, Record, find_tasks, run_bench
+from mam_sim.bench.table import (
     PAPER,
     as_json,
     by_category,
@@ -19,10 +23,6 @@ from mam_pipeline.bench.table import (
     rows_table,
     summarise,
 )
-from mam_pipeline.errors import ConfigError, HintNeeded
-from mam_pipeline.models.ledger import one_ledger
-from mam_pipeline.models.settings import given
-from mam_pipeline.stages import EngineConfig
 from mam_sim.console import Screen
 from mam_sim.verbs.flags import ModelFlags
 

@@ -64,7 +64,7 @@ def _synthetic(
     from mam_pipeline.photo.evaluate import layout_of, score_image
     from mam_pipeline.photo.options import parse_options
     from mam_pipeline.photo.score import summary
-    from mam_pipeline.photo.synthetic import synthesise
+    from mam_world.photos.synthetic_photo import synthesise
 
     scores = []
     for number in range(seed, seed + count):

@@ -38,7 +38,7 @@ def export(
     if not source.exists():
         raise InputError(f"there is nothing at {source}")
     if to == "lerobot":
-        from mam_policies.export_lerobot import export_dataset, export_run
+        from mam_policies.lerobot.export import export_dataset, export_run
 
         if (source / "run.json").is_file():
             found = export_run(source, out, mapping, asset)

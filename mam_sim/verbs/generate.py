@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 if TYPE_CHECKING:
-    from mam_pipeline.world import WorldObject
+    from mam_world import WorldObject
 
 COLUMNS = (
     "name", "category", "seed", "split", "links", "joints", "faces", "fused", "unit", "y_up",
@@ -49,8 +49,8 @@ def generate(
         quiet: no progress on stderr.
     """
     from mam_pipeline.errors import ConfigError
-    from mam_pipeline.world import CATEGORIES
-    from mam_pipeline.world.registry import category as find
+    from mam_world import CATEGORIES
+    from mam_world.registry import category as find
 
     if list_:
         for name, entry in CATEGORIES.items():
@@ -96,8 +96,8 @@ def _rows(
 
 def _write(name: str, seed: int, out: Path, textures: bool, plain: bool) -> list[object]:
     """Make one object and write its folder; returns its row of the manifest."""
-    from mam_pipeline.world import Style, draw_style, make_object
-    from mam_pipeline.world.object import generator
+    from mam_world import Style, draw_style, make_object
+    from mam_world.object import generator
 
     style = Style() if plain else draw_style(generator(name, seed, stream=1))
     return write_object(make_object(name, seed, replace(style, textures=textures)), out)
@@ -108,8 +108,8 @@ def write_object(made: WorldObject, out: Path) -> list[object]:
     import numpy as np
 
     from mam_pipeline.asset.writer import write_asset
-    from mam_pipeline.meshio import save_glb
-    from mam_pipeline.world import split_of
+    from mam_pipeline.formats.mesh_files import save_glb
+    from mam_world import split_of
 
     folder = out / made.name
     loose = out / f".{made.name}.static.glb"

@@ -83,7 +83,7 @@ def train(
     choice = EnvChoice(folders, joint, task, robot, mode)
     with _bar(screen) as update:
         if algo == "bc":
-            from mam_policies.bc import BcConfig, train_bc
+            from mam_policies.algorithms.bc import BcConfig, train_bc
 
             config = BcConfig(
                 episodes=episodes, epochs=epochs, seed=seed, deployable=deployable,
@@ -91,7 +91,7 @@ def train(
             )  # fmt: skip
             info = train_bc(choice, config, out, update)
         elif algo in ("act", "diffusion", "smolvla"):
-            from mam_policies.student import StudentConfig, train_student
+            from mam_policies.lerobot.training import StudentConfig, train_student
 
             wish = StudentConfig(
                 algo, steps, episodes=episodes, cameras=cameras, rounds=rounds,
@@ -99,7 +99,7 @@ def train(
             )  # fmt: skip
             info = train_student(choice, wish, out, mapping, update)
         else:
-            from mam_policies.rl import RlConfig, train_rl
+            from mam_policies.algorithms.rl import RlConfig, train_rl
 
             settings = RlConfig(
                 algo, steps, seed, processes, curriculum, stop_at, warm_episodes=episodes

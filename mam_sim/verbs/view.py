@@ -36,7 +36,7 @@ def view(
     """
     from PIL import Image
 
-    from mam_pipeline.render import posed, render_mesh
+    from mam_pipeline.render.mesh_pictures import posed, render_mesh
 
     articulation, folder = _read(asset)
     target = out or folder / "view"
@@ -85,7 +85,7 @@ def _framed(mesh: Mesh, bounds: FloatArray) -> Mesh:
 
 def _read(path: Path) -> tuple[Articulation, Path]:
     from mam_pipeline.asset.card import Asset
-    from mam_pipeline.urdf_input import read_asset, read_urdf
+    from mam_pipeline.formats.urdf_input import read_asset, read_urdf
 
     if path.suffix.lower() in (".urdf", ".xml"):
         return read_urdf(path), path.parent

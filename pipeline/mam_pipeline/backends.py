@@ -141,7 +141,7 @@ BUILTIN: dict[str, dict[str, str]] = {
         "file": "mam_pipeline.models.sp4d:FilePrior",
     },
     "reasoner": {
-        "embedded": "mam_pipeline.reason.embedded:EmbeddedReasoner",
+        "embedded": "mam_pipeline.parts.embedded:EmbeddedReasoner",
         "vlm": "mam_pipeline.models.vlm:VlmReasoner",
         "file": "mam_pipeline.models.vlm:FileReasoner",
     },

@@ -23,7 +23,7 @@ from mam_envs.env import OperateJointEnv
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import ConfigError, InputError, NotPhysicalError
 from mam_policies.expert import Expert, PlanningError
-from mam_policies.lerobot_dataset import Names, Track, write_dataset
+from mam_policies.lerobot.dataset import Names, Track, write_dataset
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from typing import Any
 import torch
 
 import mam_envs
-from mam_envs.video import Camera, Frame, write_strip, write_video
-from mam_envs.vulkan import vulkan_ok
+from mam_envs.scene.video import Camera, Frame, write_strip, write_video
+from mam_envs.scene.vulkan import vulkan_ok
 from mam_policies.expert import Expert, PlanningError
 
 EVERY = 2  # pictures are dear on a CPU: one for every so many control steps

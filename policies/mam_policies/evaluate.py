@@ -13,8 +13,8 @@ import numpy as np
 from mani_skill.utils import common
 
 from mam_policies.expert import Expert, PlanningError
-from mam_policies.interval import wilson
 from mam_policies.run import Actor, EnvChoice, MlpPolicy, RunInfo, few_objects
+from mam_policies.wilson import wilson
 
 HELD_OUT = 50_000_017  # evaluation seeds start here; demonstrations use seeds far below
 
@@ -97,10 +97,10 @@ def evaluate_run(
 
 def evaluate_student(run: Path, choice: EnvChoice, episodes: int, **more: Any) -> Evaluation:
     """Success of one of LeRobot's own policies, in run/policy; `more` as in evaluate."""
-    from mam_policies.export_lerobot import MAPPING
-    from mam_policies.joint_mapping import load_mapping
-    from mam_policies.lerobot_dataset import offline
-    from mam_policies.student import Student, view
+    from mam_policies.lerobot.dataset import offline
+    from mam_policies.lerobot.export import MAPPING
+    from mam_policies.lerobot.joint_mapping import load_mapping
+    from mam_policies.lerobot.training import Student, view
 
     offline()
     student: Student | None = None
@@ -126,7 +126,7 @@ def evaluate_zip(
     Raises:
         ConfigError: without `trust`. InputError: no such zip.
     """
-    from mam_policies.sb3_zip import load_sb3
+    from mam_policies.algorithms.sb3_zip import load_sb3
 
     act = load_sb3(file, trust)
     return evaluate(choice, lambda _env: act, episodes, more.pop("seed", HELD_OUT), **more)

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.errors import InputError
-from mam_policies.bc import Demonstration
-from mam_policies.body import Body, Faults, Outcome
-from mam_policies.interval import wilson
-from mam_policies.joint_mapping import JointMapping
-from mam_policies.lerobot_dataset import Names, Track, write_dataset
-from mam_policies.lerobot_policy import PERCEIVED
+from mam_policies.algorithms.bc import Demonstration
+from mam_policies.lerobot.dataset import Names, Track, write_dataset
+from mam_policies.lerobot.joint_mapping import JointMapping
+from mam_policies.lerobot.policy import PERCEIVED
+from mam_policies.lerobot.robot_interface import Body, Faults, Outcome
 from mam_policies.run import EnvChoice, RunInfo
+from mam_policies.wilson import wilson
 
 
 @dataclass(frozen=True)

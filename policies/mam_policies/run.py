@@ -34,7 +34,7 @@ class EnvChoice:
 
     Attributes:
         assets: asset folders (one or several; several are drawn anew at every reset).
-        randomisation: overrides of mam_envs.spec.RandomisationConfig.
+        randomisation: overrides of mam_envs.config.RandomisationConfig.
     """
 
     assets: tuple[str, ...]

@@ -13,8 +13,8 @@ import torch
 from gymnasium.utils.env_checker import check_env
 
 import mam_envs
-from mam_envs import vulkan
-from mam_envs.robots import robot_spec
+from mam_envs.robots.catalogue import robot_spec
+from mam_envs.scene import vulkan
 from mam_pipeline.errors import ConfigError, MamSimError
 
 needs_vulkan = pytest.mark.skipif(not vulkan.vulkan_ok(), reason="no Vulkan device to render with")

@@ -14,8 +14,8 @@ from gymnasium.utils.env_checker import check_env
 from sapien.wrapper.urdf_loader import URDFLoader
 
 import mam_envs
-from mam_envs import vulkan
-from mam_envs.reach import PlacementError
+from mam_envs.placement.arm_path import PlacementError
+from mam_envs.scene import vulkan
 from mam_pipeline.errors import BackendError, ConfigError, InputError
 
 

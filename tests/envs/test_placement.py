@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mam_envs.objects import ObjectModel
-from mam_envs.placement import _floor, object_pose, place
-from mam_envs.reach import PlacementError, holds, tool_path
-from mam_envs.robots import robot_spec
-from mam_envs.spec import EnvConfig, RandomisationConfig, TaskConfig, joint_goal
-from mam_envs.surface_holds import surface_holds
+from mam_envs.config import EnvConfig, RandomisationConfig, TaskConfig, joint_goal
+from mam_envs.grasping.surface_holds import surface_holds
+from mam_envs.placement.arm_path import PlacementError, holds, tool_path
+from mam_envs.placement.base import _floor, object_pose, place
+from mam_envs.robots.catalogue import robot_spec
+from mam_envs.scene.object_model import ObjectModel
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import ConfigError, NotPhysicalError
 

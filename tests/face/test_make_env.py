@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from mam_pipeline import world
+import mam_world as world
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.meshio import save_glb
+from mam_pipeline.formats.mesh_files import save_glb
 from mam_sim.cli import main
 
 ROOT = Path(__file__).resolve().parent.parent.parent

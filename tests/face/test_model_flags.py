@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from mam_pipeline.bench.runner import BenchConfig, Task, run_bench, task_key
+from mam_pipeline.engine import EngineConfig
 from mam_pipeline.models import settings
 from mam_pipeline.models.catalogue import ENDPOINT, MODELS, find
-from mam_pipeline.stages import EngineConfig
+from mam_sim.bench.runner import BenchConfig, Task, run_bench, task_key
 from mam_sim.cli import main
 from mam_sim.verbs.flags import ModelFlags
 
@@ -90,7 +90,7 @@ def test_articulate_asks_in_a_folder_and_goes_on_when_answered(
 
 def test_bench_keeps_no_record_of_an_object_that_waits(tmp_path: Path) -> None:
     task = Task("drawer_1", "drawer_unit", "generated:test", 1)
-    from mam_pipeline.world.splits import iterate
+    from mam_world.splits import iterate
 
     category, seed = next(iter(iterate("validation", 1)))
     task = Task(f"{category}_{seed}", category, "generated:validation", seed)

@@ -12,9 +12,9 @@ import trimesh
 from mam_pipeline.asset.interiors import add_interiors
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.check import check_asset
+from mam_pipeline.formats.mesh_files import save_glb
 from mam_pipeline.geometry.fuse import fuse_mesh
-from mam_pipeline.make import MakeConfig, make_asset
-from mam_pipeline.meshio import save_glb
+from mam_pipeline.run import MakeConfig, make_asset
 from mam_pipeline.types import Articulation, Joint, Link, Mesh
 
 

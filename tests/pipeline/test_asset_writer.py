@@ -15,9 +15,9 @@ from mam_pipeline.asset.card import Asset, CardJoint
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.formats.gltf import read_gltf
-from mam_pipeline.meshio import load_mesh, save_glb, save_obj
+from mam_pipeline.formats.mesh_files import load_mesh, save_glb, save_obj
+from mam_pipeline.formats.urdf_input import read_asset
 from mam_pipeline.types import Articulation, Joint, Link, Material, Mesh
-from mam_pipeline.urdf_input import read_asset
 
 PNG = b"\x89PNG\r\n\x1a\n not really, but bytes are bytes"
 

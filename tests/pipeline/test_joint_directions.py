@@ -9,7 +9,7 @@ import trimesh
 from mam_pipeline.geometry.frames import estimate_frame
 from mam_pipeline.joints.context import directions_of, part_context
 from mam_pipeline.types import Mesh
-from mam_pipeline.world import make_object
+from mam_world import make_object
 
 
 def slab(angle: float, extents: tuple[float, float, float], cuts: int = 0) -> Mesh:

@@ -30,9 +30,9 @@ from mam_pipeline.joints.features import (
 from mam_pipeline.joints.line_features import ANGLES
 from mam_pipeline.joints.slide_features import STEPS
 from mam_pipeline.joints.surroundings import SIBLING_NAMES
-from mam_pipeline.joints.training_data import make_examples, of_whole_primitives
-from mam_pipeline.reason.corpus import as_met
 from mam_pipeline.types import IntArray, Mesh
+from mam_training.joints.examples import make_examples, of_whole_primitives
+from mam_training.parts.corpus import as_met
 
 
 def drawers() -> tuple[Mesh, IntArray]:

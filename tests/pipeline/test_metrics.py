@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from mam_pipeline.bench.dataset import GroundTruth
+from mam_pipeline.ground_truth import GroundTruth
 from mam_pipeline.metrics import limit_iou, pivot_distance, score
 from mam_pipeline.types import NEEDS_REVIEW, Articulation, Joint, JointType, Link, Mesh
 

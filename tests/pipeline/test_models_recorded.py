@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mam_pipeline.bench.dataset import GroundTruth, list_objects, read_object
+from mam_pipeline.engine import Engine, EngineConfig
+from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.metrics import score
 from mam_pipeline.models import questions, settings
-from mam_pipeline.stages import Engine, EngineConfig
 from mam_pipeline.types import KinematicTree, Primitives
 
 ANSWERS = Path(__file__).resolve().parent / "answers"

@@ -35,7 +35,7 @@ from mam_pipeline.photo.quad import aspect_of_quad
 from mam_pipeline.photo.reconstruct import reconstruct_photo
 from mam_pipeline.photo.score import handle_hits, polygon_iou
 from mam_pipeline.photo.seams import find_seams
-from mam_pipeline.photo.synthetic import synthesise
+from mam_world.photos.synthetic_photo import synthesise
 
 ROOT = Path(__file__).resolve().parents[2]
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)

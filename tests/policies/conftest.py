@@ -33,7 +33,7 @@ def two_drawers(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def run_folder(drawer: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A policy cloned from few demonstrations that sees positions only."""
-    from mam_policies.bc import BcConfig, train_bc
+    from mam_policies.algorithms.bc import BcConfig, train_bc
     from mam_policies.run import EnvChoice
 
     out = tmp_path_factory.mktemp("runs") / "drawer"
@@ -45,7 +45,7 @@ def run_folder(drawer: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def exported(run_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """That run as a LeRobot policy folder."""
-    from mam_policies.export_lerobot import export_run
+    from mam_policies.lerobot.export import export_run
 
     out = tmp_path_factory.mktemp("exports") / "drawer"
     export_run(run_folder, out)

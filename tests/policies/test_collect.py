@@ -12,10 +12,10 @@ import h5py
 import numpy as np
 import pytest
 
-from mam_envs.vulkan import vulkan_ok
+from mam_envs.scene.vulkan import vulkan_ok
 from mam_pipeline.errors import InputError
 from mam_policies.collect import CollectConfig, collect
-from mam_policies.lerobot_dataset import load_dataset
+from mam_policies.lerobot.dataset import load_dataset
 
 
 def test_data_reload_and_resume(drawer: Path, tmp_path: Path) -> None:

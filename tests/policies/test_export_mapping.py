@@ -9,11 +9,11 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from mam_envs.robots import robot_spec
+from mam_envs.robots.catalogue import robot_spec
 from mam_pipeline.errors import ConfigError, HintNeeded, InputError
-from mam_policies.export_lerobot import MAPPING, build_beside, export_run
-from mam_policies.joint_mapping import identity, load_mapping, template
-from mam_policies.lerobot_policy import quaternion
+from mam_policies.lerobot.export import MAPPING, build_beside, export_run
+from mam_policies.lerobot.joint_mapping import identity, load_mapping, template
+from mam_policies.lerobot.policy import quaternion
 from mam_policies.run import EnvChoice, MlpPolicy, RunInfo
 from mam_sim.cli import main
 

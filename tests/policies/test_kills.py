@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from mam_policies.bc import BcConfig, train_bc
-from mam_policies.rl import CONTROL_MODE, RlConfig, train_rl
-from mam_policies.rl_checkpoint import load_checkpoint
+from mam_policies.algorithms.bc import BcConfig, train_bc
+from mam_policies.algorithms.rl import CONTROL_MODE, RlConfig, train_rl
+from mam_policies.algorithms.rl_checkpoint import load_checkpoint
 from mam_policies.run import EnvChoice, MlpPolicy, RunInfo
 
 pytestmark = pytest.mark.slow  # each starts processes with a simulator and kills them
@@ -70,7 +70,7 @@ def test_killed_cloning_ends_the_same(drawer: Path, tmp_path: Path) -> None:
 RL = """
 import sys
 from pathlib import Path
-from mam_policies.rl import CONTROL_MODE, RlConfig, train_rl
+from mam_policies.algorithms.rl import CONTROL_MODE, RlConfig, train_rl
 from mam_policies.run import EnvChoice
 choice = EnvChoice((sys.argv[1],), control_mode=CONTROL_MODE, max_steps=30)
 config = RlConfig("{algo}", {steps}, curriculum=False, rollout=64, save_every=64)

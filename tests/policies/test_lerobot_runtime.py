@@ -40,7 +40,7 @@ def test_stock_runtime_sends_our_actions(run_folder: Path, exported: Path, drawe
     """LeRobot's predict_action on motor values against our Actor on the simulator's observation."""
     from lerobot.utils.control_utils import predict_action
 
-    from mam_policies.body import Body
+    from mam_policies.lerobot.robot_interface import Body
     from mam_policies.run import Actor, EnvChoice, MlpPolicy, flat
 
     policy, before, after = _load(exported)
@@ -64,7 +64,7 @@ def test_stock_runtime_sends_our_actions(run_folder: Path, exported: Path, drawe
 
 def test_units_of_the_mapping_reach_the_motors(exported: Path) -> None:
     """The same policy for an arm that counts backwards in degrees from another zero."""
-    from mam_policies.lerobot_policy import PERCEIVED, Converter
+    from mam_policies.lerobot.policy import PERCEIVED, Converter
 
     policy, *_ = _load(exported)
     plan = policy.config.plan
@@ -82,9 +82,9 @@ def test_units_of_the_mapping_reach_the_motors(exported: Path) -> None:
 
 def test_changes_of_targets_become_absolute_targets(drawer: Path) -> None:
     """A policy of reinforcement learning: the targets sent are those of the simulator's drives."""
-    from mam_policies.body import mapping_of
-    from mam_policies.export_lerobot import deployment
-    from mam_policies.lerobot_policy import PERCEIVED, Converter
+    from mam_policies.lerobot.export import deployment
+    from mam_policies.lerobot.policy import PERCEIVED, Converter
+    from mam_policies.lerobot.robot_interface import mapping_of
     from mam_policies.run import Actor, EnvChoice, MlpPolicy, RunInfo, describe_env, flat
 
     choice = EnvChoice((str(drawer),), control_mode="pd_joint_target_delta_pos")
@@ -112,8 +112,8 @@ def test_changes_of_targets_become_absolute_targets(drawer: Path) -> None:
 
 
 def test_so100_speaks_degrees_and_percent(drawer: Path) -> None:
-    from mam_policies.body import Body
-    from mam_policies.joint_mapping import JointMapping, MotorMap
+    from mam_policies.lerobot.joint_mapping import JointMapping, MotorMap
+    from mam_policies.lerobot.robot_interface import Body
     from mam_policies.run import EnvChoice
 
     arm = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
@@ -210,7 +210,7 @@ def test_dataset_export_and_a_few_steps_of_training(
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
     from mam_policies.collect import CollectConfig, collect
-    from mam_policies.export_lerobot import export_dataset
+    from mam_policies.lerobot.export import export_dataset
 
     collect(CollectConfig(str(drawer), episodes=1), tmp_path / "demos")
     out = tmp_path / "out"

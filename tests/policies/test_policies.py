@@ -14,12 +14,12 @@ import pytest
 import torch
 
 from mam_pipeline.errors import ConfigError, InputError
-from mam_policies.bc import BcConfig, Demonstration, fit, positions, train_bc
-from mam_policies.body import Body, Faults
+from mam_policies.algorithms.bc import BcConfig, Demonstration, fit, positions, train_bc
+from mam_policies.algorithms.rl import CONTROL_MODE, GAMMA, Plain, RlConfig, train_rl
 from mam_policies.expert import Expert
-from mam_policies.interval import wilson
-from mam_policies.rl import CONTROL_MODE, GAMMA, Plain, RlConfig, train_rl
+from mam_policies.lerobot.robot_interface import Body, Faults
 from mam_policies.run import Actor, EnvChoice, MlpPolicy, RunInfo
+from mam_policies.wilson import wilson
 from mam_sim.cli import main as mam_sim
 
 

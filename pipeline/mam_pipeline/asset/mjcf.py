@@ -12,11 +12,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mam_pipeline.asset.card import Asset, CardJoint
-from mam_pipeline.asset.urdf import numbers
-from mam_pipeline.bench.dataset import parse_urdf
 from mam_pipeline.formats.gltf import read_gltf
 from mam_pipeline.formats.obj import write_obj
 from mam_pipeline.formats.soup import join
+from mam_pipeline.formats.urdf_writer import numbers
+from mam_pipeline.ground_truth import parse_urdf
 from mam_pipeline.types import Mesh
 
 _GROUP = {"visual": "2", "collision": "3"}

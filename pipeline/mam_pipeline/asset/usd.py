@@ -9,11 +9,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.bench.dataset import parse_urdf, rest_frames
-from mam_pipeline.bench.urdf_mesh import read_triangles
 from mam_pipeline.errors import BackendError
 from mam_pipeline.formats.gltf import read_gltf
 from mam_pipeline.formats.soup import join
+from mam_pipeline.formats.urdf_mesh import read_triangles
+from mam_pipeline.ground_truth import parse_urdf, rest_frames
 from mam_pipeline.types import FloatArray, Material
 
 

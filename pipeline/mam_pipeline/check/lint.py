@@ -12,7 +12,7 @@ import numpy as np
 from mam_pipeline.check import thresholds as limits
 from mam_pipeline.check.report import Finding
 from mam_pipeline.errors import MamSimError
-from mam_pipeline.meshio import SUFFIXES, read_file
+from mam_pipeline.formats.mesh_files import SUFFIXES, read_file
 
 MOVING = ("revolute", "continuous", "prismatic")
 KNOWN = (*MOVING, "fixed")

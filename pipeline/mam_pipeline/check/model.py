@@ -11,10 +11,10 @@ import numpy as np
 import trimesh
 
 from mam_pipeline.asset.surface import hull_of
-from mam_pipeline.bench.dataset import carrier, parse_urdf, rest_frames
-from mam_pipeline.bench.urdf_mesh import read_triangles, resolve
+from mam_pipeline.formats.urdf_input import read_urdf
+from mam_pipeline.formats.urdf_mesh import read_triangles, resolve
+from mam_pipeline.ground_truth import carrier, parse_urdf, rest_frames
 from mam_pipeline.types import Articulation, FloatArray
-from mam_pipeline.urdf_input import read_urdf
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class CheckModel:
         """The same object in another pose: joint name -> value; others stay at rest (0)."""
         if not any(abs(v) > 1e-9 for v in values.values()):
             return self
-        from mam_pipeline.render import posed
+        from mam_pipeline.render.mesh_pictures import posed
 
         old = self.articulation
         poses = old.link_poses(values)

@@ -9,7 +9,7 @@ from PIL import Image
 
 from mam_pipeline.asset.dynamics import carried_links
 from mam_pipeline.check.report import CheckReport, JointReport
-from mam_pipeline.render import contact_sheet, posed, render_mesh
+from mam_pipeline.render.mesh_pictures import contact_sheet, posed, render_mesh
 from mam_pipeline.types import Articulation
 
 _STILL, _MOVED, _FAILED = (185, 188, 194), (90, 150, 220), (222, 88, 72)

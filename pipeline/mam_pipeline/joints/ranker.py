@@ -195,7 +195,7 @@ def unpack(data: dict[str, Any], skin: bool = False) -> Model:
         if tuple(data.get(key, ())) != tuple(expected):
             raise ConfigError(
                 f"the joint ranker's weights were made for other features ({key} differ); "
-                "train again: python -m mam_pipeline.joints.train_ranker"
+                "train again: python -m mam_training.joints.train"
             )
     values: dict[str, Any] = {}
     own = data.get("of_skins", {}) if skin else {}

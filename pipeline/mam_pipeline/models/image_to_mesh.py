@@ -22,8 +22,8 @@ from PIL import Image
 
 from mam_pipeline.backends import Availability, Reconstruction
 from mam_pipeline.errors import BackendError, HintNeeded, InputError, MamSimError
+from mam_pipeline.formats.mesh_files import load_mesh
 from mam_pipeline.hints import Hints
-from mam_pipeline.meshio import load_mesh
 from mam_pipeline.models import external, settings
 from mam_pipeline.photo.fused import body_of, cut_from_photo
 

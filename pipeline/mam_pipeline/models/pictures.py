@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from mam_pipeline.models.views import View
+from mam_pipeline.render.orbit_views import View
 from mam_pipeline.types import FloatArray, IntArray, Mesh
 
 Picture = NDArray[np.uint8]

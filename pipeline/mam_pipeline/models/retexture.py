@@ -14,8 +14,8 @@ import numpy as np
 from mam_pipeline import backends
 from mam_pipeline.backends import Availability, Retexturer
 from mam_pipeline.errors import BackendError, ConfigError, InputError
+from mam_pipeline.formats.mesh_files import read_file, save_glb
 from mam_pipeline.formats.soup import join
-from mam_pipeline.meshio import read_file, save_glb
 from mam_pipeline.models import settings
 from mam_pipeline.models.image_to_mesh import TENCENT, HunyuanReconstructor, ask_server
 from mam_pipeline.types import Articulation, Mesh

@@ -18,8 +18,9 @@ from PIL import Image
 
 from mam_pipeline.backends import Availability, KinematicPrior
 from mam_pipeline.errors import BackendError, ConfigError
-from mam_pipeline.models import external, pictures, settings, views
+from mam_pipeline.models import external, pictures, settings
 from mam_pipeline.prior.masks import load_masks, prior_from_masks
+from mam_pipeline.render import orbit_views as views
 from mam_pipeline.types import IntArray, Mesh, Primitives
 
 VARIABLE = "MAM_SIM_SP4D"
@@ -59,7 +60,7 @@ class FilePrior:
     """Kinematic masks that somebody else made: masks.npz in the folder MAM_SIM_PRIOR_FILE.
 
     The file holds `masks` (N, H, H) integers with -1 as background, `azimuth` and `elevation` (N,)
-    in degrees for the cameras of `mam_pipeline.models.views.look`, and may hold their `fov`
+    in degrees for the cameras of `mam_pipeline.render.orbit_views.look`, and may hold their `fov`
     (radians) and `distance` (diagonals). Every run leaves such a file in stages/2_prior.
     """
 

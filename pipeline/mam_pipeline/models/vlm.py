@@ -21,8 +21,9 @@ from pydantic import BaseModel, ValidationError
 from mam_pipeline.backends import Availability, KinematicPrior
 from mam_pipeline.errors import BackendError, ConfigError
 from mam_pipeline.models import album as albums
-from mam_pipeline.models import answers, questions, settings, views
+from mam_pipeline.models import answers, questions, settings
 from mam_pipeline.models.transports import FileTransport, OpenAITransport, Question, Transport
+from mam_pipeline.render import orbit_views as views
 from mam_pipeline.types import IntArray, KinematicTree, Mesh, Primitives
 
 REPAIRS = 2

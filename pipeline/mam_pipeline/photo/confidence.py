@@ -1,7 +1,7 @@
 """How far to trust a reading: probabilities that box, panels and handles are right, as words.
 
 Each probability is a logistic function of a few numbers that the reading itself yields. Weights
-and the limits of "high" and "medium" stand in confidence.json; benchmarks/photo_confidence.py
+and the limits of "high" and "medium" stand in confidence.json; mam_training.photo.fit_confidence
 fits them on rendered photos with exact truth (no real photo is used) and keeps the count of
 photos and what came out beside them.
 """

@@ -325,7 +325,7 @@ BUSY = 20  # column of `features`: share of ornament or weave under the patch
 
 @lru_cache(maxsize=2)
 def _model(name: str) -> Any:
-    """Boosted trees trained on synthetic photos only (benchmarks/photo_handles.py)."""
+    """Boosted trees trained on synthetic photos only (mam_training.photo.train_handles)."""
     import lightgbm
 
     return lightgbm.Booster(model_file=str(Path(__file__).with_name(name)))

@@ -172,7 +172,7 @@ def body_of(photo: Photo, found: Found, sizes: Sizes) -> BodySpec:
 def judge(found: Found, options: PhotoOptions) -> Judgement:
     """Turn what was found into words; what the user gave is high.
 
-    The words are those fitted by benchmarks/photo_confidence.py; without such a fit, limits set
+    The words are those fitted by mam_training.photo.fit_confidence; without such a fit, limits set
     by hand. A box that explains the photo badly stays low whatever was fitted: renders hold no
     open doors and no rooms, real photos do.
     """

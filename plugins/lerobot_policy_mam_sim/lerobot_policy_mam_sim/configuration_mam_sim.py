@@ -9,7 +9,7 @@ from lerobot.configs.policies import PreTrainedConfig
 from lerobot.configs.types import NormalizationMode
 from lerobot.optim.optimizers import AdamConfig
 
-from mam_policies.lerobot_policy import Deployment
+from mam_policies.lerobot.policy import Deployment
 
 
 @PreTrainedConfig.register_subclass("mam_sim")

@@ -11,8 +11,8 @@ from lerobot.configs.types import FeatureType, PolicyFeature
 from lerobot.envs.configs import EnvConfig
 from lerobot.utils.constants import ACTION, OBS_STATE
 
-from mam_policies.body import Body
-from mam_policies.lerobot_policy import PERCEIVED
+from mam_policies.lerobot.policy import PERCEIVED
+from mam_policies.lerobot.robot_interface import Body
 from mam_policies.run import EnvChoice
 
 
@@ -41,7 +41,7 @@ class MamSimEnvConfig(EnvConfig):
 
     def __post_init__(self) -> None:
         """The sizes of the vectors follow from the robot."""
-        from mam_envs.robots import robot_spec
+        from mam_envs.robots.catalogue import robot_spec
 
         spec = robot_spec(self.robot)
         movable = [j for j in spec.model.joints if j.type != "fixed"]
@@ -110,7 +110,7 @@ class MamSimGym(gym.Env):
     def render(self) -> Any:
         """(H, W, 3) uint8, ray-cast."""
         if self._camera is None:
-            from mam_envs.video import Camera
+            from mam_envs.scene.video import Camera
 
             self._camera = Camera(self.body.env, self._picture)
         return self._camera.shoot()

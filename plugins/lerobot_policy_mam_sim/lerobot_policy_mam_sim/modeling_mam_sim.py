@@ -9,7 +9,7 @@ from lerobot.policies.pretrained import PreTrainedPolicy
 from lerobot.utils.constants import OBS_STATE
 
 from lerobot_policy_mam_sim.configuration_mam_sim import MamSimConfig
-from mam_policies.lerobot_policy import PERCEIVED, Converter
+from mam_policies.lerobot.policy import PERCEIVED, Converter
 from mam_policies.run import MlpPolicy
 
 

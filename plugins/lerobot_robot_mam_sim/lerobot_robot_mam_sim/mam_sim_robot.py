@@ -12,8 +12,8 @@ import numpy as np
 from lerobot.robots.robot import Robot
 
 from lerobot_robot_mam_sim.config_mam_sim_robot import MamSimRobotConfig
-from mam_policies.body import Body, Faults
-from mam_policies.lerobot_policy import PERCEIVED
+from mam_policies.lerobot.policy import PERCEIVED
+from mam_policies.lerobot.robot_interface import Body, Faults
 from mam_policies.run import EnvChoice
 
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mam_envs.holds import PlacementError
-from mam_envs.reach import (
+from mam_envs.grasping.holds import PlacementError
+from mam_envs.grasping.surface_holds import surface_holds
+from mam_envs.placement.arm_path import (
     ArmPath,
     Hold,
     Search,
@@ -18,9 +19,8 @@ from mam_envs.reach import (
     search,
     tool_path,
 )
-from mam_envs.robots import RobotSpec
-from mam_envs.situation import Situation
-from mam_envs.surface_holds import surface_holds
+from mam_envs.robots.catalogue import RobotSpec
+from mam_envs.tasks.planner_state import Situation
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.types import FloatArray
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from mam_envs.env import OperateJointEnv
-from mam_envs.reach import Hold
-from mam_envs.situation import Situation
+from mam_envs.placement.arm_path import Hold
+from mam_envs.tasks.planner_state import Situation
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import FloatArray
 from mam_policies.expert.plan import Plan, PlanningError, correction, hand_travel, plan

@@ -1,0 +1,1 @@
+"""Robot arms: how each reaches, grips and is commanded; kinematics from their URDF files."""

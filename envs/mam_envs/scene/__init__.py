@@ -1,0 +1,1 @@
+"""The simulated scene: the object, what stands around it, randomisation, contacts, pictures."""

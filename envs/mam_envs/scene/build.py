@@ -1,0 +1,224 @@
+"""The world round the object: floor or table, stands, walls, lights, cameras, the object."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import sapien
+from mani_skill.sensors.camera import CameraConfig
+from mani_skill.utils import sapien_utils
+from mani_skill.utils.building.ground import build_ground
+from mani_skill.utils.building.urdf_loader import URDFLoader
+from mani_skill.utils.structs import Articulation
+
+from mam_envs.config import CameraSpec, JointGoal, SceneConfig
+from mam_envs.placement.base import Placement, object_pose
+from mam_envs.robots.catalogue import RobotSpec
+from mam_envs.scene.object_model import ObjectModel
+from mam_pipeline.types import FloatArray
+
+if TYPE_CHECKING:
+    from mani_skill.envs.scene import ManiSkillScene
+
+TABLE_HEIGHT = 0.75
+OBJECT_BIT = 28
+"""Bodies that share this bit do not collide: the object's own links (whose fit is checked offline
+by `mam-sim check`; convex pieces that graze each other would jam it) and what it stands on (a door
+that ends at the floor would rub there)."""
+WOOD, GREY, WHITE = (0.58, 0.44, 0.31, 1.0), (0.35, 0.36, 0.38, 1.0), (0.86, 0.86, 0.84, 1.0)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """One asset with its task and place, ready to be built.
+
+    Attributes:
+        goals: one or, for a sequence, several joints in order.
+        handles: (3,) per goal, the point to hold, asset frame at rest.
+    """
+
+    model: ObjectModel
+    goals: tuple[JointGoal, ...]
+    placement: Placement
+    robot: RobotSpec
+    handles: tuple[FloatArray, ...]
+
+    @property
+    def world_asset(self) -> FloatArray:
+        """(4, 4) nominal world_T_asset."""
+        return object_pose(self.model, self.placement.object_height, (0.0, 0.0), 0.0)
+
+    def view(self) -> tuple[FloatArray, float, float]:
+        """What a camera should see: middle (3,) and diagonal of the object, its open part and the
+        upper arm; and the side (+1 or -1 along y) on which the arm is not in the way."""
+        boxes = [self.model.bounds()]
+        for goal in self.goals:
+            boxes += [self.model.bounds({goal.joint: v}) for v in (goal.closed, goal.open)]
+        pose = self.world_asset
+        base = self.placement.base[:3, 3]
+        points = np.concatenate([np.concatenate(boxes) + pose[:3, 3], base[None]])
+        low, high = points.min(axis=0), points.max(axis=0)
+        handle = pose[:3, :3] @ self.handles[0] + pose[:3, 3]
+        side = -1.0 if base[1] >= handle[1] - 0.02 else 1.0
+        return 0.5 * (low + high), float(np.linalg.norm(high - low)), side
+
+    def block(self) -> FloatArray | None:
+        """(2, 3) world box of the stand below the object, or None."""
+        if self.placement.object_height <= 0:
+            return None
+        low, high = self.model.bounds()
+        pose = self.world_asset
+        low, high = low + pose[:3, 3], high + pose[:3, 3]
+        return np.array([[low[0], low[1], 0.0], [high[0], high[1], low[2]]])
+
+
+class ObjectLoader(URDFLoader):
+    """ManiSkill's URDF loader that leaves visuals out where nothing is rendered."""
+
+    visual_free = False
+
+    def _build_link(self, link: Any, builder: Any) -> Any:
+        if self.visual_free:
+            link.visuals = []
+        return super()._build_link(link, builder)
+
+
+def build_object(scene: ManiSkillScene, layout: Layout, index: int, name: str) -> Articulation:
+    """Load one asset into sub-scene `index`, its base fixed to the world."""
+    loader = ObjectLoader()
+    loader.set_scene(scene)
+    loader.name = name
+    loader.fix_root_link = True
+    loader.scale = layout.model.scale
+    loader.visual_free = not scene.can_render()
+    builder = loader.parse(str(layout.model.asset.urdf_path))["articulation_builders"][0]
+    builder.set_scene_idxs([index])
+    builder.initial_pose = sapien.Pose(layout.world_asset)
+    built = builder.build(name=name)
+    for link in built.links:
+        link.set_collision_group_bit(group=2, bit_idx=OBJECT_BIT, bit=1)
+    return built
+
+
+def surface_of(config: SceneConfig, layout: Layout) -> str:
+    """Resolve "auto": small objects stand on a table, large ones on the floor."""
+    if layout.robot.floor_only:
+        return "floor"
+    if config.surface != "auto":
+        return config.surface
+    low, high = layout.model.bounds()
+    return "table" if high[2] - low[2] < 0.6 and layout.placement.base_height < 0.3 else "floor"
+
+
+def build_world(scene: ManiSkillScene, config: SceneConfig, layouts: list[Layout]) -> None:
+    """Ground (z = 0 carries robot and object), stands, wall. `layouts`: one per sub-scene."""
+    table = surface_of(config, layouts[0]) == "table"
+    if table:
+        build_ground(scene, altitude=-TABLE_HEIGHT, floor_width=40)
+        _box(scene, "table", (-0.3, 0.0, -0.02), (2.4, 2.4, 0.04), WOOD, None)
+    else:
+        ground = build_ground(scene, floor_width=40)
+        ground.set_collision_group_bit(group=2, bit_idx=OBJECT_BIT, bit=1)
+    for i, layout in enumerate(layouts):
+        _stands(scene, layout, i)
+        if config.wall and scene.can_render():
+            _walls(scene, layout, -TABLE_HEIGHT if table else 0.0, i)
+
+
+def _walls(scene: ManiSkillScene, layout: Layout, floor: float, i: int) -> None:
+    """Two walls of a room: behind the object, and on the side that the camera looks at."""
+    low, high = layout.model.bounds()
+    depth = float(0.5 * (high[0] - low[0])) + 0.9
+    _, _, side = layout.view()
+    wide = float(high[1] - low[1]) + 2.2
+    tall, middle = 4.0, floor + 2.0
+    _box(scene, f"wall_{i}", (depth, 0, middle), (0.05, 14.0, tall), WHITE, i, solid=False)
+    across = (depth - 7.0, -side * wide, middle)
+    _box(scene, f"side_wall_{i}", across, (14.0, 0.05, tall), WHITE, i, solid=False)
+
+
+def _stands(scene: ManiSkillScene, layout: Layout, i: int) -> None:
+    """What robot and object stand on; the robot's own stand takes no part in contacts."""
+    height = layout.placement.base_height
+    if height > 0:
+        at = layout.placement.base[:3, 3]
+        w = 2.0 * layout.robot.base_radius
+        middle = (float(at[0]), float(at[1]), 0.5 * height)
+        _box(scene, f"robot_stand_{i}", middle, (w, w, height), GREY, i, solid=False)
+    block = layout.block()
+    if block is not None:
+        _box(scene, f"object_stand_{i}", 0.5 * (block[0] + block[1]), block[1] - block[0], GREY, i)
+
+
+def _box(
+    scene: ManiSkillScene,
+    name: str,
+    middle: Sequence[float] | FloatArray,
+    size: Sequence[float] | FloatArray,
+    colour: tuple[float, float, float, float],
+    index: int | None,
+    solid: bool = True,
+) -> None:
+    builder = scene.create_actor_builder()
+    half = [0.5 * float(s) for s in size]
+    if solid:
+        builder.add_box_collision(half_size=half)
+    elif not scene.can_render():
+        return
+    if scene.can_render():
+        material = sapien.render.RenderMaterial(base_color=colour, roughness=0.7, specular=0.2)
+        builder.add_box_visual(half_size=half, material=material)
+    builder.initial_pose = sapien.Pose(p=[float(v) for v in middle])
+    if index is not None:
+        builder.set_scene_idxs([index])
+    built = builder.build_static(name=name)
+    if solid:
+        built.set_collision_group_bit(group=2, bit_idx=OBJECT_BIT, bit=1)
+
+
+def camera(
+    uid: str, spec: CameraSpec, layout: Layout, noise: FloatArray | None = None
+) -> CameraConfig:
+    """ManiSkill's configuration of one camera; `noise` (3,) metres shifts its eye."""
+    eye, target = np.array(spec.eye, dtype=float), np.array(spec.target, dtype=float)
+    if spec.relative:
+        middle, size, side = layout.view()
+        mirror = np.array([1.0, side, 1.0])
+        eye, target = middle + size * mirror * eye, middle + size * mirror * target
+    if noise is not None:
+        eye = eye + noise
+    return CameraConfig(
+        uid,
+        pose=sapien_utils.look_at(eye=eye.tolist(), target=target.tolist()),
+        width=spec.width,
+        height=spec.height,
+        fov=float(np.deg2rad(spec.fov)),
+        near=0.01,
+        far=60,
+    )
+
+
+def build_lights(scene: ManiSkillScene, factor: float, shadow: bool) -> None:
+    """A lamp from the front, a fill light, ambient light; all times `factor`."""
+    scene.set_ambient_light([0.35 * factor] * 3)
+    scene.add_directional_light(
+        [1.0, 0.6, -1.2], [1.1 * factor] * 3, shadow=shadow, shadow_scale=5, shadow_map_size=2048
+    )
+    scene.add_directional_light([0.2, -1.0, -0.6], [0.5 * factor] * 3)
+
+
+def tint(articulation: Articulation, colour: FloatArray, share: float) -> None:
+    """Mix every material of an object with `colour` (3,)."""
+    for link in articulation.links:
+        for raw in link._objs:
+            body = raw.entity.find_component_by_type(sapien.render.RenderBodyComponent)
+            if body is None:
+                continue
+            for shape in body.render_shapes:
+                for part in shape.parts:
+                    base = np.array(part.material.base_color)
+                    base[:3] = (1 - share) * base[:3] + share * colour
+                    part.material.set_base_color(base)

@@ -1,0 +1,324 @@
+"""The articulated object as planning sees it: kinematics, convex pieces, grasps, joint ranges."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from scipy.spatial import ConvexHull, QhullError
+
+from mam_envs.robots.kinematics import KinematicModel
+from mam_pipeline.asset.card import Asset, CardGrasp, CardJoint
+from mam_pipeline.errors import InputError, NotPhysicalError, unknown_name
+from mam_pipeline.types import FloatArray, IntArray
+
+GRAVITY = 9.81
+WALL, WALL_STEP = 0.008, 0.003
+"""Metres: pieces thinner than the first are walls, sampled at the second."""
+MOST_SAMPLES = 4000
+THIN = 0.25
+"""Share of a piece's thickness that a dip may not exceed: what runs through a thin wall is never
+deep in it."""
+
+Hull = tuple[FloatArray, FloatArray]
+"""A convex shape: its box (2, 3) and planes (M, 4), inside where n . x + d <= 0."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A convex collision piece in its link's frame: `planes` (M, 4) rows (normal, offset),
+    inside where normal . x + offset <= 0; `points` (V, 3) its corners."""
+
+    planes: FloatArray
+    points: FloatArray
+
+    @cached_property
+    def thickness(self) -> float:
+        """Least distance (m) between a face and the corner farthest from it."""
+        return float(-(self.points @ self.planes[:, :3].T + self.planes[:, 3]).min(axis=0).max())
+
+
+@dataclass(frozen=True)
+class ObjectModel:
+    """An asset at one scale; lengths are in metres after scaling, frames as in the asset."""
+
+    asset: Asset
+    kinematics: KinematicModel
+    scale: float
+
+    @staticmethod
+    def load(asset: Asset, scale: float = 1.0) -> ObjectModel:
+        """Read the asset's URDF.
+
+        Raises:
+            InputError: the URDF is missing or broken, or the card names a joint it lacks.
+        """
+        if not asset.urdf_path.is_file():
+            raise InputError(f"{asset.folder} names {asset.card.urdf}, which does not exist")
+        kinematics = KinematicModel.load(asset.urdf_path, scale)
+        names = {j.name for j in kinematics.joints}
+        for joint in asset.card.joints:
+            if joint.name not in names:
+                raise InputError(f"{asset.folder}: joint {joint.name!r} is not in the URDF")
+        return ObjectModel(asset, kinematics, scale)
+
+    def card_joint(self, name: str) -> CardJoint:
+        """The card's entry of a joint, or an error that names the others."""
+        movable = [j for j in self.asset.card.joints if j.type != "fixed"]
+        for joint in movable:
+            if joint.name == name:
+                return joint
+        raise unknown_name("joint", name, [j.name for j in movable])
+
+    def default_joint(self) -> str:
+        """The most confident joint that has a grasp (then the first movable one)."""
+        movable = [j for j in self.asset.card.joints if j.type != "fixed"]
+        if not movable:
+            raise NotPhysicalError(f"{self.asset.card.name} has no movable joint")
+        grasped = {g.joint for g in self.asset.card.grasps}
+        best = max(movable, key=lambda j: (j.name in grasped, j.confidence))
+        return best.name
+
+    def unit(self, joint: CardJoint) -> float:
+        """Factor from the card's joint values to this model's (scale for slides)."""
+        return self.scale if joint.type == "prismatic" else 1.0
+
+    def span(self, joint: CardJoint) -> tuple[float, float]:
+        """(closed, open) joint values; where the card does not say, closed is the limit next to
+        the rest pose. A continuous joint counts one turn."""
+        unit = self.unit(joint)
+        closed, open_ = joint.closed, joint.open
+        if abs(open_ - closed) < 1e-9:
+            if joint.lower is None or joint.upper is None:
+                closed, open_ = 0.0, 2 * np.pi
+            elif abs(joint.upper) >= abs(joint.lower):
+                closed, open_ = joint.lower, joint.upper
+            else:
+                closed, open_ = joint.upper, joint.lower
+        return closed * unit, open_ * unit
+
+    def limits(self, joint: CardJoint) -> tuple[float, float]:
+        """(lower, upper), infinite for continuous joints."""
+        unit = self.unit(joint)
+        lower = -np.inf if joint.lower is None else joint.lower * unit
+        upper = np.inf if joint.upper is None else joint.upper * unit
+        return lower, upper
+
+    def grasps(self, joint: str) -> list[CardGrasp]:
+        """The joint's grasps, most confident first, scaled, and after them those of the joints
+        that it carries (a door is opened by the knob on it)."""
+        found = [g for g in self.asset.card.grasps if g.joint == joint]
+        carried = set(self.moving_links(joint))
+        found += [
+            replace(g, joint=joint, confidence=0.7 * g.confidence)
+            for g in self.asset.card.grasps
+            if g.joint != joint and g.link in carried and g.kind in ("handle", "knob", "edge")
+        ]
+        s = self.scale
+        rows = [
+            replace(g, position=[s * v for v in g.position], width=g.width * s, depth=g.depth * s)
+            for g in found
+        ]
+        return sorted(rows, key=lambda g: -g.confidence)
+
+    def moving_links(self, joint: str) -> tuple[str, ...]:
+        """Links that the joint carries."""
+        return self.kinematics.subtree(self.kinematics.joint(joint).child)
+
+    def mass(self, joint: str) -> float:
+        """Kilograms carried by the joint, from the URDF."""
+        moving = self.moving_links(joint)
+        total = 0.0
+        for link in self.kinematics.robot.links:
+            if link.name in moving and link.inertial is not None:
+                total += float(link.inertial.mass or 0.0)
+        return total * self.scale**3
+
+    def motion(self, joint: str, q: FloatArray, others: Mapping[str, float]) -> FloatArray:
+        """asset_T_moved (N, 4, 4): what carries points of the moving link from the rest pose
+        (q = 0 of every joint) to joint values `q` (N,), the other joints at `others`."""
+        child = self.kinematics.joint(joint).child
+        rest = self.kinematics.link_pose(child, {})[0]
+        poses = self.kinematics.link_pose(child, {**others, joint: q})
+        return poses @ np.linalg.inv(rest)
+
+    def holding_force(
+        self, joint: str, q: FloatArray, point: FloatArray, width: float = 0.0
+    ) -> float:
+        """Largest force (N) at `point` (3,) (asset frame, rest) that gravity and friction ask for
+        along the path `q` (N,): virtual work over the point's travel, or over that of the fingers
+        round a knob `width` metres across."""
+        moving = self.moving_links(joint)
+        poses = self.kinematics.link_poses({joint: q})
+        energy = np.zeros(len(q))
+        for link in self.kinematics.robot.links:
+            if link.name not in moving or link.inertial is None or not link.inertial.mass:
+                continue
+            centre = np.zeros(3) if link.inertial.origin is None else link.inertial.origin[:3, 3]
+            height = poses[link.name][:, 2, :3] @ (centre * self.scale) + poses[link.name][:, 2, 3]
+            energy += float(link.inertial.mass) * self.scale**3 * GRAVITY * height
+        motion = self.motion(joint, q, {})
+        where = motion[:, :3, :3] @ point + motion[:, :3, 3]
+        travel = np.linalg.norm(np.diff(where, axis=0), axis=1)
+        if self.kinematics.joint(joint).type != "prismatic":
+            travel = np.maximum(travel, np.abs(np.diff(q)) * max(0.5 * width, 0.005))
+        travel = np.maximum(travel, 1e-6)
+        friction = self.card_joint(joint).friction * np.abs(np.diff(q))
+        return float(np.max((np.maximum(np.diff(energy), 0.0) + friction) / travel, initial=0.0))
+
+    @cached_property
+    def pieces(self) -> dict[str, tuple[Piece, ...]]:
+        """Convex collision pieces of every link."""
+        return {
+            link.name: tuple(
+                p for c in link.collisions for p in _pieces(c, self.asset.urdf_path, self.scale)
+            )
+            for link in self.kinematics.robot.links
+        }
+
+    def bounds(self, q: Mapping[str, float] | None = None) -> FloatArray:
+        """(2, 3) box of the collision pieces at joint values `q`, asset frame."""
+        poses = self.kinematics.link_poses(q or {})
+        rows = [
+            piece.points @ poses[name][0][:3, :3].T + poses[name][0][:3, 3]
+            for name, pieces in self.pieces.items()
+            for piece in pieces
+        ]
+        if not rows:
+            raise NotPhysicalError(f"{self.asset.card.name} has no collision shapes")
+        points = np.concatenate(rows)
+        return np.stack([points.min(axis=0), points.max(axis=0)])
+
+    @cached_property
+    def footprint(self) -> FloatArray:
+        """(2, 3) box at the rest pose (of `bounds()`), remembered."""
+        return self.bounds()
+
+    @cached_property
+    def boxes(self) -> dict[str, FloatArray]:
+        """(P, 2, 3) box of every link's pieces, link frame."""
+        return {
+            name: np.array([[p.points.min(axis=0), p.points.max(axis=0)] for p in pieces])
+            for name, pieces in self.pieces.items()
+            if pieces
+        }
+
+    def depth(
+        self, points: FloatArray, q: Mapping[str, float], skip: tuple[str, ...] = ()
+    ) -> FloatArray:
+        """(N,) how deep points (N, 3), asset frame, lie inside the object; -inf outside."""
+        out = np.full(len(points), -np.inf)
+        for rows, depth, _ in self._dips(points, q, skip):
+            out[rows] = np.maximum(out[rows], depth)
+        return out
+
+    def runs_into(
+        self,
+        points: FloatArray,
+        q: Mapping[str, float],
+        slack: float = 0.0,
+        skip: tuple[str, ...] = (),
+    ) -> bool:
+        """Whether any of the points (N, 3), asset frame, is deeper inside the object than `slack`
+        (m), or than a share of a thin piece's thickness."""
+        return any(
+            bool((depth > min(slack, THIN * piece.thickness)).any())
+            for _, depth, piece in self._dips(points, q, skip)
+        )
+
+    @cached_property
+    def walls(self) -> dict[str, FloatArray]:
+        """(N, 3) points, about 3 mm apart, on every link's thin pieces, link frame: what a hand's
+        own points would miss."""
+        out = {}
+        for name, pieces in self.pieces.items():
+            rows = []
+            for piece in pieces:
+                if piece.thickness < WALL:
+                    hull = trimesh.convex.convex_hull(piece.points)
+                    count = min(int(hull.area / WALL_STEP**2), MOST_SAMPLES)
+                    rows += [trimesh.sample.sample_surface(hull, count, seed=0)[0], piece.points]
+            if rows:
+                out[name] = np.concatenate(rows)
+        return out
+
+    def cuts_into(
+        self, hulls: Sequence[Hull], pose: FloatArray, q: Mapping[str, float], slack: float
+    ) -> bool:
+        """Whether a thin piece runs more than `slack` (m) into convex shapes that stand in the
+        frame `pose` (4, 4), asset frame."""
+        poses = self.kinematics.link_poses(q)
+        into = np.linalg.inv(pose)
+        low = np.min([box[0] for box, _ in hulls], axis=0)
+        high = np.max([box[1] for box, _ in hulls], axis=0)
+        for name, points in self.walls.items():
+            m = into @ poses[name][0]
+            here = points @ m[:3, :3].T + m[:3, 3]
+            here = here[((here > low) & (here < high)).all(axis=1)]
+            for box, planes in hulls if len(here) else ():
+                near = here[((here > box[0]) & (here < box[1])).all(axis=1)]
+                if ((near @ planes[:, :3].T + planes[:, 3]).max(axis=1) < -slack).any():
+                    return True
+        return False
+
+    def _dips(
+        self, points: FloatArray, q: Mapping[str, float], skip: tuple[str, ...]
+    ) -> Iterator[tuple[IntArray, FloatArray, Piece]]:
+        """For each piece that points lie in: their indices and depths (>= 0).
+
+        Boxes come first: of thousands of point-piece pairs a handful is left to be looked at.
+        """
+        poses = self.kinematics.link_poses(q)
+        for name, boxes in self.boxes.items():
+            if name in skip:
+                continue
+            pose = poses[name][0]
+            local = (points - pose[:3, 3]) @ pose[:3, :3]
+            low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+            near = np.flatnonzero(((local >= low) & (local <= high)).all(axis=1))
+            if not len(near):
+                continue
+            here = local[near]
+            inside = ((here[:, None] >= boxes[:, 0]) & (here[:, None] <= boxes[:, 1])).all(axis=2)
+            for k in np.flatnonzero(inside.any(axis=0)):
+                rows, piece = inside[:, k], self.pieces[name][k]
+                distance = (here[rows] @ piece.planes[:, :3].T + piece.planes[:, 3]).max(axis=1)
+                within = distance <= 0.0
+                if within.any():
+                    yield near[rows][within], -distance[within], piece
+
+
+def _pieces(collision: object, urdf: Path, scale: float) -> list[Piece]:
+    """The convex pieces of one URDF collision element, scaled."""
+    g = collision.geometry  # type: ignore[attr-defined]
+    if g.mesh is not None:
+        file = urdf.parent / g.mesh.filename.replace("package://", "")
+        if not file.is_file():
+            raise InputError(f"{urdf} names the mesh {g.mesh.filename}, which does not exist")
+        mesh: Any = trimesh.load(file, force="mesh", process=False)
+        if g.mesh.scale is not None:
+            mesh.apply_scale(g.mesh.scale)
+    elif g.box is not None:
+        mesh = trimesh.creation.box(g.box.size)
+    elif g.cylinder is not None:
+        mesh = trimesh.creation.cylinder(g.cylinder.radius, g.cylinder.length, sections=16)
+    elif g.sphere is not None:
+        mesh = trimesh.creation.icosphere(1, g.sphere.radius)
+    else:
+        return []
+    origin = collision.origin  # type: ignore[attr-defined]
+    points = np.asarray(mesh.vertices)
+    if origin is not None:
+        points = points @ origin[:3, :3].T + origin[:3, 3]
+    points = points * scale
+    try:
+        hull = ConvexHull(points)
+    except QhullError:  # flat: no volume to run into
+        return []
+    planes = np.unique(np.round(hull.equations, 7), axis=0)
+    return [Piece(planes, points[hull.vertices])]

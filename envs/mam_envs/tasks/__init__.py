@@ -1,0 +1,1 @@
+"""Tasks: what is asked of the robot, when it is done, and what is rewarded."""

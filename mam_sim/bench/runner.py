@@ -1,0 +1,327 @@
+"""Running the engine over a dataset: one record per object, resumable, parallel over processes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import os
+import tempfile
+import time
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, field, replace
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mam_pipeline.engine import EngineConfig, articulate_mesh, moved
+from mam_pipeline.errors import ConfigError, HintNeeded, MamSimError, NotPhysicalError
+from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
+from mam_pipeline.metrics import FoundJoint, JointScore, Scores, score
+from mam_pipeline.models import settings
+from mam_pipeline.types import Articulation
+
+GENERATED = "generated:"
+_CODE = (".py", ".txt", ".npz", ".json", ".gz")
+_NOT_ENGINE = ("photo", "check", "formats")
+
+
+@dataclass(frozen=True)
+class BenchConfig:
+    """What decides the numbers.
+
+    Attributes:
+        engine: backends and seed.
+        fuse: turn each input into one watertight surface first.
+        resolution, faces: of the fused surface.
+        noise: of the fused surface, as a share of its diagonal.
+        execute: write each asset and test it in the simulator.
+        settings: (name, value) pairs for external models, before the environment's.
+    """
+
+    engine: EngineConfig = field(default_factory=EngineConfig)
+    fuse: bool = False
+    resolution: int = 192
+    faces: int = 60_000
+    noise: float = 0.0
+    execute: bool = True
+    settings: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class Task:
+    """One object to run: a URDF path, or a generated category and seed."""
+
+    id: str
+    category: str
+    source: str
+    seed: int = -1
+
+    def load(self) -> GroundTruth:
+        """Read or generate the truth."""
+        if self.seed >= 0:
+            return generated_truth(self.category, self.seed)
+        return read_object(self.source, self.id, self.category)
+
+
+@dataclass(frozen=True)
+class Record:
+    """What came out for one object.
+
+    Attributes:
+        status: ok | nothing (the engine found nothing movable) | asked (a question waits for its
+            answer; such a record is not kept) | error.
+        bound: mIoU that a perfect grouping of the primitives would reach; None without them.
+        executable: all clauses of the check hold; None if not tested.
+        reasons: reason codes of the check.
+    """
+
+    id: str
+    category: str
+    key: str
+    status: str
+    why: str
+    scores: Scores
+    seconds: float
+    stages: dict[str, float]
+    faces: int
+    primitives: int
+    bound: float | None
+    executable: bool | None = None
+    reasons: tuple[str, ...] = ()
+    used: dict[str, str] = field(default_factory=dict)
+
+
+def find_tasks(dataset: str, only: Sequence[str] = (), limit: int | None = None) -> list[Task]:
+    """Objects of a dataset folder, or of `generated:SPLIT`.
+
+    Raises:
+        InputError: no such folder, or nothing in it.
+        ConfigError: an id of `only` that is not there.
+    """
+    if dataset.startswith(GENERATED):
+        from mam_world.splits import iterate
+
+        pairs = iterate(dataset.removeprefix(GENERATED), limit or 50)
+        tasks = [Task(f"{name}_{seed}", name, dataset, seed) for name, seed in pairs]
+    else:
+        tasks = [Task(name, kind, str(urdf)) for name, kind, urdf in list_objects(dataset)]
+    for name in only:
+        if name not in {t.id for t in tasks}:
+            known = ", ".join(t.id for t in tasks[:5])
+            raise ConfigError(f"no object {name!r} in {dataset}; it has {known} ...")
+    tasks = [t for t in tasks if not only or t.id in only]
+    return tasks if limit is None else tasks[:limit]
+
+
+def generated_truth(category: str, seed: int) -> GroundTruth:
+    """A generated object as ground truth: its file's surface, turned by a quarter turn or none."""
+    from mam_world.object import make_object
+
+    made = make_object(category, seed)
+    turn = np.eye(4)
+    quarter = zlib.crc32(made.name.encode()) % 4
+    c, s = [(1, 0), (0, 1), (-1, 0), (0, -1)][quarter]
+    turn[:2, :2] = [[c, -s], [s, c]]
+    truth = moved(made.truth(), turn)
+    mesh = replace(truth.mesh, face_group=None, group_names=("mesh",))
+    order = np.random.default_rng(quarter).permutation(len(mesh.faces))
+    assert mesh.face_material is not None
+    mesh = replace(mesh, faces=mesh.faces[order], face_material=mesh.face_material[order])
+    label = truth.face_link[order]
+    links = tuple(
+        replace(link, faces=np.flatnonzero(label == i)) for i, link in enumerate(truth.links)
+    )
+    return GroundTruth(made.name, category, mesh, label, links, truth.joints)
+
+
+def run_task(task: Task, config: BenchConfig) -> Record:
+    """Run the engine on one object and score it; a failure becomes a record too."""
+    from mam_pipeline.asset.interiors import add_interiors
+
+    truth = task.load()
+    mesh = truth.mesh
+    if config.fuse:
+        from mam_pipeline.geometry.fuse import fuse_mesh
+
+        mesh = fuse_mesh(mesh, config.resolution, config.noise, faces=config.faces)
+    status, why, found, run = "ok", "", None, None
+    began = time.perf_counter()
+    try:
+        with settings.given({**dict(config.settings), settings.SUBJECT: task.id}):
+            run = articulate_mesh(mesh, config=config.engine)
+        found, _ = add_interiors(run.articulation)  # as the asset is delivered
+    except HintNeeded as error:
+        status, why = "asked", str(error)
+    except NotPhysicalError as error:
+        status, why = "nothing", str(error)
+    except MamSimError as error:
+        status, why = "error", str(error)
+    except Exception as error:  # one broken object must not end the run
+        status, why = "error", f"{type(error).__name__}: {error}"
+    seconds = time.perf_counter() - began
+    executable: bool | None = None
+    reasons: tuple[str, ...] = ()
+    if found is not None and config.execute:
+        executable, reasons = execute(found, task.id)
+    elif found is None and config.execute:
+        executable, reasons = False, ("no_joint",)
+    return Record(
+        id=task.id,
+        category=task.category,
+        key=task_key(task, config),
+        status=status,
+        why=why,
+        scores=score(found, truth),
+        seconds=round(seconds, 3),
+        stages={} if run is None else {k: round(v, 3) for k, v in run.seconds.items()},
+        faces=len(mesh.faces),
+        primitives=0 if run is None else run.primitives.count,
+        bound=None if run is None else grouping_bound(mesh, run.primitives.labels, truth),
+        executable=executable,
+        reasons=reasons,
+        used={} if run is None else dict(run.used),
+    )
+
+
+def grouping_bound(mesh: Any, labels: Any, truth: GroundTruth) -> float:
+    """mIoU of the primitives of `mesh` when each is given to the link that most of it belongs to.
+
+    Args:
+        mesh: what was segmented; it may be fused.
+        labels: (F,) primitive of every face of `mesh`.
+    """
+    from mam_pipeline.geometry.sampling import face_geometry
+    from mam_pipeline.metrics import nearest_face
+    from mam_pipeline.types import Link
+
+    nearest = nearest_face(truth.mesh, mesh.vertices[mesh.faces].mean(axis=1))
+    owner = truth.face_link[nearest]
+    votes = np.zeros((int(labels.max()) + 1, len(truth.links)))
+    np.add.at(votes, (labels, owner), face_geometry(mesh.vertices, mesh.faces)[1] + 1e-15)
+    link = votes.argmax(axis=1)[labels]
+    links = tuple(
+        Link(n.name, n.kind, np.flatnonzero(link == i)) for i, n in enumerate(truth.links)
+    )
+    return score(Articulation(mesh, links, truth.joints), truth).miou
+
+
+def execute(found: Articulation, name: str) -> tuple[bool, tuple[str, ...]]:
+    """Write the asset to a temporary folder and run the check: (holds, reason codes)."""
+    from mam_pipeline.asset.mend import written_and_checked
+    from mam_pipeline.asset.writer import write_asset
+
+    with tempfile.TemporaryDirectory(prefix="mam_sim_bench_") as folder:
+        try:
+            low, high = found.mesh.bounds
+            shift = np.eye(4)
+            shift[:3, 3] = [*(-(low + high)[:2] / 2), -low[2]]
+            write = partial(write_asset, out=Path(folder) / "asset", name=name)
+            asset = written_and_checked(moved(found, shift), write)
+        except Exception as error:  # an asset that cannot be written or loaded does not execute
+            return False, (f"{type(error).__name__}: {error}"[:120],)
+    verdict = asset.card.checks["executability"]
+    return verdict["passed"], tuple(verdict["reasons"])
+
+
+def run_bench(
+    tasks: Sequence[Task],
+    config: BenchConfig,
+    log: Path | None = None,
+    jobs: int = 1,
+    on_done: Callable[[Record, bool], None] | None = None,
+) -> list[Record]:
+    """Run all tasks; records come back in the order of `tasks`.
+
+    Args:
+        log: JSON lines, one per object; those with the same key are reused, others appended.
+        jobs: processes.
+        on_done: called with each record and whether it was reused.
+    """
+    tell = on_done or (lambda _record, _reused: None)
+    known = read_log(log) if log is not None else {}
+    done: dict[str, Record] = {}
+    todo: list[Task] = []
+    for task in tasks:
+        record = known.get(task_key(task, config))
+        if record is None:
+            todo.append(task)
+        else:
+            done[task.id] = record
+            tell(record, True)
+    for record in _results(todo, config, jobs):
+        done[record.id] = record
+        if log is not None and record.status != "asked":
+            with log.open("a", encoding="utf-8") as stream:
+                stream.write(json.dumps(asdict(record)) + "\n")
+        tell(record, False)
+    return [done[t.id] for t in tasks if t.id in done]
+
+
+def read_log(log: Path) -> dict[str, Record]:
+    """Records of a log by key; a line cut short by a kill is passed over."""
+    out: dict[str, Record] = {}
+    if not log.is_file():
+        return out
+    for line in log.read_text(encoding="utf-8").splitlines():
+        try:
+            record = record_from(json.loads(line))
+        except (ValueError, TypeError, KeyError):
+            continue
+        out[record.key] = record
+    return out
+
+
+def record_from(data: dict[str, Any]) -> Record:
+    """A Record from plain data, as written by `json.dumps(asdict(record))`."""
+    scores = dict(data["scores"])
+    scores["joints"] = tuple(JointScore(**j) for j in scores["joints"])
+    scores["found"] = tuple(FoundJoint(**j) for j in scores["found"])
+    rest = {k: v for k, v in data.items() if k not in ("scores", "reasons")}
+    return Record(**rest, scores=Scores(**scores), reasons=tuple(data["reasons"]))
+
+
+def task_key(task: Task, config: BenchConfig) -> str:
+    """Digest of the object's files, the config, the engine's code and a folder's answers."""
+    digest = hashlib.sha256(repr((task, config)).encode())
+    digest.update(engine_digest().encode())
+    with settings.given({**dict(config.settings), settings.SUBJECT: task.id}):
+        for role in ("prior", "reasoner"):
+            digest.update(settings.identity(role, getattr(config.engine, role)).encode())
+    path = Path(task.source)
+    if task.seed < 0 and path.is_file():
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:24]
+
+
+@cache
+def engine_digest() -> str:
+    """Digest of all code and weights of the pipeline package that the engine may use."""
+    import mam_pipeline
+
+    root = Path(mam_pipeline.__file__).parent
+    digest = hashlib.sha256()
+    for file in sorted(root.rglob("*")):
+        inside = file.relative_to(root)
+        if file.suffix in _CODE and inside.parts[0] not in _NOT_ENGINE:
+            digest.update(str(inside).encode() + file.read_bytes())
+    return digest.hexdigest()
+
+
+def _results(tasks: list[Task], config: BenchConfig, jobs: int) -> Iterator[Record]:
+    if jobs <= 1 or len(tasks) <= 1:
+        for task in tasks:
+            yield run_task(task, config)
+        return
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    # fresh processes: threads of the ray caster do not survive a fork
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=context) as pool:
+        futures = [pool.submit(run_task, task, config) for task in tasks]
+        for future in as_completed(futures):
+            yield future.result()

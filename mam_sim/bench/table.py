@@ -1,0 +1,150 @@
+"""The benchmark's table: means over objects, per category and in total, beside the paper's row."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from mam_sim.bench.runner import BenchConfig, Record
+
+
+@dataclass(frozen=True)
+class Row:
+    """Means over objects; `pivot` over those with a rotary joint, `executable` over those tested.
+
+    Attributes:
+        type_error_joints: type error over all joints, as against the mean over objects.
+        median_seconds: of the engine per object.
+        flagged_wrong, flagged_right: share of the joints found, the wrong and the right ones, that
+            are marked "needs review".
+    """
+
+    name: str
+    objects: int
+    miou: float
+    count: float
+    type_error: float
+    axis: float
+    pivot: float | None
+    executable: float | None
+    axis_signed: float | None = None
+    motion: float | None = None
+    limits: float | None = None
+    bound: float | None = None
+    type_error_joints: float | None = None
+    median_seconds: float | None = None
+    flagged_wrong: float | None = None
+    flagged_right: float | None = None
+
+
+# the tables of the paper (4.2 and the ablations); what is not printed there stays empty
+PAPER = (
+    Row("paper", 0, 0.86, 0.92, 0.08, 0.12, 0.10, 0.87),
+    Row("paper, no kinematic prior", 0, 0.68, 0.81, np.nan, np.nan, None, None),
+    Row("paper, no optimisation", 0, np.nan, np.nan, np.nan, 0.23, 0.27, 0.65),
+)
+
+
+def summarise(name: str, records: Sequence[Record]) -> Row:
+    """Means over some records."""
+    scores = [r.scores for r in records]
+    found = [j for s in scores for j in s.found]
+
+    def mean(values: Sequence[float | None]) -> float | None:
+        known = [v for v in values if v is not None]
+        return float(np.mean(known)) if known else None
+
+    return Row(
+        name=name,
+        objects=len(records),
+        miou=float(np.mean([s.miou for s in scores])),
+        count=float(np.mean([s.count for s in scores])),
+        type_error=float(np.mean([s.type_error for s in scores])),
+        axis=float(np.mean([s.axis for s in scores])),
+        pivot=mean([s.pivot for s in scores]),
+        executable=mean([None if r.executable is None else float(r.executable) for r in records]),
+        axis_signed=mean([s.axis_signed for s in scores]),
+        motion=mean([s.motion for s in scores]),
+        limits=mean([s.limits for s in scores]),
+        bound=mean([r.bound for r in records]),
+        type_error_joints=mean([j.type_error for s in scores for j in s.joints]),
+        median_seconds=float(np.median([r.seconds for r in records])),
+        flagged_wrong=mean([float(j.flagged) for j in found if not j.right]),
+        flagged_right=mean([float(j.flagged) for j in found if j.right]),
+    )
+
+
+def by_category(records: Sequence[Record]) -> list[Row]:
+    """One row per category, sorted by name."""
+    names = sorted({r.category for r in records})
+    return [summarise(n, [r for r in records if r.category == n]) for n in names]
+
+
+def rows_table(rows: Sequence[Row], title: str) -> Table:
+    """A rich table of rows."""
+    table = Table(title=title, title_justify="left")
+    table.add_column("", no_wrap=True)
+    heads = "n mIoU count type axis pivot exec signed motion limits bound s"
+    for head in heads.split():
+        table.add_column(head, justify="right", no_wrap=True)
+    for r in rows:
+        values = [r.miou, r.count, r.type_error, r.axis, r.pivot, r.executable]
+        values += [r.axis_signed, r.motion, r.limits, r.bound]
+        cells = [_number(v) for v in values]
+        seconds = "" if r.median_seconds is None else f"{r.median_seconds:.1f}"
+        table.add_row(r.name, str(r.objects or ""), *cells, seconds)
+    return table
+
+
+def objects_table(records: Sequence[Record]) -> Table:
+    """A rich table with one line per object, the worst first."""
+    table = Table(title="objects", title_justify="left")
+    table.add_column("object", no_wrap=True)
+    for head in ("mIoU", "parts", "type", "axis", "pivot", "exec", "bound", "K", "s"):
+        table.add_column(head, justify="right", no_wrap=True)
+    table.add_column("why", no_wrap=True)
+    for r in sorted(records, key=lambda r: (r.scores.miou, r.id)):
+        s = r.scores
+        runs = "" if r.executable is None else ("yes" if r.executable else "no")
+        why = r.why if r.status != "ok" else " ".join(r.reasons)
+        table.add_row(
+            r.id, _number(s.miou), f"{s.predicted_parts}/{s.true_parts}", _number(s.type_error),
+            _number(s.axis), _number(s.pivot), runs, _number(r.bound), str(r.primitives),
+            f"{r.seconds:.1f}", why[:40],
+        )  # fmt: skip
+    return table
+
+
+def review_line(records: Sequence[Record]) -> str:
+    """How many of the joints found are wrong, and how many of either sort say "needs review"."""
+    found = [j for r in records for j in r.scores.found]
+    told = []
+    for name, some in (("wrong", [j for j in found if not j.right]),
+                       ("right", [j for j in found if j.right])):  # fmt: skip
+        told.append(f"{sum(j.flagged for j in some)} of {len(some)} {name} ones")
+    return f"needs review: of {len(found)} joints found, {' and '.join(told)}"
+
+
+def as_json(records: Sequence[Record], dataset: str, config: BenchConfig) -> dict[str, Any]:
+    """Everything as plain data; numbers the paper does not print are null."""
+    return {
+        "dataset": dataset,
+        "config": asdict(config),
+        "total": _plain(summarise("total", records)) if records else None,
+        "paper": [_plain(r) for r in PAPER],
+        "categories": [_plain(r) for r in by_category(records)],
+        "objects": [asdict(r) for r in records],
+    }
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None or np.isnan(value) else f"{value:.3f}"
+
+
+def _plain(row: Row) -> dict[str, Any]:
+    data = asdict(row)
+    return {k: None if isinstance(v, float) and np.isnan(v) else v for k, v in data.items()}

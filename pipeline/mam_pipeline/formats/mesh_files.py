@@ -1,0 +1,291 @@
+"""Reading mesh files into the asset frame, and writing them, with appearance untouched.
+
+A loaded mesh is in metres, Z up, its floor at z = 0 and its middle over the origin; where the
+front is, only the articulation can tell (see `mam_pipeline.engine.front_yaw`).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import trimesh
+
+from mam_pipeline.errors import ConfigError, InputError
+from mam_pipeline.formats.gltf import read_gltf, write_glb
+from mam_pipeline.formats.obj import read_obj, write_obj
+from mam_pipeline.formats.soup import FileContent, Piece, join
+from mam_pipeline.types import FloatArray, IntArray, Material, Mesh, readonly
+
+SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".off")
+MAX_FACES = 3_000_000
+MAX_BYTES = 1 << 30
+PLAUSIBLE_METRES = (0.02, 5.0)
+"""Largest extent of things that a robot works with, metres; outside it the unit is a guess."""
+_TYPICAL_METRES = 0.7
+_UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "metres": 1.0}
+
+
+@dataclass(frozen=True)
+class LoadedMesh:
+    """A mesh in the asset frame, and how it came there.
+
+    Attributes:
+        mesh: metres, Z up, floor at z = 0, centred over the origin.
+        source_to_asset: (4, 4) similarity, file coordinates to asset frame, scale included.
+        metres_per_unit: the scale alone.
+        metres_per_unit_source: who said so: a flag, the format, or an assumption.
+        notes: assumptions in words, for the card and the report.
+    """
+
+    mesh: Mesh
+    source_to_asset: FloatArray
+    metres_per_unit: float
+    metres_per_unit_source: str
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(
+            self, "source_to_asset", readonly(self.source_to_asset, np.float64, (4, 4))
+        )
+
+
+def load_mesh(
+    path: str | Path,
+    *,
+    up: Literal["auto", "y", "z"] = "auto",
+    height: float | None = None,
+    scale: float | None = None,
+) -> LoadedMesh:
+    """Read a mesh file (GLB, glTF, OBJ, PLY, STL, DAE, OFF) into the asset frame.
+
+    Vertices are neither welded nor reordered, texture coordinates and image bytes stay as they
+    are; per-node groups become `Mesh.face_group`.
+
+    Args:
+        path: the file.
+        up: which axis of the file points up; "auto" takes the format's word or looks at the shape.
+        height: metres from floor to top after loading; settles the scale.
+        scale: metres per unit of the file; settles the scale.
+
+    Raises:
+        InputError: missing, empty, of another kind than its name says, not finite, without faces,
+            flat, or absurdly large.
+        ConfigError: both `height` and `scale`, or one that is not positive.
+    """
+    file = Path(path).expanduser()
+    for name, value in (("height", height), ("scale", scale)):
+        if value is not None and not (np.isfinite(value) and value > 0):
+            raise ConfigError(f"--{name} must be a positive number of metres, not {value}")
+    if height is not None and scale is not None:
+        raise ConfigError("give either --height or --scale, not both")
+    content = read_file(file)
+    mesh = join(content.pieces, content.materials)
+    _check(mesh, file)
+    notes = list(content.notes)
+    turn, why = _upright(mesh, content.up, up, file.suffix.lower())
+    notes.append(why)
+    turned = mesh.transformed(_matrix(turn))
+    low, high = turned.bounds
+    unit, source = _unit(high - low, content.metres_per_unit, height, scale)
+    if source.startswith("assumed"):
+        notes.append(f"scale {source}; --height or --scale settles it")
+    matrix = _matrix(turn * unit)
+    middle = (low + high) / 2 * unit
+    matrix[:3, 3] = [-middle[0], -middle[1], -low[2] * unit]
+    placed = mesh.transformed(matrix)
+    return LoadedMesh(placed, matrix, unit, source, tuple(notes))
+
+
+def read_file(file: Path) -> FileContent:
+    """Read a mesh file as it is, in its own frame and unit; see `load_mesh` for the errors."""
+    suffix = file.suffix.lower()
+    if not file.exists():
+        raise InputError(f"no file at {file}")
+    if file.is_dir():
+        raise InputError(f"{file} is a folder; a mesh file is needed ({', '.join(SUFFIXES)})")
+    if suffix not in SUFFIXES:
+        raise InputError(f"{file} is not a mesh file known here ({', '.join(SUFFIXES)})")
+    size = file.stat().st_size
+    if size == 0:
+        raise InputError(f"{file} is empty")
+    if size > MAX_BYTES:
+        raise InputError(f"{file} has {size >> 20} MiB; the most is {MAX_BYTES >> 20} MiB")
+    if suffix in (".glb", ".gltf"):
+        content = read_gltf(file)
+    elif suffix == ".obj":
+        content = read_obj(file)
+    else:
+        content = _read_other(file)
+    count = sum(len(p.faces) for p in content.pieces)
+    if count == 0:
+        raise InputError(f"{file} has no faces: a surface is needed, not points or lines")
+    if count > MAX_FACES:
+        raise InputError(f"{file} has {count} faces; simplify it to {MAX_FACES} or fewer")
+    return content
+
+
+def save_glb(mesh: Mesh, path: str | Path, up: Literal["y", "z"] = "y") -> None:
+    """Write binary glTF (Y up as its specification asks; "z" for URDF visuals); see `write_glb`."""
+    write_glb(mesh, Path(path), up)
+
+
+def save_obj(mesh: Mesh, path: str | Path) -> None:
+    """Write OBJ, MTL and texture files, in the mesh's own frame; see `write_obj`."""
+    write_obj(mesh, Path(path))
+
+
+def _read_other(file: Path) -> FileContent:
+    """PLY, STL, DAE and OFF through trimesh, unprocessed."""
+    try:
+        scene = trimesh.load_scene(file, process=False)
+    except Exception as error:  # each reader fails in its own way
+        what = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"{file} cannot be read as {file.suffix[1:].upper()} ({what})") from error
+    pieces: list[Piece] = []
+    materials: list[Material] = []
+    for node in sorted(scene.graph.nodes_geometry):
+        transform, name = scene.graph[node]
+        part = scene.geometry[name]
+        if not isinstance(part, trimesh.Trimesh) or not len(part.faces):
+            continue
+        faces: IntArray = np.asarray(part.faces, dtype=np.int64)
+        if np.linalg.det(transform[:3, :3]) < 0:
+            faces = faces[:, ::-1]
+        vertices = trimesh.transform_points(part.vertices, transform)
+        material, uv, colors = _trimesh_appearance(part)
+        pieces.append(Piece(vertices, faces, str(name), len(materials), uv, colors))
+        materials.append(material)
+    up = unit = None
+    if file.suffix.lower() == ".dae":
+        up, unit = _collada_says(file)
+    return FileContent(tuple(pieces), tuple(materials), up, unit)
+
+
+def _trimesh_appearance(part: trimesh.Trimesh) -> tuple[Material, Any, Any]:
+    """(Material, uv, colours) of a trimesh geometry; textures are encoded as PNG without loss."""
+    visual: Any = part.visual
+    if visual.kind == "vertex":
+        return Material(), None, np.asarray(visual.vertex_colors, dtype=np.uint8)
+    if visual.kind != "texture":
+        return Material(), None, None
+    simple = visual.material
+    simple = simple.to_simple() if hasattr(simple, "to_simple") else simple
+    color = np.asarray(getattr(simple, "diffuse", (178, 178, 178, 255)), dtype=float) / 255.0
+    image = getattr(simple, "image", None)
+    data = None
+    if image is not None and visual.uv is not None:
+        buffer = BytesIO()
+        image.save(buffer, format="PNG")
+        data = buffer.getvalue()
+    uv = None
+    if visual.uv is not None and len(visual.uv) == len(part.vertices):
+        flipped = [visual.uv[:, 0], 1.0 - visual.uv[:, 1]]
+        uv = np.stack(flipped, axis=1).astype(np.float32)
+    name = str(getattr(simple, "name", "") or "material")
+    rgba = tuple(float(c) for c in color[:4])
+    return Material(name, rgba, data, None if data is None else "png"), uv, None  # type: ignore[arg-type]
+
+
+def _collada_says(file: Path) -> tuple[str | None, float | None]:
+    """Up axis and unit from a DAE's asset element (its first 64 KiB)."""
+    with file.open("rb") as stream:
+        head = stream.read(1 << 16).decode("utf-8", "replace")
+    axis = re.search(r"<up_axis>\s*([XYZ])_UP", head)
+    unit = re.search(r"<unit[^>]*\bmeter\s*=\s*[\"']([-+0-9.eE]+)[\"']", head)
+    up = axis.group(1).lower() if axis and axis.group(1) in "YZ" else None
+    return up, float(unit.group(1)) if unit else None
+
+
+def _check(mesh: Mesh, file: Path) -> None:
+    """Refuse what no later stage could work with, in one sentence."""
+    points = mesh.vertices[np.unique(mesh.faces)]
+    bad = int((~np.isfinite(points)).any(axis=1).sum())
+    if bad:
+        raise InputError(f"{file} has {bad} vertices that are not finite numbers (NaN or infinite)")
+    size = np.abs(points).max()
+    if size > 1e7:
+        raise InputError(f"{file} is absurdly large: a coordinate is {size:.3g} units")
+    centred = points - points.mean(axis=0)
+    spread = np.sqrt(np.maximum(np.linalg.eigvalsh(centred.T @ centred / len(centred)), 0.0))
+    if spread[-1] <= 1e-9 * max(size, 1e-30) or spread[-1] == 0.0:
+        raise InputError(f"{file} has no extent: all its vertices are at one point")
+    if spread[1] <= 1e-6 * spread[-1]:
+        raise InputError(f"{file} has no surface: all its vertices lie on one line")
+    if spread[0] <= 1e-6 * spread[-1]:
+        raise InputError(f"{file} is flat: all its vertices lie in one plane, so nothing can move")
+
+
+def _upright(mesh: Mesh, stated: str | None, wanted: str, suffix: str) -> tuple[FloatArray, str]:
+    """(3, 3) rotation that brings the file's up axis to Z, and the reason in words."""
+    if wanted in ("y", "z"):
+        axis, why = wanted, "as asked"
+    elif stated is not None:
+        axis, why = stated, "as the file format says"
+    else:
+        default = "y" if suffix == ".obj" else "z"
+        scores = {a: _stands(mesh, i) for a, i in (("y", 1), ("z", 2))}
+        if abs(scores["y"] - scores["z"]) > 0.25:
+            axis = max(scores, key=lambda a: scores[a])
+            why = f"assumed from the shape (stands {scores['y']:.2f} on y, {scores['z']:.2f} on z)"
+        else:
+            axis, why = default, f"assumed: usual for {suffix[1:].upper()} files"
+    turn = np.eye(3) if axis == "z" else np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
+    return turn, f"up axis {axis}, {why}"
+
+
+def _stands(mesh: Mesh, axis: int) -> float:
+    """How well the mesh stands when `axis` is up: floor at zero, wide flat support, 0..2.
+
+    A floor at coordinate 0 with the other axes centred is how people place furniture; support is
+    the share of the footprint spanned by the lowest 1 % of the height.
+    """
+    low, high = mesh.bounds
+    extent = high - low
+    others = [i for i in range(3) if i != axis]
+    floor = abs(low[axis]) < 0.01 * extent[axis]
+    centred = all(abs(low[i] + high[i]) < 0.1 * extent[i] for i in others)
+    points = mesh.vertices[mesh.faces.reshape(-1)]
+    feet = points[points[:, axis] < low[axis] + 0.01 * extent[axis]][:, others]
+    span = (feet.max(axis=0) - feet.min(axis=0)) / np.maximum(extent[others], 1e-12)
+    return float(floor and centred) + float(np.prod(span))
+
+
+def _unit(
+    extent: FloatArray, stated: float | None, height: float | None, scale: float | None
+) -> tuple[float, str]:
+    """Metres per unit of the file, and where it came from; `extent` has Z up."""
+    if scale is not None:
+        return float(scale), "given by --scale"
+    if height is not None:
+        return float(height) / float(extent[2]), "given by --height"
+    size = float(extent.max())
+    low, high = PLAUSIBLE_METRES
+    if stated is not None and low <= size * stated <= high:
+        return stated, "stated by the file format"
+    if low <= size <= high:
+        return 1.0, "assumed metres: the size is plausible"
+
+    def strangeness(unit: float) -> float:
+        # inches are rarer than metric units, so they need a clearly better size
+        return abs(np.log(size * unit / _TYPICAL_METRES)) + (0.5 if unit == 0.0254 else 0.0)
+
+    name = min(_UNITS, key=lambda n: strangeness(_UNITS[n]))
+    unit = _UNITS[name]
+    if low <= size * unit <= high:
+        return unit, f"assumed {name}: {size:.4g} units would be {size * unit:.2f} m"
+    unit = _TYPICAL_METRES / size
+    return unit, f"assumed: {size:.4g} units fit no common unit, so the largest side is 0.7 m"
+
+
+def _matrix(linear: FloatArray) -> FloatArray:
+    out = np.eye(4)
+    out[:3, :3] = linear
+    return out
+
+
+__all__ = ["LoadedMesh", "load_mesh", "read_file", "save_glb", "save_obj"]

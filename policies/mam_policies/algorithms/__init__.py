@@ -1,0 +1,1 @@
+"""Learning algorithms: behaviour cloning, PPO and SAC."""

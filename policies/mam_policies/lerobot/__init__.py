@@ -1,0 +1,1 @@
+"""The bridge to LeRobot: datasets, policies, joint mapping, training, export."""

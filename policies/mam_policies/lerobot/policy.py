@@ -1,0 +1,184 @@
+"""From what a real arm reports to our policy's observation, and from its action to motor targets.
+
+Everything the conversion needs is plain numbers (`Deployment`), so that a policy folder carries
+them in its config.json and runs without a simulator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from mam_envs.robots.kinematics import Chain, TreeJoint
+from mam_policies.run import MlpPolicy
+
+PERCEIVED = ("handle.x", "handle.y", "handle.z", "joint.value", "touch")
+"""Named floats behind the motors in the state vector: the point to hold in the robot's base frame
+(metres), the joint's value (radians or metres), whether the fingers touch the part (0 or 1)."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Deployment:
+    """What turns a state vector into our observation; plain values only.
+
+    Attributes:
+        observation: (name, start, stop) rows of the flat observation.
+        joints: simulated joints in the order of the state; scale, offset: sim = scale * real +
+            offset for each of them.
+        arm: indices in `joints` of the arm's joints.
+        gripper: index of the joint that the gripper command is for.
+        gain, bias, moving: per action entry; its target is gain * a + bias, added to the target
+            before where `moving`; limited: whether a is cut to -1..1 first.
+        base: world_T_base, row by row. chain: joints on the way to the tool; tool: tip_T_tool.
+        closed, opened, goal: values of the joint to be operated.
+        dt: seconds per control step. decay: weight of older chunks.
+    """
+
+    observation: list[list[Any]] = field(default_factory=list)
+    joints: list[str] = field(default_factory=list)
+    scale: list[float] = field(default_factory=list)
+    offset: list[float] = field(default_factory=list)
+    arm: list[int] = field(default_factory=list)
+    gripper: int = 0
+    gain: list[float] = field(default_factory=list)
+    bias: list[float] = field(default_factory=list)
+    moving: list[bool] = field(default_factory=list)
+    limited: list[bool] = field(default_factory=list)
+    base: list[float] = field(default_factory=list)
+    chain: list[dict[str, Any]] = field(default_factory=list)
+    locked: dict[str, float] = field(default_factory=dict)
+    tool: list[float] = field(default_factory=list)
+    closed: float = 0.0
+    opened: float = 1.0
+    goal: float = 1.0
+    dt: float = 0.05
+    decay: float = 0.5
+
+
+class Converter:
+    """Runs an MlpPolicy on state vectors (b, n) of a real arm; keeps the episode's memory."""
+
+    def __init__(self, plan: Deployment, policy: MlpPolicy) -> None:
+        self.plan, self.policy = plan, policy
+        self.scale, self.offset = np.array(plan.scale), np.array(plan.offset)
+        self.base = np.array(plan.base, dtype=float).reshape(4, 4)
+        joints = tuple(
+            TreeJoint(
+                str(j["name"]), str(j["type"]), "", "",
+                np.array(j["origin"], dtype=float).reshape(4, 4), np.array(j["axis"], dtype=float),
+                -np.inf, np.inf,
+            )
+            for j in plan.chain
+        )  # fmt: skip
+        arm = tuple(plan.joints[i] for i in plan.arm)
+        self.chain = Chain(joints, arm, plan.locked, np.array(plan.tool).reshape(4, 4))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the episode."""
+        self.step = 0
+        self.pending: list[tuple[int, Array]] = []
+        self.last: tuple[Array, Array] | None = None
+        self.begin: Array | None = None
+        self.target: Array | None = None
+
+    def act(self, state: Array) -> Array:
+        """Targets (b, m) in motor units for states (b, joints + PERCEIVED) in motor units."""
+        q, obs = self.observe(state)
+        with torch.no_grad():
+            flat = torch.as_tensor(obs, dtype=torch.float32)
+            chunk = self.policy.actions(flat, torch.full((len(flat),), self.step)).numpy()
+        self.pending.append((self.step, chunk))
+        self.pending = [(s, c) for s, c in self.pending if self.step - s < c.shape[1]]
+        weights = np.array([self.plan.decay ** (self.step - s) for s, _ in self.pending])
+        rows = np.stack([c[:, self.step - s] for s, c in self.pending])
+        action = np.tensordot(weights, rows, axes=1) / weights.sum()
+        self.step += 1
+        return self._targets(action, q)
+
+    def observe(self, state: Array) -> tuple[Array, Array]:
+        """Simulated joint values (b, n) and our flat observation (b, k); moves the memory on."""
+        plan, count = self.plan, len(self.plan.joints)
+        state = np.asarray(state, dtype=float)
+        q = state[:, :count] * self.scale + self.offset
+        seen = {name: state[:, count + i] for i, name in enumerate(PERCEIVED)}
+        value = seen["joint.value"]
+        before = self.last or (q, value)
+        self.last = (q, value)
+        if self.begin is None:
+            self.begin = value.copy()
+        rotation, position, _ = self.chain.forward(q[:, plan.arm])
+        turn, shift = self.base[:3, :3], self.base[:3, 3]
+        tool = position @ turn.T + shift
+        handle = np.stack([seen[f"handle.{k}"] for k in "xyz"], axis=1) @ turn.T + shift
+        parts = {
+            "agent/qpos": q,
+            "agent/qvel": (q - before[0]) / plan.dt,
+            "extra/tcp_pose": np.concatenate([tool, quaternion(turn @ rotation)], axis=1),
+            "extra/privileged/handle_position": handle,
+            "extra/privileged/tcp_to_handle": handle - tool,
+            "extra/privileged/joint_value": value,
+            "extra/privileged/joint_speed": (value - before[1]) / plan.dt,
+            "extra/privileged/joint_goal": np.full_like(value, plan.goal),
+            "extra/privileged/open_fraction": (value - plan.closed) / (plan.opened - plan.closed),
+            "extra/privileged/progress": (value - self.begin) / (plan.goal - self.begin),
+            "extra/privileged/touching": seen["touch"],
+        }
+        aim = q[:, [*plan.arm, plan.gripper]] if self.target is None else self.target
+        parts["agent/controller/arm/target_qpos"] = aim[:, : len(plan.arm)]
+        columns = [parts[name].reshape(len(q), -1) for name, *_ in plan.observation]
+        return q, np.concatenate(columns, axis=1)
+
+    def _targets(self, action: Array, q: Array) -> Array:
+        plan = self.plan
+        order = [*plan.arm, plan.gripper]
+        action = action[:, : len(order)]
+        action = np.where(np.array(plan.limited), np.clip(action, -1, 1), action)
+        if self.target is None:
+            self.target = q[:, order]
+        step = action * np.array(plan.gain) + np.array(plan.bias)
+        self.target = step + np.where(np.array(plan.moving), self.target, 0.0)
+        return (self.target - self.offset[order]) / self.scale[order]
+
+
+OBSERVED = (
+    "agent/qpos", "agent/qvel", "agent/controller/arm/target_qpos", "extra/tcp_pose",
+    *(f"extra/privileged/{k}" for k in (
+        "handle_position", "tcp_to_handle", "joint_value", "joint_speed", "joint_goal",
+        "open_fraction", "progress", "touching",
+    )),
+)  # fmt: skip
+"""Observation entries that Converter.observe can rebuild."""
+
+
+def quaternion(m: Array) -> Array:
+    """(b, 3, 3) rotations as (b, 4) quaternions, w first, signed as ManiSkill signs them.
+
+    The candidate with the greatest component wins (Markley 2008); w is never negative.
+    """
+    d = m[:, [0, 1, 2], [0, 1, 2]]
+    signs: Sequence[tuple[int, int, int]] = ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
+    squares = np.stack([1.0 + d @ np.array(s, dtype=float) for s in signs], axis=1)
+    size = np.sqrt(np.maximum(squares, 0.0))
+    a, b, c = m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]
+    e, f, g = m[:, 1, 0] + m[:, 0, 1], m[:, 0, 2] + m[:, 2, 0], m[:, 1, 2] + m[:, 2, 1]
+    rows = np.stack(
+        [
+            np.stack([squares[:, 0], a, b, c], axis=1),
+            np.stack([a, squares[:, 1], e, f], axis=1),
+            np.stack([b, e, squares[:, 2], g], axis=1),
+            np.stack([c, f, g, squares[:, 3]], axis=1),
+        ],
+        axis=1,
+    )
+    best = size.argmax(axis=1)
+    k = np.arange(len(m))
+    out = rows[k, best] / (2.0 * size[k, best][:, None])
+    return np.asarray(np.where(out[:, :1] < 0, -out, out))

@@ -1,0 +1,149 @@
+"""The benchmark: reading URDF datasets, running, resuming and the table."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mam_pipeline.errors import ConfigError, InputError
+from mam_pipeline.ground_truth import list_objects, read_object
+from mam_pipeline.metrics import score
+from mam_sim.bench import runner
+from mam_sim.bench.runner import BenchConfig, Record, find_tasks, record_from, run_bench
+from mam_sim.bench.table import PAPER, as_json, by_category, review_line, summarise
+
+DEV = Path(__file__).resolve().parents[2].parent / "shared" / "bench" / "dev"
+
+URDF = """<robot name="t">
+ <link name="world"/>
+ <link name="body"><visual><geometry><box size="1 1 1"/></geometry></visual></link>
+ <link name="dummy"/>
+ <link name="door"><visual><origin xyz="0.5 0 0"/><geometry><box size="1 0.02 1"/></geometry>
+  </visual></link>
+ <link name="knob"><collision><geometry><cylinder radius="0.05" length="0.1"/></geometry>
+  </collision></link>
+ <link name="lost"><visual><geometry><mesh filename="none.stl"/></geometry></visual></link>
+ <joint name="a" type="fixed"><parent link="world"/><child link="body"/>
+  <origin xyz="0 0 1"/></joint>
+ <joint name="b" type="prismatic"><parent link="body"/><child link="dummy"/>
+  <axis xyz="0 1 0"/><limit lower="0" upper="0.02" effort="1" velocity="1"/>
+  <mimic joint="c"/></joint>
+ <joint name="c" type="revolute"><parent link="dummy"/><child link="door"/>
+  <origin xyz="-0.5 -0.52 0"/><axis xyz="0 0 -2"/>
+  <limit lower="0" upper="1.5" effort="1" velocity="1"/></joint>
+ <joint name="d" type="fixed"><parent link="door"/><child link="knob"/>
+  <origin xyz="0.9 -0.1 0"/></joint>
+ <joint name="e" type="floating"><parent link="body"/><child link="lost"/></joint>
+</robot>"""
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> Path:
+    folder = tmp_path / "set" / "thing"
+    folder.mkdir(parents=True)
+    (folder / "object.urdf").write_text(URDF)
+    (tmp_path / "set" / "MANIFEST.csv").write_text("id,category\nthing,Cabinet\n")
+    return tmp_path / "set"
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_urdf_becomes_one_mesh_and_its_joint(dataset: Path) -> None:
+    truth = read_object(dataset / "thing" / "object.urdf")
+    assert len(truth.links) == 2 and len(truth.joints) == 1
+    joint = truth.joints[0]
+    assert (joint.type, joint.parent, joint.child) == ("revolute", 0, 1)
+    assert np.allclose(joint.axis, [0, 0, -1]) and np.allclose(joint.origin, [-0.5, -0.52, 1])
+    assert (joint.lower, joint.upper) == (0, 1.5)
+    low, high = truth.mesh.bounds
+    assert np.allclose(low[2], 0.5) and np.allclose(high[2], 1.5)
+    # the knob is fixed to the door and shows its collision shape
+    door = truth.mesh.submesh(truth.face_link == 1)
+    assert np.allclose(door.bounds[0], [-0.5, -0.67, 0.5], atol=0.003)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_faces_are_shuffled_the_same_way_each_time(dataset: Path) -> None:
+    a = read_object(dataset / "thing" / "object.urdf")
+    b = read_object(dataset / "thing" / "object.urdf")
+    assert (a.mesh.faces == b.mesh.faces).all()
+    assert (np.diff(a.face_link) != 0).sum() > 2
+
+
+def test_listing(dataset: Path, tmp_path: Path) -> None:
+    assert list_objects(dataset)[0][:2] == ("thing", "Cabinet")
+    with pytest.raises(InputError, match="no dataset folder"):
+        list_objects(tmp_path / "nothing")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="no URDF object"):
+        list_objects(tmp_path / "empty")
+    with pytest.raises(ConfigError, match="no object 'other'"):
+        find_tasks(str(dataset), ["other"])
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_failing_engine_is_a_record_and_is_reused(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = []
+
+    def broken(*_args: object, **_kwargs: object) -> None:
+        calls.append(1)
+        raise ValueError("boom")
+
+    monkeypatch.setattr(runner, "articulate_mesh", broken)
+    tasks = find_tasks(str(dataset))
+    config = BenchConfig(execute=False)
+    log = tmp_path / "log.jsonl"
+    (first,) = run_bench(tasks, config, log)
+    assert first.status == "error" and "boom" in first.why and first.scores.miou == 0
+    log.write_text(log.read_text() + '{"id": "cut sho')  # killed while writing
+    (again,) = run_bench(tasks, config, log)
+    assert calls == [1] and again == first
+    run_bench(tasks, BenchConfig(execute=False, fuse=True), log)
+    assert calls == [1, 1]
+    assert record_from(json.loads(json.dumps(asdict(first)))) == first
+    data = as_json([first], "set", config)
+    assert json.dumps(data, allow_nan=False) and data["total"]["miou"] == 0
+    assert summarise("x", [first]).pivot == 0.5 and by_category([first])[0].name == "Cabinet"
+    assert PAPER[0].miou == 0.86
+
+
+def test_wrong_joints_that_nobody_is_sent_to_are_counted(dataset: Path) -> None:
+    (task,) = find_tasks(str(dataset))
+    truth = task.load()
+    answer = truth.truth_articulation()
+    records = []
+    for confidence, axis in [(0.9, None), (0.3, None), (0.9, (0, 1, 0)), (0.3, (0, 1, 0))]:
+        joint = replace(answer.joints[0], confidence=confidence)
+        joint = joint if axis is None else replace(joint, axis=np.array(axis, dtype=float))
+        scores = score(replace(answer, joints=(joint,)), truth)
+        key = f"{confidence}{axis}"
+        records.append(Record("a", "b", key, "ok", "", scores, 1.0, {}, 1, 1, None))
+    row = summarise("x", records)
+    assert (row.flagged_wrong, row.flagged_right) == (0.5, 0.5)
+    assert review_line(records[:3]) == (
+        "needs review: of 3 joints found, 0 of 1 wrong ones and 1 of 2 right ones"
+    )
+    assert record_from(json.loads(json.dumps(asdict(records[3])))) == records[3]
+
+
+def test_generated_truth_scores_itself() -> None:
+    (task,) = find_tasks("generated:validation", limit=1)
+    truth = task.load()
+    assert score(truth.truth_articulation(), truth).miou > 0.8
+    assert truth.mesh.group_names == ("mesh",)
+
+
+@pytest.mark.bench_data
+@pytest.mark.skipif(not DEV.is_dir(), reason="../shared/bench/dev is not there")
+def test_dev_objects_read_and_primitives_bound() -> None:
+    from mam_pipeline.segment.geometric import GeometricSegmenter
+
+    for name in ("metaworld__laptop", "iai_maps__apt_cabinet2", "calvin__table_D"):
+        truth = read_object(DEV / name / "object.urdf", name)
+        labels = GeometricSegmenter().segment(truth.mesh).labels
+        assert runner.grouping_bound(truth.mesh, labels, truth) > 0.8

@@ -1,0 +1,342 @@
+"""Whole answers of the reasoner: sets of candidates, and what is seen of them."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+import trimesh
+
+from mam_pipeline.parts.configurations import enumerate_sets, promise, set_features
+from mam_pipeline.parts.embedded import View, decide
+from mam_pipeline.parts.features import Table, table
+from mam_pipeline.parts.graph import Graph, build_graph
+from mam_pipeline.parts.group_features import group_features, joined
+from mam_pipeline.parts.groups import enumerate_groups, expand_groups
+from mam_pipeline.parts.rules.pulls import with_boards
+from mam_pipeline.parts.scores import RuleScores, load_scores
+from mam_pipeline.parts.select import (
+    LEAST_BASE,
+    completed,
+    lighter,
+    with_sure,
+    without_spanning,
+)
+from mam_pipeline.parts.tree import Choice, build_tree, left_out_note
+from mam_pipeline.types import KinematicTree, Mesh, PartNode, Primitives
+from mam_training.parts.corpus import Example, generated_example
+
+# panel and handle, the panel, the handle, another front
+MASKS = np.array([[1, 1, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], dtype=bool)
+
+
+def sizes(*longest: float) -> Table:
+    """Candidates of these lengths, one wide and one thick."""
+    side = np.array(longest)
+    return table({"size0": side, "size1": np.ones(len(side)), "size2": np.ones(len(side))})
+
+
+def measured() -> tuple[Example, np.ndarray, np.ndarray, np.ndarray]:
+    item = generated_example("cabinet_two_door", 2)
+    same = (item.link[item.graph.pairs[:, 0]] == item.link[item.graph.pairs[:, 1]]).astype(float)
+    move = (item.subtype[item.link] >= 0).astype(float)
+    same, move = 0.9 * same + 0.05, 0.9 * move + 0.05
+    return item, same, move, enumerate_groups(item.graph, same, move)
+
+
+def test_sets_are_disjoint_and_hold_both_readings_of_a_handle() -> None:
+    sets = enumerate_sets(MASKS, sizes(3, 2, 1, 3), np.array([0.8, 0.9, 0.85, 0.6]))
+    rows = {tuple(r) for r in sets.rows()}
+    assert (0, 3) in rows and (1, 2, 3) in rows  # one part, or two
+    assert (1, 2) in rows and (1,) in rows  # with and without
+    for row in sets.rows():
+        assert row and (MASKS[row].sum(axis=0) <= 1).all()
+    assert enumerate_sets(MASKS[:0], sizes(), np.zeros(0)).rows() == []
+
+
+def test_what_is_like_a_chosen_part_is_tried_with_it() -> None:
+    masks = np.eye(5, dtype=bool)
+    sets = enumerate_sets(masks, sizes(2, 2, 2, 2, 0.5), np.array([0.9, 0.14, 0.13, 0.12, 0.11]))
+    assert (0, 1, 2, 3) in {tuple(r) for r in sets.rows()}
+
+
+def test_a_set_shows_what_it_leaves_and_how_its_parts_are_bound() -> None:
+    item, same, move, masks = measured()
+    groups = group_features(item.graph, masks, same, move, None)
+    value = item.part_overlap(masks).max(axis=1)
+    odds = np.full((len(masks), 3), 1 / 3)
+    sets = enumerate_sets(masks, groups, value)
+    features = set_features(item.graph, masks, groups, value, odds, sets, same, move)
+    assert features.values.shape == (len(sets.member), len(features.names))
+    assert np.isfinite(features.values).all()
+    parts = features.column("number")
+    assert (parts == sets.member.sum(axis=1)).all()
+    full = int(np.argmax(features.column("value_sum")))
+    one = int(np.flatnonzero(parts == 1)[0])
+    assert features.column("free_high")[full] <= features.column("free_high")[one]
+    assert features.column("rest_move")[full] < features.column("rest_move")[one]
+
+
+def test_new_candidates_lie_beside_the_best_and_are_measured_alike() -> None:
+    item, same, move, masks = measured()
+    few = masks[:: max(1, len(masks) // 6)]
+    more = expand_groups(item.graph, few, np.linspace(1, 0, len(few)), same)
+    known = {m.tobytes() for m in few}
+    assert len(more) and not any(m.tobytes() in known for m in more)
+    both = np.concatenate([few, more])
+    apart = joined(
+        group_features(item.graph, few, same, move, None),
+        group_features(item.graph, more, same, move, None),
+        both,
+    )
+    whole = group_features(item.graph, both, same, move, None)
+    assert np.allclose(apart.values, whole.values, equal_nan=True, atol=1e-5)
+
+
+def test_a_box_swings_about_the_edge_that_touches() -> None:
+    item, same, move, _ = measured()
+    prior = item.prior()
+    parts = np.array([item.link == k for k in np.flatnonzero(item.subtype == 0)])
+    assert len(parts)
+    seen = group_features(item.graph, parts, same, move, prior)
+    assert seen.column("swing_free").min() > 0.5
+    blind = group_features(item.graph, parts, same, move, None)
+    assert np.isnan(blind.column("swing_free")).all()
+
+
+def test_four_like_parts_promise_more_than_the_best_of_them() -> None:
+    sure, faint = np.array([0.7, 0.6, 0.6, 0.55]), np.array([0.7, 0.05, 0.05, 0.05])
+    for value, best in ((sure, 4), (faint, 1)):
+        numbers = np.arange(1, 5)
+        sets = table({"number": numbers, "value_sum": np.cumsum(value)})
+        assert numbers[int(np.argmax(promise(sets)))] == best
+
+
+def test_an_example_knows_how_well_its_primitives_hold_the_parts() -> None:
+    item, *_ = measured()
+    assert 0.9 < item.bound <= 1.0
+    mixed = replace(item, overlap=np.ones_like(item.overlap) * item.graph.area[:, None])
+    assert mixed.bound < 0.6
+    still = replace(item, subtype=np.full_like(item.subtype, -1))
+    assert still.bound == 1.0
+
+
+def test_what_was_left_of_a_part_joins_it_and_what_the_base_holds_more_does_not() -> None:
+    item, *_ = measured()
+    pairs = np.array([[0, 1], [0, 2], [2, 3], [1, 4]])
+    count = item.graph.count
+    graph = replace(item.graph, pairs=pairs, gap=np.zeros(4), area=np.full(count, 1 / count))
+    move = np.full(graph.count, 0.1)
+    move[[0, 1, 2]] = 0.9
+    part = np.arange(graph.count)[None] == 0
+    found = completed(graph, part, np.array([0.8, 0.6, 0.7, 0.9]), move)
+    assert np.flatnonzero(found[0]).tolist() == [0]  # 4 and 3 are still and hold 1 and 2 more
+    found = completed(graph, part, np.array([0.8, 0.6, 0.7, 0.2]), move)
+    assert np.flatnonzero(found[0]).tolist() == [0, 1]
+    found = completed(graph, part, np.array([0.4, 0.6, 0.5, 0.1]), move)
+    assert np.flatnonzero(found[0]).tolist() == [0, 1, 2]
+    found = completed(graph, part, np.array([0.2, 0.6, 0.5, 0.1]), move)
+    assert np.flatnonzero(found[0]).tolist() == [0, 2]  # 1 is bound too weakly
+    for times, taken in ((0.3, [0, 1]), (0.1, [0, 1, 2])):  # what was nearly a part, and a trifle
+        left = np.arange(count)[None] == 2
+        area = np.where(left[0], times * graph.area[0], graph.area)
+        weights = np.array([0.4, 0.6, 0.5, 0.1])
+        found = completed(replace(graph, area=area), part, weights, move, left)
+        assert np.flatnonzero(found[0]).tolist() == taken
+    share = np.where(np.arange(count) == 0, 0.9, 0.01 / (count - 2))
+    share[2] = 0.09  # 0.01 would be left of the base without it
+    found = completed(replace(graph, area=share), part, np.array([0.4, 0.6, 0.5, 0.1]), move)
+    assert np.flatnonzero(found[0]).tolist() == [0, 1]
+
+
+def test_what_stands_apart_and_is_no_trifle_does_not_join() -> None:
+    """The racks behind an oven's door, and its knob."""
+    front: Box = ((0, 0, 0), (1, 0.05, 1))
+    knob, rack = ((0, -0.12, 0.3), (0.05, 0.05, 0.05)), ((0, 0.4, 0), (0.9, 0.6, 0.02))
+    graph = graph_of([front], [knob], [rack], [((0, 1.2, 0), (1.2, 0.5, 1.2))])
+    same, move = np.full(len(graph.pairs), 0.6), np.array([0.9, 0.9, 0.9, 0.0])
+    same[(graph.pairs == 3).any(axis=1)] = 0.1
+    assert completed(graph, np.eye(4, dtype=bool)[:1], same, move)[0].tolist() == [1, 1, 0, 0]
+
+
+def test_what_is_as_good_as_certain_is_no_left_over() -> None:
+    graph = graph_of(*([((k, 0, 0), (0.5, 0.5, 0.5))] for k in range(4)))
+    masks = np.array([[1, 0, 0, 0], [1, 1, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], dtype=bool)
+    value, sure = np.array([0.9, 0.95, 0.8, 0.7]), np.array([1, 1, 1, 0], dtype=bool)
+    assert with_sure(graph, masks, value, sure, [0]) == [0, 2]
+    assert with_sure(graph, masks, value, sure | True, [0]) == [0, 2, 3]
+    few = graph_of(*([((k, 0, 0), (0.5,) * 3)] for k in range(3)))
+    assert with_sure(few, masks[:, :3], value, sure | True, [0]) == [0, 2]  # something stays
+
+
+def test_parts_that_leave_nothing_give_the_largest_to_the_base() -> None:
+    graph = measured()[0].graph
+    every = np.arange(graph.count)  # the largest first
+    parts = np.array([every > 1, every == 0, every == 1])
+    choice = Choice((0, 1, 2), np.full(3, 0.5), np.full((3, 3), 1 / 3), np.full(3, 0.5), 0.5)
+    rest = tuple(every[2:].tolist())
+    tree = build_tree(graph, parts, choice)
+    assert [n.primitives for n in tree.nodes] == [(0,), rest, (1,)]
+    some = build_tree(graph, parts, replace(choice, chosen=(0, 2)))
+    assert [n.primitives for n in some.nodes] == [(0,), rest, (1,)]
+    last = int(every[-1])
+    assert graph.area[last] < LEAST_BASE  # a knob alone is no base
+    parts[0, last] = False
+    knob = build_tree(graph, parts, choice)
+    assert [n.primitives for n in knob.nodes] == [(0, last), rest[:-1], (1,)]
+
+
+def test_equal_parts_that_leave_nothing_each_leave_their_largest_piece() -> None:
+    graph = measured()[0].graph
+    half = graph.count // 2
+    area = np.ones(graph.count)
+    area[[0, half]] = 3.0
+    left = np.arange(graph.count) < half
+    choice = Choice((0, 1), np.full(2, 0.5), np.full((2, 3), 1 / 3), np.full(2, 0.5), 0.5)
+    tree = build_tree(replace(graph, area=area), np.array([left, ~left]), choice)
+    assert len(tree.nodes) == 3 and tree.nodes[0].primitives == (0, half)
+
+
+def test_what_is_too_unsure_stays_in_the_base_and_is_told() -> None:
+    example = generated_example("chest_of_drawers", 9)
+    view = View(example.graph, example.prior())
+    scores = copy(load_scores())
+    masks, usual = decide([view], scores)
+    assert len(usual.chosen) > 1 and 0 < scores.least < 1  # type: ignore[operator]
+    assert all(usual.confidence[c] >= scores.least for c in usual.chosen[1:])
+    scores.least = 1.0
+    masks, choice = decide([view], scores)
+    assert choice.chosen == usual.chosen[:1]
+    assert set(choice.left) >= set(usual.chosen[1:])
+    tree = build_tree(view.graph, masks, choice)
+    told = tree.nodes[0].evidence["left_out"]
+    assert [tuple(t["primitives"]) for t in told] == [  # type: ignore[attr-defined]
+        tuple(np.flatnonzero(masks[c])) for c in choice.left
+    ]
+    note = left_out_note(tree)  # of all, the drawers that now go with the chosen one as well
+    assert note.count("slide of primitives") == len(told)  # type: ignore[arg-type]
+    assert left_out_note(build_tree(view.graph, *decide([view], RuleScores()))) == ""
+
+
+def test_what_a_hint_moves_is_no_longer_told_as_left_out() -> None:
+    said = {"primitives": [1, 2], "subtype": "spin", "confidence": 0.3}
+    base = PartNode("base", "body", (0, 1, 2, 3), -1, "fixed", evidence={"left_out": [said]})
+    note = left_out_note(KinematicTree((base,)))
+    assert "spin of primitives 1, 2 (0.30)" in note and "hints file" in note
+    rest = replace(base, primitives=(0,))
+    door = PartNode("door_0", "door", (1, 2, 3), 0, "hinge")
+    assert left_out_note(KinematicTree((rest, door))) == note  # the door carries it
+    for own in (replace(door, provenance="user"), replace(door, primitives=(1, 2))):
+        assert left_out_note(KinematicTree((rest, own))) == ""
+
+
+Box = tuple[tuple[float, ...], tuple[float, ...]]  # middle, size
+
+
+def graph_of(*pieces: list[Box]) -> Graph:
+    """The graph of primitives that are boxes, one or several each."""
+    made, labels = [], []
+    for k, boxes in enumerate(pieces):
+        for middle, size in boxes:
+            box = trimesh.creation.box(size)
+            box.apply_translation(middle)
+            made.append(box)
+            labels += [k] * len(box.faces)
+    whole = trimesh.util.concatenate(made)
+    mesh = Mesh(np.asarray(whole.vertices, dtype=float), np.asarray(whole.faces))
+    return build_graph(mesh, Primitives(np.array(labels)))
+
+
+def window(split: float) -> Graph:
+    """Two leaves that meet at x = split, the rails around both, and the wall that holds them."""
+    rails: list[Box] = [((x, 0, 0), (0.06, 0.05, 1.0)) for x in (-0.6, 0.6)]
+    rails += [((0, 0, z), (1.2, 0.05, 0.06)) for z in (-0.5, 0.5)]
+    leaves: list[Box] = [
+        (((split + side * 0.6) / 2, 0, 0), (0.58 - side * split, 0.05, 0.9)) for side in (-1, 1)
+    ]
+    return graph_of([leaves[0]], [leaves[1]], rails, [((0, 0.2, 0), (1.6, 0.1, 1.4))])
+
+
+def test_rails_around_two_leaves_go_with_neither() -> None:
+    parts = np.array([[1, 0, 1, 0], [0, 1, 0, 0]], dtype=bool)
+    assert without_spanning(window(0.0), parts)[:, :3].tolist() == [[1, 0, 0], [0, 1, 0]]
+    assert (without_spanning(window(0.3), parts) == parts).all()  # a door with a flap beside it
+    assert (without_spanning(window(0.0), parts[:1]) == parts[:1]).all()
+
+
+def test_of_two_bodies_on_the_floor_the_bulkier_stays() -> None:
+    """A case lies open on its side: its box, and its lid flat on the floor."""
+    box: Box = ((0, 0, 0.2), (0.8, 0.2, 0.4))
+    masks, value = np.eye(2, dtype=bool), np.array([0.6, 0.5])
+    flat = graph_of([box], [((0, -0.31, 0.01), (0.8, 0.4, 0.02))])
+    assert lighter(flat, masks, value, 0) == 1 and lighter(flat, masks, value, 1) == 1
+    assert lighter(flat, masks[:1], value[:1], 0) == 0  # nothing else is drawn up
+    alike = graph_of([box], [((0, -0.31, 0.15), (0.8, 0.2, 0.3))])
+    assert lighter(alike, masks, value, 0) == 0
+    graph = graph_of([box], [((0, -0.31, 0.01), (0.8, 0.4, 0.02))])
+    lid = graph.probe.owner == 1
+    graph.probe.normals[lid] = (0, 0, 1.0)
+    assert lighter(graph, masks, value, 0) == 0  # no body, but one face of one
+    sheet = graph_of([box], [((0, -0.31, 0), (1, 1, 1e-4))])
+    assert lighter(sheet, masks, value, 0) == 0  # a plate on the floor is the floor
+    held = graph_of([((0, 0, 0.7), (0.8, 0.2, 0.4))], [((0, 0, 0.25), (0.1, 0.1, 0.5))])
+    assert lighter(held, masks, value, 0) == 0  # a sign on its post
+
+
+def test_a_pull_takes_the_board_that_it_is_on() -> None:
+    """A door flush with its box; its handle is a bar on two feet, a bar alone, or a lever."""
+    body: list[Box] = [((x, 0.25, 0), (0.02, 0.5, 1)) for x in (-0.4, 0.4)]
+    body += [((0, 0.25, z), (0.78, 0.5, 0.02)) for z in (-0.49, 0.49)]
+    door: list[Box] = [((0, -0.01, 0), (0.82, 0.02, 1))]
+    bar: Box = ((0.35, -0.08, 0), (0.02, 0.02, 0.3))
+    feet: list[Box] = [((0.35, -0.045, z), (0.02, 0.05, 0.02)) for z in (-0.14, 0.14)]
+    pull, move = np.array([[0, 0, 1]], dtype=bool), np.array([0.0, 0.2, 0.9])
+    value = np.array([0.6, 0.6])
+    for handle in ([bar, *feet], [bar]):
+        graph = graph_of(body, door, handle)
+        assert with_boards(graph, pull, move, value[:1]).tolist() == [[False, True, True]]
+        still = np.array([0.0, 0.01, 0.9])
+        assert (with_boards(graph, pull, still, value[:1]) == pull).all()
+        assert (with_boards(graph, pull, move, np.array([0.9])) == pull).all()  # surely a lever
+    back: list[Box] = [((0, 0.01, 0), (0.82, 0.01, 1))]
+    skin = replace(
+        graph_of(body, door, [bar, *feet], back),
+        rigid=np.array([[0, 1, 0, 1]], dtype=bool), fronts=np.zeros(1, dtype=bool),
+    )  # fmt: skip
+    alone, moves = np.arange(4)[None] == 2, np.array([0.0, 0.2, 0.9, 0.2])
+    assert with_boards(skin, alone, moves, value[:1])[0].tolist() == [False, True, True, True]
+    taken = np.array([[0, 0, 1], [0, 1, 0]], dtype=bool)
+    assert (with_boards(graph_of(body, door, [bar, *feet]), taken, move, value) == taken).all()
+    knob: Box = ((0.35, -0.05, 0), (0.05, 0.06, 0.05))
+    lamp: Box = ((0.35, -0.08, 0), (0.05, 0.02, 0.05))  # as wide as high, before the door
+    flush: Box = ((0.35, -0.03, 0), (0.02, 0.02, 0.3))
+    beside: Box = ((0.6, -0.08, 0), (0.02, 0.02, 0.3))
+    for other in ([bar, feet[0]], [knob], [lamp], [flush], [beside]):
+        assert (with_boards(graph_of(body, door, other), pull, move, value[:1]) == pull).all()
+    hidden: list[Box] = [*body, ((0, -0.3, 0), (0.6, 0.3, 0.8))]
+    assert (with_boards(graph_of(hidden, door, [bar, *feet]), pull, move, value[:1]) == pull).all()
+
+
+def test_a_door_does_not_hang_on_the_door_beside_it() -> None:
+    """Two doors that meet each other and stand a little before their cupboard; a flap on one."""
+    body: list[Box] = [((0, 0.25, 0), (0.8, 0.4, 0.6))]
+    doors: list[Box] = [
+        ((-0.2, 0.025, 0), (0.4, 0.02, 0.6)),
+        ((0.201, 0.025, 0), (0.402, 0.02, 0.6)),
+    ]
+    flap: Box = ((0.2, 0.01, 0), (0.2, 0.01, 0.1))
+
+    def parents(*pieces: list[Box]) -> list[int]:
+        graph = graph_of(*pieces)
+        masks = np.eye(len(pieces), dtype=bool)[1:]
+        sure = np.full(len(masks), 0.9)
+        odds = np.tile([0.8, 0.1, 0.1], (len(masks), 1))
+        choice = Choice(tuple(range(len(masks))), sure, odds, sure, 0.9)
+        return [node.parent for node in build_tree(graph, masks, choice).nodes]
+
+    assert parents(body, *([d] for d in doors), [flap]) == [-1, 0, 0, 2]
+    far: list[Box] = [((0, 0.4, 0), (0.8, 0.4, 0.6))]
+    smaller: Box = ((0.15, 0.025, 0), (0.3, 0.02, 0.6))
+    assert parents(body, [doors[0]], [smaller]) == [-1, 0, 1]
+    assert parents(far, [doors[0]], [doors[1]]).count(0) == 1  # a screen that folds

@@ -1,0 +1,1 @@
+"""All that makes weights: training objects, examples, recipes and trainers."""

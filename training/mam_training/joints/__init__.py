@@ -1,0 +1,1 @@
+"""Training of the model that ranks joint hypotheses (mam_pipeline.joints)."""

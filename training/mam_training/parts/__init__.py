@@ -1,0 +1,1 @@
+"""Training of the models that choose the parts (mam_pipeline.parts)."""

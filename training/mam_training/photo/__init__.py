@@ -1,0 +1,1 @@
+"""Training of the models that read photographs (mam_pipeline.photo)."""

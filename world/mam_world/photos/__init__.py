@@ -1,0 +1,1 @@
+"""Synthetic photographs of procedural furniture, with exact truth."""
