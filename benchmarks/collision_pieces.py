@@ -19,10 +19,9 @@ import numpy as np
 import trimesh
 
 from mam_pipeline.asset.collision import collision_shapes, outside
-from mam_pipeline.asset.dynamics import carried_links
-from mam_pipeline.asset.surface import Solid, link_components
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import sample_surface
+from mam_pipeline.geometry.surface import Solid, link_components
 from mam_pipeline.types import Articulation, CollisionShape, FloatArray, Joint, joint_motion
 from mam_sim.bench.runner import find_tasks
 
@@ -81,7 +80,7 @@ def _overlap(
     worst, worst_mesh = 0.0, 0.0
     tied = {frozenset((j.parent, j.child)) for j in truth.joints}
     for joint in truth.joints:
-        carried = carried_links(truth, joint)
+        carried = truth.carried_links(joint)
         others = [i for i in range(len(truth.links)) if i not in carried]
         if joint.type == "fixed":
             continue

@@ -27,7 +27,7 @@ import numpy as np
 
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.check import check
-from mam_pipeline.check.thresholds import DRIVE_SECONDS, MAX_SECONDS
+from mam_pipeline.thresholds import DRIVE_SECONDS, MAX_SECONDS
 from mam_world import CATEGORIES, make_object
 
 

@@ -212,8 +212,8 @@ def grouping_bound(mesh: Any, labels: Any, truth: GroundTruth) -> float:
 
 def execute(found: Articulation, name: str) -> tuple[bool, tuple[str, ...]]:
     """Write the asset to a temporary folder and run the check: (holds, reason codes)."""
-    from mam_pipeline.asset.mend import written_and_checked
     from mam_pipeline.asset.writer import write_asset
+    from mam_pipeline.check.shorten import written_and_checked
 
     with tempfile.TemporaryDirectory(prefix="mam_sim_bench_") as folder:
         try:

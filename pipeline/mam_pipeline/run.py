@@ -98,8 +98,8 @@ def make_asset(
         MamSimError: one of its subclasses; `out` is then as it was before.
     """
     from mam_pipeline.asset.interiors import add_interiors
-    from mam_pipeline.asset.mend import written_and_checked
     from mam_pipeline.asset.writer import replace_folder, write_asset
+    from mam_pipeline.check.shorten import written_and_checked
     from mam_pipeline.joints.fittings import carried_notes
     from mam_pipeline.models.retexture import repainted
 

@@ -335,6 +335,21 @@ class CollisionShape:
 
 
 @dataclass(frozen=True)
+class Inertial:
+    """Mass (kg), centre of mass (3,) and inertia (3, 3) about it, asset frame axes at rest."""
+
+    mass: float
+    center: FloatArray
+    inertia: FloatArray
+    material: str = ""
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center", readonly(self.center, np.float64, (3,)))
+        object.__setattr__(self, "inertia", readonly(self.inertia, np.float64, (3, 3)))
+
+
+@dataclass(frozen=True)
 class Articulation:
     """A mesh cut into links and the joints between them; link 0 is the base.
 
@@ -358,6 +373,14 @@ class Articulation:
     def joint_of(self, link: int) -> Joint | None:
         """The joint whose child is `link`, or None for the base."""
         return next((j for j in self.joints if j.child == link), None)
+
+    def carried_links(self, joint: Joint) -> list[int]:
+        """The joint's child and every link behind it."""
+        out = [joint.child]
+        for other in self.joints:  # topological order: parents come first
+            if other.parent in out:
+                out.append(other.child)
+        return out
 
     def link_poses(self, q: Mapping[str, float] | Sequence[float]) -> FloatArray:
         """Forward kinematics: (L, 4, 4) `asset_T_link` against the rest pose at joint values q."""

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from mam_pipeline.asset.mend import written_and_checked
+from mam_pipeline import thresholds
 from mam_pipeline.asset.writer import write_asset
-from mam_pipeline.check import REASONS, CheckReport, check_asset, thresholds
+from mam_pipeline.check import REASONS, CheckReport, check_asset
 from mam_pipeline.check.clock import OutOfTime, limited
 from mam_pipeline.check.report import CLAUSES
+from mam_pipeline.check.shorten import written_and_checked
 from mam_pipeline.errors import InputError
 from mam_pipeline.types import Articulation, CollisionShape, Joint, Link, Mesh, joint_motion
 

@@ -7,8 +7,9 @@ import pytest
 import trimesh
 from PIL import Image, ImageDraw, ImageFont
 
-from mam_pipeline.models import album, pictures
+from mam_pipeline.models import album
 from mam_pipeline.render import orbit_views as views
+from mam_pipeline.render import pictures
 from mam_pipeline.types import Mesh, Primitives
 
 Boxes = tuple[Mesh, Primitives]

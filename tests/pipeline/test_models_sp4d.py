@@ -11,10 +11,10 @@ import trimesh
 
 from mam_pipeline import backends, stage_files
 from mam_pipeline.errors import BackendError, ConfigError
-from mam_pipeline.models import pictures
 from mam_pipeline.models.sp4d import REFERENCE, STEP, FilePrior, Sp4dPrior, prior_from_frames
 from mam_pipeline.prior.masks import groups, load_masks, prior_from_masks, save_masks
 from mam_pipeline.render import orbit_views as views
+from mam_pipeline.render import pictures
 from mam_pipeline.types import Mesh, Primitives
 
 Boxes = tuple[Mesh, Primitives]

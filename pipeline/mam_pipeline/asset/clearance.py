@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mam_pipeline.asset.dynamics import carried_links
 from mam_pipeline.asset.shapes import shape_inside
-from mam_pipeline.asset.surface import hull_of
+from mam_pipeline.geometry.surface import hull_of
 from mam_pipeline.types import Articulation, CollisionShape, FloatArray, IntArray, Joint
 
 GAP = 0.0005
@@ -53,7 +52,7 @@ def keep_apart(
     for joint in articulation.joints:
         if joint.type == "fixed":
             continue
-        carried = carried_links(articulation, joint)
+        carried = articulation.carried_links(joint)
         others = [i for i in range(len(links)) if i not in carried]
         pairs = [(i, k) for i in carried for k in others if frozenset((i, k)) not in joined]
         if not pairs:

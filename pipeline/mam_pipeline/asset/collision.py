@@ -16,13 +16,12 @@ from scipy.cluster.hierarchy import fcluster, linkage
 
 from mam_pipeline.asset.clearance import keep_apart
 from mam_pipeline.asset.decompose import decompose, merge
-from mam_pipeline.asset.dynamics import carried_links
 from mam_pipeline.asset.patches import plates
 from mam_pipeline.asset.shapes import box_shape, shape_around
-from mam_pipeline.asset.surface import Component, Solid, link_components, weld
 from mam_pipeline.geometry.boxes import Box
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import sample_surface
+from mam_pipeline.geometry.surface import Component, Solid, link_components, weld
 from mam_pipeline.types import Articulation, CollisionShape, FloatArray, IntArray, joint_motion
 
 MAX_PIECES = 32
@@ -209,7 +208,7 @@ def _moving_paths(articulation: Articulation) -> list[FloatArray]:
     mesh = articulation.mesh
     paths: list[list[FloatArray]] = [[] for _ in articulation.links]
     for joint in articulation.joints:
-        carried = carried_links(articulation, joint)
+        carried = articulation.carried_links(joint)
         faces = np.concatenate([articulation.links[i].faces for i in carried])
         if joint.type == "fixed" or not len(faces):
             continue

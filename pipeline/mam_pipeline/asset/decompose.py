@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 from trimesh.intersections import slice_faces_plane
 
-from mam_pipeline.asset.surface import hull_of
 from mam_pipeline.geometry.boxes import minimal_box
+from mam_pipeline.geometry.surface import hull_of
 from mam_pipeline.types import FloatArray, IntArray
 
 _SAMPLES = 500

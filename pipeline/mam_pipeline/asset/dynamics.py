@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from mam_pipeline.asset.inertia import Inertial
-from mam_pipeline.types import Articulation, FloatArray, Joint
+from mam_pipeline.types import Articulation, FloatArray, Inertial, Joint
 
 GRAVITY = 9.81
 HAND_FORCE = 1.5
@@ -53,15 +52,6 @@ def set_joint_friction(joint: Any, type_: str, friction: float, damping: float =
     joint.set_drive_velocity_target(0.0)
 
 
-def carried_links(articulation: Articulation, joint: Joint) -> list[int]:
-    """The joint's child and every link behind it."""
-    out = [joint.child]
-    for other in articulation.joints:  # topological order: parents come first
-        if other.parent in out:
-            out.append(other.child)
-    return out
-
-
 def gravity_load(
     articulation: Articulation, joint: Joint, inertials: Sequence[Inertial]
 ) -> tuple[float, float, float]:
@@ -72,7 +62,7 @@ def gravity_load(
     Returns:
         (load, inertia, arm): N m, kg m2 and m for rotations; N, kg and 1 for slides.
     """
-    links = carried_links(articulation, joint)
+    links = articulation.carried_links(joint)
     mass = sum(inertials[i].mass for i in links)
     tilts = _tilts(articulation, joint)
     if joint.type == "prismatic":

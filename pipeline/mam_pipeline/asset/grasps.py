@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mam_pipeline.asset.dynamics import carried_links
 from mam_pipeline.asset.handles import Handle, find_handles, handle_faces, opening_direction
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import sample_surface, unit
@@ -37,7 +36,7 @@ class _Finder:
         self.articulation, self.joint = articulation, joint
         self.link = articulation.links[joint.child]
         mesh = articulation.mesh
-        carried = carried_links(articulation, joint)
+        carried = articulation.carried_links(joint)
         mine = np.concatenate([articulation.links[i].faces for i in carried])
         others = np.setdiff1d(np.arange(len(mesh.faces)), mine)
         self.others = RayScene(mesh.vertices, mesh.faces[others]) if len(others) else None

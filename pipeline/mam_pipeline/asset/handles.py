@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mam_pipeline.asset.surface import link_components
 from mam_pipeline.geometry.sampling import face_geometry, sample_surface, unit
+from mam_pipeline.geometry.surface import link_components
 from mam_pipeline.types import Articulation, FloatArray, IntArray, Joint
 
 _FRONT_SHARE = 0.2

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mam_pipeline.asset.surface import Component, link_components, triangle_areas
 from mam_pipeline.geometry.boxes import minimal_box
-from mam_pipeline.types import Articulation, FloatArray, readonly
+from mam_pipeline.geometry.surface import Component, link_components, triangle_areas
+from mam_pipeline.types import Articulation, FloatArray, Inertial
 
 
 @dataclass(frozen=True)
@@ -39,21 +39,6 @@ KIND_MATERIALS: dict[str, MaterialPrior] = {
 MIN_MASS = 0.005
 SOLID_UP_TO = 0.045
 """Closed pieces whose mean thickness (2 V / A) is at most this many metres are solid."""
-
-
-@dataclass(frozen=True)
-class Inertial:
-    """Mass (kg), centre of mass (3,) and inertia (3, 3) about it, asset frame axes at rest."""
-
-    mass: float
-    center: FloatArray
-    inertia: FloatArray
-    material: str = ""
-    source: str = ""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "center", readonly(self.center, np.float64, (3,)))
-        object.__setattr__(self, "inertia", readonly(self.inertia, np.float64, (3, 3)))
 
 
 def link_inertials(articulation: Articulation) -> list[Inertial]:

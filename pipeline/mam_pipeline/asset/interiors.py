@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from shapely import contains_xy
 from shapely.geometry import MultiPolygon, Polygon
 
-from mam_pipeline.asset.dynamics import carried_links
 from mam_pipeline.asset.handles import opening_direction
 from mam_pipeline.asset.rims import cut_rims, length
 from mam_pipeline.geometry.boxes import principal_axes
@@ -176,7 +175,7 @@ def _drawn_out(articulation: Articulation, joint: Joint, flat: _Flat, depth: flo
     if not str(limits.get("rule", "")).startswith("contact loss"):
         return joint
     mesh = articulation.mesh
-    own = [articulation.links[i].faces for i in carried_links(articulation, joint)]
+    own = [articulation.links[i].faces for i in articulation.carried_links(joint)]
     others = np.setdiff1d(np.arange(len(mesh.faces)), np.concatenate(own))
     faces = mesh.faces[articulation.links[joint.child].faces]
     points = sample_surface(mesh.vertices, faces, 400).points

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mam_pipeline.asset.dynamics import carried_links
-from mam_pipeline.asset.surface import weld
+from mam_pipeline.geometry.surface import weld
 from mam_pipeline.types import Articulation, FloatArray, IntArray
 
 _GAP = 0.1  # of a line's length: ends closer than this are taken for joined
@@ -23,7 +22,7 @@ def cut_rims(articulation: Articulation) -> list[tuple[int, FloatArray]]:
     out: list[tuple[int, FloatArray]] = []
     for joint in articulation.joints:
         # beside its neighbour a door's rim is the neighbour's too
-        rest = np.setdiff1d(np.arange(len(articulation.links)), carried_links(articulation, joint))
+        rest = np.setdiff1d(np.arange(len(articulation.links)), articulation.carried_links(joint))
         shared = touches[:, joint.child] & touches[:, rest].any(axis=1)
         out += [(joint.child, vertices[r]) for r in _rings(edges[shared], vertices)]
     return out

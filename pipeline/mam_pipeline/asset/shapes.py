@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mam_pipeline.asset.decompose import Chunk, hull_volume
-from mam_pipeline.asset.surface import hull_of
 from mam_pipeline.geometry.boxes import Box, minimal_box
+from mam_pipeline.geometry.surface import hull_of
 from mam_pipeline.types import CollisionShape, FloatArray
 
 MAX_HULL_POINTS = 60

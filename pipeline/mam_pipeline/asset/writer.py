@@ -18,11 +18,11 @@ from mam_pipeline.asset.card import Asset, AssetCard, CardGrasp, CardJoint, Card
 from mam_pipeline.asset.collision import collision_shapes
 from mam_pipeline.asset.dynamics import with_dynamics
 from mam_pipeline.asset.grasps import find_grasps, handle_faces
-from mam_pipeline.asset.inertia import Inertial, link_inertials
+from mam_pipeline.asset.inertia import link_inertials
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.formats.gltf import write_glb
 from mam_pipeline.formats.urdf_writer import link_origins, urdf_text
-from mam_pipeline.types import Articulation, CollisionShape, FloatArray
+from mam_pipeline.types import Articulation, CollisionShape, FloatArray, Inertial
 
 
 def write_asset(

@@ -10,14 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.asset.dynamics import carried_links
 from mam_pipeline.check.clock import Clock, OutOfTime, limited
 from mam_pipeline.check.lint import lint
 from mam_pipeline.check.model import CheckModel
 from mam_pipeline.check.report import CLAUSES, CheckReport, Finding, JointReport
 from mam_pipeline.check.sweep import JointSweep, sweep_joint
-from mam_pipeline.check.thresholds import DRIVE_SECONDS, MAX_SECONDS, THRESHOLDS, Thresholds
 from mam_pipeline.errors import InputError, MamSimError
+from mam_pipeline.thresholds import DRIVE_SECONDS, MAX_SECONDS, THRESHOLDS, Thresholds
 from mam_pipeline.types import Joint
 
 _CLAUSE_OF = {
@@ -183,13 +182,13 @@ def _sweep_at(
 def _neighbours(model: CheckModel, joint: Joint) -> list[Joint]:
     """Joints that move neither the part nor anything on it."""
     articulation = model.articulation
-    carried = carried_links(articulation, joint)
+    carried = articulation.carried_links(joint)
     return [
         j
         for j in articulation.joints
         if j.type != "fixed"
         and j.child not in carried
-        and joint.child not in carried_links(articulation, j)
+        and joint.child not in articulation.carried_links(j)
     ]
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from mam_pipeline.asset.dynamics import set_joint_friction
 from mam_pipeline.check.simulate import load_physics, physics_scene
-from mam_pipeline.check.thresholds import DRIVE_SECONDS, THRESHOLDS, Thresholds
+from mam_pipeline.thresholds import DRIVE_SECONDS, THRESHOLDS, Thresholds
 from mam_pipeline.types import FloatArray
 
 STEP = 1.0 / 200.0

@@ -9,7 +9,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from mam_pipeline.check import thresholds as limits
+from mam_pipeline import thresholds as limits
 from mam_pipeline.check.report import Finding
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.formats.mesh_files import SUFFIXES, read_file

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from mam_pipeline.asset.surface import hull_of
 from mam_pipeline.formats.urdf_input import read_urdf
 from mam_pipeline.formats.urdf_mesh import read_triangles, resolve
+from mam_pipeline.geometry.surface import hull_of
 from mam_pipeline.ground_truth import carrier, parse_urdf, rest_frames
 from mam_pipeline.types import Articulation, FloatArray
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from mam_pipeline.asset.dynamics import carried_links
 from mam_pipeline.check.report import CheckReport, JointReport
 from mam_pipeline.render.mesh_pictures import contact_sheet, posed, render_mesh
 from mam_pipeline.types import Articulation
@@ -27,7 +26,7 @@ def save_worst_frame(articulation: Articulation, report: CheckReport, path: Path
         end = upper if abs(upper) >= abs(lower) else lower
         at = worst.penetration_at if worst.penetration else None
         values[joint.name] = end if at is None else at
-        for index in carried_links(articulation, joint):
+        for index in articulation.carried_links(joint):
             faces = articulation.links[index].faces
             colors[faces] = _FAILED if worst.reasons else _MOVED
     mesh = posed(articulation, values)

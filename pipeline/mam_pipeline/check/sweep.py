@@ -12,12 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mam_pipeline.asset.dynamics import carried_links
 from mam_pipeline.check.model import CheckModel, Hull
-from mam_pipeline.check.thresholds import THRESHOLDS, Thresholds
 from mam_pipeline.geometry.hinge_line import HingeBodies
 from mam_pipeline.geometry.paths import Motion, PartPaths, Rule, motion_points, steps_to
 from mam_pipeline.geometry.sampling import sample_surface
+from mam_pipeline.thresholds import THRESHOLDS, Thresholds
 from mam_pipeline.types import FloatArray, IntArray, Joint, Mesh
 
 
@@ -56,7 +55,7 @@ class _Sweep:
         self.model, self.joint, self.thresholds = model, joint, thresholds
         articulation = model.articulation
         self.mesh: Mesh = articulation.mesh
-        self.carried = carried_links(articulation, joint)
+        self.carried = articulation.carried_links(joint)
         part = [articulation.links[i].faces for i in self.carried]
         self.part: IntArray = np.concatenate(part)
         self.static: IntArray = np.setdiff1d(np.arange(len(self.mesh.faces)), self.part)

@@ -8,8 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mam_pipeline.asset.inertia import Inertial
-from mam_pipeline.types import Articulation, CollisionShape, FloatArray, Joint
+from mam_pipeline.types import Articulation, CollisionShape, FloatArray, Inertial, Joint
 
 
 def link_origins(articulation: Articulation) -> FloatArray:

@@ -10,9 +10,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from mam_pipeline.asset.surface import hull_of
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import sample_surface, unit
+from mam_pipeline.geometry.surface import hull_of
 from mam_pipeline.types import FloatArray, IntArray, Mesh
 
 Inside = Callable[[FloatArray, bool], NDArray[np.bool_]]

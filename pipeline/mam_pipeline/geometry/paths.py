@@ -18,9 +18,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mam_pipeline.asset.surface import Solid, components
 from mam_pipeline.geometry.raycast import RayScene, faces_near
 from mam_pipeline.geometry.sampling import sample_surface
+from mam_pipeline.geometry.surface import Solid, components
 from mam_pipeline.types import FloatArray, IntArray, Mesh
 
 Motion = Literal["revolute", "prismatic"]

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from mam_pipeline.check.thresholds import THRESHOLDS
 from mam_pipeline.geometry.paths import DENSE, Crossing, PartPaths, Rule
 from mam_pipeline.geometry.sampling import unit
 from mam_pipeline.geometry.sweep import Motion, SweepScene
+from mam_pipeline.thresholds import THRESHOLDS
 from mam_pipeline.types import FloatArray, IntArray, JointSubtype, JointType, Mesh
 
 STRICT = 0.0045  # deepest crossing that the paper's rule allows, of the diagonal

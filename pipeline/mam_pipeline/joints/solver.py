@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from mam_pipeline.backends import Availability
-from mam_pipeline.check.thresholds import THRESHOLDS
 from mam_pipeline.geometry.frames import ObjectFrame
 from mam_pipeline.geometry.hinge_line import HingeBodies
 from mam_pipeline.geometry.sampling import unit
@@ -30,6 +29,7 @@ from mam_pipeline.joints.optimise import Method, refine
 from mam_pipeline.joints.paper import initialise, paper_part
 from mam_pipeline.joints.straight import straightened, turned_joint, turned_tree
 from mam_pipeline.segment.topology import without_repeats
+from mam_pipeline.thresholds import THRESHOLDS
 from mam_pipeline.types import (
     MOVES,
     Articulation,

@@ -16,10 +16,10 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial import cKDTree
 
 from mam_pipeline.geometry.sampling import sample_surface
-from mam_pipeline.models import pictures
-from mam_pipeline.models.pictures import Picture
 from mam_pipeline.prior.masks import mask_colors
 from mam_pipeline.render import orbit_views as views
+from mam_pipeline.render import pictures
+from mam_pipeline.render.pictures import Picture
 from mam_pipeline.types import IntArray, Mesh, Primitives
 
 SIZE = 512  # pixels a side of a picture

@@ -18,9 +18,10 @@ from PIL import Image
 
 from mam_pipeline.backends import Availability, KinematicPrior
 from mam_pipeline.errors import BackendError, ConfigError
-from mam_pipeline.models import external, pictures, settings
+from mam_pipeline.models import external, settings
 from mam_pipeline.prior.masks import load_masks, prior_from_masks
 from mam_pipeline.render import orbit_views as views
+from mam_pipeline.render import pictures
 from mam_pipeline.types import IntArray, Mesh, Primitives
 
 VARIABLE = "MAM_SIM_SP4D"

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from mam_pipeline.errors import BackendError, HintNeeded
-from mam_pipeline.models import pictures, settings
+from mam_pipeline.models import settings
 from mam_pipeline.models.ledger import Ledger, current, price_of, tokens_of
+from mam_pipeline.render import pictures
 
 Labelled = tuple[tuple[str, pictures.Picture], ...]
 MOST_TOKENS = 6000  # in an answer

@@ -16,8 +16,8 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import squareform
 
 from mam_pipeline.backends import KinematicPrior
-from mam_pipeline.models import pictures
 from mam_pipeline.render import orbit_views as views
+from mam_pipeline.render import pictures
 from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives
 
 SIZE = 128  # pixels a side of the masks that we draw

@@ -1,4 +1,4 @@
-"""Every threshold of `mam-sim check`, in one place (the executability clauses of the metrics)."""
+"""When an asset counts as executable: what the solver aims at and `mam-sim check` tests."""
 
 from __future__ import annotations
 
