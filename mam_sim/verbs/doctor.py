@@ -163,6 +163,7 @@ def _gpu() -> list[Finding]:
 
 def _backends() -> list[Finding]:
     from mam_pipeline import backends
+    from mam_pipeline.registry import resolve
 
     out = []
     for role in backends.BUILTIN:
@@ -174,7 +175,7 @@ def _backends() -> list[Finding]:
         for name, target in backends.names(role).items():
             state, ok, fix = "", False, ""
             try:
-                found = backends._resolve(target).available()
+                found = resolve(target).available()
                 ok, fix = found.ok, found.why
                 state = "active" if name == active else ("ready" if ok else "not available")
                 if found.licence:

@@ -7,10 +7,8 @@ in the entry-point groups `mam_sim.reconstructor`, `.segmenter`, `.prior`, `.rea
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib import metadata
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -19,6 +17,7 @@ from numpy.typing import NDArray
 
 from mam_pipeline.errors import BackendError, unknown_name
 from mam_pipeline.hints import Hints
+from mam_pipeline.registry import Registry, resolve
 from mam_pipeline.types import Articulation, IntArray, KinematicTree, Mesh, Primitives
 
 
@@ -167,10 +166,7 @@ PREFERENCE: dict[str, tuple[str, ...]] = {
 
 def names(role: str) -> dict[str, str]:
     """All backend names of a role with their "module:Class" target, third parties included."""
-    table = dict(BUILTIN[role])
-    for entry in metadata.entry_points(group=f"mam_sim.{role}"):
-        table.setdefault(entry.name, entry.value)
-    return table
+    return Registry(role, BUILTIN[role]).targets()
 
 
 def load(role: str, name: str = "auto") -> tuple[str, Any]:
@@ -184,19 +180,14 @@ def load(role: str, name: str = "auto") -> tuple[str, Any]:
     if name != "auto":
         if name not in table:
             raise unknown_name(role, name, ["auto", *table])
-        cls = _resolve(table[name])
+        cls = Registry(role, BUILTIN[role]).load(name)
         state: Availability = cls.available()
         if not state.ok:
             raise BackendError(f"the {role} {name!r} cannot run here: {state.why}")
         return name, cls()
     for candidate in PREFERENCE[role]:
         if candidate in table:
-            cls = _resolve(table[candidate])
+            cls = resolve(table[candidate])
             if cls.available().ok:
                 return candidate, cls()
     raise BackendError(f"no {role} is available here; run: mam-sim doctor")
-
-
-def _resolve(target: str) -> Any:
-    module, _, attribute = target.partition(":")
-    return getattr(importlib.import_module(module), attribute)

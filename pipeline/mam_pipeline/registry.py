@@ -1,0 +1,61 @@
+"""Names of things that people add (backends, robots, tasks, algorithms), and where their code is.
+
+A table holds "module:attribute" strings, so listing names imports nothing. A package of somebody
+else's adds a name through an entry point of the group; built-in names cannot be replaced.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import metadata
+from typing import Any
+
+from mam_pipeline.errors import BackendError, unknown_name
+
+
+@dataclass(frozen=True)
+class Registry:
+    """One kind of thing and its names.
+
+    Attributes:
+        kind: what it is, in the singular, as error messages say it ("robot").
+        builtin: name to "module:attribute".
+        group: entry-point group in which other packages add names; "mam_sim.<kind>" if empty.
+    """
+
+    kind: str
+    builtin: Mapping[str, str]
+    group: str = ""
+
+    def targets(self) -> dict[str, str]:
+        """All names with their "module:attribute", those of other packages last."""
+        table = dict(self.builtin)
+        for entry in metadata.entry_points(group=self.group or f"mam_sim.{self.kind}"):
+            table.setdefault(entry.name, entry.value)
+        return table
+
+    def load(self, name: str) -> Any:
+        """Import what `name` stands for.
+
+        Raises:
+            ConfigError: no such name; the nearest and all others are named.
+            BackendError: its module or attribute cannot be imported.
+        """
+        table = self.targets()
+        if name not in table:
+            raise unknown_name(self.kind, name, table)
+        try:
+            return resolve(table[name])
+        except (ImportError, AttributeError) as error:
+            raise BackendError(
+                f"the {self.kind} {name!r} is registered as {table[name]}, which cannot be "
+                f"imported: {error}"
+            ) from error
+
+
+def resolve(target: str) -> Any:
+    """The object that a "module:attribute" string names."""
+    module, _, attribute = target.partition(":")
+    return getattr(importlib.import_module(module), attribute)

@@ -1,0 +1,38 @@
+"""Names that packages of others add: found, loaded, never hiding a built-in one."""
+
+from __future__ import annotations
+
+from importlib import metadata
+from typing import Any
+
+import pytest
+
+from mam_pipeline.errors import BackendError, ConfigError
+from mam_pipeline.registry import Registry
+
+COLOURS = Registry("colour", {"red": "math:pi", "broken": "no_such_module:X"})
+
+
+def test_names_of_other_packages_come_behind_the_built_in_ones(monkeypatch: Any) -> None:
+    added = [
+        metadata.EntryPoint("blue", "math:e", "mam_sim.colour"),
+        metadata.EntryPoint("red", "math:tau", "mam_sim.colour"),
+    ]
+    asked = []
+
+    def entry_points(group: str) -> list[metadata.EntryPoint]:
+        asked.append(group)
+        return added
+
+    monkeypatch.setattr(metadata, "entry_points", entry_points)
+    assert COLOURS.targets() == {"red": "math:pi", "broken": "no_such_module:X", "blue": "math:e"}
+    assert COLOURS.load("red") == pytest.approx(3.14159, abs=1e-5)
+    assert COLOURS.load("blue") == pytest.approx(2.71828, abs=1e-5)
+    assert set(asked) == {"mam_sim.colour"}
+
+
+def test_errors_name_the_nearest_and_what_cannot_be_imported() -> None:
+    with pytest.raises(ConfigError, match="no colour named 'rad'; did you mean 'red'"):
+        COLOURS.load("rad")
+    with pytest.raises(BackendError, match="'broken' is registered as no_such_module:X"):
+        COLOURS.load("broken")
