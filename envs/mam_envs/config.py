@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 import numpy as np
 
 from mam_envs.scene.object_model import ObjectModel
-from mam_pipeline.errors import ConfigError, InputError, NotPhysicalError, unknown_name
+from mam_pipeline import config_file
+from mam_pipeline.errors import InputError, NotPhysicalError, unknown_name
 
 TaskName = Literal["open", "close", "turn_to", "push"]
 TASKS: tuple[TaskName, ...] = ("open", "close", "turn_to", "push")
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -128,48 +128,27 @@ class EnvConfig:
 
     @staticmethod
     def make(value: EnvConfig | Mapping[str, Any] | str | Path | None) -> EnvConfig:
-        """From nothing, a mapping, or a YAML file with the same keys.
+        """From nothing, a mapping, or a YAML file.
+
+        A file holds these settings themselves, or has them in a section `env` as the files for
+        `mam-sim --config` do.
 
         Raises:
-            ConfigError: unknown key (the nearest is named) or a value of the wrong kind.
+            ConfigError: unknown key (the nearest is named) or a value of the wrong type.
         """
         if value is None:
             return EnvConfig()
         if isinstance(value, EnvConfig):
             return value
+        source = ""
         if isinstance(value, str | Path):
-            import yaml
-
-            file = Path(value)
-            if not file.is_file():
-                raise ConfigError(f"no configuration file {file}")
-            value = yaml.safe_load(file.read_text(encoding="utf-8")) or {}
-        return fill(EnvConfig(), value)
+            source, value = str(value), config_file.read(value)
+        inside = value.get("env", value) if isinstance(value, Mapping) else value
+        return config_file.fill(EnvConfig(), inside, source)
 
     def plain(self) -> dict[str, Any]:
         """As nested plain values, to be saved beside a result."""
         return asdict(self)
-
-
-def fill(base: T, values: Mapping[str, Any] | T) -> T:
-    """Return dataclass `base` with (nested) `values` put in; unknown keys are errors."""
-    if not isinstance(values, Mapping):
-        if is_dataclass(values):
-            return values  # type: ignore[return-value]
-        raise ConfigError(f"{type(base).__name__} takes named values, not {values!r}")
-    known = {f.name: getattr(base, f.name) for f in fields(base)}  # type: ignore[arg-type]
-    out = dict(known)
-    for key, value in values.items():
-        if key not in known:
-            raise unknown_name(f"setting of {type(base).__name__}", str(key), known)
-        if key == "cameras":
-            value = {name: fill(CameraSpec(), spec) for name, spec in value.items()}
-        elif is_dataclass(known[key]):
-            value = fill(known[key], value)
-        elif isinstance(value, list):
-            value = tuple(value)
-        out[key] = value
-    return type(base)(**out)
 
 
 @dataclass(frozen=True)

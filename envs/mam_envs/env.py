@@ -18,7 +18,7 @@ from mani_skill.utils.structs import Articulation, Link, Pose
 from mani_skill.utils.structs.types import GPUMemoryConfig, SimConfig
 from mani_skill.vector.wrappers.gymnasium import ManiSkillVectorEnv
 
-from mam_envs.config import EnvConfig, fill
+from mam_envs.config import EnvConfig
 from mam_envs.robots.catalogue import robot_spec
 from mam_envs.scene import build as scene
 from mam_envs.scene import layout as layouts
@@ -28,6 +28,7 @@ from mam_envs.tasks import rewards
 from mam_envs.tasks.planner_state import Situation, observe, situation
 from mam_envs.tasks.success import Judge
 from mam_pipeline.asset.card import Asset
+from mam_pipeline.config_file import fill
 from mam_pipeline.errors import ConfigError
 
 ENV_ID = "OperateJoint-v1"

@@ -54,7 +54,7 @@ def test_unknown_names_are_errors(drawer: Path) -> None:
         joint_goal(model_of(drawer), "joint_2", None, TaskConfig())
     with pytest.raises(ConfigError, match="no task named 'opem'; did you mean 'open'"):
         joint_goal(model_of(drawer), None, "opem", TaskConfig())
-    with pytest.raises(ConfigError, match="'fractoin'; did you mean 'fraction'"):
+    with pytest.raises(ConfigError, match=r"did you mean 'task\.fraction'"):
         EnvConfig.make({"task": {"fractoin": 0.5}})
 
 
