@@ -11,7 +11,7 @@ import trimesh
 
 from mam_pipeline.backends import KinematicPrior
 from mam_pipeline.joints.fittings import UNCLEAR
-from mam_pipeline.parts import embedded, joint_view
+from mam_pipeline.parts import joint_view
 from mam_pipeline.parts.embedded import (
     SAMPLINGS,
     EmbeddedReasoner,
@@ -19,7 +19,6 @@ from mam_pipeline.parts.embedded import (
     bonds_of,
     decide,
     sampled_views,
-    unsure,
 )
 from mam_pipeline.parts.features import pair_features, primitive_features
 from mam_pipeline.parts.graph import build_graph, roundness, tight_box
@@ -27,7 +26,7 @@ from mam_pipeline.parts.group_features import group_features, with_rivals
 from mam_pipeline.parts.groups import components, enumerate_groups, merge_tree
 from mam_pipeline.parts.scores import RuleScores, load_scores
 from mam_pipeline.parts.select import select_groups
-from mam_pipeline.parts.tree import Choice, named, part_kind
+from mam_pipeline.parts.tree import named, part_kind
 from mam_pipeline.prior.embedded import EmbeddedPrior
 from mam_pipeline.types import NEEDS_REVIEW, JointSubtype, KinematicTree, Mesh, PartNode, Primitives
 from mam_training.parts.corpus import Example, abstract_kinds, generated, generated_example, united
@@ -236,37 +235,6 @@ def test_one_lump_has_nothing_that_moves_and_says_so() -> None:
     tree = EmbeddedReasoner().reason(mesh, primitives, None)
     assert len(tree.nodes) == 1
     assert "only one primitive" in tree.nodes[0].evidence["nothing_movable"]
-
-
-def test_everyone_is_asked_where_the_first_are_unsure(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A sure answer stands; of an unsure one everyone's is taken, if there are more to ask."""
-    asked: list[str] = []
-
-    def rules(kind: str) -> RuleScores:
-        asked.append(kind)
-        return RuleScores()
-
-    monkeypatch.setattr(embedded, "second_opinion", rules)
-    mesh, primitives = cupboard()
-    values = []
-    for least in (0.0, 1.0):
-        monkeypatch.setattr(embedded, "CLEAR", least)
-        tree = EmbeddedReasoner().reason(mesh, primitives, None)
-        values.append(max(n.confidence for n in tree.nodes[1:]))
-    assert asked == ["authored"]
-    assert values[1] <= 0.5 < values[0]  # hand-set rules are never surer
-    EmbeddedReasoner(RuleScores()).reason(mesh, primitives, None)
-    assert len(asked) == 1  # whose scores were given is asked alone
-    monkeypatch.setattr(embedded, "second_opinion", lambda kind: None)
-    again = EmbeddedReasoner().reason(mesh, primitives, None)
-    assert max(n.confidence for n in again.nodes[1:]) == values[0]
-
-
-def test_an_answer_is_unsure_by_its_least_part_or_when_there_is_none() -> None:
-    value = np.array([0.9, 0.65, 0.75])
-    odds, sure = np.full((3, 3), 1 / 3), np.ones(3)
-    for chosen, expected in (((), True), ((0, 2), False), ((0, 1, 2), True), ((2,), False)):
-        assert unsure(Choice(chosen, value, odds, sure, 0.9)) == expected
 
 
 def test_reasoning_is_deterministic() -> None:

@@ -14,7 +14,7 @@ from mam_pipeline.parts.features import Table, pair_features, primitive_features
 from mam_pipeline.parts.group_features import measured
 from mam_pipeline.parts.groups import enumerate_groups
 from mam_pipeline.parts.network import Network, Reading, normalised, read, together
-from mam_pipeline.parts.scores import load_scores, second_opinion
+from mam_pipeline.parts.scores import load_scores
 from mam_training.parts.corpus import (
     Example,
     abstract_kinds,
@@ -152,13 +152,10 @@ def test_what_slides_and_what_turns_both_occur(kind: str) -> None:
 
 def test_the_shipped_scores_read_with_networks() -> None:
     example, unary, pairs = seen()
-    for scores, number in ((load_scores(), 3), (second_opinion("authored"), 6)):
-        assert scores is not None
-        reading = scores.read(example.graph, unary, pairs)
-        assert len(reading.views) == number
-        assert reading.same.shape == (len(example.graph.pairs),)
-        assert ((reading.move > 0) & (reading.move < 1)).all()
-    assert second_opinion("fused") is None
+    reading = load_scores().read(example.graph, unary, pairs)
+    assert len(reading.views) == 3
+    assert reading.same.shape == (len(example.graph.pairs),)
+    assert ((reading.move > 0) & (reading.move < 1)).all()
 
 
 def test_all_of_a_kind_is_in_one_fold_but_for_fused_ones() -> None:

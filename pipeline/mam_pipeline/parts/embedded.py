@@ -22,7 +22,7 @@ from mam_pipeline.parts.groups import Masks, enumerate_groups, expand_groups
 from mam_pipeline.parts.joint_view import with_joints
 from mam_pipeline.parts.network import Reading, log_odds
 from mam_pipeline.parts.rules.pulls import with_boards
-from mam_pipeline.parts.scores import Kind, Scores, load_scores, second_opinion
+from mam_pipeline.parts.scores import Kind, Scores, load_scores
 from mam_pipeline.parts.select import (
     LEAST_BASE,
     completed,
@@ -45,7 +45,6 @@ RESCUE = 0.2
 # 37 real objects differed by up to 0.05
 SAMPLINGS = 4
 SURE = 0.8  # confidence of a candidate that is taken even where the best set leaves it
-CLEAR = 0.7  # value of every part from which on nobody else is asked
 HINGE = SUBTYPES.index("hinge")
 
 
@@ -72,8 +71,6 @@ class EmbeddedReasoner:
         views = sampled_views(mesh, primitives, prior, seed)
         kind: Kind = "fused" if primitives.one_skin else "authored"
         masks, choice = decide(views, self.scores or load_scores(kind))
-        if self.scores is None and unsure(choice) and (further := second_opinion(kind)):
-            masks, choice = decide(views, further)
         tree = build_tree(views[0].graph, masks, choice)
         return named(views[0].graph, with_joints(tree, mesh, primitives, seed))
 
@@ -156,11 +153,6 @@ def decide(views: Sequence[View], scores: Scores) -> tuple[Masks, Choice]:
         masks[chosen] = whole
     best = float(value.max())
     return masks, Choice(tuple(chosen), value, odds, confidence, best, tuple(left))
-
-
-def unsure(choice: Choice) -> bool:
-    """Whether nothing was found, or any part may as well be none."""
-    return not choice.chosen or float(choice.value[list(choice.chosen)].min()) < CLEAR
 
 
 def bonds_of(views: Sequence[View], scores: Scores) -> list[Reading]:

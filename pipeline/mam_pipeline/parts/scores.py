@@ -147,50 +147,32 @@ class LearnedScores:
         return out
 
 
-@lru_cache(maxsize=3)
-def load_scores(kind: Kind = "authored", everyone: bool = False) -> Scores:
+@lru_cache(maxsize=2)
+def load_scores(kind: Kind = "authored") -> Scores:
     """The learned scores of this package, or the rules when it was built without weights.
 
     Args:
         kind: "authored" for meshes of separate pieces, "fused" for one skin (`Graph.one_skin`).
-        everyone: all members and networks, not the `first` alone (`second_opinion`).
     """
-    settings = _settings(kind)
-    if settings is None:
+    folder = _folder(kind)
+    file = folder / "settings.json"
+    if not file.is_file():
         return RuleScores()
     import lightgbm
 
-    folder = _folder(kind)
-    first = {} if everyone else settings.get("first", {})
+    settings = json.loads(file.read_text(encoding="utf-8"))
     members = []
-    for member in settings["members"][: first.get("members")]:
+    for member in settings["members"]:
         boosters = {}
         for name in MODELS:
-            file = folder / f"{member}_{name}.txt.gz"
-            if file.is_file():
-                text = gzip.decompress(file.read_bytes()).decode("utf-8")
+            packed = folder / f"{member}_{name}.txt.gz"
+            if packed.is_file():
+                text = gzip.decompress(packed.read_bytes()).decode("utf-8")
                 boosters[name] = lightgbm.Booster(model_str=text)
         members.append(boosters)
-    names = settings.get("networks", ())[: first.get("networks")]
-    return LearnedScores(members, settings, [load_network(folder / f"{n}.npz") for n in names])
-
-
-def second_opinion(kind: Kind) -> Scores | None:
-    """Whom to ask where the first are unsure: everyone, or nobody if all were asked already.
-
-    Those who came later know more of what the first have never seen, and spoil answers of which
-    these are sure (docs/engine.md, "Everyone is asked").
-    """
-    settings = _settings(kind)
-    return load_scores(kind, True) if settings is not None and "first" in settings else None
+    networks = [load_network(folder / f"{n}.npz") for n in settings.get("networks", ())]
+    return LearnedScores(members, settings, networks)
 
 
 def _folder(kind: Kind) -> Traversable:
     return resources.files("mam_pipeline.parts") / "weights" / kind
-
-
-@lru_cache(maxsize=2)
-def _settings(kind: Kind) -> dict[str, Any] | None:
-    """What the weights' settings say; None when the package was built without weights."""
-    file = _folder(kind) / "settings.json"
-    return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else None

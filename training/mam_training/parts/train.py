@@ -22,8 +22,6 @@ of eight members four are older than these kinds, and for two leaves slid as wel
 chosen, networks of both sorts learned twelve kinds that the splits held back then. Last, three
 authored networks went on from these, and two members were added, which alone choose among sets now:
 from 22 800 examples, loosely modelled ones and objects of homes among them; the calibration stayed.
-Three networks and two members more, from 31 000 examples, many of them built of blocks, are asked
-together with these where these are unsure.
 Nothing packaged for fused meshes knows the world's last nine families.)
 """
 
