@@ -21,7 +21,7 @@ import torch
 import tyro
 from scipy.spatial.transform import Rotation
 
-from mam_envs.scene.object_model import ObjectModel
+from mam_envs.object_model import ObjectModel
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.check.check import check_asset
 from mam_pipeline.errors import MamSimError

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mam_envs.scene.object_model import ObjectModel
+from mam_envs.object_model import ObjectModel
 from mam_pipeline import config_file
 from mam_pipeline.errors import InputError, NotPhysicalError, unknown_name
 
@@ -18,8 +18,8 @@ TASKS: tuple[TaskName, ...] = ("open", "close", "turn_to", "push")
 
 
 @dataclass(frozen=True)
-class TaskConfig:
-    """How success is judged.
+class SuccessConfig:
+    """What is asked of the joint, and when it counts as done.
 
     Attributes:
         fraction: share of the way from closed to open that `open` and `push` ask for; `close`
@@ -121,7 +121,7 @@ class SceneConfig:
 class EnvConfig:
     """All settings of an OperateJoint environment; complete with its defaults."""
 
-    task: TaskConfig = field(default_factory=TaskConfig)
+    success: SuccessConfig = field(default_factory=SuccessConfig)
     reward: RewardConfig = field(default_factory=RewardConfig)
     randomisation: RandomisationConfig = field(default_factory=RandomisationConfig)
     scene: SceneConfig = field(default_factory=SceneConfig)
@@ -194,7 +194,7 @@ def default_task(model: ObjectModel, joint: str) -> TaskName:
 
 
 def joint_goal(
-    model: ObjectModel, joint: str | None, task: str | None, config: TaskConfig
+    model: ObjectModel, joint: str | None, task: str | None, config: SuccessConfig
 ) -> JointGoal:
     """Resolve joint and task names into numbers.
 

@@ -19,14 +19,13 @@ from mani_skill.utils.structs.types import GPUMemoryConfig, SimConfig
 from mani_skill.vector.wrappers.gymnasium import ManiSkillVectorEnv
 
 from mam_envs.config import EnvConfig
-from mam_envs.robots.catalogue import robot_spec
-from mam_envs.scene import build as scene
+from mam_envs.planner_state import PlannerState, observe, situation
+from mam_envs.robots import robot_spec
+from mam_envs.scene import build, vulkan
 from mam_envs.scene import layout as layouts
-from mam_envs.scene import vulkan
 from mam_envs.scene.contact_probe import ContactProbe
 from mam_envs.tasks import rewards
-from mam_envs.tasks.planner_state import Situation, observe, situation
-from mam_envs.tasks.success import Judge
+from mam_envs.tasks.success import SuccessTracker
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.config_file import fill
 from mam_pipeline.errors import ConfigError
@@ -44,7 +43,7 @@ class OperateJointEnv(BaseEnv):
     Randomizations: the object's place and yaw, the arm's start, and whatever else
     `RandomisationConfig` asks for.
 
-    Success: the joint has gone `TaskConfig.fraction` (0.75) of its way (or is within `tolerance`
+    Success: the joint has gone `SuccessConfig.fraction` (0.75) of its way (or is within `tolerance`
     of the asked value), is slower than `still_speed`, and at least half of its motion happened
     while the robot touched the moving part. In a sequence every joint must get there in turn.
 
@@ -68,8 +67,8 @@ class OperateJointEnv(BaseEnv):
         config: EnvConfig | Mapping[str, Any] | str | Path | None = None,
         randomisation: Mapping[str, Any] | None = None,
         reward: Mapping[str, Any] | None = None,
-        world: Mapping[str, Any] | None = None,
-        judge: Mapping[str, Any] | None = None,
+        scene: Mapping[str, Any] | None = None,
+        success: Mapping[str, Any] | None = None,
         exact: bool = True,
         num_envs: int = 1,
         reconfiguration_freq: int | None = None,
@@ -86,11 +85,11 @@ class OperateJointEnv(BaseEnv):
             joint: its name; None takes the most confident joint with a grasp; several make a
                 sequence.
             task: open | close | turn_to | push (one, or one per joint); None picks by the joint.
-            robot_uids: panda, so100, fetch, xarm6_robotiq (see mam_envs.robots.catalogue).
+            robot_uids: panda, so100, fetch, xarm6_robotiq, or a robot of yours (mam_envs.robots).
             scale: factor on the object's size, or "auto": 1 where the arm can do it, else shrunk
                 to its reach.
-            config: EnvConfig, mapping or YAML file; randomisation, reward, world (scene) and
-                judge (task) override single settings of it.
+            config: EnvConfig, mapping or YAML file; randomisation, reward, scene and
+                success override single settings of it.
             exact: a reset with a seed rebuilds the scene (0.2 s and more, CPU only), so that the
                 same seed gives the same trajectory bit for bit; PhysX remembers contacts of the
                 episode before otherwise. Resets without a seed never rebuild.
@@ -102,8 +101,10 @@ class OperateJointEnv(BaseEnv):
             BackendError: pictures are asked for without a Vulkan driver.
         """
         settings = EnvConfig.make(config)
-        parts = {"randomisation": randomisation, "reward": reward, "scene": world, "task": judge}
-        self.config = fill(settings, {k: v for k, v in parts.items() if v})
+        single = {
+            "randomisation": randomisation, "reward": reward, "scene": scene, "success": success,
+        }  # fmt: skip
+        self.config = fill(settings, {k: v for k, v in single.items() if v})
         self.robot_spec = robot_spec(robot_uids)
         found = [asset] if isinstance(asset, str | Path | Asset) else list(asset)
         if not found:
@@ -118,12 +119,10 @@ class OperateJointEnv(BaseEnv):
         if reconfiguration_freq is None:
             reconfiguration_freq = 1 if num_envs == 1 and len(self.layouts) > 1 else 0
         vulkan.prepare()
-        if layouts.agent_uid(robot_uids) not in ("panda", "fetch") and num_envs > 1:
-            kwargs.setdefault("sim_backend", "physx_cuda")
         super().__init__(
             *args,
             num_envs=num_envs,
-            robot_uids=layouts.agent_uid(robot_uids),
+            robot_uids=self.robot_spec.uid,
             reconfiguration_freq=reconfiguration_freq,
             obs_mode=obs_mode,
             render_mode=render_mode,
@@ -147,14 +146,14 @@ class OperateJointEnv(BaseEnv):
         out = []
         for uid, spec in self.config.scene.cameras.items():
             noise = self._batched_episode_rng[0].normal(0, 1, 3) * spread if spread else None
-            out.append(scene.camera(uid, spec, self.layout(0), noise))
+            out.append(build.camera(uid, spec, self.layout(0), noise))
         return out
 
     @property
     def _default_human_render_camera_configs(self) -> list[Any]:
-        return [scene.camera("render_camera", self.config.scene.render, self.layout(0))]
+        return [build.camera("render_camera", self.config.scene.render, self.layout(0))]
 
-    def layout(self, index: int = 0) -> scene.Layout:
+    def layout(self, index: int = 0) -> build.Layout:
         """The asset, task and placement of one sub-scene."""
         return self.layouts[self._chosen[index]]
 
@@ -167,7 +166,7 @@ class OperateJointEnv(BaseEnv):
         super()._load_agent(options, sapien.Pose(self.layout(0).placement.base))
 
     def _load_scene(self, options: dict) -> None:
-        scene.build_world(
+        build.build_world(
             self.scene, self.config.scene, [self.layout(i) for i in range(self.num_envs)]
         )
         self._objects, dofs, targets = layouts.build_objects(self)
@@ -182,13 +181,13 @@ class OperateJointEnv(BaseEnv):
         factor = low
         if high > low:
             factor = float(self._batched_episode_rng[0].uniform(low, high))
-        scene.build_lights(self.scene, factor, self.enable_shadow)
+        build.build_lights(self.scene, factor, self.enable_shadow)
 
     def _make_buffers(self) -> None:
-        """Goals and memory of the episodes, and the points to hold (b, stages, 3)."""
+        """Goals and memory of the episodes, and the points to grasp (b, stages, 3)."""
         n, stages = self.num_envs, len(self.targets)
         goals = [self.layout(i).goals for i in range(n)]
-        self.judge = Judge(goals, self.config.task.driven, self.device)
+        self.tracker = SuccessTracker(goals, self.config.success.driven, self.device)
         points = np.zeros((n, stages, 3), dtype=np.float32)
         for i in range(n):
             item = self.layout(i)
@@ -236,7 +235,7 @@ class OperateJointEnv(BaseEnv):
             self.scene._gpu_apply_all()
             self.scene.px.gpu_update_articulation_kinematics()
             self.scene._gpu_fetch_all()
-        self.judge.forget(env_idx, torch.tensor(begin, device=self.device))
+        self.tracker.reset(env_idx, torch.tensor(begin, device=self.device))
         self._rate[env_idx] = 0.0
         if self._last_action is not None:
             self._last_action[env_idx] = 0.0
@@ -249,13 +248,13 @@ class OperateJointEnv(BaseEnv):
     def set_state_dict(self, state: Any, env_idx: torch.Tensor | None = None) -> None:
         """As ManiSkill's; what the joint jumps thereby counts as no motion."""
         super().set_state_dict(state, env_idx)
-        self.judge.jumped(self.joint_value())
+        self.tracker.teleported(self.joint_value())
 
     # -- state of the task -----------------------------------------------------------------
     @property
     def stage(self) -> torch.Tensor:
         """(b,) which joint of a sequence is to be moved now."""
-        return self.judge.stage
+        return self.tracker.stage
 
     def _joints(self, values: torch.Tensor) -> torch.Tensor:
         """(b, stages) the task's joints of (b, dof)."""
@@ -263,22 +262,22 @@ class OperateJointEnv(BaseEnv):
 
     def joint_value(self) -> torch.Tensor:
         """(b,) value of the joint to be moved now, radians or metres."""
-        return self.judge.pick(self._joints(self.object.get_qpos()))
+        return self.tracker.pick(self._joints(self.object.get_qpos()))
 
     def joint_speed(self) -> torch.Tensor:
         """(b,) its velocity."""
-        return self.judge.pick(self._joints(self.object.get_qvel()))
+        return self.tracker.pick(self._joints(self.object.get_qvel()))
 
     def open_fraction(self) -> torch.Tensor:
         """(b,) 0 closed, 1 open."""
-        return self.judge.open_fraction(self.joint_value())
+        return self.tracker.open_fraction(self.joint_value())
 
     def progress(self) -> torch.Tensor:
         """(b,) 0 where the stage began, 1 where success begins."""
-        return self.judge.progress(self.joint_value())
+        return self.tracker.progress(self.joint_value())
 
     def handle_position(self) -> torch.Tensor:
-        """(b, 3) point to hold, world."""
+        """(b, 3) point to grasp, world."""
         rows = []
         for k, target in enumerate(self.targets):
             pose = target.pose
@@ -292,7 +291,7 @@ class OperateJointEnv(BaseEnv):
         """Pose (b,) of the tool frame: z approaches, y closes."""
         return self._tip.pose if self._tool is None else self._tip.pose * self._tool
 
-    def situation(self, index: int = 0) -> Situation:
+    def planner_state(self, index: int = 0) -> PlannerState:
         """What a planner may know of sub-scene `index`."""
         return situation(self, index)
 
@@ -304,7 +303,7 @@ class OperateJointEnv(BaseEnv):
             if self._last_action is not None and self._last_action.shape == out.shape:
                 self._rate = ((out - self._last_action) ** 2).mean(dim=-1)
             self._last_action = out.clone()
-        self.judge.count(self.joint_value(), self._probe.peak)
+        self.tracker.update(self.joint_value(), self._probe.peak)
         return out
 
     def _after_simulation_step(self) -> None:
@@ -314,17 +313,17 @@ class OperateJointEnv(BaseEnv):
     def evaluate(self) -> dict[str, torch.Tensor]:
         """Success and what it depends on; (b,) each."""
         q = self.joint_value()
-        success, done = self.judge.verdict(q, self.joint_speed())
-        by_contact = self.judge.by_contact
-        if self.judge.stages > 1 and done.any():
-            self.judge.advance(done, self._joints(self.object.get_qpos()))
+        success, done = self.tracker.evaluate(q, self.joint_speed())
+        by_contact = self.tracker.by_contact
+        if self.tracker.stages > 1 and done.any():
+            self.tracker.advance(done, self._joints(self.object.get_qpos()))
             q = self.joint_value()
         return {
             "success": success,
-            "open_fraction": self.judge.open_fraction(q),
-            "progress": self.judge.progress(q),
+            "open_fraction": self.tracker.open_fraction(q),
+            "progress": self.tracker.progress(q),
             "by_contact": by_contact,
-            "contact_force": self.judge.force,
+            "contact_force": self.tracker.force,
             "stage": self.stage.clone(),
             "handle_position": self.handle_position(),
             "tcp_pose": self.tool_pose().raw_pose,
@@ -359,10 +358,10 @@ class OperateJointEnv(BaseEnv):
         reach = torch.where(moved, torch.ones_like(distance), 1 - torch.tanh(5 * distance))
         return rewards.RewardTerms(
             reach=reach,
-            contact=self.judge.touching.float(),
+            contact=self.tracker.touching.float(),
             progress=info["progress"].clamp(-1, 1),
             success=info["success"].float(),
-            untouched_motion=self.judge.untouched,
+            untouched_motion=self.tracker.untouched,
             action_rate=self._rate,
         )
 

@@ -13,7 +13,7 @@ import torch
 from gymnasium.utils.env_checker import check_env
 
 import mam_envs
-from mam_envs.robots.catalogue import robot_spec
+from mam_envs.robots import robot_spec
 from mam_envs.scene import vulkan
 from mam_pipeline.errors import ConfigError, MamSimError
 
@@ -134,7 +134,7 @@ def test_observation_modes_without_pictures(drawer: Path, mode: str) -> None:
     ],
 )
 def test_camera_modes(drawer: Path, mode: str, names: set[str]) -> None:
-    made = mam_envs.make(drawer, obs_mode=mode, world=SMALL)
+    made = mam_envs.make(drawer, obs_mode=mode, scene=SMALL)
     obs, _ = made.reset(seed=0)
     assert set(obs["sensor_data"]["front"]) == names
     for name in names:
@@ -146,7 +146,7 @@ def test_camera_modes(drawer: Path, mode: str, names: set[str]) -> None:
 @pytest.mark.display
 @needs_vulkan
 def test_pointcloud(drawer: Path) -> None:
-    made = mam_envs.make(drawer, obs_mode="pointcloud", world=SMALL)
+    made = mam_envs.make(drawer, obs_mode="pointcloud", scene=SMALL)
     obs, _ = made.reset(seed=0)
     cloud = obs["pointcloud"]
     assert cloud["xyzw"].shape == (1, 24 * 32, 4) and cloud["rgb"].shape == (1, 24 * 32, 3)
@@ -169,7 +169,7 @@ def test_background_and_colours_change_the_picture(drawer: Path, tmp_path: Path)
 
     picture = tmp_path / "kitchen.png"
     cv2.imwrite(str(picture), np.full((40, 60, 3), (0, 0, 255), np.uint8))
-    made = mam_envs.make(drawer, obs_mode="rgb", world={**SMALL, "background": str(picture)})
+    made = mam_envs.make(drawer, obs_mode="rgb", scene={**SMALL, "background": str(picture)})
     obs, _ = made.reset(seed=0)
     rgb = obs["sensor_data"]["front"]["rgb"][0].numpy()
     red = (rgb == [255, 0, 0]).all(axis=-1)
@@ -177,7 +177,7 @@ def test_background_and_colours_change_the_picture(drawer: Path, tmp_path: Path)
     made.close()
 
     chance = {"colour": 1.0, "light": [0.5, 1.5], "camera": 0.05, "position": 0.0, "yaw": 0.0}
-    made = mam_envs.make(drawer, obs_mode="rgb", world=SMALL, randomisation=chance)
+    made = mam_envs.make(drawer, obs_mode="rgb", scene=SMALL, randomisation=chance)
     seen = [
         made.reset(seed=s, options={"reconfigure": True})[0]["sensor_data"]["front"]["rgb"].numpy()
         for s in (0, 1, 0)
@@ -186,7 +186,7 @@ def test_background_and_colours_change_the_picture(drawer: Path, tmp_path: Path)
     made.close()
     with pytest.raises(ConfigError, match="background picture"):
         made = mam_envs.make(
-            drawer, obs_mode="rgb", world={**SMALL, "background": str(tmp_path / "none.png")}
+            drawer, obs_mode="rgb", scene={**SMALL, "background": str(tmp_path / "none.png")}
         )
         made.reset(seed=0)
 
@@ -226,7 +226,7 @@ def test_other_robots(drawer: Path, robot: str) -> None:
     made = mam_envs.make(drawer, robot_uids=robot, control_mode="pd_joint_pos")
     made.reset(seed=0)
     base = made.unwrapped
-    now = base.situation()
+    now = base.planner_state()
     for _ in range(3):
         obs, *_ = made.step(base.robot_spec.action(now.arm, base.robot_spec.opened))
     assert torch.isfinite(obs).all()

@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 from sapien.wrapper.urdf_loader import URDFLoader
 
 import mam_envs
-from mam_envs.placement.arm_path import PlacementError
+from mam_envs.grasping.candidates import PlacementError
 from mam_envs.scene import vulkan
 from mam_pipeline.errors import BackendError, ConfigError, InputError
 
@@ -29,7 +29,7 @@ def env(drawer: Path) -> Iterator[Any]:
 def hold(env: Any) -> np.ndarray:
     """The action that keeps the arm where it is."""
     base = env.unwrapped
-    return base.robot_spec.action(base.situation().arm, base.robot_spec.opened)
+    return base.robot_spec.action(base.planner_state().arm, base.robot_spec.opened)
 
 
 def test_reset_is_sane_and_idle_steps_move_nothing(env: Any) -> None:
@@ -176,7 +176,7 @@ def test_errors_say_what_to_do(drawer: Path, tmp_path: Path, monkeypatch: Any) -
 def test_cameras_see_the_scene(drawer: Path) -> None:
     made = mam_envs.make(
         drawer, obs_mode="rgb+depth+segmentation",
-        world={"cameras": {"front": {"width": 64, "height": 48}}, "wall": False},
+        scene={"cameras": {"front": {"width": 64, "height": 48}}, "wall": False},
     )  # fmt: skip
     obs, _ = made.reset(seed=0)
     data = obs["sensor_data"]["front"]

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from mam_envs.grasping.force_closure import FRICTION, bearing, first_hit, hits
-from mam_envs.robots.catalogue import robot_spec
-from mam_envs.scene.object_model import ObjectModel, Piece
+from mam_envs.grasping.force_closure import FRICTION, first_hit, hits, pull_capacity
+from mam_envs.object_model import ConvexPiece, ObjectModel
+from mam_envs.robots import robot_spec
 from mam_pipeline.asset.card import Asset
 
 
@@ -21,7 +21,7 @@ def planes_of(mesh: trimesh.Trimesh) -> np.ndarray:
 
 def test_rays_enter_a_box_where_they_should() -> None:
     box = trimesh.creation.box((0.2, 0.4, 0.6))
-    piece = Piece(planes_of(box), np.asarray(box.vertices))
+    piece = ConvexPiece(planes_of(box), np.asarray(box.vertices))
     origins = np.array([[-1.0, 0.1, 0.2], [-1.0, 0.3, 0.0], [1.0, 0.0, 0.0]])
     far, normal = hits(piece, origins, np.tile([1.0, 0.0, 0.0], (3, 1)))
     np.testing.assert_allclose(far, [0.9, np.inf, np.inf])
@@ -38,15 +38,15 @@ def test_a_bar_bears_the_friction_of_both_fingers(drawer: Path) -> None:
     approach, closing = np.array([1.0, 0, 0]), np.array([0, 0, 1.0])
     tool[:3, :3] = np.stack([np.cross(closing, approach), closing, approach], axis=1)
     # level faces: the pull is carried by friction alone, at each finger
-    share = bearing(model, robot, tool, 0.04, pull, moving, q)
+    share = pull_capacity(model, robot, tool, 0.04, pull, moving, q)
     assert share == pytest.approx(2 * FRICTION, abs=0.21)
     tool[:3, 3] = [-0.5, 0.0, 0.2]  # in the air
-    assert bearing(model, robot, tool, 0.04, pull, moving, q) == 0.0
+    assert pull_capacity(model, robot, tool, 0.04, pull, moving, q) == 0.0
     # from above, closing along the pull: the finger behind carries it without slipping
     tool[:3, 3] = [-0.22, 0.0, 0.2]
     approach, closing = np.array([0, 0, -1.0]), np.array([1.0, 0, 0])
     tool[:3, :3] = np.stack([np.cross(closing, approach), closing, approach], axis=1)
-    assert bearing(model, robot, tool, 0.04, pull, moving, q) >= 10.0
+    assert pull_capacity(model, robot, tool, 0.04, pull, moving, q) >= 10.0
     ahead, normal = first_hit(model, np.array([[-0.5, 0.0, 0.2]]), -pull[None], moving, q)
     assert ahead[0] == pytest.approx(0.5 - 0.226) and normal[0, 0] == pytest.approx(-1.0)
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mam_envs.robots.catalogue import robot_spec
-from mam_envs.robots.kinematics import KinematicModel, rotation_vector
+from mam_envs.kinematics import KinematicModel, rotation_vector
+from mam_envs.robots import robot_spec
 from mam_pipeline.errors import ConfigError, InputError
 
 

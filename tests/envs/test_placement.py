@@ -1,4 +1,4 @@
-"""Goals, holds and places: what is asked of a joint, and refusals that say why."""
+"""Goals, grasps and places: what is asked of a joint, and refusals that say why."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mam_envs.config import EnvConfig, RandomisationConfig, TaskConfig, joint_goal
-from mam_envs.grasping.surface_holds import surface_holds
-from mam_envs.placement.arm_path import PlacementError, holds, tool_path
+from mam_envs.config import EnvConfig, RandomisationConfig, SuccessConfig, joint_goal
+from mam_envs.grasping.candidates import PlacementError, card_grasps, tool_path
+from mam_envs.grasping.surface import surface_grasps
+from mam_envs.object_model import ObjectModel
 from mam_envs.placement.base import _floor, object_pose, place
-from mam_envs.robots.catalogue import robot_spec
-from mam_envs.scene.object_model import ObjectModel
+from mam_envs.robots import robot_spec
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import ConfigError, NotPhysicalError
 
@@ -35,35 +35,35 @@ def edited(folder: Path, to: Path, **grasp: object) -> Path:
 
 def test_goals_follow_the_task(drawer: Path) -> None:
     model = model_of(drawer)
-    opening = joint_goal(model, None, None, TaskConfig())
+    opening = joint_goal(model, None, None, SuccessConfig())
     assert (opening.task, opening.q_start) == ("open", 0.0)
     assert opening.q_goal == pytest.approx(0.75 * 0.25)
-    closing = joint_goal(model, "joint_1", "close", TaskConfig())
+    closing = joint_goal(model, "joint_1", "close", SuccessConfig())
     assert closing.q_start == pytest.approx(0.15) and closing.q_goal == pytest.approx(0.015)
-    turning = joint_goal(model, "joint_1", "turn_to", TaskConfig(value=0.1))
+    turning = joint_goal(model, "joint_1", "turn_to", SuccessConfig(value=0.1))
     assert turning.q_goal == pytest.approx(0.1) and turning.tolerance > 0
 
 
 def test_goals_scale_with_the_object(drawer: Path) -> None:
-    small = joint_goal(model_of(drawer, 0.5), None, "open", TaskConfig())
+    small = joint_goal(model_of(drawer, 0.5), None, "open", SuccessConfig())
     assert small.q_goal == pytest.approx(0.5 * 0.75 * 0.25)
 
 
 def test_unknown_names_are_errors(drawer: Path) -> None:
     with pytest.raises(ConfigError, match="no joint named 'joint_2'; did you mean 'joint_1'"):
-        joint_goal(model_of(drawer), "joint_2", None, TaskConfig())
+        joint_goal(model_of(drawer), "joint_2", None, SuccessConfig())
     with pytest.raises(ConfigError, match="no task named 'opem'; did you mean 'open'"):
-        joint_goal(model_of(drawer), None, "opem", TaskConfig())
-    with pytest.raises(ConfigError, match=r"did you mean 'task\.fraction'"):
-        EnvConfig.make({"task": {"fractoin": 0.5}})
+        joint_goal(model_of(drawer), None, "opem", SuccessConfig())
+    with pytest.raises(ConfigError, match=r"did you mean 'success\.fraction'"):
+        EnvConfig.make({"success": {"fractoin": 0.5}})
 
 
 def test_the_tool_stays_on_the_handle(door: Path) -> None:
     model = model_of(door)
-    goal = joint_goal(model, None, "open", TaskConfig())
-    hold = holds(model, goal, robot_spec("panda"))[0]
+    goal = joint_goal(model, None, "open", SuccessConfig())
+    grasp = card_grasps(model, goal, robot_spec("panda"))[0]
     q: Any = np.linspace(0, 1.2, 5)
-    path = tool_path(model, goal, hold, q)
+    path = tool_path(model, goal, grasp, q)
     in_part = np.linalg.inv(model.kinematics.link_poses({"joint_1": q})["part_1"]) @ path
     for pose in in_part:
         np.testing.assert_allclose(pose, in_part[0], atol=1e-9)
@@ -71,7 +71,7 @@ def test_the_tool_stays_on_the_handle(door: Path) -> None:
 
 def test_a_place_serves_displaced_objects(drawer: Path) -> None:
     model = model_of(drawer)
-    goal = joint_goal(model, None, "open", TaskConfig())
+    goal = joint_goal(model, None, "open", SuccessConfig())
     found = place(model, (goal,), robot_spec("panda"), RandomisationConfig())
     assert found.robust >= 0.75
     np.testing.assert_allclose(found.base[2, :3], [0, 0, 1])
@@ -79,7 +79,7 @@ def test_a_place_serves_displaced_objects(drawer: Path) -> None:
     _, position, _ = chain.forward(found.path.follow)
     world = position @ found.base[:3, :3].T + found.base[:3, 3]
     wanted = object_pose(model, found.object_height, (0, 0), 0) @ tool_path(
-        model, goal, found.path.hold, found.path.q
+        model, goal, found.path.grasp, found.path.q
     )
     np.testing.assert_allclose(world, wanted[:, :3, 3], atol=0.008)
     assert (found.path.follow >= chain.limits[:, 0]).all()
@@ -104,7 +104,7 @@ def test_refusals_name_the_reason(drawer: Path, tmp_path: Path) -> None:
 
     def refuse(folder: Path) -> None:
         model = model_of(folder)
-        goal = joint_goal(model, None, "open", TaskConfig())
+        goal = joint_goal(model, None, "open", SuccessConfig())
         place(model, (goal,), robot, RandomisationConfig())
 
     for name, change, reason in (
@@ -112,9 +112,9 @@ def test_refusals_name_the_reason(drawer: Path, tmp_path: Path) -> None:
         ("air", {"position": [-0.2, 0, 4.0]}, "finds nothing of it there"),
     ):
         model = model_of(edited(drawer, tmp_path / name, **change))  # type: ignore[arg-type]
-        goal = joint_goal(model, None, "open", TaskConfig())
+        goal = joint_goal(model, None, "open", SuccessConfig())
         with pytest.raises(PlacementError, match=reason):
-            holds(model, goal, robot)
+            card_grasps(model, goal, robot)
         # the drawer is served all the same: its bar is found on its surface
         assert place(model, (goal,), robot, RandomisationConfig()).robust > 0.0
     heavy = edited(drawer, tmp_path / "heavy")
@@ -131,22 +131,22 @@ def test_refusals_name_the_reason(drawer: Path, tmp_path: Path) -> None:
     assert issubclass(PlacementError, NotPhysicalError)
 
 
-def test_a_part_without_named_grasps_is_held_by_its_surface(drawer: Path, tmp_path: Path) -> None:
+def test_a_part_without_named_grasps_is_taken_by_its_surface(drawer: Path, tmp_path: Path) -> None:
     bare = edited(drawer, tmp_path / "bare")
     card = json.loads((bare / "asset.json").read_text())
     card["grasps"] = []
     (bare / "asset.json").write_text(json.dumps(card))
     model, robot = model_of(bare), robot_spec("panda")
-    goal = joint_goal(model, "joint_1", "open", TaskConfig())
-    with pytest.raises(PlacementError, match="offers nothing to hold"):
-        holds(model, goal, robot)
-    found = surface_holds(model, goal, robot)
+    goal = joint_goal(model, "joint_1", "open", SuccessConfig())
+    with pytest.raises(PlacementError, match="offers nothing to grasp"):
+        card_grasps(model, goal, robot)
+    found = surface_grasps(model, goal, robot)
     assert found
-    for hold in found:
+    for grasp in found:
         # the bar stands 4 cm in front of the closed drawer: nothing else of it can be got at
-        assert hold.grasp.position[0] < -0.18
-        assert hold.grasp.width <= robot.max_width
-        np.testing.assert_allclose(np.linalg.det(hold.tool[:3, :3]), 1.0, atol=1e-9)
+        assert grasp.card.position[0] < -0.18
+        assert grasp.card.width <= robot.max_width
+        np.testing.assert_allclose(np.linalg.det(grasp.tool[:3, :3]), 1.0, atol=1e-9)
 
 
 def test_depth_agrees_with_the_boxes(drawer: Path) -> None:

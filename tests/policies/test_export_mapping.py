@@ -9,7 +9,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from mam_envs.robots.catalogue import robot_spec
+from mam_envs.robots import robot_spec
 from mam_pipeline.errors import ConfigError, HintNeeded, InputError
 from mam_policies.lerobot.export import MAPPING, build_beside, export_run
 from mam_policies.lerobot.joint_mapping import identity, load_mapping, template

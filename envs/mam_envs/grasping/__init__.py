@@ -1,1 +1,1 @@
-"""Ways to take hold of a moving part or to push it."""
+"""Ways to grasp or push a moving part."""

@@ -1,11 +1,11 @@
-"""Whether a grip bears the pull: where the fingers meet the part, and how its faces lie there."""
+"""Force closure: the pull that two fingers bear, from where and how they meet the part."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from mam_envs.robots.catalogue import RobotSpec
-from mam_envs.scene.object_model import ObjectModel, Piece
+from mam_envs.object_model import ConvexPiece, ObjectModel
+from mam_envs.robots import RobotSpec
 from mam_pipeline.types import FloatArray
 
 FRICTION = 1.0
@@ -17,7 +17,9 @@ PAD = 0.007
 """Half the width of a fingertip that counts, metres."""
 
 
-def hits(piece: Piece, origins: FloatArray, ways: FloatArray) -> tuple[FloatArray, FloatArray]:
+def hits(
+    piece: ConvexPiece, origins: FloatArray, ways: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Where rays enter a convex piece: distance (N,), inf where they miss, and face normal (N, 3).
 
     Args:
@@ -36,7 +38,7 @@ def hits(piece: Piece, origins: FloatArray, ways: FloatArray) -> tuple[FloatArra
     return np.where(miss, np.inf, near), piece.planes[face, :3]
 
 
-def bearing(
+def pull_capacity(
     model: ObjectModel,
     robot: RobotSpec,
     tool: FloatArray,
@@ -50,7 +52,7 @@ def bearing(
     Coulomb's cone at each finger's first contact: squeeze and pull together must lie within it.
 
     Args:
-        tool: (4, 4) asset_T_tool where it takes hold. width: metres between the open fingers.
+        tool: (4, 4) asset_T_tool at the grasp. width: metres between the open fingers.
         pull: (3,) unit vector in which the part sets out, asset frame.
         moving: links of the part. q: joint values of the object.
     """

@@ -1,4 +1,4 @@
-"""Arm motions that carry a hold along the joint's path, clear of the object and the ground."""
+"""Arm motions that carry a grasp along the joint's path, clear of the object and the ground."""
 
 from __future__ import annotations
 
@@ -8,29 +8,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mam_envs.config import JointGoal
-from mam_envs.grasping.holds import (
+from mam_envs.grasping.candidates import (
     BACK_OFF,
     SLACK,
-    Hold,
-    PlacementError,
+    Grasp,
     backed,
-    goal_values,
-    hold_opening,
-    holds,
+    grasp_opening,
     tool_path,
 )
-from mam_envs.robots.catalogue import RobotSpec
-from mam_envs.robots.kinematics import Solution
-from mam_envs.scene.object_model import ObjectModel
+from mam_envs.kinematics import Solution
+from mam_envs.object_model import ObjectModel
+from mam_envs.robots import RobotSpec
 from mam_pipeline.types import FloatArray
 
 POSITION_TOLERANCE = 0.004
 SEED = 20240601
-
-__all__ = [
-    "ArmPath", "Hold", "PlacementError", "Search", "clear", "goal_values", "hold_opening", "holds",
-    "rest_is_clear", "search", "tool_path",
-]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -38,14 +30,14 @@ class ArmPath:
     """An arm motion that moves the joint.
 
     Attributes:
-        hold: what it holds on to.
+        grasp: what the hand grasps or pushes.
         base: (4, 4) world_T_base of the robot.
         approach: (A, n) arm joints from the pre-grasp to the grasp.
         follow: (K, n) arm joints at joint values `q` (K,) of the object.
         cost: lower is better.
     """
 
-    hold: Hold
+    grasp: Grasp
     base: FloatArray
     approach: FloatArray
     follow: FloatArray
@@ -77,7 +69,7 @@ def search(
     model: ObjectModel,
     goal: JointGoal,
     robot: RobotSpec,
-    candidates: Sequence[Hold],
+    candidates: Sequence[Grasp],
     bases: FloatArray,
     world_asset: FloatArray,
     q: FloatArray,
@@ -88,7 +80,7 @@ def search(
     base_costs: FloatArray | None = None,
     seeds: FloatArray | None = None,
 ) -> Search:
-    """Find arm paths for some holds and base poses.
+    """Find arm paths for some grasps and base poses.
 
     Args:
         bases: (B, 4, 4) world_T_base.
@@ -106,26 +98,24 @@ def search(
     b, h, s = len(bases), len(candidates), len(seeds)
     if b * h == 0:
         return Search((), 0, 0, 0)
-    tools = np.stack([tool_path(model, goal, hold, q[:1])[0] for hold in candidates])
+    tools = np.stack([tool_path(model, goal, grasp, q[:1])[0] for grasp in candidates])
     inverse = np.linalg.inv(bases)
-    base_index, hold_index, seed_index = (
+    base_index, grasp_index, seed_index = (
         a.reshape(-1) for a in np.meshgrid(np.arange(b), np.arange(h), np.arange(s), indexing="ij")
     )
-    targets = inverse[base_index] @ world_asset @ tools[hold_index]
+    targets = inverse[base_index] @ world_asset @ tools[grasp_index]
     near = np.linalg.norm(targets[:, :3, 3], axis=1) < 1.35 * robot.reach + robot.shoulder
-    base_index, hold_index, seed_index = base_index[near], hold_index[near], seed_index[near]
+    base_index, grasp_index, seed_index = base_index[near], grasp_index[near], seed_index[near]
     if not len(base_index):
         return Search((), 0, 0, b * h)
-    grasp = _solve(robot, targets[near], seeds[seed_index], 40, posture=begin)
-    ok = grasp.good(POSITION_TOLERANCE, robot.rotation_tolerance)
-    rows = [(int(i), int(j), k) for i, j, k in zip(base_index[ok], hold_index[ok], grasp.q[ok])]
+    reached = _solve(robot, targets[near], seeds[seed_index], 40, posture=begin)
+    ok = reached.good(POSITION_TOLERANCE, robot.rotation_tolerance)
+    rows = [(int(i), int(j), k) for i, j, k in zip(base_index[ok], grasp_index[ok], reached.q[ok])]
     rows = _distinct(rows)
     if not rows:
         return Search((), 0, 0, b * h)
     extra = np.zeros(b) if base_costs is None else base_costs
-    paths = _follow(
-        model, goal, robot, candidates, bases, world_asset, q, rows, begin, extra
-    )
+    paths = _follow(model, goal, robot, candidates, bases, world_asset, q, rows, begin, extra)
     good: list[ArmPath] = []
     for path in paths[:60]:
         if clear(model, goal, robot, path, world_asset, others or {}, ground, begin):
@@ -166,7 +156,7 @@ def _follow(
     model: ObjectModel,
     goal: JointGoal,
     robot: RobotSpec,
-    candidates: Sequence[Hold],
+    candidates: Sequence[Grasp],
     bases: FloatArray,
     world_asset: FloatArray,
     q: FloatArray,
@@ -175,15 +165,15 @@ def _follow(
     base_costs: FloatArray,
 ) -> list[ArmPath]:
     """Carry grasp solutions along the joint's path and back to a pre-grasp; best first."""
-    lagged: list[tuple[int, Hold, FloatArray]] = []
+    lagged: list[tuple[int, Grasp, FloatArray]] = []
     for i, j, arm in rows:
-        hold = candidates[j]
-        for lag in hold.lags:
-            extra = hold.cost + 0.3 * (1 - lag)
-            lagged.append((i, replace(hold, lag=lag, lags=(lag,), cost=extra), arm))
+        grasp = candidates[j]
+        for lag in grasp.lags:
+            extra = grasp.cost + 0.3 * (1 - lag)
+            lagged.append((i, replace(grasp, lag=lag, lags=(lag,), cost=extra), arm))
     if len(lagged) > 900:  # the cheapest are enough
         lagged = sorted(lagged, key=lambda r: r[1].cost)[:900]
-    tools = np.stack([tool_path(model, goal, hold, q) for _, hold, _ in lagged])
+    tools = np.stack([tool_path(model, goal, grasp, q) for _, grasp, _ in lagged])
     base = np.stack([bases[i] for i, _, _ in lagged])
     into = (np.linalg.inv(base) @ world_asset)[:, None]
     targets = into @ tools
@@ -208,12 +198,14 @@ def _follow(
     limits = robot.chain.limits
     out = []
     for r in np.flatnonzero(alive):
-        i, hold, _ = lagged[r]
+        i, grasp, _ = lagged[r]
         travel = np.abs(np.diff(follow[r], axis=0)).sum(axis=0).max()
         away = np.abs(approach[r, -1] - begin).max()
         margin = np.minimum(follow[r] - limits[:, 0], limits[:, 1] - follow[r]).min()
-        cost = hold.cost + base_costs[i] + 0.3 * travel + 0.3 * away + 2.0 * max(0.0, 0.15 - margin)
-        out.append(ArmPath(hold, bases[i], approach[r, ::-1], follow[r], q, float(cost)))
+        cost = (
+            grasp.cost + base_costs[i] + 0.3 * travel + 0.3 * away + 2.0 * max(0.0, 0.15 - margin)
+        )
+        out.append(ArmPath(grasp, bases[i], approach[r, ::-1], follow[r], q, float(cost)))
     return sorted(out, key=lambda p: p.cost)
 
 
@@ -232,8 +224,8 @@ def clear(
     While the hand holds the part its fingers may touch the part, and the hand may come close.
     """
     moving = model.moving_links(goal.joint)
-    pushing = path.hold.mode == "push"
-    opened = robot.closed if pushing else hold_opening(robot, path.hold)
+    pushing = path.grasp.mode == "push"
+    opened = robot.closed if pushing else grasp_opening(robot, path.grasp)
     before = {**others, goal.joint: float(path.q[0])}
     start = robot.rest_arm if begin is None else begin
     swing = np.linspace(start, path.approach[0], 8)[:-1]

@@ -9,24 +9,17 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from mam_envs.config import JointGoal, RandomisationConfig
-from mam_envs.grasping.surface_holds import surface_holds
-from mam_envs.placement.arm_path import (
-    ArmPath,
-    Hold,
-    PlacementError,
-    Search,
-    goal_values,
-    holds,
-    search,
-)
-from mam_envs.robots.catalogue import RobotSpec
-from mam_envs.scene.object_model import ObjectModel
+from mam_envs.grasping.candidates import Grasp, PlacementError, card_grasps, goal_values
+from mam_envs.grasping.surface import surface_grasps
+from mam_envs.object_model import ObjectModel
+from mam_envs.placement.arm_path import ArmPath, Search, search
+from mam_envs.robots import RobotSpec
 from mam_pipeline.types import FloatArray
 
 TABLE_LIFTS = (0.0, 0.15, -0.15, 0.3, -0.3, 0.5, -0.5, 0.75, 1.0, 1.3)
 FLOOR_LIFTS = (0.0, -0.3, -0.6)
 ENOUGH = 0.5
-"""Share of displaced poses at which a way of holding is taken without looking for others."""
+"""Share of displaced poses at which a grasp is taken without looking for others."""
 FLOOR = 0.06
 """Metres: a wide slab at the object's foot that is thinner than this is a floor to stand on."""
 TIGHT = 10.0
@@ -114,13 +107,13 @@ def place(
 
 def _offers(
     model: ObjectModel, goal: JointGoal, robot: RobotSpec
-) -> Iterator[list[Hold] | PlacementError]:
-    """The card's holds; then, where they lead nowhere, those on the part's surface, by place."""
+) -> Iterator[list[Grasp] | PlacementError]:
+    """The card's grasps; then, where they lead nowhere, those on the part's surface, by place."""
     try:
-        yield holds(model, goal, robot)
+        yield card_grasps(model, goal, robot)
     except PlacementError as error:
         yield error
-    left = surface_holds(model, goal, robot)
+    left = surface_grasps(model, goal, robot)
     if not left:
         yield PlacementError(
             f"{model.asset.card.name}: nothing of {goal.joint!r} can be held or pushed from outside"
@@ -138,16 +131,16 @@ def _offers(
         left = [h for h, close in zip(left, near) if not close]
 
 
-def all_holds(model: ObjectModel, goal: JointGoal, robot: RobotSpec) -> list[Hold]:
-    """The card's holds and those on the surface.
+def all_grasps(model: ObjectModel, goal: JointGoal, robot: RobotSpec) -> list[Grasp]:
+    """The card's grasps and those on the surface.
 
     Raises:
         PlacementError: there are none.
     """
     try:
-        out = holds(model, goal, robot)
+        out = card_grasps(model, goal, robot)
     except PlacementError as error:
-        out = surface_holds(model, goal, robot)
+        out = surface_grasps(model, goal, robot)
         if not out:
             raise error
     return out
@@ -157,13 +150,13 @@ def _stand(
     model: ObjectModel,
     goals: Sequence[JointGoal],
     robot: RobotSpec,
-    candidates: list[Hold],
+    candidates: list[Grasp],
     chance: RandomisationConfig,
 ) -> Placement:
     """The best place from which the first joint is served by one of `candidates`."""
     goal = goals[0]
     what = f"{model.asset.card.name}: joint {goal.joint!r}"
-    later = [(g, all_holds(model, g, robot)) for g in goals[1:]]
+    later = [(g, all_grasps(model, g, robot)) for g in goals[1:]]
     for g, c in ((goal, candidates), *later):
         _strong_enough(model, g, robot, c, f"{model.asset.card.name}: joint {g.joint!r}")
     q = goal_values(goal, 10)
@@ -201,11 +194,11 @@ def _stand(
 
 
 def _strong_enough(
-    model: ObjectModel, goal: JointGoal, robot: RobotSpec, candidates: Sequence[Hold], what: str
+    model: ObjectModel, goal: JointGoal, robot: RobotSpec, candidates: Sequence[Grasp], what: str
 ) -> None:
     q = goal_values(goal, 8)
     force = min(
-        model.holding_force(goal.joint, q, np.array(h.grasp.position), h.grasp.width)
+        model.pulling_force(goal.joint, q, np.array(h.card.position), h.card.width)
         for h in candidates
     )
     if force > robot.force:
@@ -219,7 +212,7 @@ def _bases(
     model: ObjectModel,
     goal: JointGoal,
     robot: RobotSpec,
-    candidates: Sequence[Hold],
+    candidates: Sequence[Grasp],
     world_asset: FloatArray,
     height: float,
     q: FloatArray,
@@ -236,7 +229,7 @@ def _bases(
     length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
     middle = way.mean(axis=0) if length > 0.5 * robot.reach else way[0]
     handle = world_asset[:3, :3] @ middle + world_asset[:3, 3]
-    facing = -(world_asset[:3, :3] @ np.array(candidates[0].grasp.approach))
+    facing = -(world_asset[:3, :3] @ np.array(candidates[0].card.approach))
     facing[2] = 0.0
     if np.linalg.norm(facing) < 0.5:
         facing = np.array([-1.0, 0.0, 0.0])
@@ -320,7 +313,7 @@ def _serves(
     model: ObjectModel,
     goal: JointGoal,
     robot: RobotSpec,
-    candidates: Sequence[Hold],
+    candidates: Sequence[Grasp],
     base: FloatArray,
     world_asset: FloatArray,
 ) -> bool:
@@ -340,7 +333,7 @@ def _robustness(
     model: ObjectModel,
     goal: JointGoal,
     robot: RobotSpec,
-    candidates: Sequence[Hold],
+    candidates: Sequence[Grasp],
     path: ArmPath,
     rise: float,
     q: FloatArray,
@@ -355,7 +348,7 @@ def _robustness(
         shift = (sx * chance.position, sy * chance.position)
         pose = object_pose(model, rise, shift, turn * np.deg2rad(chance.yaw))
         base, seeds = path.base[None], path.approach[[-1, 0]]
-        found = search(model, goal, robot, [path.hold], base, pose, q, keep=1, seeds=seeds)
+        found = search(model, goal, robot, [path.grasp], base, pose, q, keep=1, seeds=seeds)
         if not found.paths:
             found = search(model, goal, robot, candidates, base, pose, q, keep=1)
         served += bool(found.paths)

@@ -15,9 +15,9 @@ from mani_skill.utils.building.urdf_loader import URDFLoader
 from mani_skill.utils.structs import Articulation
 
 from mam_envs.config import CameraSpec, JointGoal, SceneConfig
+from mam_envs.object_model import ObjectModel
 from mam_envs.placement.base import Placement, object_pose
-from mam_envs.robots.catalogue import RobotSpec
-from mam_envs.scene.object_model import ObjectModel
+from mam_envs.robots import RobotSpec
 from mam_pipeline.types import FloatArray
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class Layout:
 
     Attributes:
         goals: one or, for a sequence, several joints in order.
-        handles: (3,) per goal, the point to hold, asset frame at rest.
+        handles: (3,) per goal, the point to grasp, asset frame at rest.
     """
 
     model: ObjectModel

@@ -25,8 +25,9 @@ class ContactProbe:
         """`stages`: the moving link per stage (merged over sub-scenes); `parts`: per stage the
         names of all links of sub-scene 0's object that the joint carries."""
         self.env, self.robot_links, self.stages = env, robot_links, stages
-        self.robot_ids = {b.entity.per_scene_id for link in env.agent.robot.links
-                          for b in link._bodies[:1]}
+        self.robot_ids = {
+            b.entity.per_scene_id for link in env.agent.robot.links for b in link._bodies[:1]
+        }
         links = env._objects[0].links if not env.gpu_sim_enabled else []  # type: ignore[attr-defined]
         self.part_ids = [
             {link._bodies[0].entity.per_scene_id for link in links if link.name in names}

@@ -12,25 +12,21 @@ import sapien
 import torch
 from mani_skill.utils.structs import Articulation, Link
 
-from mam_envs.config import EnvConfig, JointGoal, RandomisationConfig, TaskConfig, joint_goal
-from mam_envs.placement.arm_path import PlacementError, rest_is_clear
+from mam_envs.config import EnvConfig, JointGoal, RandomisationConfig, SuccessConfig, joint_goal
+from mam_envs.grasping.candidates import PlacementError
+from mam_envs.object_model import ObjectModel
+from mam_envs.placement.arm_path import rest_is_clear
 from mam_envs.placement.base import Placement, object_pose, place
-from mam_envs.robots.catalogue import ALIASES, ROBOTS, RobotSpec
+from mam_envs.robots import RobotSpec
 from mam_envs.scene import build as scene
 from mam_envs.scene import randomisation
 from mam_envs.scene.build import Layout
-from mam_envs.scene.object_model import ObjectModel
 from mam_pipeline.asset.card import Asset, CardJoint
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import FloatArray
 
 if TYPE_CHECKING:
     from mam_envs.env import OperateJointEnv
-
-
-def agent_uid(robot: str) -> str:
-    """ManiSkill's agent for a robot name or alias."""
-    return robot if robot in ("panda_wristcam",) else ALIASES.get(robot, robot)
 
 
 def arrange(
@@ -55,8 +51,8 @@ def arrange(
     if isinstance(scale, str) and scale != "auto":
         raise ConfigError(f"scale is a number or 'auto', not {scale!r}")
     stamp = (found.folder / "asset.json").stat().st_mtime_ns
-    key = (str(found.folder), stamp, joints, tasks, robot.uid, scale)
-    return _arrange(key, config.task, config.randomisation)
+    key = (str(found.folder), stamp, joints, tasks, scale)
+    return _arrange(key, robot, config.success, config.randomisation)
 
 
 def _several(names: str | Sequence[str] | None) -> tuple[str | None, ...]:
@@ -64,15 +60,17 @@ def _several(names: str | Sequence[str] | None) -> tuple[str | None, ...]:
 
 
 @lru_cache(maxsize=256)
-def _arrange(key: tuple[Any, ...], task: TaskConfig, chance: RandomisationConfig) -> Layout:
-    folder, _, joints, tasks, uid, scale = key
-    asset, robot = Asset.load(folder), ROBOTS[uid]
+def _arrange(
+    key: tuple[Any, ...], robot: RobotSpec, success: SuccessConfig, chance: RandomisationConfig
+) -> Layout:
+    folder, _, joints, tasks, scale = key
+    asset = Asset.load(folder)
     if joints != (None,):
-        return _sized(asset, joints, tasks, robot, scale, task, chance)
+        return _sized(asset, joints, tasks, robot, scale, success, chance)
     first: PlacementError | None = None
     for name in _likely(asset):
         try:
-            return _sized(asset, (name,), tasks, robot, scale, task, chance)
+            return _sized(asset, (name,), tasks, robot, scale, success, chance)
         except PlacementError as error:
             first = first or error
     assert first is not None
@@ -99,21 +97,21 @@ def _sized(
     tasks: tuple[str | None, ...],
     robot: RobotSpec,
     scale: float | str,
-    task: TaskConfig,
+    success: SuccessConfig,
     chance: RandomisationConfig,
 ) -> Layout:
     """At the asked scale; "auto" shrinks the object to a small arm's reach where it must."""
     if scale != "auto":
-        return _at_scale(asset, joints, tasks, robot, float(scale), task, chance)
+        return _at_scale(asset, joints, tasks, robot, float(scale), success, chance)
     try:
-        return _at_scale(asset, joints, tasks, robot, 1.0, task, chance)
+        return _at_scale(asset, joints, tasks, robot, 1.0, success, chance)
     except PlacementError as error:
         low, high = ObjectModel.load(asset).bounds()
         shrunk = 1.1 * robot.reach / float(np.linalg.norm(high - low))
         if shrunk > 0.95 or robot.reach > 0.5:
             raise
         try:
-            return _at_scale(asset, joints, tasks, robot, shrunk, task, chance)
+            return _at_scale(asset, joints, tasks, robot, shrunk, success, chance)
         except PlacementError:
             raise error from None
 
@@ -124,13 +122,13 @@ def _at_scale(
     tasks: tuple[str | None, ...],
     robot: RobotSpec,
     scale: float,
-    task: TaskConfig,
+    success: SuccessConfig,
     chance: RandomisationConfig,
 ) -> Layout:
     if not scale > 0:
         raise ConfigError(f"scale must be positive, not {scale}")
     model = ObjectModel.load(asset, scale)
-    goals = tuple(joint_goal(model, j, t, task) for j, t in zip(joints, tasks))
+    goals = tuple(joint_goal(model, j, t, success) for j, t in zip(joints, tasks))
     placement = place(model, goals, robot, chance)
     return Layout(model, goals, placement, robot, _handles(model, goals, placement))
 
@@ -140,7 +138,7 @@ def _handles(
 ) -> tuple[FloatArray, ...]:
     out = []
     for k, goal in enumerate(goals):
-        grasp = placement.path.hold.grasp if k == 0 else model.grasps(goal.joint)[0]
+        grasp = placement.path.grasp.card if k == 0 else model.grasps(goal.joint)[0]
         out.append(np.array(grasp.position))
     return tuple(out)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mam_envs.config import JointGoal, RandomisationConfig
-from mam_envs.scene.object_model import ObjectModel
+from mam_envs.object_model import ObjectModel
 from mam_pipeline.asset.dynamics import set_joint_friction
 
 SLIDE, TURN = "prismatic", "revolute"

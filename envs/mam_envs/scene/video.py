@@ -27,9 +27,7 @@ def write_video(frames: Sequence[Frame], path: Path, fps: int = 20) -> Path:
     import imageio.v2 as imageio
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    writer: Any = imageio.get_writer(
-        path, fps=fps, codec="libx264", quality=8, macro_block_size=1
-    )
+    writer: Any = imageio.get_writer(path, fps=fps, codec="libx264", quality=8, macro_block_size=1)
     with writer as out:
         for frame in frames:
             h, w = frame.shape[0] // 2 * 2, frame.shape[1] // 2 * 2

@@ -1,4 +1,4 @@
-"""The judge of an episode: how far each joint is, who moved it, and whether that is success."""
+"""Success of an episode: how far each joint is, who moved it, and whether that is enough."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ GRACE_STEPS = 5  # control steps for which motion after a touch still counts as 
 _CONSTANTS = ("q_start", "q_goal", "tolerance", "closed", "open", "still_speed")
 
 
-class Judge:
+class SuccessTracker:
     """Goals (b, stages) and memory (b,) of the episodes in b sub-scenes.
 
     A stage is one joint of a sequence; tasks on a single joint have one. Joint values and speeds
@@ -76,7 +76,7 @@ class Judge:
         return (share >= self._least) & (self._moved > 0)
 
     # -- memory ----------------------------------------------------------------------------
-    def forget(self, env_idx: torch.Tensor, begin: torch.Tensor) -> None:
+    def reset(self, env_idx: torch.Tensor, begin: torch.Tensor) -> None:
         """Start some episodes anew; `begin` (k, stages): the joints' values there."""
         self.stage[env_idx] = 0
         for memory in (self._driven, self._moved, self.untouched, self.force):
@@ -85,11 +85,11 @@ class Judge:
         self._begin[env_idx] = begin
         self._last[env_idx] = begin[:, 0]
 
-    def jumped(self, q: torch.Tensor) -> None:
+    def teleported(self, q: torch.Tensor) -> None:
         """Take note that the joint was put elsewhere, which is no motion."""
         self._last = q.clone()
 
-    def count(self, q: torch.Tensor, force: torch.Tensor) -> None:
+    def update(self, q: torch.Tensor, force: torch.Tensor) -> None:
         """Credit a control step's motion to the robot if it touches, or has just touched."""
         self.force = force
         self._since_touch = torch.where(
@@ -103,8 +103,8 @@ class Judge:
         self.untouched = step * (~recent) / width
         self._last = q
 
-    # -- verdict ---------------------------------------------------------------------------
-    def verdict(self, q: torch.Tensor, speed: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    # -- success ---------------------------------------------------------------------------
+    def evaluate(self, q: torch.Tensor, speed: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """(b,) success, and whether a joint before the last one of a sequence is done."""
         tolerance = self.now("tolerance")
         near = (q - self.now("q_goal")).abs() <= tolerance

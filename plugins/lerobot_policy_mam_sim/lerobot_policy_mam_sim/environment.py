@@ -41,7 +41,7 @@ class MamSimEnvConfig(EnvConfig):
 
     def __post_init__(self) -> None:
         """The sizes of the vectors follow from the robot."""
-        from mam_envs.robots.catalogue import robot_spec
+        from mam_envs.robots import robot_spec
 
         spec = robot_spec(self.robot)
         movable = [j for j in spec.model.joints if j.type != "fixed"]

@@ -192,7 +192,7 @@ def record(env: Any, seed: int, noise: float, hold: int) -> Demonstration | str:
             return expert.reason
         clean = spec.action(expert.target, expert.gripper) if noise else action
         if expert.mode != "pd_joint_pos":
-            clean = expert._delta(env.unwrapped.situation(), expert.target)
+            clean = expert._delta(env.unwrapped.planner_state(), expert.target)
         seen.append(flat(obs))
         labels.append(clean)
         obs, _, _, truncated, info = env.step(action)
@@ -248,7 +248,7 @@ def shadow(env: Any, policy: MlpPolicy, seed: int) -> Demonstration | str:
         labels.append(spec.action(plan.arm[t], float(plan.gripper[t])))
         obs, _, _, truncated, info = env.step(actor.act(obs))
         success = bool(np.asarray(info["success"]).reshape(-1)[0])
-        away = np.abs(env.unwrapped.situation().arm - plan.arm[t]).max()
+        away = np.abs(env.unwrapped.planner_state().arm - plan.arm[t]).max()
         if success or away > LOST or bool(np.asarray(truncated).reshape(-1)[0]):
             break
     return Demonstration(np.stack(seen), np.stack(labels), success)

@@ -1,4 +1,4 @@
-"""From a situation to a timed arm motion: approach, grip or press, follow the joint, hold still."""
+"""From a planner state to a timed arm motion: approach, grip or press, follow the joint, stay."""
 
 from __future__ import annotations
 
@@ -7,20 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mam_envs.grasping.holds import PlacementError
-from mam_envs.grasping.surface_holds import surface_holds
-from mam_envs.placement.arm_path import (
-    ArmPath,
-    Hold,
-    Search,
+from mam_envs.grasping.candidates import (
+    Grasp,
+    PlacementError,
+    card_grasps,
     goal_values,
-    hold_opening,
-    holds,
-    search,
+    grasp_opening,
     tool_path,
 )
-from mam_envs.robots.catalogue import RobotSpec
-from mam_envs.tasks.planner_state import Situation
+from mam_envs.grasping.surface import surface_grasps
+from mam_envs.placement.arm_path import ArmPath, Search, search
+from mam_envs.planner_state import PlannerState
+from mam_envs.robots import RobotSpec
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.types import FloatArray
 
@@ -42,13 +40,13 @@ PAUSE_STEPS = 4
 """Control steps in which the arm catches up with its target before it closes or pushes: fingers
 that close 5 mm too early close beside a shallow pull."""
 CARD_TRIES = 2
-"""After so many holds that slipped, those on the part's surface come first."""
+"""After so many grasps that slipped, those on the part's surface come first."""
 
-_SURFACE: dict[tuple[object, ...], list[Hold]] = {}
+_SURFACE: dict[tuple[object, ...], list[Grasp]] = {}
 
 
 class PlanningError(NotPhysicalError):
-    """The expert finds no motion in this situation; the message says why."""
+    """The expert finds no motion from this state; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -73,14 +71,14 @@ class Plan:
         return len(self.arm)
 
 
-def plan(now: Situation, skip: Sequence[Hold] = ()) -> Plan:
+def plan(now: PlannerState, skip: Sequence[Grasp] = ()) -> Plan:
     """Plan from the present state of arm and object.
 
-    The hold and branch of the nominal placement are tried first, so that all episodes look alike
-    (a learner needs that); then every hold that the asset offers.
+    The grasp and branch of the nominal placement are tried first, so that all episodes look alike
+    (a learner needs that); then every grasp that the asset offers.
 
     Args:
-        skip: holds that were tried in vain.
+        skip: grasps that were tried in vain.
 
     Raises:
         PlanningError: with the reason.
@@ -88,17 +86,25 @@ def plan(now: Situation, skip: Sequence[Hold] = ()) -> Plan:
     robot, goal, model = now.robot, now.goal, now.model
     q = goal_values(goal, q_now=now.q)
     nominal = now.layout.placement.path
-    if nominal.hold.grasp.joint == goal.joint and not _tried(nominal.hold, skip):
+    if nominal.grasp.card.joint == goal.joint and not _tried(nominal.grasp, skip):
         found = search(
-            model, goal, robot, [nominal.hold], now.base[None], now.world_asset, q,
-            now.others, now.arm, keep=1,
+            model,
+            goal,
+            robot,
+            [nominal.grasp],
+            now.base[None],
+            now.world_asset,
+            q,
+            now.others,
+            now.arm,
+            keep=1,
             seeds=np.stack([nominal.approach[-1], nominal.approach[0]]),
         )
         if found.paths:
             return time_path(robot, now, found.paths[0])
     found = Search((), 0, 0, 0)
     refusal: NotPhysicalError | None = None
-    offers = [lambda: holds(model, goal, robot, TILTS), lambda: _surface(now)]
+    offers = [lambda: card_grasps(model, goal, robot, TILTS), lambda: _surface(now)]
     for offer in offers if len(skip) < CARD_TRIES else offers[::-1]:
         try:
             candidates = [h for h in offer() if not _tried(h, skip)]
@@ -106,8 +112,16 @@ def plan(now: Situation, skip: Sequence[Hold] = ()) -> Plan:
             refusal = error
             continue
         here = search(
-            model, goal, robot, candidates, now.base[None], now.world_asset, q,
-            now.others, now.arm, keep=1,
+            model,
+            goal,
+            robot,
+            candidates,
+            now.base[None],
+            now.world_asset,
+            q,
+            now.others,
+            now.arm,
+            keep=1,
         )
         if here.paths:
             return time_path(robot, now, here.paths[0])
@@ -117,27 +131,25 @@ def plan(now: Situation, skip: Sequence[Hold] = ()) -> Plan:
     raise PlanningError(found.reason(f"{model.asset.card.name}: joint {goal.joint!r}"))
 
 
-def _surface(now: Situation) -> list[Hold]:
-    """The holds on the part's surface, found once for each task."""
+def _surface(now: PlannerState) -> list[Grasp]:
+    """The grasps on the part's surface, found once for each task."""
     key = (now.model.asset.folder, now.model.scale, now.goal, now.robot.uid)
     if key not in _SURFACE:
         if len(_SURFACE) > 64:
             _SURFACE.clear()
-        _SURFACE[key] = surface_holds(now.model, now.goal, now.robot)
+        _SURFACE[key] = surface_grasps(now.model, now.goal, now.robot)
     return _SURFACE[key]
 
 
-def _tried(hold: Hold, skip: Sequence[Hold]) -> bool:
-    return any(
-        hold.mode == s.mode and np.allclose(hold.tool, s.tool, atol=1e-3) for s in skip
-    )
+def _tried(grasp: Grasp, skip: Sequence[Grasp]) -> bool:
+    return any(grasp.mode == s.mode and np.allclose(grasp.tool, s.tool, atol=1e-3) for s in skip)
 
 
-def time_path(robot: RobotSpec, now: Situation, path: ArmPath) -> Plan:
+def time_path(robot: RobotSpec, now: PlannerState, path: ArmPath) -> Plan:
     """Put an arm path on the clock: joint speeds below the robot's, the hand slow at the part."""
-    opened = hold_opening(robot, path.hold)
+    opened = grasp_opening(robot, path.grasp)
     closed = robot.closed
-    pushing = path.hold.mode == "push"
+    pushing = path.grasp.mode == "push"
     ready = closed if pushing else opened
     rows: list[FloatArray] = []
     grip: list[float] = []
@@ -157,7 +169,7 @@ def time_path(robot: RobotSpec, now: Situation, path: ArmPath) -> Plan:
     if not pushing:
         hold_still = np.repeat(path.approach[-1:], CLOSE_STEPS, axis=0)
         add(hold_still, closed, "close", start)
-    hand = tool_path(now.model, now.goal, path.hold, path.q)[:, :3, 3]
+    hand = tool_path(now.model, now.goal, path.grasp, path.q)[:, :3, 3]
     length = float(np.linalg.norm(np.diff(hand, axis=0), axis=1).sum())
     slow = int(np.ceil(length / (PUSH_SPEED if pushing else HAND_SPEED)))
     least = max(12, min(slow, LONGEST))
@@ -166,22 +178,20 @@ def time_path(robot: RobotSpec, now: Situation, path: ArmPath) -> Plan:
     add(arm, closed, "follow", values)
     settle = SETTLE_STEPS if now.goal.tolerance == 0.0 else SETTLE_STEPS // 3
     add(np.repeat(path.follow[-1:], settle, axis=0), closed, "settle", float(path.q[-1]))
-    return Plan(
-        path, np.concatenate(rows), np.array(grip), tuple(names), np.array(expected)
-    )
+    return Plan(path, np.concatenate(rows), np.array(grip), tuple(names), np.array(expected))
 
 
-def hand_travel(now: Situation, path: ArmPath) -> float:
+def hand_travel(now: PlannerState, path: ArmPath) -> float:
     """Metres that the hand travels per unit of joint motion."""
-    ends = tool_path(now.model, now.goal, path.hold, path.q[[0, len(path.q) // 2]])[:, :3, 3]
+    ends = tool_path(now.model, now.goal, path.grasp, path.q[[0, len(path.q) // 2]])[:, :3, 3]
     moved = abs(float(path.q[len(path.q) // 2] - path.q[0]))
     return float(np.linalg.norm(ends[1] - ends[0])) / max(moved, 1e-9)
 
 
-def correction(now: Situation, done: Plan) -> Plan | None:
+def correction(now: PlannerState, done: Plan) -> Plan | None:
     """The motion that carries the hand on by what the joint still lacks, or None.
 
-    A hold slips and an arm gives: at the end of its way the joint may have stopped short (or, for
+    A grasp slips and an arm gives: at the end of its way the joint may have stopped short (or, for
     turn_to, beside its goal) while the hand still holds it.
     """
     goal, robot, path = now.goal, now.robot, done.path
@@ -191,7 +201,9 @@ def correction(now: Situation, done: Plan) -> Plan | None:
     lever = hand_travel(now, path)
     short = abs(way) * lever < SHORT  # the arm's own give may be as long
     if near:
-        return _release(robot, done) if done.gripper[-1] != hold_opening(robot, path.hold) else None
+        return (
+            _release(robot, done) if done.gripper[-1] != grasp_opening(robot, path.grasp) else None
+        )
     if not short and (now.q - goal.q_start) * way < 0.1 * way * way:
         return None
     give = 0.0 if goal.tolerance else max(0.08 * abs(way), GIVE / max(lever, 1e-6))
@@ -201,7 +213,7 @@ def correction(now: Situation, done: Plan) -> Plan | None:
     into = np.linalg.inv(now.base) @ now.world_asset
     arm = done.arm[-1]
     rows = []
-    for tool in into @ tool_path(now.model, goal, path.hold, values):
+    for tool in into @ tool_path(now.model, goal, path.grasp, values):
         found = robot.chain.solve(tool[None], arm[None], robot.rotation_weight, 15)
         fine = found.good(0.01, 2 * robot.rotation_tolerance)[0]
         if not fine or np.abs(found.q[0] - arm).max() > 0.5:
@@ -227,12 +239,12 @@ def correction(now: Situation, done: Plan) -> Plan | None:
 
 def _release(robot: RobotSpec, done: Plan) -> Plan | None:
     """Open the hand where it is: a squeezed knob trembles, and is still once it is let go."""
-    if done.path.hold.mode == "push":
+    if done.path.grasp.mode == "push":
         return None
     return Plan(
         done.path,
         np.repeat(done.arm[-1:], RELEASE_STEPS, axis=0),
-        np.full(RELEASE_STEPS, hold_opening(robot, done.path.hold)),
+        np.full(RELEASE_STEPS, grasp_opening(robot, done.path.grasp)),
         ("release",) * RELEASE_STEPS,
         np.repeat(done.expected[-1:], RELEASE_STEPS),
     )

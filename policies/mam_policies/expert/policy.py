@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from mam_envs.env import OperateJointEnv
-from mam_envs.placement.arm_path import Hold
-from mam_envs.tasks.planner_state import Situation
+from mam_envs.grasping.candidates import Grasp
+from mam_envs.planner_state import PlannerState
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import FloatArray
 from mam_policies.expert.plan import Plan, PlanningError, correction, hand_travel, plan
@@ -84,17 +84,17 @@ class Expert:
         self.phase = "done"
 
     def reset(self) -> None:
-        """Plan for the situation after a reset.
+        """Plan from the state after a reset.
 
         Raises:
             PlanningError: there is no motion; the message says why.
         """
-        self.skip: list[Hold] = []
+        self.skip: list[Grasp] = []
         self.plans, self.reason = [], ""
         self.stage = int(self.env.stage[0])
-        self._begin(self.env.situation())
+        self._begin(self.env.planner_state())
 
-    def _begin(self, now: Situation) -> None:
+    def _begin(self, now: PlannerState) -> None:
         self.plan = plan(now, self.skip)
         self.plans.append(self.plan)
         self.at = self.corrections = 0
@@ -105,7 +105,7 @@ class Expert:
 
     def act(self) -> FloatArray:
         """The next action (the environment's action vector)."""
-        now = self.env.situation()
+        now = self.env.planner_state()
         if int(self.env.stage[0]) != self.stage:
             self.stage, self.skip = int(self.env.stage[0]), []
             self._let_go(now)
@@ -137,7 +137,7 @@ class Expert:
         self.at += 1
         return self._action(now)
 
-    def _slipped(self, now: Situation) -> bool:
+    def _slipped(self, now: PlannerState) -> bool:
         way = now.goal.q_goal - self.plan.path.q[0]
         lag = self.plan.expected[self.at] - now.q
         behind = lag / (way if abs(way) > 1e-9 else 1e-9)
@@ -146,21 +146,21 @@ class Expert:
     def _may_retry(self) -> bool:
         return len(self.plans) < self.attempts
 
-    def _why(self, now: Situation) -> str:
+    def _why(self, now: PlannerState) -> str:
         done = float(self.env.progress()[0])
         touched = bool(self.env.get_info()["by_contact"][0])
         if done < 0.05:
-            return "the hold slipped before the joint moved" if touched else "no contact was made"
+            return "the grasp slipped before the joint moved" if touched else "no contact was made"
         if done < 1.0:
             return f"the joint stopped at {100 * done:.0f} % of the way"
         return "the joint was not still, or moved without contact"
 
-    def _give_up(self, now: Situation) -> None:
-        self.skip.append(self.plan.path.hold)
+    def _give_up(self, now: PlannerState) -> None:
+        self.skip.append(self.plan.path.grasp)
         self.reason = self._why(now)
         self._let_go(now)
 
-    def _let_go(self, now: Situation) -> None:
+    def _let_go(self, now: PlannerState) -> None:
         """Open the hand and back off the way it came, then plan anew."""
         robot, path = now.robot, self.plan.path
         chain = robot.chain
@@ -170,18 +170,18 @@ class Expert:
         goal[0, :3, 3] -= 0.09 * rotation[0, :, 2]
         back = chain.solve(goal, now.arm[None], robot.rotation_weight, 20).q[0]
         shares = np.linspace(0, 1, RETREAT_STEPS - 3)
-        wait = [now.arm.copy() for _ in range(4)] if path.hold.mode == "grip" else []
+        wait = [now.arm.copy() for _ in range(4)] if path.grasp.mode == "grip" else []
         self.retreat = [*wait, *((1 - s) * now.arm + s * back for s in shares)]
 
     def _again(self) -> None:
         try:
-            self._begin(self.env.situation())
+            self._begin(self.env.planner_state())
         except PlanningError as error:
             self.reason = f"{self.reason}; then: {error}" if self.reason else str(error)
             self.at = len(self.plan)
             self.plans += [self.plan] * self.attempts  # no further tries
 
-    def _action(self, now: Situation) -> FloatArray:
+    def _action(self, now: PlannerState) -> FloatArray:
         target = self.target
         if self.noise:
             target = target + self.rng.normal(0, self.noise, len(target))
@@ -191,7 +191,7 @@ class Expert:
             return robot.action(np.clip(target, limits[:, 0], limits[:, 1]), self.gripper)
         return self._delta(now, target)
 
-    def _delta(self, now: Situation, target: FloatArray) -> FloatArray:
+    def _delta(self, now: PlannerState, target: FloatArray) -> FloatArray:
         """The same as a normalised change of joint values."""
         robot = now.robot
         begin = now.arm
@@ -244,5 +244,5 @@ def run_episode(
             left -= 1
     reason = "" if success else expert.reason or "out of time"
     fraction = float(info["open_fraction"].reshape(-1)[0])
-    mode = expert.plan.path.hold.mode
+    mode = expert.plan.path.grasp.mode
     return Episode(success, steps, len(expert.plans), reason, fraction, mode, records)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from mam_envs.robots.catalogue import RobotSpec, robot_spec
+from mam_envs.robots import RobotSpec, robot_spec
 from mam_pipeline.errors import ConfigError, HintNeeded, InputError
 from mam_policies.lerobot.dataset import FPS, Names, Track, offline, write_dataset
 from mam_policies.lerobot.joint_mapping import SO_ARMS, JointMapping, load_mapping, template

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mam_envs.robots.kinematics import Chain, TreeJoint
+from mam_envs.kinematics import Chain, TreeJoint
 from mam_policies.run import MlpPolicy
 
 PERCEIVED = ("handle.x", "handle.y", "handle.z", "joint.value", "touch")

@@ -314,7 +314,7 @@ def _shadow(env: Any, student: Student, seed: int) -> dict[str, NDArray[Any]]:
         rows["action"].append(target.astype(np.float32))
         obs, _, _, truncated, info = env.step(student.act(obs))
         rows["success"].append(bool(np.asarray(info["success"]).reshape(-1)[0]))
-        away = np.abs(env.unwrapped.situation().arm - arm).max()
+        away = np.abs(env.unwrapped.planner_state().arm - arm).max()
         if rows["success"][-1] or away > LOST or bool(np.asarray(truncated).reshape(-1)[0]):
             break
     return {k: np.stack(v) for k, v in rows.items()}

@@ -1,4 +1,4 @@
-"""Ways to take hold of a part, or to push it, from the grasps that the asset's card names."""
+"""Grasp candidates: ways to grasp a part or to push it, from the grasps that the card names."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Literal
 import numpy as np
 
 from mam_envs.config import JointGoal
-from mam_envs.grasping.force_closure import bearing
-from mam_envs.robots.catalogue import RobotSpec
-from mam_envs.scene.object_model import ObjectModel
+from mam_envs.grasping.force_closure import pull_capacity
+from mam_envs.object_model import ObjectModel
+from mam_envs.robots import RobotSpec
 from mam_pipeline.asset.card import CardGrasp
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.types import FloatArray
@@ -19,13 +19,13 @@ from mam_pipeline.types import FloatArray
 WAYPOINTS = 14
 BACK_OFF = 0.10
 SLACK = 0.003
-"""Metres that the hand's surface points may dip into the object where it takes hold."""
+"""Metres that the hand's surface points may dip into the object where it grasps."""
 SHALLOW = 0.006
-"""Least depth (m) of a recessed pull or rim that fingers hold on to."""
+"""Least depth (m) of a recessed pull or rim that fingers can hook."""
 BOARD_TILT = 25
 """Degrees that the fingers may be tilted against a board's faces."""
-LEAST_BEARING = 0.5
-"""Least pull that a grip on a rim or board must bear, over the squeeze (a hand squeezes with
+LEAST_CAPACITY = 0.5
+"""Least pull that fingers on a rim or board must bear, over the squeeze (a hand squeezes with
 40 N)."""
 LAGS = (1.0, 0.6, 0.25)
 
@@ -35,11 +35,11 @@ class PlacementError(NotPhysicalError):
 
 
 @dataclass(frozen=True)
-class Hold:
-    """One way to take hold of, or push, a part.
+class Grasp:
+    """One way to grasp or push a part.
 
     Attributes:
-        grasp: the card's grasp it comes from.
+        card: the card's grasp it comes from, or one made of the part's surface.
         mode: grip (fingers close on the part) or push (closed fingers press on it).
         tool: (4, 4) asset_T_tool at the rest pose.
         lags: shares of the part's turn that the hand may follow (1 = rigid; less where the
@@ -48,7 +48,7 @@ class Hold:
         room: how much wider than the thing the fingers open, metres.
     """
 
-    grasp: CardGrasp
+    card: CardGrasp
     mode: Literal["grip", "push"]
     tool: FloatArray
     lag: float = 1.0
@@ -64,10 +64,10 @@ def turn(axis: FloatArray, angle: float) -> FloatArray:
     return np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
 
 
-def holds(
+def card_grasps(
     model: ObjectModel, goal: JointGoal, robot: RobotSpec, tilts: Sequence[float] = (0, 25, 50)
-) -> list[Hold]:
-    """All holds that the joint's grasps offer to this hand.
+) -> list[Grasp]:
+    """All grasps that the card's entries for a joint offer to this hand.
 
     Raises:
         PlacementError: there is no grasp at all, or none that fits the hand.
@@ -76,9 +76,9 @@ def holds(
     name = model.asset.card.name
     if not grasps:
         raise PlacementError(
-            f"{name}: joint {goal.joint!r} offers nothing to hold or push; name a handle in hints"
+            f"{name}: joint {goal.joint!r} offers nothing to grasp or push; name a handle in hints"
         )
-    out: list[Hold] = []
+    out: list[Grasp] = []
     narrowest, shallow = np.inf, 0
     for g in grasps:
         if g.kind == "push":
@@ -94,7 +94,7 @@ def holds(
         if goal.task == "close":
             out += _variants(robot, _pushing(model, goal, g), "push", tilts, extra=0.5)
     out = _weighed(model, goal, out)
-    fits = [h for h in (fitting(model, goal, robot, hold) for hold in out) if h is not None]
+    fits = [h for h in (fit_to_hand(model, goal, robot, grasp) for grasp in out) if h is not None]
     if out and not fits:
         raise PlacementError(
             f"{name}: a {robot.uid}'s hand cannot get at {goal.joint!r} without hitting the "
@@ -115,33 +115,35 @@ def holds(
     return fits
 
 
-def _weighed(model: ObjectModel, goal: JointGoal, rows: list[Hold]) -> list[Hold]:
-    """Holds near a hinge cost more: the same door asks for more force there."""
+def _weighed(model: ObjectModel, goal: JointGoal, rows: list[Grasp]) -> list[Grasp]:
+    """Grasps near a hinge cost more: the same door asks for more force there."""
     if goal.subtype == "slide" or not rows:
         return rows
     q = np.array([goal.q_start, goal.q_start + 0.02 * (goal.q_goal - goal.q_start)])
     motion = model.motion(goal.joint, q, {})
-    points = np.stack([h.grasp.position for h in rows])
+    points = np.stack([h.card.position for h in rows])
     where = np.einsum("kij,nj->kni", motion[:, :3, :3], points) + motion[:, None, :3, 3]
     travel = np.linalg.norm(where[1] - where[0], axis=1)
     share = travel / max(float(travel.max()), 1e-12)
     return [replace(h, cost=h.cost + 0.8 * (1 - float(s))) for h, s in zip(rows, share)]
 
 
-def fitting(model: ObjectModel, goal: JointGoal, robot: RobotSpec, hold: Hold) -> Hold | None:
-    """The hold with the lags at which the bare hand stays out of the object, or None."""
-    pushing = hold.mode == "push"
-    opened = robot.closed if pushing else hold_opening(robot, hold)
+def fit_to_hand(
+    model: ObjectModel, goal: JointGoal, robot: RobotSpec, grasp: Grasp
+) -> Grasp | None:
+    """The grasp with the lags at which the bare hand stays out of the object, or None."""
+    pushing = grasp.mode == "push"
+    opened = robot.closed if pushing else grasp_opening(robot, grasp)
     fingers, palm = robot.hand_surface(opened)
     q = goal_values(goal, 5)
-    lags = [1.0] if goal.subtype == "slide" else list(hold.lags)
-    start = tool_path(model, goal, hold, q[:1])[0]
+    lags = [1.0] if goal.subtype == "slide" else list(grasp.lags)
+    start = tool_path(model, goal, grasp, q[:1])[0]
     before = {goal.joint: float(q[0])}
     moving = model.moving_links(goal.joint)
     hulls = robot.hand_hulls(opened)
     for distance in (BACK_OFF, 0.5 * BACK_OFF, 0.0):
         pose = backed(start[None], distance)[0]
-        if hold.grasp.kind == "push" and distance == 0.0:  # a tilted fingertip's corner goes in
+        if grasp.card.kind == "push" and distance == 0.0:  # a tilted fingertip's corner goes in
             tips = fingers @ pose[:3, :3].T + pose[:3, 3]
             if (model.depth(tips, before) > SLACK + robot.tip_ahead).any():
                 return None
@@ -153,16 +155,16 @@ def fitting(model: ObjectModel, goal: JointGoal, robot: RobotSpec, hold: Hold) -
             return None
         if model.cuts_into(hulls, pose, before, 0.5 * SLACK):
             return None
-    if not pushing and not _grasps_something(model, hold, start, before, moving, robot):
+    if not pushing and not _grasps_something(model, grasp, start, before, moving, robot):
         return None
-    if not pushing and hold.grasp.kind in ("rim", "edge"):  # nothing for the fingers to hook on
-        width = min(robot.max_width, hold.grasp.width + hold.room)
-        pull = _direction(model, goal, np.array(hold.grasp.position))
-        if bearing(model, robot, start, width, pull, moving, before) < LEAST_BEARING:
+    if not pushing and grasp.card.kind in ("rim", "edge"):  # nothing for the fingers to hook on
+        width = min(robot.max_width, grasp.card.width + grasp.room)
+        pull = _direction(model, goal, np.array(grasp.card.position))
+        if pull_capacity(model, robot, start, width, pull, moving, before) < LEAST_CAPACITY:
             return None
     free = []
     for lag in lags:
-        poses = tool_path(model, goal, replace(hold, lag=lag), q)
+        poses = tool_path(model, goal, replace(grasp, lag=lag), q)
         now = [{goal.joint: float(v)} for v in q]
         if not any(
             _touches(model, palm, pose, at, SLACK)
@@ -170,19 +172,19 @@ def fitting(model: ObjectModel, goal: JointGoal, robot: RobotSpec, hold: Hold) -
             for pose, at in zip(poses[1:], now[1:])
         ):
             free.append(lag)
-    return replace(hold, lag=free[0], lags=tuple(free)) if free else None
+    return replace(grasp, lag=free[0], lags=tuple(free)) if free else None
 
 
 def _grasps_something(
     model: ObjectModel,
-    hold: Hold,
+    grasp: Grasp,
     pose: FloatArray,
     q: Mapping[str, float],
     moving: tuple[str, ...],
     robot: RobotSpec,
 ) -> bool:
     """Whether any of the part's collision pieces lies between the open fingers."""
-    half = 0.5 * min(hold.grasp.width + 0.02, robot.max_width)
+    half = 0.5 * min(grasp.card.width + 0.02, robot.max_width)
     axes = (
         np.linspace(-0.008, 0.008, 3),
         np.linspace(-half, half, 15),
@@ -242,7 +244,7 @@ def _variants(
     mode: Literal["grip", "push"],
     tilts: Sequence[float],
     extra: float = 0.0,
-) -> list[Hold]:
+) -> list[Grasp]:
     """Tilted and rolled versions of a grasp: about the closing axis always, about the bar where
     the fingers close on one."""
     approach = np.array(g.approach, dtype=float)
@@ -271,27 +273,27 @@ def _variants(
             tool[:3, 3] = np.array(g.position) - a * ahead
             cost = 0.6 * np.deg2rad(abs(degrees)) + 0.5 * (1 - g.confidence) + extra
             pivots = mode == "push" or g.kind in ("handle", "rim", "edge")
-            out.append(Hold(g, mode, tool, 1.0, cost, LAGS if pivots else (1.0,)))
+            out.append(Grasp(g, mode, tool, 1.0, cost, LAGS if pivots else (1.0,)))
     return out
 
 
-def push_variants(robot: RobotSpec, g: CardGrasp, extra: float) -> list[Hold]:
+def push_variants(robot: RobotSpec, g: CardGrasp, extra: float) -> list[Grasp]:
     """Tilted and rolled presses of closed fingers."""
     return _variants(robot, g, "push", (0, 25, 50), extra)
 
 
-def tool_path(model: ObjectModel, goal: JointGoal, hold: Hold, q: FloatArray) -> FloatArray:
+def tool_path(model: ObjectModel, goal: JointGoal, grasp: Grasp, q: FloatArray) -> FloatArray:
     """asset_T_tool (K, 4, 4) at joint values q (K,)."""
-    out = model.motion(goal.joint, q, {}) @ hold.tool
-    if hold.lag < 1.0 and goal.subtype != "slide":
-        slow = goal.q_start + hold.lag * (q - goal.q_start)
+    out = model.motion(goal.joint, q, {}) @ grasp.tool
+    if grasp.lag < 1.0 and goal.subtype != "slide":
+        slow = goal.q_start + grasp.lag * (q - goal.q_start)
         turned = model.motion(goal.joint, slow, {})
-        out[:, :3, :3] = turned[:, :3, :3] @ hold.tool[:3, :3]
+        out[:, :3, :3] = turned[:, :3, :3] @ grasp.tool[:3, :3]
     return out
 
 
 def goal_values(goal: JointGoal, count: int = WAYPOINTS, q_now: float | None = None) -> FloatArray:
-    """(count,) joint values from the start past the goal: a hold slips a few per cent, so the
+    """(count,) joint values from the start past the goal: a grasp slips a few per cent, so the
     hand aims a tenth of the way further where the range allows."""
     start = goal.q_start if q_now is None else q_now
     end = goal.q_goal
@@ -302,9 +304,9 @@ def goal_values(goal: JointGoal, count: int = WAYPOINTS, q_now: float | None = N
     return np.asarray(start + shares * (float(np.clip(end, low, high)) - start), dtype=np.float64)
 
 
-def hold_opening(robot: RobotSpec, hold: Hold) -> float:
+def grasp_opening(robot: RobotSpec, grasp: Grasp) -> float:
     """Gripper command before closing: the handle's width and some room."""
-    return robot.opening(min(robot.max_width, hold.grasp.width + hold.room))
+    return robot.opening(min(robot.max_width, grasp.card.width + grasp.room))
 
 
 def backed(tool: FloatArray, distance: float) -> FloatArray:

@@ -12,7 +12,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
-from mam_envs.robots.kinematics import KinematicModel
+from mam_envs.kinematics import KinematicModel
 from mam_pipeline.asset.card import Asset, CardGrasp, CardJoint
 from mam_pipeline.errors import InputError, NotPhysicalError, unknown_name
 from mam_pipeline.types import FloatArray, IntArray
@@ -30,7 +30,7 @@ Hull = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
-class Piece:
+class ConvexPiece:
     """A convex collision piece in its link's frame: `planes` (M, 4) rows (normal, offset),
     inside where normal . x + offset <= 0; `points` (V, 3) its corners."""
 
@@ -147,7 +147,7 @@ class ObjectModel:
         poses = self.kinematics.link_pose(child, {**others, joint: q})
         return poses @ np.linalg.inv(rest)
 
-    def holding_force(
+    def pulling_force(
         self, joint: str, q: FloatArray, point: FloatArray, width: float = 0.0
     ) -> float:
         """Largest force (N) at `point` (3,) (asset frame, rest) that gravity and friction ask for
@@ -172,7 +172,7 @@ class ObjectModel:
         return float(np.max((np.maximum(np.diff(energy), 0.0) + friction) / travel, initial=0.0))
 
     @cached_property
-    def pieces(self) -> dict[str, tuple[Piece, ...]]:
+    def pieces(self) -> dict[str, tuple[ConvexPiece, ...]]:
         """Convex collision pieces of every link."""
         return {
             link.name: tuple(
@@ -268,7 +268,7 @@ class ObjectModel:
 
     def _dips(
         self, points: FloatArray, q: Mapping[str, float], skip: tuple[str, ...]
-    ) -> Iterator[tuple[IntArray, FloatArray, Piece]]:
+    ) -> Iterator[tuple[IntArray, FloatArray, ConvexPiece]]:
         """For each piece that points lie in: their indices and depths (>= 0).
 
         Boxes come first: of thousands of point-piece pairs a handful is left to be looked at.
@@ -293,7 +293,7 @@ class ObjectModel:
                     yield near[rows][within], -distance[within], piece
 
 
-def _pieces(collision: object, urdf: Path, scale: float) -> list[Piece]:
+def _pieces(collision: object, urdf: Path, scale: float) -> list[ConvexPiece]:
     """The convex pieces of one URDF collision element, scaled."""
     g = collision.geometry  # type: ignore[attr-defined]
     if g.mesh is not None:
@@ -321,4 +321,4 @@ def _pieces(collision: object, urdf: Path, scale: float) -> list[Piece]:
     except QhullError:  # flat: no volume to run into
         return []
     planes = np.unique(np.round(hull.equations, 7), axis=0)
-    return [Piece(planes, points[hull.vertices])]
+    return [ConvexPiece(planes, points[hull.vertices])]

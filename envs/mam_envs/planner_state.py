@@ -10,9 +10,9 @@ import numpy as np
 from mani_skill.utils import common
 
 from mam_envs.config import JointGoal
-from mam_envs.robots.catalogue import RobotSpec
+from mam_envs.object_model import ObjectModel
+from mam_envs.robots import RobotSpec
 from mam_envs.scene.build import Layout
-from mam_envs.scene.object_model import ObjectModel
 from mam_pipeline.types import FloatArray
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Situation:
+class PlannerState:
     """What a planner may know of one sub-scene at this moment (privileged).
 
     Attributes:
@@ -48,7 +48,7 @@ class Situation:
         return self.layout.robot
 
 
-def situation(env: OperateJointEnv, index: int) -> Situation:
+def situation(env: OperateJointEnv, index: int) -> PlannerState:
     """What a planner may know of sub-scene `index`."""
     item = env.layout(index)
     goal = item.goals[int(env.stage[index])]
@@ -57,7 +57,7 @@ def situation(env: OperateJointEnv, index: int) -> Situation:
     others = {n: float(values[k]) for k, n in enumerate(joints) if n != goal.joint}
     names = [j.name for j in env.agent.robot.active_joints]
     q = common.to_numpy(env.agent.robot.get_qpos())[index]
-    return Situation(
+    return PlannerState(
         layout=item,
         goal=goal,
         base=item.placement.base,
@@ -80,9 +80,9 @@ def observe(env: OperateJointEnv, info: Mapping[str, Any]) -> dict[str, Any]:
             "tcp_to_handle": handle - tool[:, :3],
             "joint_value": env.joint_value(),
             "joint_speed": env.joint_speed(),
-            "joint_goal": env.judge.now("q_goal"),
+            "joint_goal": env.tracker.now("q_goal"),
             "open_fraction": info["open_fraction"],
             "progress": info["progress"],
-            "touching": env.judge.touching.float(),
+            "touching": env.tracker.touching.float(),
         }
     return out

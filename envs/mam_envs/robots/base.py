@@ -1,4 +1,4 @@
-"""The robot arms that the environments know: how each reaches, grips and is commanded.
+"""What the environments need to know of a robot arm: how it reaches, grips and is commanded.
 
 A tool frame is the same for all of them: origin between the fingertips, z the direction in which
 the hand approaches, y the direction in which the fingers close.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,19 +16,19 @@ import numpy as np
 import trimesh
 import yourdfpy
 
-from mam_envs.robots.kinematics import Chain, KinematicModel
-from mam_envs.scene.object_model import Hull
+from mam_envs.kinematics import Chain, KinematicModel
+from mam_envs.object_model import Hull
 from mam_pipeline.errors import ConfigError, unknown_name
 from mam_pipeline.types import FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RobotSpec:
     """What placement, environment and expert need to know of one ManiSkill agent.
 
     Attributes:
         uid: ManiSkill's name of the agent.
-        urdf: path below ManiSkill's robot folder.
+        urdf: path below ManiSkill's robot folder, or an absolute one.
         arm: joints that inverse kinematics moves.
         locked: values of other joints on the way to the hand.
         tip: link that carries the tool.
@@ -50,7 +50,10 @@ class RobotSpec:
         gripper_range: command values that ManiSkill's normalised gripper action of -1 and 1 stands
             for; None where the action is the joint value itself.
         step: joint motion per control step that real arms of the kind follow, radians.
+        floor_only: the robot drives on the floor and cannot be put on a stand.
+        extra_actions: entries of the action behind arm and gripper, which stay 0 (body, base).
         delta: arm joint change that a normalised action of 1 asks for in pd_joint_delta_pos.
+        passive_links: words in the names of links that never come near the object.
     """
 
     uid: str
@@ -82,6 +85,44 @@ class RobotSpec:
     gripper_range: tuple[float, float] | None = None
     extra_actions: int = 0
     delta: float = 0.1
+    passive_links: tuple[str, ...] = ("wheel", "head", "caster", "bellows")
+
+    def check(self) -> None:
+        """Compare this specification with the robot's URDF.
+
+        Raises:
+            ConfigError: the URDF is not installed, or something named here is not in it.
+        """
+        joints = {j.name: j for j in self.model.joints}
+        for field_, names in (
+            ("arm", self.arm), ("gripper", self.gripper),
+            ("locked", tuple(self.locked)), ("rest", tuple(self.rest)),
+        ):  # fmt: skip
+            for name in names:
+                if name not in joints:
+                    raise self._wrong(field_, unknown_name("joint", name, joints))
+        for field_, names in (
+            ("tip", (self.tip,)), ("finger_links", self.finger_links),
+            ("hand_links", self.hand_links),
+        ):  # fmt: skip
+            for name in names:
+                if name not in self.model.links:
+                    raise self._wrong(field_, unknown_name("link", name, self.model.links))
+        on_the_way = {j.name for j in self.model.chain(self.tip)}
+        for name in self.arm:
+            if name not in on_the_way:
+                raise self._wrong("arm", f"joint {name!r} does not move the tip {self.tip!r}")
+            low, high = joints[name].lower, joints[name].upper
+            if name not in self.rest or not low <= self.rest[name] <= high:
+                raise self._wrong("rest", f"joint {name!r} needs a value in {low:.3f}..{high:.3f}")
+        axes = np.array([self.tool_approach, self.tool_closing], dtype=float)
+        if not np.allclose(axes @ axes.T, np.eye(2), atol=1e-6):
+            raise self._wrong(
+                "tool_approach and tool_closing", "they must be unit vectors at a right angle"
+            )
+
+    def _wrong(self, field_: str, why: object) -> ConfigError:
+        return ConfigError(f"robot {self.uid!r}, {field_}: {why}")
 
     @cached_property
     def path(self) -> Path:
@@ -182,7 +223,7 @@ class RobotSpec:
         """Convex collision shapes of each link, link frame; wheels and heads left out."""
         out: dict[str, list[trimesh.Trimesh]] = {}
         for link in self.model.robot.links:
-            if any(w in link.name for w in ("wheel", "head", "caster", "bellows")):
+            if any(word in link.name for word in self.passive_links):
                 continue
             rows = [_hull(c, self.path.parent) for c in link.collisions]
             out[link.name] = [r for r in rows if r is not None]
@@ -229,153 +270,3 @@ def _samples(hull: trimesh.Trimesh, count: int) -> FloatArray:
     """Points on a hull: even samples and corners."""
     samples, _ = trimesh.sample.sample_surface(hull, count, seed=0)
     return np.concatenate([samples, hull.vertices[:: max(1, len(hull.vertices) // count)]])
-
-
-PANDA = RobotSpec(
-    uid="panda",
-    urdf="panda/panda_v2.urdf",
-    arm=tuple(f"panda_joint{i}" for i in range(1, 8)),
-    tip="panda_hand_tcp",
-    tool_position=(0, 0, 0),
-    tool_approach=(0, 0, 1),
-    tool_closing=(0, 1, 0),
-    gripper=("panda_finger_joint1", "panda_finger_joint2"),
-    opened=0.04,
-    gripper_range=(-0.01, 0.04),
-    closed=-0.01,
-    shut=0.0,
-    max_width=0.078,
-    tip_ahead=0.010,
-    finger_links=("panda_leftfinger", "panda_rightfinger"),
-    hand_links=("panda_hand",),
-    rest={
-        "panda_joint1": 0.0,
-        "panda_joint2": -np.pi / 4,
-        "panda_joint3": 0.0,
-        "panda_joint4": -np.pi * 3 / 4,
-        "panda_joint5": 0.0,
-        "panda_joint6": np.pi / 2,
-        "panda_joint7": np.pi / 4,
-        "panda_finger_joint1": 0.04,
-        "panda_finger_joint2": 0.04,
-    },
-)
-SO100 = RobotSpec(
-    uid="so100",
-    urdf="so100/so100.urdf",
-    arm=("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"),
-    tip="Fixed_Jaw",
-    tool_position=(-0.004, -0.088, 0.0),
-    tool_approach=(0, -1, 0),
-    tool_closing=(1, 0, 0),
-    gripper=("gripper",),
-    opened=-0.15,
-    closed=-1.1,
-    shut=-1.1,
-    max_width=0.06,
-    tip_ahead=0.009,
-    finger_links=("Fixed_Jaw", "Moving_Jaw"),
-    hand_links=("Fixed_Jaw", "Moving_Jaw"),
-    rest={
-        "shoulder_pan": 0.0,
-        "shoulder_lift": -1.5708,
-        "elbow_flex": 1.5708,
-        "wrist_flex": 0.66,
-        "wrist_roll": 0.0,
-        "gripper": -1.1,
-    },
-    # five joints: the direction about the approach axis and the hand's yaw cannot both be chosen
-    rotation_weight=(0.12, 0.12, 0.12),
-    rotation_tolerance=0.45,
-    reach=0.34,
-    shoulder=0.12,
-    force=10.0,
-    forward=-np.pi / 2,
-    base_radius=0.06,
-    step=0.08,
-    delta=0.05,
-)
-FETCH = RobotSpec(
-    uid="fetch",
-    urdf="fetch/fetch.urdf",
-    arm=(
-        "shoulder_pan_joint",
-        "shoulder_lift_joint",
-        "upperarm_roll_joint",
-        "elbow_flex_joint",
-        "forearm_roll_joint",
-        "wrist_flex_joint",
-        "wrist_roll_joint",
-    ),
-    tip="gripper_link",
-    tool_position=(0.01, 0, 0),
-    tool_approach=(1, 0, 0),
-    tool_closing=(0, 1, 0),
-    gripper=("l_gripper_finger_joint", "r_gripper_finger_joint"),
-    opened=0.05,
-    gripper_range=(-0.01, 0.05),
-    closed=-0.01,
-    shut=0.0,
-    max_width=0.098,
-    tip_ahead=0.022,
-    finger_links=("l_gripper_finger_link", "r_gripper_finger_link"),
-    hand_links=("gripper_link",),
-    rest={
-        "torso_lift_joint": 0.386,
-        "shoulder_pan_joint": -0.370,
-        "shoulder_lift_joint": 0.562,
-        "upperarm_roll_joint": -1.032,
-        "elbow_flex_joint": 0.695,
-        "forearm_roll_joint": 0.955,
-        "wrist_flex_joint": -0.1,
-        "wrist_roll_joint": 2.077,
-        "l_gripper_finger_joint": 0.05,
-        "r_gripper_finger_joint": 0.05,
-    },
-    locked={"torso_lift_joint": 0.386},
-    reach=0.85,
-    shoulder=1.1,
-    force=50.0,
-    base_radius=0.3,
-    floor_only=True,
-    extra_actions=5,
-)
-XARM6 = RobotSpec(
-    uid="xarm6_robotiq",
-    urdf="xarm6/xarm6_robotiq.urdf",
-    arm=tuple(f"joint{i}" for i in range(1, 7)),
-    tip="eef",
-    tool_position=(0, 0, 0),
-    tool_approach=(0, 0, 1),
-    tool_closing=(0, 1, 0),
-    gripper=("left_outer_knuckle_joint", "right_outer_knuckle_joint"),
-    opened=0.0,
-    gripper_range=(0.0, 0.81),
-    closed=0.81,
-    shut=0.81,
-    max_width=0.08,
-    tip_ahead=0.01,
-    finger_links=("left_inner_finger", "right_inner_finger"),
-    hand_links=("robotiq_arg2f_base_link",),
-    rest={"joint1": 0, "joint2": 0.22, "joint3": -1.23, "joint4": 0, "joint5": 1.01, "joint6": 0},
-    reach=0.65,
-    shoulder=0.27,
-    force=40.0,
-)
-ROBOTS: dict[str, RobotSpec] = {r.uid: r for r in (PANDA, SO100, FETCH, XARM6)}
-ALIASES = {"so101": "so100", "xarm6": "xarm6_robotiq", "panda_wristcam": "panda"}
-
-
-@cache
-def robot_spec(uid: str) -> RobotSpec:
-    """The robot of a ManiSkill uid (or an alias).
-
-    Raises:
-        ConfigError: no such robot, or ManiSkill does not bundle it.
-    """
-    name = ALIASES.get(uid, uid)
-    if name not in ROBOTS:
-        raise unknown_name("robot", uid, [*ROBOTS, *ALIASES])
-    spec = ROBOTS[name]
-    _ = spec.path
-    return spec

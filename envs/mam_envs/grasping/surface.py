@@ -1,4 +1,4 @@
-"""Holds read off a part's own surface, for parts whose card names none that the hand can use.
+"""Grasps read off a part's own surface, for parts whose card names none that the hand can use.
 
 Three kinds, from the collision pieces that the simulator uses: pinching a free edge between two
 faces (Nguyen's antipodal condition, Constructing Force-Closure Grasps, IJRR 1988: opposite faces
@@ -15,10 +15,10 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from mam_envs.config import JointGoal
+from mam_envs.grasping.candidates import BACK_OFF, Grasp, fit_to_hand, push_variants, turn
 from mam_envs.grasping.force_closure import first_hit
-from mam_envs.grasping.holds import BACK_OFF, Hold, fitting, push_variants, turn
-from mam_envs.robots.catalogue import RobotSpec
-from mam_envs.scene.object_model import ObjectModel
+from mam_envs.object_model import ObjectModel
+from mam_envs.robots import RobotSpec
 from mam_pipeline.asset.card import CardGrasp
 from mam_pipeline.types import FloatArray
 
@@ -26,10 +26,10 @@ SAMPLES = 600
 GRIP = 0.012
 """How far behind a free edge the fingertips come to lie, metres."""
 ROOM = 0.008
-"""Fingers open by this much more than what they take hold of."""
+"""Metres by which fingers open wider than what they grasp."""
 DIRECTIONS = 8
 KEEP = {"pinch": 18, "hook": 12, "push": 8}
-"""Holds of each kind that are kept."""
+"""Grasps of each kind that are kept."""
 LEANS = ((0.0, 0.0), (0.3, 0.01), (0.6, 0.01), (0.6, 0.025))
 """Radians by which hooked fingers lean away from the face that they drag, since a palm is wide, and
 how far (m) before the face's point they then begin."""
@@ -40,7 +40,7 @@ TRIES = 400
 
 
 @dataclass(frozen=True)
-class Skin:
+class SurfaceSamples:
     """Outer surface samples of the moving links at the start pose, asset frame.
 
     Attributes:
@@ -67,24 +67,24 @@ class Skin:
         return np.asarray(size / max(float(size.max(initial=0.0)), 1e-12))
 
 
-def surface_holds(model: ObjectModel, goal: JointGoal, robot: RobotSpec) -> list[Hold]:
-    """Holds on the part's surface at which the hand fits, cheapest first; empty if there are none.
+def surface_grasps(model: ObjectModel, goal: JointGoal, robot: RobotSpec) -> list[Grasp]:
+    """Grasps on the part's surface at which the hand fits, cheapest first; empty if there are none.
 
     Tools are given at the rest pose, like those of the card's grasps.
     """
-    skin = _skin(model, goal)
-    if not len(skin.points):
+    surface = _sample_surface(model, goal)
+    if not len(surface.points):
         return []
     rest = np.linalg.inv(model.motion(goal.joint, np.array([goal.q_start]), {})[0])
-    found: list[Hold] = []
+    found: list[Grasp] = []
     for kind, make in (("pinch", _pinches), ("hook", _hooks), ("push", _pushes)):
-        rows = make(model, goal, robot, skin)
+        rows = make(model, goal, robot, surface)
         if kind == "hook":
-            rows = _catching(model, robot, skin, rows)
-        rows = sorted(_roomy(model, robot, skin, rows), key=lambda h: h.cost)
-        kept: list[Hold] = []
-        for hold in _spread(rows, TRIES):
-            fits = fitting(model, goal, robot, _moved(hold, rest))
+            rows = _catching(model, robot, surface, rows)
+        rows = sorted(_roomy(model, robot, surface, rows), key=lambda h: h.cost)
+        kept: list[Grasp] = []
+        for grasp in _spread(rows, TRIES):
+            fits = fit_to_hand(model, goal, robot, _moved(grasp, rest))
             if fits is not None:
                 kept.append(fits)
             if len(kept) >= KEEP[kind]:
@@ -93,7 +93,7 @@ def surface_holds(model: ObjectModel, goal: JointGoal, robot: RobotSpec) -> list
     return sorted(found, key=lambda h: h.cost)
 
 
-def _skin(model: ObjectModel, goal: JointGoal) -> Skin:
+def _sample_surface(model: ObjectModel, goal: JointGoal) -> SurfaceSamples:
     """Even samples of the moving links' pieces, without what other pieces cover."""
     moving = model.moving_links(goal.joint)
     start = {goal.joint: goal.q_start}
@@ -118,7 +118,7 @@ def _skin(model: ObjectModel, goal: JointGoal) -> Skin:
     motion = model.motion(goal.joint, np.array([goal.q_start, goal.q_start + step]), {})
     carry = motion[1] @ np.linalg.inv(motion[0])
     velocity = (p @ carry[:3, :3].T + carry[:3, 3] - p) / abs(step)
-    return Skin(p, n, velocity, start, moving)
+    return SurfaceSamples(p, n, velocity, start, moving)
 
 
 def _round(axis: FloatArray) -> FloatArray:
@@ -138,69 +138,77 @@ def _frame(approach: FloatArray, closing: FloatArray, position: FloatArray) -> F
 
 
 def _march(
-    model: ObjectModel, skin: Skin, origins: FloatArray, directions: FloatArray, far: float
+    model: ObjectModel,
+    surface: SurfaceSamples,
+    origins: FloatArray,
+    directions: FloatArray,
+    far: float,
 ) -> FloatArray:
     """(N,) metres from inside the part until its material ends, `far` where it does not."""
     steps = np.arange(0.002, far, 0.003)
-    fixed = tuple(name for name in model.boxes if name not in skin.moving)
+    fixed = tuple(name for name in model.boxes if name not in surface.moving)
     points = origins[:, None] + steps[None, :, None] * directions[:, None]
-    inside = model.depth(points.reshape(-1, 3), skin.start, fixed).reshape(len(origins), -1) > 0
+    inside = model.depth(points.reshape(-1, 3), surface.start, fixed).reshape(len(origins), -1) > 0
     ends = np.where(inside.all(axis=1), far, steps[np.argmin(inside, axis=1)])
     return np.asarray(ends)
 
 
-def _pinches(model: ObjectModel, goal: JointGoal, robot: RobotSpec, skin: Skin) -> list[Hold]:
+def _pinches(
+    model: ObjectModel, goal: JointGoal, robot: RobotSpec, surface: SurfaceSamples
+) -> list[Grasp]:
     widest = robot.max_width - ROOM
-    thick = _march(model, skin, skin.points, -skin.normals, widest + 0.006)
-    good = np.flatnonzero((thick < widest) & (skin.lever > 0.25))
-    along = np.abs((skin.heading * skin.normals).sum(axis=1))
-    out: list[Hold] = []
+    thick = _march(model, surface, surface.points, -surface.normals, widest + 0.006)
+    good = np.flatnonzero((thick < widest) & (surface.lever > 0.25))
+    along = np.abs((surface.heading * surface.normals).sum(axis=1))
+    out: list[Grasp] = []
     for i in good:
-        across = _round(skin.normals[i])
-        middle = skin.points[i] - 0.5 * thick[i] * skin.normals[i]
-        free = _march(model, skin, np.repeat(middle[None], len(across), 0), -across, 0.25)
+        across = _round(surface.normals[i])
+        middle = surface.points[i] - 0.5 * thick[i] * surface.normals[i]
+        free = _march(model, surface, np.repeat(middle[None], len(across), 0), -across, 0.25)
         for a, edge in zip(across, free):
             if edge >= 0.25:
                 continue
             spot = middle - a * max(edge - GRIP, 0.0)
-            grasp = _card(goal, model, "edge", spot, a, skin.normals[i], float(thick[i]) + ROOM)
+            card = _card(goal, model, "edge", spot, a, surface.normals[i], float(thick[i]) + ROOM)
             ahead = max(0.0, robot.tip_ahead - GRIP)
-            tool = _frame(a, skin.normals[i], spot - a * ahead)
+            tool = _frame(a, surface.normals[i], spot - a * ahead)
             # a grip in line with the motion cannot slip; a far one needs the least force
-            cost = 0.5 + 0.4 * (1 - along[i]) + 0.8 * (1 - skin.lever[i]) + 0.3 * max(0.0, a[2])
+            cost = 0.5 + 0.4 * (1 - along[i]) + 0.8 * (1 - surface.lever[i]) + 0.3 * max(0.0, a[2])
             for flipped in (tool, tool @ np.diag([-1.0, -1.0, 1.0, 1.0])):
                 lags = (1.0, 0.6, 0.25)
-                out.append(Hold(grasp, "grip", flipped, 1.0, float(cost), lags, room=ROOM))
+                out.append(Grasp(card, "grip", flipped, 1.0, float(cost), lags, room=ROOM))
     return out
 
 
-def _hooks(model: ObjectModel, goal: JointGoal, robot: RobotSpec, skin: Skin) -> list[Hold]:
+def _hooks(
+    model: ObjectModel, goal: JointGoal, robot: RobotSpec, surface: SurfaceSamples
+) -> list[Grasp]:
     """Closed fingers behind a face, along it, or slanting over its edge with the hand outside."""
-    behind = -(skin.heading * skin.normals).sum(axis=1)
+    behind = -(surface.heading * surface.normals).sum(axis=1)
     fingers, _ = robot.hand_surface(robot.closed)
     tips = fingers[fingers[:, 2] > fingers[:, 2].max() - GRIP - ROOM]
     half = np.abs(tips[:, :2]).max(axis=0)  # across and along the closing direction
-    out: list[Hold] = []
-    for i in np.flatnonzero((behind > 0.6) & (skin.lever > 0.35)):
-        normal = skin.normals[i]
+    out: list[Grasp] = []
+    for i in np.flatnonzero((behind > 0.6) & (surface.lever > 0.35)):
+        normal = surface.normals[i]
         for a in _round(normal):
             for slant, down in LEANS:
                 c, s = np.cos(slant), np.sin(slant)
                 into, off = c * a + s * normal, c * normal - s * a
-                start = skin.points[i] - a * down
+                start = surface.points[i] - a * down
                 for closing, gap in ((off, half[1]), (np.cross(off, into), half[0])):
                     spot = start + off * (gap + 0.001) + into * (GRIP - robot.tip_ahead)
-                    grasp = _card(goal, model, "hook", start, into, closing, 0.0)
-                    cost = 0.7 + 0.6 * (1 - behind[i]) + 0.8 * (1 - skin.lever[i]) + 0.3 * slant
+                    card = _card(goal, model, "hook", start, into, closing, 0.0)
+                    cost = 0.7 + 0.6 * (1 - behind[i]) + 0.8 * (1 - surface.lever[i]) + 0.3 * slant
                     cost += 0.3 * max(0.0, float(into[2]))
                     tool = _frame(into, closing, spot)
-                    out.append(Hold(grasp, "push", tool, 1.0, float(cost), (1.0, 0.6, 0.25)))
+                    out.append(Grasp(card, "push", tool, 1.0, float(cost), (1.0, 0.6, 0.25)))
     return out
 
 
 def _catching(
-    model: ObjectModel, robot: RobotSpec, skin: Skin, rows: list[Hold]
-) -> list[Hold]:
+    model: ObjectModel, robot: RobotSpec, surface: SurfaceSamples, rows: list[Grasp]
+) -> list[Grasp]:
     """Those whose fingers meet the part when they move as it should: material lies ahead of the tip
     and of the finger behind it."""
     if not rows:
@@ -208,31 +216,35 @@ def _catching(
     along = np.linspace(robot.tip_ahead - 0.002, robot.tip_ahead - GRIP, 4)
     tools = np.stack([h.tool for h in rows])
     origins = tools[:, None, :3, 3] + along[:, None] * tools[:, None, :3, 2]
-    _, nearest = cKDTree(skin.points).query(tools[:, :3, 3])
-    ways = np.repeat(skin.heading[nearest], len(along), axis=0)
-    ahead, _ = first_hit(model, origins.reshape(-1, 3), ways, skin.moving, skin.start)
+    _, nearest = cKDTree(surface.points).query(tools[:, :3, 3])
+    ways = np.repeat(surface.heading[nearest], len(along), axis=0)
+    ahead, _ = first_hit(model, origins.reshape(-1, 3), ways, surface.moving, surface.start)
     caught = (ahead.reshape(len(rows), -1) < CATCH).sum(axis=1) >= 2
     return [h for h, ok in zip(rows, caught) if ok]
 
 
-def _pushes(model: ObjectModel, goal: JointGoal, robot: RobotSpec, skin: Skin) -> list[Hold]:
-    behind = -(skin.heading * skin.normals).sum(axis=1)
-    rows = np.flatnonzero((behind > 0.5) & (skin.lever > 0.35))
-    rows = rows[np.argsort((1 - skin.lever[rows]) + (1 - behind[rows]), kind="stable")][:14]
-    out: list[Hold] = []
+def _pushes(
+    model: ObjectModel, goal: JointGoal, robot: RobotSpec, surface: SurfaceSamples
+) -> list[Grasp]:
+    behind = -(surface.heading * surface.normals).sum(axis=1)
+    rows = np.flatnonzero((behind > 0.5) & (surface.lever > 0.35))
+    rows = rows[np.argsort((1 - surface.lever[rows]) + (1 - behind[rows]), kind="stable")][:14]
+    out: list[Grasp] = []
     for i in rows:
-        approach = skin.heading[i] - skin.normals[i]
+        approach = surface.heading[i] - surface.normals[i]
         approach = approach / np.linalg.norm(approach)
-        grasp = _card(goal, model, "push", skin.points[i], approach, _round(approach)[0], 0.0)
-        extra = 0.3 + 0.8 * (1 - float(skin.lever[i])) + 0.4 * (1 - float(behind[i]))
-        out += push_variants(robot, grasp, extra)
+        card = _card(goal, model, "push", surface.points[i], approach, _round(approach)[0], 0.0)
+        extra = 0.3 + 0.8 * (1 - float(surface.lever[i])) + 0.4 * (1 - float(behind[i]))
+        out += push_variants(robot, card, extra)
     return out
 
 
-def _roomy(model: ObjectModel, robot: RobotSpec, skin: Skin, rows: list[Hold]) -> list[Hold]:
+def _roomy(
+    model: ObjectModel, robot: RobotSpec, surface: SurfaceSamples, rows: list[Grasp]
+) -> list[Grasp]:
     """Those whose hand, seen as a few points, is outside the object: thousands at little cost.
 
-    The hand is looked at where it takes hold and on its way in, as `fitting` does in full later.
+    The hand is looked at at the grasp and on its way in, as `fit_to_hand` does in full later.
     """
     if not rows:
         return []
@@ -247,7 +259,7 @@ def _roomy(model: ObjectModel, robot: RobotSpec, skin: Skin, rows: list[Hold]) -
     for points, most in ((shape, 0.006), (np.concatenate([way_in, *backs]), 0.0)):
         tools = np.stack([h.tool for h in rows])
         at = np.einsum("nij,pj->npi", tools[:, :3, :3], points) + tools[:, None, :3, 3]
-        depth = model.depth(at.reshape(-1, 3), skin.start).reshape(len(rows), -1).max(axis=1)
+        depth = model.depth(at.reshape(-1, 3), surface.start).reshape(len(rows), -1).max(axis=1)
         # what lies on a face is outside
         rows = [h for h, d in zip(rows, depth) if d <= most]
         if not rows:
@@ -266,29 +278,29 @@ def _card(
     )  # fmt: skip
 
 
-def _moved(hold: Hold, by: FloatArray) -> Hold:
-    """The hold and its grasp moved by (4, 4)."""
-    g, turned = hold.grasp, by[:3, :3]
-    grasp = replace(
+def _moved(grasp: Grasp, by: FloatArray) -> Grasp:
+    """The grasp moved by (4, 4)."""
+    g, turned = grasp.card, by[:3, :3]
+    card = replace(
         g,
         position=(turned @ np.array(g.position) + by[:3, 3]).tolist(),
         approach=(turned @ np.array(g.approach)).tolist(),
         closing=(turned @ np.array(g.closing)).tolist(),
     )
-    return replace(hold, grasp=grasp, tool=by @ hold.tool)
+    return replace(grasp, card=card, tool=by @ grasp.tool)
 
 
-def _spread(rows: list[Hold], count: int) -> list[Hold]:
+def _spread(rows: list[Grasp], count: int) -> list[Grasp]:
     """The cheapest rows that are not next to each other (2.5 cm, 30 degrees)."""
-    out: list[Hold] = []
+    out: list[Grasp] = []
     taken: set[tuple[int, ...]] = set()
-    for hold in rows:
-        place = np.round(hold.tool[:3, 3] / 0.025).astype(int)
-        facing = np.round(hold.tool[:3, 1:3].T.reshape(-1) * 2).astype(int)
+    for grasp in rows:
+        place = np.round(grasp.tool[:3, 3] / 0.025).astype(int)
+        facing = np.round(grasp.tool[:3, 1:3].T.reshape(-1) * 2).astype(int)
         key = (*place.tolist(), *facing.tolist())
         if key not in taken:
             taken.add(key)
-            out.append(hold)
+            out.append(grasp)
         if len(out) >= count:
             break
     return out

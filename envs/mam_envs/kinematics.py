@@ -135,9 +135,7 @@ class KinematicModel:
             parent = out[j.parent]
             pose = np.tile(np.eye(4), (n, 1, 1))
             pose[:, :3, :3] = parent[:, :3, :3] @ rotation
-            pose[:, :3, 3] = (
-                np.einsum("nij,nj->ni", parent[:, :3, :3], shift) + parent[:, :3, 3]
-            )
+            pose[:, :3, 3] = np.einsum("nij,nj->ni", parent[:, :3, :3], shift) + parent[:, :3, 3]
             out[j.child] = pose
         return out
 
