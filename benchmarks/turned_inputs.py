@@ -44,7 +44,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args()
     tasks = find_tasks(args.dataset)
-    config = BenchConfig(EngineConfig(seed=args.seed), execute=False)
+    config = BenchConfig(engine=EngineConfig(seed=args.seed), execute=False)
     for degrees in args.degrees:
         turned = [Turned(t.id, t.category, t.source, t.seed, degrees) for t in tasks]
         row = summarise("total", run_bench(turned, config, jobs=args.jobs))

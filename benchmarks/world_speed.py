@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mam_sim.verbs.generate import write_object
 from mam_world import CATEGORIES, draw_style, make_object
+from mam_world.dataset import write_object
 from mam_world.object import generator
 
 

@@ -1,25 +1,29 @@
-"""The command line: a table of verbs; each is a typed function whose flags tyro builds."""
+"""The command line: a table of verbs; each is a dataclass of options with a `run`."""
 
 from __future__ import annotations
 
 import importlib
 import os
 import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mam_sim.options import Verb
 
 VERBS: dict[str, tuple[str, str]] = {
-    "make-env": ("mam_sim.verbs.make_env:make_env", "photo | mesh | URDF to a robot environment"),
-    "articulate": ("mam_sim.verbs.articulate:articulate", "mesh or photo to an asset folder"),
-    "check": ("mam_sim.verbs.check:check", "lint and physical executability of an asset or URDF"),
-    "bench": ("mam_sim.verbs.bench:bench", "score the engine on a folder of ground-truth URDFs"),
-    "generate": ("mam_sim.verbs.generate:generate", "procedural articulated objects with truth"),
-    "collect": ("mam_sim.verbs.collect:collect", "demonstrations by the scripted expert"),
-    "train": ("mam_sim.verbs.train:train", "a policy by imitation or reinforcement learning"),
-    "eval": ("mam_sim.verbs.evaluate:evaluate", "task success of a policy, with intervals"),
-    "export": ("mam_sim.verbs.export:export", "dataset or policy to LeRobot, asset to MJCF or USD"),
-    "view": ("mam_sim.verbs.view:view", "pictures or a video of an asset moving its joints"),
-    "annotate": ("mam_sim.verbs.annotate:annotate", "mark corners, panels and handles on a photo"),
-    "bench-photo": ("mam_sim.verbs.bench_photo:bench_photo", "score the photo reconstructor"),
-    "doctor": ("mam_sim.verbs.doctor:doctor", "what is installed, what is active, and the fixes"),
+    "make-env": ("mam_sim.verbs.make_env:MakeEnv", "photo | mesh | URDF to a robot environment"),
+    "articulate": ("mam_sim.verbs.articulate:Articulate", "mesh or photo to an asset folder"),
+    "check": ("mam_sim.verbs.check:Check", "lint and physical executability of an asset or URDF"),
+    "bench": ("mam_sim.verbs.bench:Bench", "score the engine on a folder of ground-truth URDFs"),
+    "generate": ("mam_sim.verbs.generate:Generate", "procedural articulated objects with truth"),
+    "collect": ("mam_sim.verbs.collect:Collect", "demonstrations by the scripted expert"),
+    "train": ("mam_sim.verbs.train:Train", "a policy by imitation or reinforcement learning"),
+    "eval": ("mam_sim.verbs.evaluate:Evaluate", "task success of a policy, with intervals"),
+    "export": ("mam_sim.verbs.export:Export", "dataset or policy to LeRobot, asset to MJCF or USD"),
+    "view": ("mam_sim.verbs.view:View", "pictures or a video of an asset moving its joints"),
+    "annotate": ("mam_sim.verbs.annotate:Annotate", "mark corners, panels and handles on a photo"),
+    "bench-photo": ("mam_sim.verbs.bench_photo:BenchPhoto", "score the photo reconstructor"),
+    "doctor": ("mam_sim.verbs.doctor:Doctor", "what is installed, what is active, and the fixes"),
 }
 
 
@@ -40,12 +44,9 @@ def main(argv: list[str] | None = None) -> int:
     try:
         if args[0] not in VERBS:
             raise unknown_name("verb", args[0], VERBS)
-        module, _, name = VERBS[args[0]][0].partition(":")
-        verb = getattr(importlib.import_module(module), name)
-        import tyro
+        from mam_sim.options import parse
 
-        result = tyro.cli(verb, prog=f"mam-sim {args[0]}", args=args[1:])
-        return int(result or 0)
+        return parse(verb_class(args[0]), f"mam-sim {args[0]}", args[1:]).run()
     except MamSimError as error:
         if os.environ.get("MAM_SIM_DEBUG"):
             raise
@@ -59,6 +60,13 @@ def main(argv: list[str] | None = None) -> int:
         return 130
     except SystemExit as stop:  # argument parsing
         return stop.code if isinstance(stop.code, int) else 2
+
+
+def verb_class(verb: str) -> type[Verb]:
+    """The dataclass of a verb's options."""
+    module, _, name = VERBS[verb][0].partition(":")
+    found: type[Verb] = getattr(importlib.import_module(module), name)
+    return found
 
 
 def _usage() -> str:

@@ -9,7 +9,14 @@ from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 STAGES = {
     "read": "reading the mesh",
@@ -69,3 +76,31 @@ class StageBar:
         self._progress.update(self._task, completed=done, description=text)
         if not self._progress.console.is_terminal and not self._progress.disable:
             self._progress.console.print(f"[{text}]", markup=False)
+
+
+class PhaseBar:
+    """A progress bar over named phases; call it with (phase, share of it that is done, words)."""
+
+    def __init__(self, screen: Screen) -> None:
+        columns = (TextColumn("{task.description}"), BarColumn(24), TimeElapsedColumn())
+        self.progress = Progress(
+            *columns,
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[words]}"),
+            console=screen.err,
+            transient=True,
+            disable=screen.quiet,
+        )
+        self.tasks: dict[str, Any] = {}
+
+    def __enter__(self) -> Any:
+        self.progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.progress.stop()
+
+    def __call__(self, phase: str, share: float, words: str) -> None:
+        if phase not in self.tasks:
+            self.tasks[phase] = self.progress.add_task(phase, total=1.0, words="")
+        self.progress.update(self.tasks[phase], completed=share, words=words)

@@ -14,15 +14,17 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import tyro
 
 from mam_pipeline.engine import EngineConfig, articulate_mesh, moved
 from mam_pipeline.errors import ConfigError, HintNeeded, MamSimError, NotPhysicalError
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.metrics import FoundJoint, JointScore, Scores, score
 from mam_pipeline.models import settings
+from mam_pipeline.models.settings import ModelConfig
 from mam_pipeline.types import Articulation
 
 GENERATED = "generated:"
@@ -32,24 +34,20 @@ _NOT_ENGINE = ("photo", "check", "formats")
 
 @dataclass(frozen=True)
 class BenchConfig:
-    """What decides the numbers.
+    """What decides the numbers."""
 
-    Attributes:
-        engine: backends and seed.
-        fuse: turn each input into one watertight surface first.
-        resolution, faces: of the fused surface.
-        noise: of the fused surface, as a share of its diagonal.
-        execute: write each asset and test it in the simulator.
-        settings: (name, value) pairs for external models, before the environment's.
-    """
-
-    engine: EngineConfig = field(default_factory=EngineConfig)
     fuse: bool = False
-    resolution: int = 192
-    faces: int = 60_000
+    """First turn each input into one watertight surface, as a generator would."""
     noise: float = 0.0
-    execute: bool = True
-    settings: tuple[tuple[str, str], ...] = ()
+    """With --fuse: displacement of the surface, as a share of the diagonal."""
+    resolution: int = 192
+    """With --fuse: cells of the grid along the longest side."""
+    faces: int = 60_000
+    """With --fuse: triangles of the surface."""
+    execute: Annotated[bool, tyro.conf.arg(name="exec")] = True
+    """Write each asset and test it in the simulator."""
+    engine: EngineConfig = field(default_factory=EngineConfig)
+    models: ModelConfig = field(default_factory=ModelConfig)
 
 
 @dataclass(frozen=True)
@@ -152,7 +150,7 @@ def run_task(task: Task, config: BenchConfig) -> Record:
     status, why, found, run = "ok", "", None, None
     began = time.perf_counter()
     try:
-        with settings.given({**dict(config.settings), settings.SUBJECT: task.id}):
+        with settings.given({**config.models.settings(), settings.SUBJECT: task.id}):
             run = articulate_mesh(mesh, config=config.engine)
         found, _ = add_interiors(run.articulation)  # as the asset is delivered
     except HintNeeded as error:
@@ -289,7 +287,7 @@ def task_key(task: Task, config: BenchConfig) -> str:
     """Digest of the object's files, the config, the engine's code and a folder's answers."""
     digest = hashlib.sha256(repr((task, config)).encode())
     digest.update(engine_digest().encode())
-    with settings.given({**dict(config.settings), settings.SUBJECT: task.id}):
+    with settings.given({**config.models.settings(), settings.SUBJECT: task.id}):
         for role in ("prior", "reasoner"):
             digest.update(settings.identity(role, getattr(config.engine, role)).encode())
     path = Path(task.source)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from mam_pipeline.config_file import plain
 from mam_sim.bench.runner import BenchConfig, Record
 
 
@@ -133,7 +134,7 @@ def as_json(records: Sequence[Record], dataset: str, config: BenchConfig) -> dic
     """Everything as plain data; numbers the paper does not print are null."""
     return {
         "dataset": dataset,
-        "config": asdict(config),
+        "config": {"bench": plain(config)},
         "total": _plain(summarise("total", records)) if records else None,
         "paper": [_plain(r) for r in PAPER],
         "categories": [_plain(r) for r in by_category(records)],

@@ -3,53 +3,57 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-import tyro
+from tyro.conf import Positional
+
+from mam_sim.options import Verb
 
 
-def annotate(
-    photo: Annotated[Path, tyro.conf.Positional],
-    /,
-    out: Path | None = None,
-    port: int = 0,
-    browser: bool = True,
-) -> int:
+@dataclass(frozen=True, kw_only=True)
+class Annotate(Verb):
     """Mark front corners, panels and handles on a photo; saves a hints file.
 
     The page is served on this machine only (127.0.0.1) and needs nothing from the network.
-
-    Args:
-        photo: the photo.
-        out: the hints file to write; default: hints.yaml beside the photo.
-        port: of the local server; 0 takes any free one.
-        browser: open the page in the default browser.
     """
-    from mam_pipeline.errors import InputError
-    from mam_pipeline.photo.annotate import Annotation, make_server
 
-    target = out if out is not None else photo.with_name(f"{photo.stem}-hints.yaml")
-    annotation = Annotation(photo, target)
-    try:
-        server = make_server(annotation, port)
-    except (OSError, OverflowError) as error:
-        raise InputError(f"cannot listen on port {port} of 127.0.0.1: {error}") from error
-    url = f"http://127.0.0.1:{server.server_address[1]}/"
-    print(f"page:  {url}   (ctrl-c ends)", file=sys.stderr, flush=True)
-    if browser:
-        import webbrowser
+    photo: Positional[Path]
+    """The photo."""
+    out: Path | None = None
+    """The hints file to write; default: <name>-hints.yaml beside the photo."""
+    port: int = 0
+    """Port of the local server; 0 takes any free one."""
+    browser: bool = True
+    """Open the page in the default browser."""
 
-        webbrowser.open(url)
-    try:
-        server.serve_forever()
-    except KeyboardInterrupt:
-        print("", file=sys.stderr)
-    finally:
-        server.server_close()
-    if not annotation.saved:
-        print("nothing was saved", file=sys.stderr)
+    def run(self) -> int:
+        """Serve the page until it is interrupted."""
+        from mam_pipeline.errors import InputError
+        from mam_pipeline.photo.annotate import Annotation, make_server
+
+        target = self.out or self.photo.with_name(f"{self.photo.stem}-hints.yaml")
+        annotation = Annotation(self.photo, target)
+        try:
+            server = make_server(annotation, self.port)
+        except (OSError, OverflowError) as error:
+            message = f"cannot listen on port {self.port} of 127.0.0.1: {error}"
+            raise InputError(message) from error
+        url = f"http://127.0.0.1:{server.server_address[1]}/"
+        print(f"page:  {url}   (ctrl-c ends)", file=sys.stderr, flush=True)
+        if self.browser:
+            import webbrowser
+
+            webbrowser.open(url)
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            print("", file=sys.stderr)
+        finally:
+            server.server_close()
+        if not annotation.saved:
+            print("nothing was saved", file=sys.stderr)
+            return 0
+        print(target)
+        print(f"next:  mam-sim make-env {self.photo} --hints {target}", file=sys.stderr)
         return 0
-    print(target)
-    print(f"next:  mam-sim make-env {photo} --hints {target}", file=sys.stderr)
-    return 0

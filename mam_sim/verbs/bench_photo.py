@@ -2,55 +2,60 @@
 
 from __future__ import annotations
 
-import json as json_module
+import json
 import sys
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-import tyro
+from tyro.conf import Positional
 
 from mam_pipeline.errors import MamSimError
+from mam_sim.options import Verb
 
 
-def bench_photo(
-    folder: Annotated[Path | None, tyro.conf.Positional] = None,
-    /,
-    count: int = 20,
-    level: Literal["clean", "medium", "clutter", "all"] = "all",
-    seed: int = 0,
-    layout: bool = False,
-    out: Path | None = None,
-    save_photos: Path | None = None,
-    quiet: bool = False,
-    json: bool = False,
-) -> int:
+@dataclass(frozen=True, kw_only=True)
+class BenchPhoto(Verb):
     """Score the photo reconstructor.
 
     Without a folder: on procedural furniture with exact truth, rendered at three levels of
     difficulty. With a folder: on your photos with YOLO boxes (classes handle, cabinet door,
     refrigerator door, door; or those of classes.txt).
-
-    Args:
-        folder: photos with YOLO label files beside them or in labels/.
-        count: synthetic photos per level.
-        level: clean, medium, clutter or all.
-        seed: number of the first synthetic photo.
-        layout: tell the reconstructor the true layout (as with --layout), where rows can say it.
-        out: write the scores as JSON.
-        save_photos: keep the synthetic photos in this folder.
-        quiet: no progress.
-        json: print JSON instead of the table.
     """
-    if folder is not None:
-        result: dict[str, Any] = {"photos": _labelled(folder, quiet)}
-    else:
-        levels = ["clean", "medium", "clutter"] if level == "all" else [level]
-        result = {k: _synthetic(k, count, seed, layout, save_photos, quiet) for k in levels}
-    text = json_module.dumps(result, indent=1)
-    if out is not None:
-        out.write_text(text + "\n", encoding="utf-8")
-    print(text if json else _table(result))
-    return 0
+
+    folder: Positional[Path | None] = None
+    """Photos with YOLO label files beside them or in labels/."""
+    count: int = 20
+    """Synthetic photos per level."""
+    level: Literal["clean", "medium", "clutter", "all"] = "all"
+    """Difficulty of the synthetic photos."""
+    seed: int = 0
+    """Number of the first synthetic photo."""
+    layout: bool = False
+    """Tell the reconstructor the true layout (as with --layout), where rows can say it."""
+    out: Path | None = None
+    """Write the scores as JSON."""
+    save_photos: Path | None = None
+    """Keep the synthetic photos in this folder."""
+    json: bool = False
+    """Print JSON instead of the table."""
+
+    def run(self) -> int:
+        """Score, and print the table."""
+        result: dict[str, Any]
+        if self.folder is not None:
+            result = {"photos": _labelled(self.folder, self.quiet)}
+        else:
+            levels = ["clean", "medium", "clutter"] if self.level == "all" else [self.level]
+            result = {
+                k: _synthetic(k, self.count, self.seed, self.layout, self.save_photos, self.quiet)
+                for k in levels
+            }
+        text = json.dumps(result, indent=1)
+        if self.out is not None:
+            self.out.write_text(text + "\n", encoding="utf-8")
+        print(text if self.json else _table(result))
+        return 0
 
 
 def _say(text: str, quiet: bool) -> None:

@@ -2,49 +2,48 @@
 
 from __future__ import annotations
 
-import json as json_module
+import json
 import sys
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-import tyro
+from tyro.conf import Positional
 
 from mam_pipeline.check.report import REASONS, CheckReport, JointReport
+from mam_sim.options import Verb
 
 
-def check(
-    asset: Annotated[Path, tyro.conf.Positional],
-    /,
-    json: Path | None = None,
-    picture: Path | None = None,
-    drive: bool = True,
-    quiet: bool = False,
-) -> int:
-    """Test whether an asset is ready for simulation; exit status 0 passes, 1 fails.
+@dataclass(frozen=True, kw_only=True)
+class Check(Verb):
+    """Test whether an asset is ready for simulation; exit status 0 passes, 1 fails."""
 
-    Args:
-        asset: asset folder, or a URDF file (ours or anybody's; nothing outside its folder is read).
-        json: also write the whole report to this file ("-" for the screen instead of the table).
-        picture: save the worst frame as a PNG here.
-        drive: drive the joints in the simulator too (needs no graphics driver).
-        quiet: no table, only the exit status.
-    """
-    from mam_pipeline.check.check import check_asset
+    asset: Positional[Path]
+    """Asset folder, or a URDF file (ours or anybody's; nothing outside its folder is read)."""
+    json: Path | None = None
+    """Also write the whole report to this file ("-" for the screen instead of the table)."""
+    picture: Path | None = None
+    """Save the worst frame as a PNG here."""
+    drive: bool = True
+    """Drive the joints in the simulator too (needs no graphics driver)."""
 
-    report = check_asset(asset, drive=drive, picture=picture)
-    if json is not None:
-        text = json_module.dumps(report.as_dict(), indent=1)
-        if str(json) == "-":
-            print(text)
-        else:
-            json.parent.mkdir(parents=True, exist_ok=True)
-            json.write_text(text + "\n", encoding="utf-8")
-            print(f"report: {json}", file=sys.stderr)
-    if not quiet and str(json) != "-":
-        print_table(report)
-    if picture is not None and report.picture is not None:
-        print(f"picture: {picture}", file=sys.stderr)
-    return 0 if report.passed else 1
+    def run(self) -> int:
+        """Check, and print or write the report."""
+        from mam_pipeline.check.check import check_asset
+
+        report = check_asset(self.asset, drive=self.drive, picture=self.picture)
+        if self.json is not None:
+            text = json.dumps(report.as_dict(), indent=1)
+            if str(self.json) == "-":
+                print(text)
+            else:
+                self.json.parent.mkdir(parents=True, exist_ok=True)
+                self.json.write_text(text + "\n", encoding="utf-8")
+                print(f"report: {self.json}", file=sys.stderr)
+        if not self.quiet and str(self.json) != "-":
+            print_table(report)
+        if self.picture is not None and report.picture is not None:
+            print(f"picture: {self.picture}", file=sys.stderr)
+        return 0 if report.passed else 1
 
 
 def print_table(report: CheckReport) -> None:

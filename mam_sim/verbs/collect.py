@@ -2,73 +2,80 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Any, Literal
 
-import tyro
+from tyro.conf import Positional
 
 from mam_sim.console import Screen
+from mam_sim.options import Verb
 
 
-def collect(
-    asset: Annotated[Path, tyro.conf.Positional],
-    /,
-    out: Path,
-    episodes: int = 20,
-    joint: str | None = None,
-    task: Literal["open", "close", "turn_to", "push"] | None = None,
-    robot: str = "panda",
-    seed: int = 0,
-    noise: float = 0.0,
-    video: bool = False,
-    keep_failures: bool = False,
-    quiet: bool = False,
-    json: bool = False,
-) -> int:
-    """Let the expert operate a joint until enough episodes succeed; run again to resume or extend.
+@dataclass(frozen=True, kw_only=True)
+class Collect(Verb):
+    """Let the expert operate a joint until enough episodes succeed.
 
-    Args:
-        asset: asset folder (from mam-sim make-env or articulate).
-        out: folder for demos.h5, demos.json, lerobot/ and attempts/.
-        episodes: successes wanted.
-        joint: joint to operate; by default the surest one that the arm can do.
-        task: what to do with it; by default what the joint suggests.
-        robot: panda, so100, fetch, xarm6_robotiq.
-        seed: of the first attempt; the others follow.
-        noise: on the arm's targets, radians (labels stay clean).
-        video: record camera pictures into the LeRobot dataset (needs a Vulkan driver).
-        keep_failures: keep failed attempts in the data as well.
-        quiet: only errors.
-        json: print the result as JSON.
+    The same command goes on where a killed one was; with more --episodes it adds to the data.
     """
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from mam_policies.collect import CollectConfig
-    from mam_policies.collect import collect as run
+    asset: Positional[Path]
+    """Asset folder (from mam-sim make-env or articulate)."""
+    out: Path
+    """Folder for demos.h5, demos.json, lerobot/ and attempts/."""
+    episodes: int = 20
+    """Successes wanted."""
+    joint: str | None = None
+    """Joint to operate; by default the surest one that the arm can do."""
+    task: Literal["open", "close", "turn_to", "push"] | None = None
+    """What to do with it; by default what the joint suggests."""
+    robot: str = "panda"
+    """panda, so100, fetch, xarm6_robotiq."""
+    seed: int = 0
+    """Seed of the first attempt; the others follow."""
+    noise: float = 0.0
+    """Noise on the arm's targets, radians (labels stay clean)."""
+    video: bool = False
+    """Record camera pictures into the LeRobot dataset (needs a Vulkan driver)."""
+    keep_failures: bool = False
+    """Keep failed attempts in the data as well."""
+    json: bool = False
+    """Print the result as JSON."""
 
-    config = CollectConfig(
-        asset=str(asset.resolve()), episodes=episodes, joint=joint, task=task, robot=robot,
-        seed=seed, noise=noise, video=video, keep_failures=keep_failures,
-    )  # fmt: skip
-    screen = Screen(quiet=quiet or json)
-    columns = (BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(
-        *columns, TextColumn("{task.description}"), console=screen.err, disable=quiet
-    ) as bar:
-        line = bar.add_task("starting the environment", total=episodes)
+    def run(self) -> int:
+        """Collect; print how many attempts it took and where the data is."""
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            TextColumn,
+            TimeElapsedColumn,
+        )
 
-        def show(got: int, wanted: int, text: str) -> None:
-            bar.update(line, completed=got, total=wanted, description=text)
+        from mam_policies.collect import CollectConfig, collect
 
-        result = run(config, out.resolve(), show)
-    if json:
-        screen.json(asdict(result))
+        config = CollectConfig(
+            asset=str(self.asset.resolve()), episodes=self.episodes, joint=self.joint,
+            task=self.task, robot=self.robot, seed=self.seed, noise=self.noise, video=self.video,
+            keep_failures=self.keep_failures,
+        )  # fmt: skip
+        screen = Screen(quiet=self.quiet or self.json)
+        columns: Any = (BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn())
+        text = TextColumn("{task.description}")
+        with Progress(*columns, text, console=screen.err, disable=self.quiet) as bar:
+            line = bar.add_task("starting the environment", total=self.episodes)
+
+            def show(got: int, wanted: int, words: str) -> None:
+                bar.update(line, completed=got, total=wanted, description=words)
+
+            result = collect(config, self.out.resolve(), show)
+        if self.json:
+            screen.json(asdict(result))
+            return 0
+        screen.say(f"episodes: {result.episodes} of {result.attempts} attempts")
+        for reason, count in sorted(result.reasons.items(), key=lambda r: -r[1]):
+            screen.say(f"  failed {count}x: {reason}")
+        screen.say(f"h5:       {result.h5}")
+        screen.say(f"lerobot:  {result.dataset}")
+        screen.say(f"next:     mam-sim train {self.asset} --algo bc --out {self.out.name}-run")
         return 0
-    screen.say(f"episodes: {result.episodes} of {result.attempts} attempts")
-    for reason, count in sorted(result.reasons.items(), key=lambda r: -r[1]):
-        screen.say(f"  failed {count}x: {reason}")
-    screen.say(f"h5:       {result.h5}")
-    screen.say(f"lerobot:  {result.dataset}")
-    screen.say(f"next:     mam-sim train {out} --algo bc --out {out.name}-run")
-    return 0

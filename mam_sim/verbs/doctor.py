@@ -12,6 +12,7 @@ from importlib import metadata
 from importlib.util import find_spec
 
 from mam_sim.console import Screen
+from mam_sim.options import Verb
 
 PACKAGES = (
     *("numpy", "torch", "sapien", "mani-skill", "gymnasium", "stable-baselines3", "lerobot"),
@@ -36,33 +37,40 @@ class Finding:
     fix: str = ""
 
 
-def doctor(json: bool = False) -> int:
+@dataclass(frozen=True, kw_only=True)
+class Doctor(Verb):
     """Say what works on this machine, what does not, and how to mend it.
 
     Exit status 1 when something that mam-sim cannot do without is missing.
-
-    Args:
-        json: print the findings as JSON.
     """
-    screen = Screen()
-    findings = [*_python(), *_packages(), *_system(), *_gpu(), *_backends(), *_models()]
-    findings += _keys()
-    if json:
-        screen.json([asdict(f) for f in findings])
-    else:
-        group = ""
-        for f in findings:
-            if f.group != group:
-                group = f.group
-                screen.say(f"{group}")
-            mark = "ok " if f.ok else ("NO " if f.needed else "-  ")
-            screen.say(f"  {mark}{f.name:<24} {f.state}")
-            if not f.ok and f.fix:
-                first, *more = f.fix.splitlines()
-                screen.say(f"      fix: {first}")
-                for line in more:
-                    screen.say(f"           {line}")
-    return int(any(f.needed and not f.ok for f in findings))
+
+    json: bool = False
+    """Print the findings as JSON."""
+
+    def run(self) -> int:
+        """Look at everything and print a line for each."""
+        findings = [*_python(), *_packages(), *_system(), *_gpu(), *_backends(), *_models()]
+        findings += _keys()
+        if self.json:
+            Screen().json([asdict(f) for f in findings])
+        else:
+            _print(findings, Screen(self.quiet))
+        return int(any(f.needed and not f.ok for f in findings))
+
+
+def _print(findings: list[Finding], screen: Screen) -> None:
+    group = ""
+    for f in findings:
+        if f.group != group:
+            group = f.group
+            screen.say(f"{group}")
+        mark = "ok " if f.ok else ("NO " if f.needed else "-  ")
+        screen.say(f"  {mark}{f.name:<24} {f.state}")
+        if not f.ok and f.fix:
+            first, *more = f.fix.splitlines()
+            screen.say(f"      fix: {first}")
+            for line in more:
+                screen.say(f"           {line}")
 
 
 def _python() -> list[Finding]:
@@ -89,9 +97,7 @@ def _packages() -> list[Finding]:
         out.append(Finding("packages", package, version or "missing", bool(version), True, fix))
     for package, fix in EXTRAS.items():
         version = _version(package)
-        out.append(
-            Finding("packages", package, version or "not installed", bool(version), fix=fix)
-        )
+        out.append(Finding("packages", package, version or "not installed", bool(version), fix=fix))
     owners = [p for p in ("opencv-python", "opencv-python-headless") if _version(p)]
     out.append(
         Finding(

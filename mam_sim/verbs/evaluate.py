@@ -2,93 +2,103 @@
 
 from __future__ import annotations
 
-import json as _json
-from dataclasses import replace
+import json
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import tyro
+from tyro.conf import Positional
 
 from mam_pipeline.errors import ConfigError
-from mam_sim.console import Screen
-from mam_sim.verbs.train import _bar
+from mam_sim.console import PhaseBar, Screen
+from mam_sim.options import Verb
 
 
-def evaluate(
-    run: Annotated[Path, tyro.conf.Positional],
-    /,
-    episodes: int = 20,
-    asset: tuple[Path, ...] = (),
-    joint: str | None = None,
-    expert: bool = False,
-    video: bool = False,
-    trust: bool = False,
-    control: str = "pd_joint_delta_pos",
-    robot: str = "panda",
-    json: Path | None = None,
-    quiet: bool = False,
-) -> int:
-    """Measure how often a policy succeeds, with a Wilson 95 % interval.
+@dataclass(frozen=True, kw_only=True)
+class Evaluate(Verb):
+    """Measure how often a policy succeeds, with a Wilson 95 % interval."""
 
-    Args:
-        run: a run folder of mam-sim train, or a zip of stable-baselines3 (with --trust, --asset).
-        episodes: how many, per asset.
-        asset: other asset folders to try it on (held-out assets); default: its own.
-        joint: the joint on them.
-        expert: run the scripted expert on the same seeds beside it.
-        video: write a grid of episodes as run/evaluation.mp4 (needs a Vulkan driver).
-        trust: let a zip of stable-baselines3 be loaded; doing so executes what is in it.
-        control: control mode that such a zip was trained with.
-        robot: robot that such a zip was trained with.
-        json: write the result here.
-        quiet: print nothing but errors.
-    """
-    from mam_pipeline.asset.card import Asset
-    from mam_policies.evaluate import evaluate_expert, evaluate_run, evaluate_zip, plain
-    from mam_policies.run import EnvChoice, RunInfo
+    policy: Positional[Path]
+    """A run folder of mam-sim train, or a zip of stable-baselines3 (with --trust, --asset)."""
+    episodes: int = 20
+    """How many, per asset."""
+    asset: tuple[Path, ...] = ()
+    """Other asset folders to try it on (held-out assets); default: its own."""
+    joint: str | None = None
+    """The joint on them."""
+    expert: bool = False
+    """Run the scripted expert on the same seeds beside it."""
+    video: bool = False
+    """Write a grid of episodes as evaluation.mp4 in the run folder (needs a Vulkan driver)."""
+    trust: bool = False
+    """Let a zip of stable-baselines3 be loaded; doing so executes what is in it."""
+    control: str = "pd_joint_delta_pos"
+    """Control mode that such a zip was trained with."""
+    robot: str = "panda"
+    """Robot that such a zip was trained with."""
+    json: Path | None = None
+    """Write the result to this file."""
 
-    if episodes < 1:
-        raise ConfigError("--episodes must be at least 1")
-    screen = Screen(quiet)
-    foreign = run.suffix == ".zip"
-    if foreign and not asset:
-        raise ConfigError("a zip does not say what it was trained on; add --asset")
-    named = tuple(str(Asset.load(a).folder) for a in asset)
-    lived = EnvChoice(named, joint, None, robot, control) if foreign else RunInfo.load(run).env
-    wanted = named or lived.assets
-    rows: list[dict[str, Any]] = []
-    screen.say(f"{'asset':<28} {'joint':<22} {'check':<7} {'expert':<20} policy")
-    for folder in wanted:
-        with _bar(screen) as update:
+    def run(self) -> int:
+        """Evaluate on every asset, a line for each."""
+        from mam_pipeline.asset.card import Asset
+        from mam_policies.run import EnvChoice, RunInfo
 
-            def tell(n: int, s: int, update: Any = update) -> None:
-                update(Path(folder).name, n / episodes, f"{s} of {n}")  # noqa: B023
+        if self.episodes < 1:
+            raise ConfigError("--episodes must be at least 1")
+        foreign = self.policy.suffix == ".zip"
+        if foreign and not self.asset:
+            raise ConfigError("a zip does not say what it was trained on; add --asset")
+        screen = Screen(self.quiet)
+        named = tuple(str(Asset.load(a).folder) for a in self.asset)
+        if foreign:
+            home = EnvChoice(named, self.joint, None, self.robot, self.control)
+        else:
+            home = RunInfo.load(self.policy).env
+        screen.say(f"{'asset':<28} {'joint':<22} {'check':<7} {'expert':<20} policy")
+        rows: list[dict[str, Any]] = []
+        for folder in named or home.assets:
+            choice = replace(home, assets=(folder,), joint=self.joint or home.joint)
+            rows.append(self._row(choice, screen, film=self.video and not rows))
+        if self.json is not None:
+            self.json.write_text(json.dumps({"run": str(self.policy), "results": rows}, indent=1))
+            screen.say(f"json:  {self.json}")
+        if self.video:
+            screen.say(f"video: {_film(self.policy)}")
+        return 0
 
-            film = _film(run) if video and folder == wanted[0] else None
-            choice = replace(lived, assets=(folder,), joint=joint or lived.joint)
-            if foreign:
-                found = evaluate_zip(run, choice, episodes, trust, video=film, on_episode=tell)
+    def _row(self, choice: Any, screen: Screen, film: bool) -> dict[str, Any]:
+        """Evaluate on one asset and print its line."""
+        from mam_pipeline.asset.card import Asset
+        from mam_policies.evaluate import evaluate_expert, evaluate_run, evaluate_zip, plain
+
+        folder = choice.assets[0]
+        video = _film(self.policy) if film else None
+        with PhaseBar(screen) as update:
+
+            def tell(n: int, s: int) -> None:
+                update(Path(folder).name, n / self.episodes, f"{s} of {n}")
+
+            if self.policy.suffix == ".zip":
+                found = evaluate_zip(
+                    self.policy, choice, self.episodes, self.trust, video=video, on_episode=tell
+                )
             else:
                 found = evaluate_run(
-                    run, episodes, (folder,), choice.joint, video=film, on_episode=tell
-                )
-            bar = None
-            if expert:
-                choice = replace(choice, joint=found.joint, control_mode="pd_joint_pos")
-                bar = evaluate_expert(choice, episodes)
+                    self.policy, self.episodes, (folder,), choice.joint, video=video,
+                    on_episode=tell,
+                )  # fmt: skip
+            best = None
+            if self.expert:
+                acting = replace(choice, joint=found.joint, control_mode="pd_joint_pos")
+                best = evaluate_expert(acting, self.episodes)
         verdict = Asset.load(folder).card.checks.get("executability", {}).get("passed")
         said = {True: "passes", False: "fails", None: "-"}[verdict]
-        best = bar.line() if bar else "-"
-        screen.say(f"{found.asset:<28} {found.joint:<22} {said:<7} {best:<20} {found.line()}")
+        bar = best.line() if best else "-"
+        screen.say(f"{found.asset:<28} {found.joint:<22} {said:<7} {bar:<20} {found.line()}")
         for reason, count in found.reasons.items():
             screen.say(f"    {count} x {reason}")
-        rows.append({"check": verdict, "expert": plain(bar) if bar else None, **plain(found)})
-    if json is not None:
-        json.write_text(_json.dumps({"run": str(run), "results": rows}, indent=1))
-        screen.say(f"json:  {json}")
-    if video:
-        screen.say(f"video: {_film(run)}")
-    return 0
+        return {"check": verdict, "expert": plain(best) if best else None, **plain(found)}
 
 
 def _film(run: Path) -> Path:

@@ -2,52 +2,64 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-import tyro
+from tyro.conf import Positional
 
 from mam_pipeline.errors import ConfigError, InputError
 from mam_sim.console import Screen
+from mam_sim.options import Verb
 
 
-def export(
-    source: Annotated[Path, tyro.conf.Positional],
-    /,
-    out: Path,
-    to: Literal["lerobot", "mjcf", "usd"] = "lerobot",
-    mapping: Path | None = None,
-    asset: str | None = None,
-    quiet: bool = False,
-    json: bool = False,
-) -> int:
-    """Hand a result on to other software.
+@dataclass(frozen=True, kw_only=True)
+class Export(Verb):
+    """Hand a result on to other software."""
 
-    Args:
-        source: a run of mam-sim train or the folder of mam-sim collect (to lerobot), or an asset
-            folder (to mjcf, usd).
-        out: the folder to write; an earlier export there is replaced.
-        to: lerobot, mjcf or usd.
-        mapping: joint mapping between simulation and the real arm (YAML). For arms that LeRobot
-            drives it must be filled in by measuring; without it a template is written.
-        asset: of a run on several, the one to export for.
-        quiet: print nothing but errors.
-        json: print the result as JSON.
-    """
-    screen = Screen(quiet or json)
-    if not source.exists():
-        raise InputError(f"there is nothing at {source}")
-    if to == "lerobot":
+    source: Positional[Path]
+    """A run of mam-sim train or the folder of mam-sim collect (to lerobot), or an asset folder (to
+    mjcf, usd)."""
+    out: Path
+    """The folder to write; an earlier export there is replaced."""
+    to: Literal["lerobot", "mjcf", "usd"] = "lerobot"
+    """The format."""
+    mapping: Path | None = None
+    """Joint mapping between simulation and the real arm (YAML). For arms that LeRobot drives it
+    must be filled in by measuring; without it a template is written."""
+    asset: str | None = None
+    """Of a run on several assets, the one to export for."""
+    json: bool = False
+    """Print the result as JSON."""
+
+    def run(self) -> int:
+        """Write the export; print where it is and what to do next."""
+        if not self.source.exists():
+            raise InputError(f"there is nothing at {self.source}")
+        screen = Screen(self.quiet or self.json)
+        if self.to == "lerobot":
+            return self._lerobot(screen)
+        if self.mapping is not None:
+            raise ConfigError("--mapping belongs to --to lerobot")
+        file = _asset(self.source, self.out, self.to)
+        if self.json:
+            screen.json({"folder": self.out, "kind": self.to, "file": file})
+        screen.say(f"{self.to}: {file}")
+        return 0
+
+    def _lerobot(self, screen: Screen) -> int:
         from mam_policies.lerobot.export import export_dataset, export_run
 
-        if (source / "run.json").is_file():
-            found = export_run(source, out, mapping, asset)
-        elif (source / "collect.json").is_file():
-            found = export_dataset(source, out, mapping)
+        if (self.source / "run.json").is_file():
+            found = export_run(self.source, self.out, self.mapping, self.asset)
+        elif (self.source / "collect.json").is_file():
+            found = export_dataset(self.source, self.out, self.mapping)
         else:
-            raise InputError(f"{source} is neither a run nor a collection; --to lerobot needs one")
-        if json:
-            screen.json({"folder": out, "kind": found.kind, "notes": found.notes})
+            raise InputError(
+                f"{self.source} is neither a run nor a collection; --to lerobot needs one"
+            )
+        if self.json:
+            screen.json({"folder": self.out, "kind": found.kind, "notes": found.notes})
         screen.say(f"{found.kind}: {found.folder}")
         screen.say(f"mapping: {found.mapping}")
         for note in found.notes:
@@ -55,13 +67,6 @@ def export(
         if found.kind == "policy":
             screen.say(f"next: the command lines in {found.folder / 'README.md'}")
         return 0
-    if mapping is not None:
-        raise ConfigError("--mapping belongs to --to lerobot")
-    file = _asset(source, out, to)
-    if json:
-        screen.json({"folder": out, "kind": to, "file": file})
-    screen.say(f"{to}: {file}")
-    return 0
 
 
 def _asset(source: Path, out: Path, to: str) -> Path:

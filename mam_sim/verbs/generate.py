@@ -1,133 +1,61 @@
-"""mam-sim generate: procedural articulated objects with exact truth, as asset folders."""
+"""`mam-sim generate`: procedural articulated objects with exact truth, as asset folders."""
 
 from __future__ import annotations
 
-import csv
-import shutil
 import sys
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
-from hashlib import sha256
-from multiprocessing import get_context
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import tyro
 
-if TYPE_CHECKING:
-    from mam_world import WorldObject
-
-COLUMNS = (
-    "name", "category", "seed", "split", "links", "joints", "faces", "fused", "unit", "y_up",
-    "sha256_static",
-)  # fmt: skip
+from mam_sim.options import Verb
 
 
-def generate(
-    category: str = "all",
-    count: int = 1,
-    seed: int = 0,
-    out: Path | None = None,
-    list_: Annotated[bool, tyro.conf.arg(name="list")] = False,
-    textures: bool = True,
-    plain: bool = False,
-    jobs: int = 1,
-    quiet: bool = False,
-) -> int:
-    """Write procedural objects: static.glb (what a user would have) with its exact asset folder.
+@dataclass(frozen=True, kw_only=True)
+class Generate(Verb):
+    """Write procedural objects: static.glb (what a user would have) with its exact asset folder."""
 
-    Args:
-        category: one category, or "all": then `count` objects of each.
-        count: how many objects of each category.
-        seed: of the first object; the others follow. The same seed gives the same bytes.
-        out: folder to write; one asset folder per object and a MANIFEST.csv.
-        list_: print the categories and stop.
-        textures: draw procedural pictures on the materials.
-        plain: no styles: the static file is the exact object, metres, Z up in the asset frame.
-        jobs: processes; the files do not depend on how many.
-        quiet: no progress on stderr.
-    """
-    from mam_pipeline.errors import ConfigError
-    from mam_world import CATEGORIES
-    from mam_world.registry import category as find
+    category: str = "all"
+    """One category, or "all": then --count objects of each."""
+    count: int = 1
+    """How many objects of each category."""
+    seed: int = 0
+    """Seed of the first object; the others follow. The same seed gives the same bytes."""
+    out: Path | None = None
+    """Folder to write; one asset folder per object and a MANIFEST.csv."""
+    list_: Annotated[bool, tyro.conf.arg(name="list")] = False
+    """Print the categories and stop."""
+    textures: bool = True
+    """Draw procedural pictures on the materials."""
+    plain: bool = False
+    """No styles: the static file is the exact object, metres, Z up in the asset frame."""
+    jobs: int = 1
+    """Processes; the files do not depend on how many."""
 
-    if list_:
-        for name, entry in CATEGORIES.items():
-            print(f"{name:<26} {entry.family}")
+    def run(self) -> int:
+        """Write the data set, or list the categories."""
+        from mam_pipeline.errors import ConfigError
+
+        if self.list_:
+            from mam_world import CATEGORIES
+
+            for name, entry in CATEGORIES.items():
+                print(f"{name:<26} {entry.family}")
+            return 0
+        if self.out is None:
+            raise ConfigError("say where to write: mam-sim generate --category NAME --out DIR")
+        from mam_world.dataset import write_dataset
+
+        rows = write_dataset(
+            self.category, self.count, self.seed, self.out, self.textures, self.plain, self.jobs,
+            on_object=self._say,
+        )  # fmt: skip
+        print(self.out)
+        if not self.quiet:
+            print(f"next: mam-sim check {self.out / str(rows[0][0])}", file=sys.stderr)
         return 0
-    if out is None:
-        raise ConfigError("say where to write: mam-sim generate --category NAME --out DIR")
-    if jobs < 1:
-        raise ConfigError(f"--jobs must be at least 1, got {jobs}")
-    if count < 1 or seed < 0:
-        raise ConfigError(f"count must be at least 1 and seed at least 0, not {count} and {seed}")
-    names = list(CATEGORIES) if category == "all" else [find(category).name]
-    out.mkdir(parents=True, exist_ok=True)
-    rows = []
-    for row in _rows([(n, k) for n in names for k in range(seed, seed + count)], out, textures,
-                     plain, jobs):  # fmt: skip
-        rows.append(row)
-        if not quiet:
+
+    def _say(self, row: list[object]) -> None:
+        if not self.quiet:
             print(f"{row[0]}: {row[5]} joints", file=sys.stderr)
-    with (out / "MANIFEST.csv").open("w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(COLUMNS)
-        table.writerows(rows)
-    print(out)
-    if not quiet:
-        print(f"next: mam-sim check {out / str(rows[0][0])}", file=sys.stderr)
-    return 0
-
-
-def _rows(
-    plan: list[tuple[str, int]], out: Path, textures: bool, plain: bool, jobs: int
-) -> Iterator[list[object]]:
-    """Write the planned objects, in this process or in several; rows come in the plan's order."""
-    if jobs == 1:
-        yield from (_write(name, seed, out, textures, plain) for name, seed in plan)
-        return
-    # fresh processes: forked ones inherit locks of the ray caster's threads
-    with ProcessPoolExecutor(min(jobs, len(plan)), get_context("spawn")) as pool:
-        tasks = [pool.submit(_write, name, seed, out, textures, plain) for name, seed in plan]
-        for task in tasks:
-            yield task.result()
-
-
-def _write(name: str, seed: int, out: Path, textures: bool, plain: bool) -> list[object]:
-    """Make one object and write its folder; returns its row of the manifest."""
-    from mam_world import Style, draw_style, make_object
-    from mam_world.object import generator
-
-    style = Style() if plain else draw_style(generator(name, seed, stream=1))
-    return write_object(make_object(name, seed, replace(style, textures=textures)), out)
-
-
-def write_object(made: WorldObject, out: Path) -> list[object]:
-    """One asset folder in `out` with static.glb in it; returns its row of the manifest."""
-    import numpy as np
-
-    from mam_pipeline.asset.writer import write_asset
-    from mam_pipeline.formats.mesh_files import save_glb
-    from mam_world import split_of
-
-    folder = out / made.name
-    loose = out / f".{made.name}.static.glb"
-    # the file keeps the object's own axes and unit: nothing is turned on the way
-    save_glb(made.static, loose, up="z")
-    digest = sha256(loose.read_bytes()).hexdigest()
-    # no seconds in the card: the same seed gives the same bytes
-    to_asset = np.linalg.inv(made.static_T_asset)
-    asset = write_asset(
-        made.articulation, folder, name=made.name,
-        source={"path": "static.glb", "sha256": digest, "kind": "generated"},
-        source_to_asset=to_asset, metres_per_unit=float(np.cbrt(np.linalg.det(to_asset[:3, :3]))),
-        metres_per_unit_source="generated", collision=made.collision,
-    )  # fmt: skip
-    replace(asset.card, seconds={}).save(folder)
-    shutil.move(loose, folder / "static.glb")
-    return [
-        made.name, made.category, made.seed, split_of(made.category, made.seed),
-        len(made.articulation.links), len(made.articulation.joints), len(made.static.faces),
-        int(made.style.fused), made.style.unit, int(made.style.y_up), digest,
-    ]  # fmt: skip

@@ -23,13 +23,18 @@ OnStage = Callable[[str], None]
 
 @dataclass(frozen=True)
 class EngineConfig:
-    """Which backend plays each role, and the seed of everything random."""
+    """Which backend plays each role ("auto" takes the best one available and says which)."""
 
     segmenter: str = "auto"
+    """Cuts the mesh into primitives: geometric, p3sam."""
     prior: str = "auto"
+    """Probes which primitives may move: embedded, sp4d, file, none."""
     reasoner: str = "auto"
+    """Finds parts, tree and joint types: embedded, vlm, file."""
     solver: str = "auto"
+    """Estimates joints: embedded, or the paper's init, lm, nelder-mead."""
     seed: int = 0
+    """Seed of everything random."""
 
 
 @dataclass(frozen=True)

@@ -14,20 +14,23 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from mam_pipeline import backends, stage_files
+from mam_pipeline import backends, config_file, stage_files
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.engine import Engine, EngineConfig, OnStage, front_yaw, moved
 from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.hints import Hints, load_hints, save_hints
 from mam_pipeline.models import settings
+from mam_pipeline.models.ledger import one_ledger
+from mam_pipeline.models.settings import ModelConfig
 from mam_pipeline.parts.hints import along_nodes
+from mam_pipeline.photo.options import PhotoConfig
 from mam_pipeline.prior.masks import save_masks
 from mam_pipeline.types import Articulation, FloatArray, Mesh
 
@@ -38,17 +41,40 @@ STAGE_VERSION = 17
 
 @dataclass(frozen=True)
 class MakeConfig:
-    """Everything that decides what an asset becomes; saved with it as stages/config.json."""
+    """Everything that decides what an asset becomes; saved with it as stages/config.yaml."""
 
     up: Literal["auto", "y", "z"] = "auto"
+    """Up axis of the source."""
     height: float | None = None
+    """Height of the object, metres."""
     scale: float | None = None
+    """Metres per unit of the source; give this or the height."""
     hints: Path | None = None
-    engine: EngineConfig = field(default_factory=EngineConfig)
-    reconstructor: str = "auto"
-    photo: Mapping[str, Any] = field(default_factory=dict)
+    """YAML file with what you know about the parts."""
     interiors: bool = True
+    """Give drawers boxes and cut meshes caps where the source has none."""
+    reconstructor: str = "auto"
+    """Backend that makes a mesh of a photo."""
     retexture: Mapping[str, str] = field(default_factory=dict)
+    """New appearance of parts by Hunyuan3D-Paint, their triangles unchanged: PART PICTURE, or PART
+    and words, of which an image endpoint first makes a picture."""
+    engine: EngineConfig = field(default_factory=EngineConfig)
+    photo: PhotoConfig = field(default_factory=PhotoConfig)
+    models: ModelConfig = field(default_factory=ModelConfig)
+
+    def check(self) -> None:
+        """Raise ConfigError where a length is no positive number, or two contradict each other."""
+        for name in ("height", "scale"):
+            _positive(name, getattr(self, name))
+        for name in ("width", "depth"):
+            _positive(name, getattr(self.photo, name))
+        if self.height is not None and self.scale is not None:
+            raise ConfigError("give --height or --scale, not both")
+
+
+def _positive(name: str, value: float | None) -> None:
+    if value is not None and not (np.isfinite(value) and value > 0):
+        raise ConfigError(f"--{name} must be a positive number, got {value}")
 
 
 @dataclass(frozen=True)
@@ -97,14 +123,21 @@ def make_asset(
     Raises:
         MamSimError: one of its subclasses; `out` is then as it was before.
     """
+    kind = kind_of(source)
+    config.check()
+    with settings.given(config.models.settings()), one_ledger():
+        return _make_asset(source, out.resolve(), kind, config, on_stage)
+
+
+def _make_asset(
+    source: Path, out: Path, kind: str, config: MakeConfig, on_stage: OnStage | None
+) -> Asset:
     from mam_pipeline.asset.interiors import add_interiors
     from mam_pipeline.asset.writer import replace_folder, write_asset
     from mam_pipeline.check.shorten import written_and_checked
     from mam_pipeline.joints.fittings import carried_notes
     from mam_pipeline.models.retexture import repainted
 
-    kind = kind_of(source)
-    out = out.resolve()
     refuse_foreign(out)
     given = None if config.hints is None else load_hints(config.hints)
     tell = on_stage or (lambda _name: None)
@@ -148,7 +181,8 @@ def make_asset(
         )
         asset = written_and_checked(articulation, write, kind != "urdf", lambda: tell("check"))
         (stages / "frame.json").write_text(json.dumps({"asset_T_engine": yaw.tolist()}))
-        (stages / "config.json").write_text(json.dumps(asdict(config), indent=1, default=str))
+        (stages / "config.json").unlink(missing_ok=True)
+        config_file.save({"pipeline": config}, stages / "config.yaml")
         stages.rename(work / "asset" / "stages")
         replace_folder(work / "asset", out)
     finally:
@@ -193,7 +227,9 @@ def _read_photo(source: Path, config: MakeConfig, stages: Path) -> Source:
     from PIL import Image
 
     name, reconstructor = backends.load("reconstructor", config.reconstructor)
-    options = dict(config.photo)
+    options = config.photo.given()
+    if config.height is not None:
+        options["height"] = config.height
     if config.hints is not None and load_hints(config.hints).photo_front:
         options["hints"] = config.hints  # marked by hand on the photo: build exactly that
     made = reconstructor.reconstruct(source, options)

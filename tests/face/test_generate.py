@@ -1,4 +1,4 @@
-"""mam-sim generate: folders, manifest, the same bytes again, and sentences for wrong options."""
+"""Data sets of the world and mam-sim generate: folders, manifest, the same bytes again."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from mam_pipeline.errors import ConfigError
-from mam_sim.verbs.generate import generate
+from mam_sim.cli import main
+from mam_world.dataset import write_dataset
 
 
 def _bytes(folder: Path) -> dict[str, bytes]:
@@ -19,8 +20,7 @@ def _bytes(folder: Path) -> dict[str, bytes]:
 
 def test_same_seed_same_files(tmp_path: Path) -> None:
     for name in ("a", "b"):
-        code = generate("station_button", 2, 5, tmp_path / name, textures=True, quiet=True)
-        assert code == 0
+        write_dataset("station_button", 2, 5, tmp_path / name, textures=True)
     first = _bytes(tmp_path / "a")
     assert first == _bytes(tmp_path / "b")
     with (tmp_path / "a" / "MANIFEST.csv").open(encoding="utf-8") as file:
@@ -34,16 +34,25 @@ def test_same_seed_same_files(tmp_path: Path) -> None:
 @pytest.mark.slow  # a fresh process imports everything again
 def test_two_processes_write_what_one_writes(tmp_path: Path) -> None:
     for jobs in (1, 2):
-        generate("box_chest", 3, 0, tmp_path / str(jobs), textures=False, jobs=jobs, quiet=True)
+        write_dataset("box_chest", 3, 0, tmp_path / str(jobs), textures=False, jobs=jobs)
     assert _bytes(tmp_path / "1") == _bytes(tmp_path / "2")
 
 
 def test_wrong_options_are_told(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="did you mean 'safe'"):
-        generate("sefe", out=tmp_path)
-    with pytest.raises(ConfigError, match="say where to write"):
-        generate("safe")
+        write_dataset("sefe", 1, 0, tmp_path)
     with pytest.raises(ConfigError, match="--jobs must be at least 1"):
-        generate("safe", out=tmp_path, jobs=0)
+        write_dataset("safe", 1, 0, tmp_path, jobs=0)
     with pytest.raises(ConfigError, match="count must be at least 1"):
-        generate("safe", count=0, out=tmp_path)
+        write_dataset("safe", 0, 0, tmp_path)
+
+
+def test_the_verb_writes_and_names_the_next_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["generate", "--category", "safe"]) == 2
+    assert "say where to write" in capsys.readouterr().err
+    assert main(["generate", "--category", "station_button", "--out", str(tmp_path / "a")]) == 0
+    told = capsys.readouterr()
+    assert told.out.strip() == str(tmp_path / "a") and "next: mam-sim check" in told.err
+    assert (tmp_path / "a" / "station_button_000000" / "object.urdf").is_file()

@@ -12,9 +12,9 @@ import trimesh
 from mam_pipeline.engine import EngineConfig
 from mam_pipeline.models import settings
 from mam_pipeline.models.catalogue import ENDPOINT, MODELS, find
+from mam_pipeline.models.settings import ModelConfig
 from mam_sim.bench.runner import BenchConfig, Task, run_bench, task_key
 from mam_sim.cli import main
-from mam_sim.verbs.flags import ModelFlags
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -37,7 +37,7 @@ def box(tmp_path: Path) -> Path:
 
 def test_flags_go_before_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MAM_SIM_MAX_COST", "9")
-    flags = ModelFlags(max_cost=0.25, vlm_model="m", questions=Path("asked"))
+    flags = ModelConfig(max_cost=0.25, vlm_model="m", questions=Path("asked"))
     with settings.given(flags.settings()):
         assert settings.number("MAM_SIM_MAX_COST", 1.0) == 0.25
         assert settings.text("MAM_SIM_VLM_MODEL") == "m"
@@ -45,7 +45,7 @@ def test_flags_go_before_the_environment(monkeypatch: pytest.MonkeyPatch) -> Non
         with settings.given({"MAM_SIM_VLM_MODEL": None}):
             assert settings.text("MAM_SIM_VLM_MODEL") == "m"
     assert settings.number("MAM_SIM_MAX_COST", 1.0) == 9
-    assert ModelFlags().settings() == {}
+    assert ModelConfig().settings() == {}
 
 
 @pytest.mark.parametrize("verb", ["make-env", "articulate", "bench"])
@@ -95,8 +95,8 @@ def test_bench_keeps_no_record_of_an_object_that_waits(tmp_path: Path) -> None:
     category, seed = next(iter(iterate("validation", 1)))
     task = Task(f"{category}_{seed}", category, "generated:validation", seed)
     engine = EngineConfig("geometric", "none", "file", "init")
-    pairs = (("MAM_SIM_QUESTIONS", str(tmp_path / "asked")),)
-    config = BenchConfig(engine, execute=False, settings=pairs)
+    models = ModelConfig(questions=tmp_path / "asked")
+    config = BenchConfig(engine=engine, execute=False, models=models)
     log = tmp_path / "log.jsonl"
     before = task_key(task, config)
     record = run_bench([task], config, log)[0]

@@ -79,8 +79,8 @@ _RUN: ContextVar[Ledger | None] = ContextVar("mam_sim_ledger", default=None)
 
 @contextmanager
 def one_ledger() -> Iterator[Ledger]:
-    """All questions within the block share a ledger, and so a cap."""
-    token = _RUN.set(Ledger(settings.number("MAM_SIM_MAX_COST", 1.0)))
+    """All questions within the block share a ledger, and so a cap; a block within has the same."""
+    token = _RUN.set(current())
     try:
         yield current()
     finally:

@@ -22,8 +22,34 @@ Layout = tuple[tuple[tuple[str, int], ...], ...]
 
 
 @dataclass(frozen=True)
+class PhotoConfig:
+    """Help for a photo, as a person writes it; each is optional."""
+
+    bbox: tuple[int, int, int, int] | None = None
+    """Box round the object, pixels: x0 y0 x1 y1."""
+    mask: Path | None = None
+    """A mask picture: white where the object is."""
+    front: tuple[float, float, float, float, float, float, float, float] | None = None
+    """Corners of the front, pixels, x y each: top left, top right, bottom right, bottom left."""
+    layout: str | None = None
+    """What the front holds, row by row: "3 drawers", "2x3 drawers", "2 drawers / 2 doors"."""
+    width: float | None = None
+    """Width of the object, metres."""
+    depth: float | None = None
+    """Depth of the object, metres."""
+    category: str | None = None
+    """What it is: cabinet, fridge, microwave, oven, washing machine ..."""
+    accept_low_confidence: bool = False
+    """Go on where confidence is low (for batches)."""
+
+    def given(self) -> dict[str, Any]:
+        """The options that were given, as `Reconstructor.reconstruct` takes them."""
+        return {k: v for k, v in vars(self).items() if v is not None}
+
+
+@dataclass(frozen=True)
 class PhotoOptions:
-    """Help for one photo; None means "find it yourself".
+    """Help for one photo, parsed and checked; None means "find it yourself".
 
     Attributes:
         bbox: (x0, y0, x1, y1) pixels of the upright file around the object.

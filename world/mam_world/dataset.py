@@ -1,0 +1,116 @@
+"""A data set of procedural objects on disk: asset folders with exact truth, and a manifest."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from hashlib import sha256
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+from mam_pipeline.asset.writer import write_asset
+from mam_pipeline.errors import ConfigError
+from mam_pipeline.formats.mesh_files import save_glb
+from mam_world import CATEGORIES, Style, WorldObject, draw_style, make_object, split_of
+from mam_world.object import generator
+from mam_world.registry import category as find
+
+COLUMNS = (
+    "name", "category", "seed", "split", "links", "joints", "faces", "fused", "unit", "y_up",
+    "sha256_static",
+)  # fmt: skip
+
+
+def write_dataset(
+    category: str,
+    count: int,
+    seed: int,
+    out: Path,
+    textures: bool = True,
+    plain: bool = False,
+    jobs: int = 1,
+    on_object: Callable[[list[object]], None] = lambda _row: None,
+) -> list[list[object]]:
+    """Write objects as asset folders with static.glb in them, and a MANIFEST.csv.
+
+    Args:
+        category: one category, or "all": then `count` objects of each.
+        count: how many objects of each category.
+        seed: of the first object; the others follow. The same seed gives the same bytes.
+        out: the folder to write.
+        textures: draw procedural pictures on the materials.
+        plain: no styles: the static file is the exact object, metres, Z up in the asset frame.
+        jobs: processes; the files do not depend on how many.
+        on_object: called with every row of the manifest when its object is written.
+
+    Returns:
+        The rows of the manifest, in the order of `COLUMNS`.
+
+    Raises:
+        ConfigError: no such category, or a number out of its range.
+    """
+    if jobs < 1:
+        raise ConfigError(f"--jobs must be at least 1, got {jobs}")
+    if count < 1 or seed < 0:
+        raise ConfigError(f"count must be at least 1 and seed at least 0, not {count} and {seed}")
+    names = list(CATEGORIES) if category == "all" else [find(category).name]
+    out.mkdir(parents=True, exist_ok=True)
+    rows = []
+    plan = [(n, k) for n in names for k in range(seed, seed + count)]
+    for row in _rows(plan, out, textures, plain, jobs):
+        rows.append(row)
+        on_object(row)
+    with (out / "MANIFEST.csv").open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(COLUMNS)
+        table.writerows(rows)
+    return rows
+
+
+def _rows(
+    plan: list[tuple[str, int]], out: Path, textures: bool, plain: bool, jobs: int
+) -> Iterator[list[object]]:
+    """Write the planned objects, in this process or in several; rows come in the plan's order."""
+    if jobs == 1:
+        yield from (_write(name, seed, out, textures, plain) for name, seed in plan)
+        return
+    # fresh processes: forked ones inherit locks of the ray caster's threads
+    with ProcessPoolExecutor(min(jobs, len(plan)), get_context("spawn")) as pool:
+        tasks = [pool.submit(_write, name, seed, out, textures, plain) for name, seed in plan]
+        for task in tasks:
+            yield task.result()
+
+
+def _write(name: str, seed: int, out: Path, textures: bool, plain: bool) -> list[object]:
+    """Make one object and write its folder; returns its row of the manifest."""
+    style = Style() if plain else draw_style(generator(name, seed, stream=1))
+    return write_object(make_object(name, seed, replace(style, textures=textures)), out)
+
+
+def write_object(made: WorldObject, out: Path) -> list[object]:
+    """One asset folder in `out` with static.glb in it; returns its row of the manifest."""
+    folder = out / made.name
+    loose = out / f".{made.name}.static.glb"
+    # the file keeps the object's own axes and unit: nothing is turned on the way
+    save_glb(made.static, loose, up="z")
+    digest = sha256(loose.read_bytes()).hexdigest()
+    # no seconds in the card: the same seed gives the same bytes
+    to_asset = np.linalg.inv(made.static_T_asset)
+    asset = write_asset(
+        made.articulation, folder, name=made.name,
+        source={"path": "static.glb", "sha256": digest, "kind": "generated"},
+        source_to_asset=to_asset, metres_per_unit=float(np.cbrt(np.linalg.det(to_asset[:3, :3]))),
+        metres_per_unit_source="generated", collision=made.collision,
+    )  # fmt: skip
+    replace(asset.card, seconds={}).save(folder)
+    shutil.move(loose, folder / "static.glb")
+    return [
+        made.name, made.category, made.seed, split_of(made.category, made.seed),
+        len(made.articulation.links), len(made.articulation.joints), len(made.static.faces),
+        int(made.style.fused), made.style.unit, int(made.style.y_up), digest,
+    ]  # fmt: skip
