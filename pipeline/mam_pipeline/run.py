@@ -51,6 +51,8 @@ class MakeConfig:
     """Metres per unit of the source; give this or the height."""
     hints: Path | None = None
     """YAML file with what you know about the parts."""
+    visuals: Literal["obj", "glb"] = "obj"
+    """Format of the visual meshes: OBJ is read by every simulator, GLB is one file per link."""
     interiors: bool = True
     """Give drawers boxes and cut meshes caps where the source has none."""
     reconstructor: str = "auto"
@@ -178,6 +180,7 @@ def _make_asset(
             backends=used,
             seconds=seconds,
             notes=[n for n in (read.summary, *read.notes, left, *carried, *assumed) if n],
+            visuals=config.visuals,
         )
         asset = written_and_checked(articulation, write, kind != "urdf", lambda: tell("check"))
         (stages / "frame.json").write_text(json.dumps({"asset_T_engine": yaw.tolist()}))

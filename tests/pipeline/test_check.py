@@ -163,9 +163,9 @@ def broken(good: Path, folder: Path, pattern: str, text: str, count: int = 1) ->
         (r'ixx="[^"]*"', 'ixx="0"', "bad_inertia"),
         (r'<mass value="[^"]*"', '<mass value="0"', "bad_inertia"),
         (r'ixx="[^"]*"', 'ixx="1e9"', "bad_inertia"),
-        (r"visual/door.glb", "visual/nothing.glb", "mesh_missing"),
-        (r"visual/door.glb", "../../elsewhere.glb", "mesh_outside"),
-        (r"visual/door.glb", "/etc/passwd", "mesh_outside"),
+        (r"visual/door.obj", "visual/nothing.obj", "mesh_missing"),
+        (r"visual/door.obj", "../../elsewhere.obj", "mesh_outside"),
+        (r"visual/door.obj", "/etc/passwd", "mesh_outside"),
         (r'<axis xyz="[^"]*"', '<axis xyz="nan 0 0"', "not_finite"),
         (r'<axis xyz="[^"]*"', '<axis xyz="0 0 0"', "bad_joint"),
         (r'lower="[^"]*"', 'lower="9"', "bad_limits"),
@@ -269,16 +269,16 @@ def test_an_alarm_ends_a_busy_loop_and_is_taken_back() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["../a.glb", "package://../../a.glb", "file:///etc/passwd", "link"]
+    "name", ["../a.obj", "package://../../a.obj", "file:///etc/passwd", "link"]
 )
 def test_no_mesh_outside_the_folder_is_read(good: Path, tmp_path: Path, name: str) -> None:
     shutil.copytree(good, tmp_path / "a")
-    shutil.copy(good / "visual" / "door.glb", tmp_path / "a.glb")
+    shutil.copy(good / "visual" / "door.obj", tmp_path / "a.obj")
     if name == "link":
-        name = "visual/link.glb"
-        (tmp_path / "a" / name).symlink_to(tmp_path / "a.glb")
+        name = "visual/link.obj"
+        (tmp_path / "a" / name).symlink_to(tmp_path / "a.obj")
     urdf = tmp_path / "a" / "object.urdf"
-    urdf.write_text(urdf.read_text().replace("visual/door.glb", name, 1))
+    urdf.write_text(urdf.read_text().replace("visual/door.obj", name, 1))
     assert check_asset(tmp_path / "a").reasons[0] in ("mesh_outside", "mesh_missing")
 
 

@@ -1,4 +1,4 @@
-"""asset.json: the card of an asset folder (schema 1), read and written as dataclasses."""
+"""asset.json: the card of an asset folder (schema 2), read and written as dataclasses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ import numpy as np
 from mam_pipeline.errors import InputError
 from mam_pipeline.types import MOVES, NEEDS_REVIEW
 
-SCHEMA = 1
+SCHEMA = 2
+"""Schema 1 differs in its visuals alone (GLB files), so its cards are read as they are."""
+READABLE = (1, 2)
 
 
 @dataclass(frozen=True)
@@ -128,9 +130,12 @@ class Asset:
             raise InputError(f"no asset.json in {folder}; make one with: mam-sim make-env INPUT")
         try:
             data = json.loads(file.read_text(encoding="utf-8"))
-            if data.get("schema") != SCHEMA:
+            if data.get("schema") not in READABLE:
                 found = data.get("schema")
-                raise InputError(f"{file} has schema {found!r}; this is schema {SCHEMA}")
+                raise InputError(
+                    f"{file} has schema {found!r}, and this version reads 1 and 2; make it again "
+                    "with: mam-sim make-env INPUT"
+                )
             data["parts"] = [CardPart(**p) for p in data.get("parts", [])]
             data["joints"] = [CardJoint(**j) for j in data.get("joints", [])]
             data["grasps"] = [CardGrasp(**g) for g in data.get("grasps", [])]

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import BackendError
-from mam_pipeline.formats.gltf import read_gltf
+from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.soup import join
 from mam_pipeline.formats.urdf_mesh import read_triangles
 from mam_pipeline.ground_truth import parse_urdf, rest_frames
@@ -96,7 +96,7 @@ class _Exporter:
     def _visual(self, path: str, file: Path) -> None:
         from pxr import Sdf, UsdGeom, UsdShade
 
-        content = read_gltf(file)
+        content = read_file(file)
         mesh = join(content.pieces, content.materials)
         assert mesh.face_material is not None
         for k in np.unique(mesh.face_material):

@@ -17,10 +17,10 @@ from numpy.typing import ArrayLike
 from mam_pipeline.asset.card import Asset, AssetCard, CardGrasp, CardJoint, CardPart
 from mam_pipeline.asset.collision import collision_shapes
 from mam_pipeline.asset.dynamics import with_dynamics
-from mam_pipeline.asset.grasps import find_grasps, handle_faces
+from mam_pipeline.asset.grasps import find_grasps
 from mam_pipeline.asset.inertia import link_inertials
+from mam_pipeline.asset.visuals import VisualFormat, write_visuals
 from mam_pipeline.errors import NotPhysicalError
-from mam_pipeline.formats.gltf import write_glb
 from mam_pipeline.formats.urdf_writer import link_origins, urdf_text
 from mam_pipeline.types import Articulation, CollisionShape, FloatArray, Inertial
 
@@ -38,6 +38,7 @@ def write_asset(
     backends: Mapping[str, Any] | None = None,
     seconds: Mapping[str, float] | None = None,
     notes: Sequence[str] = (),
+    visuals: VisualFormat = "obj",
 ) -> Asset:
     """Write the folder `out`, replacing an asset that was there; a killed run leaves no half.
 
@@ -50,6 +51,7 @@ def write_asset(
         metres_per_unit, metres_per_unit_source: the scale and who said so.
         collision: pieces by link name (asset frame); computed for links that it leaves out.
         backends, seconds, notes: for the card.
+        visuals: format of the visual meshes; OBJ is what every simulator reads.
 
     Raises:
         NotPhysicalError: a link without surface, or numbers that are not finite.
@@ -69,11 +71,11 @@ def write_asset(
     try:
         (work / "visual").mkdir(parents=True)
         (work / "collision").mkdir()
-        visuals, handles = _write_visuals(articulation, work)
+        written = write_visuals(articulation, work, visuals)
         shapes = _write_collision(articulation, pieces, work)
-        text = urdf_text(articulation, inertials, visuals, shapes, _identifier(name))
+        text = urdf_text(articulation, inertials, written.files, shapes, _identifier(name))
         (work / "object.urdf").write_text(text, encoding="utf-8")
-        card = _card(articulation, inertials, handles)
+        card = _card(articulation, inertials, written.handles)
         card = replace(
             card,
             name=name,
@@ -83,7 +85,7 @@ def write_asset(
             metres_per_unit_source=metres_per_unit_source,
             backends=dict(backends or {}),
             seconds={**(seconds or {}), "write": round(time.perf_counter() - began, 3)},
-            notes=list(notes),
+            notes=[*notes, *written.notes],
         )
         card.save(work)
         replace_folder(work, out)
@@ -117,36 +119,6 @@ def _valid(articulation: Articulation) -> Articulation:
         for g in articulation.grasps
     )
     return replace(articulation, links=links, joints=tuple(joints), grasps=grasps)
-
-
-def _write_visuals(
-    articulation: Articulation, folder: Path
-) -> tuple[dict[str, list[tuple[str, str]]], dict[str, list[str]]]:
-    """A GLB per link, and one for its handle; vertices in the link frame, Z up.
-
-    glTF would have Y up, but URDF loaders (SAPIEN, yourdfpy, MuJoCo's) take the coordinates of a
-    visual mesh as they stand.
-    """
-    origins = link_origins(articulation)
-    mesh = articulation.mesh
-    visuals: dict[str, list[tuple[str, str]]] = {}
-    handles: dict[str, list[str]] = {}
-    for i, link in enumerate(articulation.links):
-        visuals[link.name], handles[link.name] = [], []
-        grip = handle_faces(articulation, i)
-        rest = np.setdiff1d(link.faces, grip, assume_unique=True)
-        # setdiff1d sorts; sorted indices keep the source's face order
-        for label, faces in ((link.name, rest), (f"handle_{link.name}", np.sort(grip))):
-            if not len(faces):
-                continue
-            file = f"visual/{label}.glb"
-            shift = np.eye(4)
-            shift[:3, 3] = -origins[i]
-            write_glb(mesh.submesh(faces).transformed(shift), folder / file, up="z")
-            visuals[link.name].append((label, file))
-            if label.startswith("handle_"):
-                handles[link.name].append(label)
-    return visuals, handles
 
 
 def _write_collision(
@@ -210,8 +182,8 @@ def _matrix(given: ArrayLike | None) -> list[list[float]]:
 
 
 def _identifier(name: str) -> str:
-    clean = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_")
-    return clean or "object"
+    clean = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_") or "object"
+    return f"object_{clean}" if clean[0].isdigit() else clean
 
 
 def _unique(names: Sequence[str], default: str) -> list[str]:
@@ -219,6 +191,8 @@ def _unique(names: Sequence[str], default: str) -> list[str]:
     out = []
     for name in names:
         base = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_") or default
+        if base[0].isdigit():  # USD and MATLAB take no such name
+            base = f"{default}_{base}"
         candidate, k = base, 1
         while candidate.lower() in seen:  # file systems may not tell cases apart
             candidate, k = f"{base}_{k}", k + 1

@@ -161,13 +161,59 @@ def write_obj(mesh: Mesh, path: Path) -> None:
     _write_mtl(mesh, path)
 
 
+def write_obj_part(mesh: Mesh, path: Path, picture: str = "") -> None:
+    """Write a mesh of one material as one OBJ object with an MTL of the same name beside it.
+
+    Positions have the nine digits that give the same float32 back; texture coordinates have those
+    that give the same float32 back after V was turned over. Vertex colours are not written.
+
+    Args:
+        mesh: `materials[0]` is that of every face.
+        path: of the OBJ; its stem names the object and the material.
+        picture: the texture's file name, in the same folder; "" for none.
+    """
+    stem = path.stem
+    lines = [f"mtllib {stem}.mtl", f"o {stem}"]
+    lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in mesh.vertices.tolist()]
+    triangles = (mesh.faces + 1).tolist()
+    if picture and mesh.uv is not None:
+        flipped = 1.0 - mesh.uv[:, 1].astype(float)
+        lines += [f"vt {u:.9g} {v!r}" for u, v in zip(mesh.uv[:, 0].tolist(), flipped.tolist())]
+        faces = [f"f {a}/{a} {b}/{b} {c}/{c}" for a, b, c in triangles]
+    else:
+        faces = [f"f {a} {b} {c}" for a, b, c in triangles]
+    lines += [f"usemtl {stem}", *faces]
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+    text = [f"newmtl {stem}", *_mtl_numbers(mesh.materials[0])]
+    if picture:
+        text.append(f"map_Kd {picture}")
+    path.with_suffix(".mtl").write_text("\n".join(text) + "\n", encoding="ascii")
+
+
+def _mtl_numbers(material: Material) -> list[str]:
+    """MTL lines of a material without its texture.
+
+    Pm and Pr are the common extension for metallic and roughness; readers without it take the
+    specular exponent Ns, for which 2 / roughness^4 - 2 is the usual equivalent.
+    """
+    r, g, b, a = material.base_color
+    shine = min(2.0 / max(material.roughness, 0.05) ** 4 - 2.0, 1000.0)
+    gloss = 0.04 + 0.5 * material.metallic
+    return [
+        f"Kd {r:.6g} {g:.6g} {b:.6g}",
+        f"Ks {gloss:.6g} {gloss:.6g} {gloss:.6g}",
+        f"Ns {max(shine, 0.0):.6g}",
+        f"d {a:.6g}",
+        f"Pm {material.metallic:.6g}",
+        f"Pr {material.roughness:.6g}",
+    ]
+
+
 def _write_mtl(mesh: Mesh, path: Path) -> None:
     lines = []
     files: dict[bytes, str] = {}
     for i, material in enumerate(mesh.materials):
-        r, g, b, a = material.base_color
-        lines += [f"newmtl m{i}", f"Kd {r:.6g} {g:.6g} {b:.6g}", f"d {a:.6g}"]
-        lines += [f"Pm {material.metallic:.6g}", f"Pr {material.roughness:.6g}"]
+        lines += [f"newmtl m{i}", *_mtl_numbers(material)]
         if material.image is not None:
             if material.image not in files:
                 kind = material.image_format or image_kind(material.image) or "png"
