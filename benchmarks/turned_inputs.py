@@ -15,7 +15,8 @@ import numpy as np
 
 from mam_pipeline.engine import EngineConfig, moved
 from mam_pipeline.ground_truth import GroundTruth
-from mam_sim.bench.runner import BenchConfig, Task, find_tasks, run_bench
+from mam_sim.bench.config import BenchConfig
+from mam_sim.bench.runner import Task, find_tasks, run_bench
 from mam_sim.bench.table import summarise
 
 

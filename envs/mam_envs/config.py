@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from mam_envs.object_model import ObjectModel
 from mam_pipeline import config_file
 from mam_pipeline.errors import InputError, NotPhysicalError, unknown_name
+
+if TYPE_CHECKING:
+    from mam_envs.object_model import ObjectModel
 
 TaskName = Literal["open", "close", "turn_to", "push"]
 TASKS: tuple[TaskName, ...] = ("open", "close", "turn_to", "push")

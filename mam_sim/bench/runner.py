@@ -14,40 +14,21 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import tyro
 
-from mam_pipeline.engine import EngineConfig, articulate_mesh, moved
+from mam_pipeline.engine import articulate_mesh, moved
 from mam_pipeline.errors import ConfigError, HintNeeded, MamSimError, NotPhysicalError
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.metrics import FoundJoint, JointScore, Scores, score
 from mam_pipeline.models import settings
-from mam_pipeline.models.settings import ModelConfig
 from mam_pipeline.types import Articulation
+from mam_sim.bench.config import BenchConfig
 
 GENERATED = "generated:"
 _CODE = (".py", ".txt", ".npz", ".json", ".gz")
 _NOT_ENGINE = ("photo", "check", "formats")
-
-
-@dataclass(frozen=True)
-class BenchConfig:
-    """What decides the numbers."""
-
-    fuse: bool = False
-    """First turn each input into one watertight surface, as a generator would."""
-    noise: float = 0.0
-    """With --fuse: displacement of the surface, as a share of the diagonal."""
-    resolution: int = 192
-    """With --fuse: cells of the grid along the longest side."""
-    faces: int = 60_000
-    """With --fuse: triangles of the surface."""
-    execute: Annotated[bool, tyro.conf.arg(name="exec")] = True
-    """Write each asset and test it in the simulator."""
-    engine: EngineConfig = field(default_factory=EngineConfig)
-    models: ModelConfig = field(default_factory=ModelConfig)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ import numpy as np
 from rich.table import Table
 
 from mam_pipeline.config_file import plain
-from mam_sim.bench.runner import BenchConfig, Record
+from mam_sim.bench.config import BenchConfig
+from mam_sim.bench.runner import Record
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from tyro.conf import OmitArgPrefixes, Positional
@@ -13,18 +13,12 @@ from tyro.conf import OmitArgPrefixes, Positional
 from mam_pipeline.errors import ConfigError, HintNeeded
 from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.models.settings import given
-from mam_sim.bench.runner import BenchConfig, Record, find_tasks, run_bench
-from mam_sim.bench.table import (
-    PAPER,
-    as_json,
-    by_category,
-    objects_table,
-    review_line,
-    rows_table,
-    summarise,
-)
+from mam_sim.bench.config import BenchConfig
 from mam_sim.console import Screen
 from mam_sim.options import Verb
+
+if TYPE_CHECKING:
+    from mam_sim.bench.runner import Record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +41,8 @@ class Bench(Verb):
 
     def run(self) -> int:
         """Run and score every object; print the tables."""
+        from mam_sim.bench.table import as_json
+
         if self.jobs < 1:
             raise ConfigError(f"--jobs must be at least 1, got {self.jobs}")
         if self.limit is not None and self.limit < 1:
@@ -73,6 +69,8 @@ class Bench(Verb):
 
     def _records(self, screen: Screen) -> list[Record]:
         """Run what is not in the log yet, with a bar."""
+        from mam_sim.bench.runner import find_tasks, run_bench
+
         tasks = find_tasks(self.dataset, self.only, self.limit)
         if self.out is not None:
             self.out.parent.mkdir(parents=True, exist_ok=True)
@@ -89,11 +87,13 @@ class Bench(Verb):
             return run_bench(tasks, self.bench, log, self.jobs, done)
 
     def _tables(self, screen: Screen, records: list[Record]) -> None:
+        from mam_sim.bench import table
+
         screen.out.width = max(screen.out.width, 136)  # the table must not lose digits in a pipe
-        screen.out.print(objects_table(records))
-        screen.out.print(rows_table(by_category(records), "categories"))
-        total = summarise("mam-sim" + (", fused input" if self.bench.fuse else ""), records)
-        screen.out.print(rows_table([total, *PAPER], f"total of {self.dataset}"))
-        screen.out.print(review_line(records))
+        screen.out.print(table.objects_table(records))
+        screen.out.print(table.rows_table(table.by_category(records), "categories"))
+        total = table.summarise("mam-sim" + (", fused input" if self.bench.fuse else ""), records)
+        screen.out.print(table.rows_table([total, *table.PAPER], f"total of {self.dataset}"))
+        screen.out.print(table.review_line(records))
         if self.out is not None:
             print(f"wrote {self.out}")

@@ -6,11 +6,14 @@ import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tyro.conf import Positional
 
-from mam_pipeline.check.report import REASONS, CheckReport, JointReport
 from mam_sim.options import Verb
+
+if TYPE_CHECKING:
+    from mam_pipeline.check.report import CheckReport, JointReport
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +53,8 @@ def print_table(report: CheckReport) -> None:
     """The verdict, its clauses, a row per joint, and each reason in words; on stdout."""
     from rich.console import Console
     from rich.table import Table
+
+    from mam_pipeline.check.report import REASONS
 
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
     verdict = "[green]passes[/]" if report.passed else "[red]fails[/]"

@@ -31,7 +31,6 @@ from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.models.settings import ModelConfig
 from mam_pipeline.parts.hints import along_nodes
 from mam_pipeline.photo.options import PhotoConfig
-from mam_pipeline.prior.masks import save_masks
 from mam_pipeline.types import Articulation, FloatArray, Mesh
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".off")
@@ -284,6 +283,8 @@ def _engine(
         stage_files.PRIOR,
     )
     if prior is not None and len(prior.masks):
+        from mam_pipeline.prior.masks import save_masks
+
         save_masks(prior, mesh, stages / "2_prior" / "masks.npz")
     tree, key = keeper.run(
         "3_parts",

@@ -13,7 +13,8 @@ from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.ground_truth import list_objects, read_object
 from mam_pipeline.metrics import score
 from mam_sim.bench import runner
-from mam_sim.bench.runner import BenchConfig, Record, find_tasks, record_from, run_bench
+from mam_sim.bench.config import BenchConfig
+from mam_sim.bench.runner import Record, find_tasks, record_from, run_bench
 from mam_sim.bench.table import PAPER, as_json, by_category, review_line, summarise
 
 DEV = Path(__file__).resolve().parents[2].parent / "shared" / "bench" / "dev"

@@ -13,7 +13,8 @@ from mam_pipeline.engine import EngineConfig
 from mam_pipeline.models import settings
 from mam_pipeline.models.catalogue import ENDPOINT, MODELS, find
 from mam_pipeline.models.settings import ModelConfig
-from mam_sim.bench.runner import BenchConfig, Task, run_bench, task_key
+from mam_sim.bench.config import BenchConfig
+from mam_sim.bench.runner import Task, run_bench, task_key
 from mam_sim.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]

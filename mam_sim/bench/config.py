@@ -1,0 +1,29 @@
+"""Settings of the benchmark."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import tyro
+
+from mam_pipeline.engine import EngineConfig
+from mam_pipeline.models.settings import ModelConfig
+
+
+@dataclass(frozen=True)
+class BenchConfig:
+    """What decides the numbers."""
+
+    fuse: bool = False
+    """First turn each input into one watertight surface, as a generator would."""
+    noise: float = 0.0
+    """With --fuse: displacement of the surface, as a share of the diagonal."""
+    resolution: int = 192
+    """With --fuse: cells of the grid along the longest side."""
+    faces: int = 60_000
+    """With --fuse: triangles of the surface."""
+    execute: Annotated[bool, tyro.conf.arg(name="exec")] = True
+    """Write each asset and test it in the simulator."""
+    engine: EngineConfig = field(default_factory=EngineConfig)
+    models: ModelConfig = field(default_factory=ModelConfig)

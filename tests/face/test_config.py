@@ -1,0 +1,109 @@
+"""One way to configure: a file fills the options of a verb, flags go over it, and all is saved."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+import yaml
+
+from mam_envs.config import EnvConfig, RewardConfig
+from mam_pipeline.run import MakeConfig
+from mam_sim.bench.config import BenchConfig
+from mam_sim.cli import main, verb_class
+from mam_sim.options import Verb, defaults, from_file, parse, sections
+
+ROOT = Path(__file__).resolve().parents[2]
+PRESETS = {"pipeline": "articulate", "env": "make-env"}
+
+
+def options(verb: str, *args: str | Path) -> Verb:
+    return parse(verb_class(verb), f"mam-sim {verb}", [str(a) for a in args])
+
+
+@pytest.mark.parametrize(
+    "file", [f for folder in PRESETS for f in sorted((ROOT / "configs" / folder).glob("*.yaml"))],
+    ids=lambda f: f.stem,
+)  # fmt: skip
+def test_presets_say_what_differs_from_the_defaults(file: Path) -> None:
+    plain = defaults(verb_class(PRESETS[file.parent.name]))
+    read = from_file(plain, file)
+    assert sections(read) != sections(plain)
+    assert list(yaml.safe_load(file.read_text())) == [file.parent.name]
+
+
+def test_flags_go_over_the_file_and_the_file_over_the_defaults(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text("pipeline: {height: 0.9, engine: {solver: lm, seed: 3}}\nquiet: true\n")
+    got = options("articulate", "x.glb", "--out", "a", "--config", file, "--solver", "init")
+    pipeline = got.pipeline  # type: ignore[attr-defined]
+    assert isinstance(pipeline, MakeConfig) and got.quiet
+    assert (pipeline.height, pipeline.engine.solver, pipeline.engine.seed) == (0.9, "init", 3)
+    assert pipeline.engine.segmenter == "auto"
+
+
+def test_what_is_saved_is_read_again(tmp_path: Path) -> None:
+    given = options(
+        "make-env", "x.glb", "--height", "0.9", "--segmenter", "geometric", "--layout", "3 drawers",
+        "--max-cost", "0.5", "--env.reward.reach", "2", "--env.randomisation.start", "0.1", "0.2",
+        "--env.scene.cameras.front.width", "64", "--retexture", "door", "red wood",
+        "--hints", "h.yaml",
+    )  # fmt: skip
+    file = tmp_path / "saved.yaml"
+    file.write_text(yaml.safe_dump(sections(given)))
+    again = options("make-env", "x.glb", "--config", file)
+    assert sections(again) == sections(given)
+    env = again.env  # type: ignore[attr-defined]
+    assert isinstance(env, EnvConfig) and env.randomisation.start == (0.1, 0.2)
+    assert EnvConfig.make(file) == env
+
+
+def test_every_scale_of_the_reward_has_a_flag() -> None:
+    args = [word for f in fields(RewardConfig) for word in (f"--env.reward.{f.name}", "7")]
+    reward = options("make-env", "x.glb", *args).env.reward  # type: ignore[attr-defined]
+    assert set(vars(reward).values()) == {7.0}
+
+
+def test_the_bench_is_configured_in_the_same_way(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text("bench: {fuse: true, engine: {prior: none}, models: {questions: asked}}\n")
+    bench = options("bench", "x", "--config", file, "--no-exec").bench  # type: ignore[attr-defined]
+    assert isinstance(bench, BenchConfig) and not bench.execute
+    assert (bench.fuse, bench.engine.prior, bench.models.questions) == (True, "none", Path("asked"))
+
+
+def test_sections_of_other_verbs_are_passed_over(tmp_path: Path) -> None:
+    file = tmp_path / "project.yaml"
+    file.write_text("pipeline: {height: 0.9}\nenv: {reward: {reach: 2}}\nbench: {fuse: true}\n")
+    got = options("articulate", "x.glb", "--out", "a", "--config", file)
+    assert got.pipeline.height == 0.9  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("pipelin: {height: 1}", "there is no setting 'pipelin'; did you mean 'pipeline'?"),
+        (
+            "pipeline: {heigth: 1}",
+            "no setting 'heigth' in pipeline; did you mean 'pipeline.height'",
+        ),
+        ("segmenter: geometric", "did you mean 'pipeline.engine.segmenter'?"),
+        ("pipeline: {height: tall}", "pipeline.height must be a number, not 'tall'"),
+        ("pipeline: {up: x}", "pipeline.up must be one of auto, y, z, not 'x'"),
+        ("pipeline: [", "is not YAML"),
+    ],
+)
+def test_a_wrong_file_is_refused_in_one_sentence(
+    text: str, sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "wrong.yaml"
+    file.write_text(text)
+    assert main(["articulate", "x.glb", "--out", str(tmp_path / "a"), "--config", str(file)]) == 2
+    said = capsys.readouterr().err
+    assert sentence in said and str(file) in said and len(said.splitlines()) == 1
+
+
+def test_a_missing_file_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "a", "--config", "none.yaml"]) == 2
+    assert capsys.readouterr().err == "mam-sim: there is no configuration file none.yaml\n"
