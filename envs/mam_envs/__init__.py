@@ -7,8 +7,12 @@ from __future__ import annotations
 
 from typing import Any as _Any
 
-import gymnasium as _gym
-from gymnasium.envs.registration import WrapperSpec as _WrapperSpec
+from mam_pipeline.optional import require as _require
+
+_require("a robot environment", "sapien", "mani_skill", "torch", "gymnasium")
+
+import gymnasium as _gym  # noqa: E402
+from gymnasium.envs.registration import WrapperSpec as _WrapperSpec  # noqa: E402
 
 ENV_ID = "mam_envs:OperateJoint-v1"
 MAX_EPISODE_STEPS = 200

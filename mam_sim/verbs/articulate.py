@@ -14,6 +14,7 @@ from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.models.ledger import Ledger, one_ledger
 from mam_pipeline.models.settings import given
+from mam_pipeline.optional import has
 from mam_pipeline.run import MakeConfig, make_asset
 from mam_sim.console import Screen
 from mam_sim.options import Verb
@@ -47,7 +48,8 @@ class Articulate(Verb):
         describe(screen, asset)
         tell_cost(screen, ledger)
         screen.say(f"report: {asset.folder / 'report.html'}")
-        screen.say(f"next:   mam-sim make-env {self.source} --out {self.out}")
+        verb = f"make-env {self.source} --out" if has("sapien") else "view"
+        screen.say(f"next:   mam-sim {verb} {self.out}")
         return 0
 
 
@@ -101,7 +103,7 @@ def describe(screen: Screen, asset: Asset) -> None:
     screen.say(f"asset:  {asset.folder}")
     verdict = card.checks["executability"]
     if verdict["passed"]:
-        screen.say("check:  passes")
+        screen.say("check:  passes" if verdict["driven"] else "check:  passes, without a simulator")
     else:
         reasons = ", ".join(verdict["reasons"])
         screen.say(f"check:  FAILS ({reasons}); see: mam-sim check {asset.folder}")

@@ -11,17 +11,21 @@ from dataclasses import asdict, dataclass
 from importlib import metadata
 from importlib.util import find_spec
 
+from mam_pipeline.optional import has
 from mam_sim.console import Screen
 from mam_sim.options import Verb
 
-PACKAGES = (
-    *("numpy", "torch", "sapien", "mani-skill", "gymnasium", "stable-baselines3", "lerobot"),
-    *("trimesh", "open3d", "yourdfpy", "coacd", "lightgbm"),
-)
+PACKAGES = ("numpy", "scipy", "trimesh", "open3d", "yourdfpy", "lightgbm")
 EXTRAS = {
-    "mujoco": "MJCF export is read back with it: pip install 'mam-sim[mujoco]'",
-    "usd-core": "USD export: pip install 'mam-sim[usd]'",
-    "openai": "vision-language reasoners: pip install 'mam-sim[vlm]'",
+    "sapien": ("sim", "the simulator part of the check"),
+    "mani-skill": ("sim", "robot environments"),
+    "gymnasium": ("sim", "robot environments"),
+    "torch": ("sim", "policies"),
+    "stable-baselines3": ("rl", "reinforcement learning"),
+    "lerobot": ("lerobot", "LeRobot datasets and policies"),
+    "mujoco": ("mujoco", "MJCF export is read back with it"),
+    "usd-core": ("usd", "USD export"),
+    "openai": ("vlm", "vision-language reasoners"),
 }
 
 
@@ -93,9 +97,10 @@ def _packages() -> list[Finding]:
     out = []
     for package in PACKAGES:
         version = _version(package)
-        fix = "make setup"
+        fix = "pip install mam-sim"
         out.append(Finding("packages", package, version or "missing", bool(version), True, fix))
-    for package, fix in EXTRAS.items():
+    for package, (extra, use) in EXTRAS.items():
+        fix = f"pip install 'mam-sim[{extra}]' ({use})"
         version = _version(package)
         out.append(Finding("packages", package, version or "not installed", bool(version), fix=fix))
     owners = [p for p in ("opencv-python", "opencv-python-headless") if _version(p)]
@@ -106,7 +111,8 @@ def _packages() -> list[Finding]:
             f"from {' and '.join(owners) or 'nobody'}",
             owners == ["opencv-python-headless"],
             not owners,
-            "only opencv-python-headless should own cv2: make setup",
+            "pip uninstall -y opencv-python; "
+            "pip install --force-reinstall --no-deps opencv-python-headless",
         )
     )
     return out
@@ -143,6 +149,8 @@ def _system() -> list[Finding]:
 
 def vulkan_problem() -> str | None:
     """None where SAPIEN can make a camera; else why not. Tried in a process of its own."""
+    if not has("sapien"):
+        return "SAPIEN is not installed"
     code = "import sapien; sapien.render.RenderMaterial()"
     try:
         done = subprocess.run(
@@ -157,6 +165,8 @@ def vulkan_problem() -> str | None:
 
 
 def _gpu() -> list[Finding]:
+    if not has("torch"):
+        return [Finding("gpu", "cuda", "torch is not installed", False)]
     try:
         import torch
 

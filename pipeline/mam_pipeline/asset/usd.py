@@ -9,11 +9,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.errors import BackendError
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.soup import join
 from mam_pipeline.formats.urdf_mesh import read_triangles
 from mam_pipeline.ground_truth import parse_urdf, rest_frames
+from mam_pipeline.optional import require
 from mam_pipeline.types import FloatArray, Material
 
 
@@ -25,12 +25,9 @@ def export_usd(asset: Asset, path: str | Path | None = None) -> Path:
     the world and is the articulation root.
 
     Raises:
-        BackendError: usd-core is not installed.
+        MissingExtra: usd-core is not installed.
     """
-    try:
-        from pxr import Usd  # noqa: F401
-    except ImportError as error:
-        raise BackendError("USD export needs usd-core: pip install 'mam-sim[usd]'") from error
+    require("USD export", "pxr")
     target = Path(path) if path is not None else asset.folder / "object.usda"
     target.parent.mkdir(parents=True, exist_ok=True)
     _Exporter(asset, target).write()

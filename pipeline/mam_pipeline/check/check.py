@@ -16,9 +16,11 @@ from mam_pipeline.check.model import CheckModel
 from mam_pipeline.check.report import CLAUSES, CheckReport, Finding, JointReport
 from mam_pipeline.check.sweep import JointSweep, sweep_joint
 from mam_pipeline.errors import InputError, MamSimError
+from mam_pipeline.optional import has, install_command
 from mam_pipeline.thresholds import DRIVE_SECONDS, MAX_SECONDS, THRESHOLDS, Thresholds
 from mam_pipeline.types import Joint
 
+NOT_DRIVEN = f"SAPIEN is not installed, so no joint was driven: {install_command('sapien')}"
 _CLAUSE_OF = {
     "penetration": "penetration",
     "cavity_filled": "penetration",
@@ -46,7 +48,7 @@ def check_asset(
 
     Args:
         path: asset folder, asset.json or URDF; nothing outside its folder is read.
-        drive: also run the simulator.
+        drive: also run the simulator; a warning says so where SAPIEN is not installed.
         picture: where to save the worst frame as PNG, None for no picture.
         thresholds: what counts as a failure.
         max_seconds: wall-clock limit; a check that takes longer fails with `timeout`.
@@ -97,6 +99,9 @@ def _run(
     began = time.perf_counter()
     joints, poses = _sweep(model, target, thresholds, clock)
     seconds["sweep"] = _since(began)
+    if drive and not has("sapien"):
+        drive = False
+        findings.append(Finding("not_driven", urdf.name, NOT_DRIVEN, warning=True))
     if drive:
         began = time.perf_counter()
         joints, more = _drive(model, target, joints, poses, thresholds, clock)

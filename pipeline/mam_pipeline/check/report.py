@@ -85,6 +85,11 @@ class CheckReport:
     picture: str | None = None
 
     @property
+    def driven(self) -> bool:
+        """Whether the joints were driven in the simulator too."""
+        return self.clauses["loads"] is not None
+
+    @property
     def reasons(self) -> tuple[str, ...]:
         """Reason codes of everything that failed, each once, in order of discovery."""
         codes = [f.code for f in self.findings if not f.warning]

@@ -59,11 +59,18 @@ def written_and_checked(
         report = check_asset(asset.folder)
         if report.passed:
             break
+    notes += [f.message for f in report.findings if f.code == "not_driven"]
     seconds["check"] = round(time.perf_counter() - began, 3)
     card = replace(
         asset.card,
         notes=[*asset.card.notes, *notes],
-        checks={"executability": {"passed": report.passed, "reasons": list(report.reasons)}},
+        checks={
+            "executability": {
+                "passed": report.passed,
+                "driven": report.driven,
+                "reasons": list(report.reasons),
+            }
+        },
         seconds={**asset.card.seconds, **seconds},
     )
     card.save(asset.folder)

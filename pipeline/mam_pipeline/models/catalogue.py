@@ -8,11 +8,11 @@ import socket
 import subprocess
 from dataclasses import dataclass
 from importlib import metadata
-from importlib.util import find_spec
 from pathlib import Path
 from urllib.parse import urlparse
 
 from mam_pipeline.models import settings
+from mam_pipeline.optional import has, install_command
 
 RUNNERS = Path(__file__).resolve().parent / "runners"
 
@@ -98,7 +98,7 @@ ENDPOINT = Model(
     "vision-language model", "--reasoner vlm", "OPENAI_BASE_URL", "", "the endpoint's terms",
     "docs/models/vlm.md",
     (
-        "pip install 'mam-sim[vlm]'",
+        install_command("openai"),
         "export OPENAI_API_KEY=...   or   --vlm-url http://localhost:11434/v1 --vlm-model NAME",
     ),
 )  # fmt: skip
@@ -125,7 +125,7 @@ def find(model: Model) -> Found:
 
 
 def _endpoint() -> Found:
-    if find_spec("openai") is None:
+    if not has("openai"):
         return Found(False, "the openai package is not installed")
     package = f"openai {metadata.version('openai')}"
     url = settings.text("OPENAI_BASE_URL")

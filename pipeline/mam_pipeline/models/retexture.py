@@ -18,6 +18,7 @@ from mam_pipeline.formats.mesh_files import read_file, save_glb
 from mam_pipeline.formats.soup import join
 from mam_pipeline.models import settings
 from mam_pipeline.models.image_to_mesh import TENCENT, HunyuanReconstructor, ask_server
+from mam_pipeline.optional import require
 from mam_pipeline.types import Articulation, Mesh
 
 # the painter looks at +Z with Y up, our front faces -X with Z up
@@ -129,10 +130,9 @@ def imagined(words: str) -> bytes:
             f"there is no picture {words.split(',')[0]!r}, and to make one of words needs an "
             "image endpoint: OPENAI_API_KEY, or --vlm-url"
         )
-    try:
-        import openai
-    except ImportError as error:
-        raise BackendError("an image endpoint needs: pip install 'mam-sim[vlm]'") from error
+    require("an image endpoint", "openai")
+    import openai
+
     client = openai.OpenAI(
         api_key=os.environ.get("OPENAI_API_KEY") or "none",
         base_url=settings.text("OPENAI_BASE_URL") or None,

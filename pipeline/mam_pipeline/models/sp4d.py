@@ -19,6 +19,7 @@ from PIL import Image
 from mam_pipeline.backends import Availability, KinematicPrior
 from mam_pipeline.errors import BackendError, ConfigError
 from mam_pipeline.models import external, settings
+from mam_pipeline.optional import require
 from mam_pipeline.prior.masks import load_masks, prior_from_masks
 from mam_pipeline.render import orbit_views as views
 from mam_pipeline.render import pictures
@@ -152,6 +153,7 @@ def calibrate(mesh: Mesh, silhouettes: NDArray[np.bool_], size: int = 72) -> Cam
 
 def cluster(parts: NDArray[np.uint8], seed: int) -> IntArray:
     """Part maps (T, V, H, W, 3) to labels (T, V, H, W): mean shift in Lab over all maps at once."""
+    require("SP4D", "sklearn")
     from sklearn.cluster import MeanShift
 
     t, v, h, w, _ = parts.shape

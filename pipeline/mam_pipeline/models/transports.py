@@ -15,6 +15,7 @@ from typing import Any, Protocol
 from mam_pipeline.errors import BackendError, HintNeeded
 from mam_pipeline.models import settings
 from mam_pipeline.models.ledger import Ledger, current, price_of, tokens_of
+from mam_pipeline.optional import require
 from mam_pipeline.render import pictures
 
 Labelled = tuple[tuple[str, pictures.Picture], ...]
@@ -54,6 +55,7 @@ class OpenAITransport:
 
     def __init__(self) -> None:
         """Read model, limits and cache from the settings; the key stays in the client."""
+        require("the vlm reasoner", "openai")
         import openai
 
         self.model = settings.text("MAM_SIM_VLM_MODEL", "gpt-4o")

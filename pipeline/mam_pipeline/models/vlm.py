@@ -12,7 +12,6 @@ import os
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from importlib.util import find_spec
 from typing import TypeVar
 
 import numpy as np
@@ -23,6 +22,7 @@ from mam_pipeline.errors import BackendError, ConfigError
 from mam_pipeline.models import album as albums
 from mam_pipeline.models import answers, questions, settings
 from mam_pipeline.models.transports import FileTransport, OpenAITransport, Question, Transport
+from mam_pipeline.optional import has, install_command
 from mam_pipeline.render import orbit_views as views
 from mam_pipeline.types import IntArray, KinematicTree, Mesh, Primitives
 
@@ -37,8 +37,8 @@ class VlmReasoner:
     @classmethod
     def available(cls) -> Availability:
         """Whether the openai package and a key or a base URL are there."""
-        if find_spec("openai") is None:
-            return Availability(False, "pip install 'mam-sim[vlm]'")
+        if not has("openai"):
+            return Availability(False, install_command("openai"))
         if not (os.environ.get("OPENAI_API_KEY") or settings.text("OPENAI_BASE_URL")):
             why = "set OPENAI_API_KEY, or --vlm-url (OPENAI_BASE_URL) for a server without keys"
             return Availability(False, why)

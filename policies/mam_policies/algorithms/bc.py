@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ import numpy as np
 import torch
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.optional import has
 from mam_policies.expert import Expert, PlanningError
 from mam_policies.run import (
     Actor,
@@ -297,7 +297,7 @@ def fit(
 
 def _board(folder: Path) -> Callable[[str, float, int], None]:
     """Where numbers go: TensorBoard beside the checkpoint, if it is installed."""
-    if find_spec("tensorboard") is None:
+    if not has("tensorboard"):
         return lambda *_: None
     from torch.utils.tensorboard import SummaryWriter
 

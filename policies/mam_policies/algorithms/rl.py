@@ -21,8 +21,8 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import torch
-from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 
+from mam_pipeline.optional import has, require
 from mam_policies.algorithms.bc import BcConfig, Demonstration, demonstrations
 from mam_policies.algorithms.rl_checkpoint import load_checkpoint, renew, restore, save_checkpoint
 from mam_policies.expert import Expert, PlanningError
@@ -35,6 +35,10 @@ from mam_policies.run import (
     few_objects,
     flat,
 )
+
+require("reinforcement learning", "stable_baselines3")
+
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor  # noqa: E402
 
 OnProgress = Callable[[str, float, str], None]
 WIDTH = (256, 256)
@@ -247,7 +251,7 @@ def _model(config: RlConfig, venv: Any, demos: list[Demonstration], out: Path) -
         "activation_fn": torch.nn.Tanh,
     }
     common: dict[str, Any] = {"device": "cpu", "seed": config.seed, "gamma": GAMMA, "verbose": 0}
-    if _has("tensorboard"):
+    if has("tensorboard"):
         common["tensorboard_log"] = str(out / "tensorboard")
     if config.algo == "ppo":
         kwargs["log_std_init"] = -2.0 if demos else -0.7
@@ -387,9 +391,3 @@ def _random_rows(venv: Any, seed: int, steps: int = 400) -> np.ndarray:
     for _ in range(steps):
         rows.append(venv.step([venv.action_space.sample() for _ in range(venv.num_envs)])[0])
     return np.concatenate(rows)
-
-
-def _has(package: str) -> bool:
-    from importlib.util import find_spec
-
-    return find_spec(package) is not None

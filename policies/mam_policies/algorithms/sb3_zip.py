@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from mam_pipeline.errors import ConfigError, InputError
+from mam_pipeline.optional import require
 from mam_policies.run import flat
 
 ALGORITHMS = ("PPO", "SAC", "TD3", "DDPG", "A2C", "DQN")
@@ -53,6 +54,7 @@ def load_sb3(file: Path, trust: bool) -> Callable[[Any], Any]:
             f"{file} is a zip of stable-baselines3, which executes code when it is loaded; "
             "add --trust if you know where it comes from"
         )
+    require("a policy of Stable-Baselines3", "stable_baselines3")
     import stable_baselines3 as sb3
 
     model = getattr(sb3, algorithm_of(file)).load(file, device="cpu")

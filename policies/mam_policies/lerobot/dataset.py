@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.optional import require
 
 FPS = 20
 REPO_ID = "local/mam_sim"
@@ -87,6 +88,7 @@ def write_dataset(
         InputError: there are no episodes.
     """
     offline()
+    require("export to LeRobot", "lerobot", "datasets")
     import datasets
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
@@ -140,6 +142,7 @@ def load_dataset(root: Path) -> Any:
     Raises:
         InputError: there is none, or it was never finished.
     """
+    require("a LeRobot dataset", "lerobot")
     offline()
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from mam_envs.robots import RobotSpec, robot_spec
 from mam_pipeline.errors import ConfigError, HintNeeded, InputError
+from mam_pipeline.optional import require
 from mam_policies.lerobot.dataset import FPS, Names, Track, offline, write_dataset
 from mam_policies.lerobot.joint_mapping import SO_ARMS, JointMapping, load_mapping, template
 from mam_policies.lerobot.policy import OBSERVED, PERCEIVED, Deployment
@@ -248,6 +249,7 @@ def build_beside(out: Path, build: Callable[[Path], None]) -> None:
 def _write_policy(
     folder: Path, policy: MlpPolicy, plan: Deployment, states: list[str], actions: list[str]
 ) -> None:
+    require("export to LeRobot", "lerobot")
     try:
         import lerobot_policy_mam_sim as plugin
     except ImportError as error:

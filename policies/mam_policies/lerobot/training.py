@@ -25,6 +25,7 @@ import torch
 from numpy.typing import NDArray
 
 from mam_pipeline.errors import BackendError, ConfigError, InputError
+from mam_pipeline.optional import require
 from mam_policies.algorithms.bc import LOST
 from mam_policies.collect import CollectConfig, Collected, collect
 from mam_policies.lerobot.dataset import Names, Track, offline, write_dataset
@@ -225,6 +226,7 @@ class Student:
         Raises:
             InputError: no such policy there, or one that needs inputs which nobody gives.
         """
+        require("a LeRobot policy", "lerobot")
         from lerobot.configs.policies import PreTrainedConfig
         from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
@@ -322,6 +324,7 @@ def _shadow(env: Any, student: Student, seed: int) -> dict[str, NDArray[Any]]:
 
 def _joined(out: Path, rounds: int) -> Path:
     """The demonstrations and all rounds so far as one dataset."""
+    require("LeRobot's training", "lerobot")
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
     from mam_policies.lerobot.dataset import REPO_ID
