@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mam_envs.config import EnvConfig
 from mam_pipeline import config_file
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.run import MakeConfig
 from mam_pipeline.run import make_asset as _make_asset
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # an asset is made and checked without the packages of environments
+    from mam_envs.config import EnvConfig
     from mam_pipeline.check.report import CheckReport
 
 

@@ -3,103 +3,101 @@
 from __future__ import annotations
 
 import base64
-import html
 import io
 import json
-from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
 from mam_pipeline.asset.card import Asset, CardJoint
 from mam_pipeline.formats.urdf_input import read_asset
-from mam_pipeline.types import Articulation, FloatArray, Mesh
+from mam_pipeline.render.mesh_pictures import palette, render_mesh
+from mam_pipeline.render.motion import motion_pictures
+from mam_pipeline.types import Articulation, FloatArray
 
-Picture = NDArray[np.uint8]
 SIZE = (420, 360)
+CAMERA: dict[str, Any] = {"size": SIZE, "azimuth": -35.0, "elevation": 22.0}
+LONGEST = 4000  # characters of evidence that a page shows; asset.json has all of it
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture as a data URL, and the words below it."""
+
+    source: str
+    label: str
 
 
 def write_report(asset: Asset) -> Path:
     """Draw report.html into the asset folder; returns its path."""
-    sections = [
-        _head(asset),
-        _photo(asset),
-        _stage_pictures(asset),
-        _masks(asset),
-        _joint_table(asset),
-        _motion(asset),
-        _checks(asset),
-        _provenance(asset),
+    card, articulation = asset.card, read_asset(asset)
+    motion = motion_pictures(articulation, [0.0, 0.5, 1.0], **CAMERA)
+    pictures = [
+        ("Photo and twin", _photo(asset, motion[-1])),
+        ("Stages", _stages(asset, articulation)),
+        ("Kinematic masks", _masks(asset)),
+        ("Motion", [_figure(p, n) for p, n in zip(motion, ("closed", "half open", "open"))]),
     ]
+    environment = Environment(
+        loader=PackageLoader("mam_sim"), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    page = environment.get_template("report.html.j2").render(
+        card=card,
+        pictures=[(title, figures) for title, figures in pictures if figures],
+        joints=[_row(j) for j in card.joints],
+        checks=_text(card.checks) if card.checks else "",
+        provenance=_text(
+            {"backends": card.backends, "seconds": card.seconds, "source": card.source}
+        ),
+    )
     path = asset.folder / "report.html"
-    body = "\n".join(s for s in sections if s)
-    title = html.escape(asset.card.name)
-    path.write_text(_PAGE.replace("{title}", title).replace("{body}", body), encoding="utf-8")
+    path.write_text(page, encoding="utf-8")
     return path
 
 
-def _head(asset: Asset) -> str:
-    card = asset.card
-    notes = "".join(f"<p class=note>{html.escape(n)}</p>" for n in card.notes)
-    source = html.escape(str(card.source.get("path", "")))
-    kind = html.escape(str(card.source.get("kind", "")))
-    count = len(card.joints)
-    word = "joint" if count == 1 else "joints"
-    return (
-        f"<h1>{html.escape(card.name)}</h1><p>{count} {word} from {kind} <code>{source}</code>, "
-        f"scale {html.escape(card.metres_per_unit_source)}</p>{notes}"
-    )
-
-
-def _photo(asset: Asset) -> str:
+def _photo(asset: Asset, opened: NDArray[np.uint8]) -> list[Figure]:
+    """The photo, what was read on it, and the asset beside it."""
     folder = asset.folder / "stages" / "0_photo"
     shown = [p for n in ("a_photo", "overlay") for p in folder.glob(f"{n}.*")]
     if not shown:
-        return ""
-    opened = _png(_views(asset, 1.0, views=((-35.0, 20.0),))[0])
-    figures = "".join(_figure(_data(p.read_bytes()), p.stem.removeprefix("a_")) for p in shown)
-    figures += _figure(opened, "opened")  # beside the photo; what was read on the front comes after
+        return []
     front = folder / "front.png"
-    figures += _figure(_data(front.read_bytes()), "front") if front.is_file() else ""
-    return f"<h2>Photo and twin</h2><div class=row>{figures}</div>"
+    figures = [Figure(_data(p.read_bytes()), p.stem.removeprefix("a_")) for p in shown]
+    figures.append(_figure(opened, "opened"))
+    return figures + ([Figure(_data(front.read_bytes()), "front")] if front.is_file() else [])
 
 
-def _stage_pictures(asset: Asset) -> str:
-    from mam_pipeline.render.mesh_pictures import render_mesh
+def _stages(asset: Asset, articulation: Articulation) -> list[Figure]:
+    """The mesh as it was read, its primitives, and its links."""
     from mam_pipeline.stage_files import PRIMITIVES, load_geometry
 
-    figures = []
-    look: dict[str, Any] = {"size": SIZE, "azimuth": -35.0, "elevation": 22.0}
-    articulation = read_asset(asset)
-    figures.append(_figure(_png(render_mesh(articulation.mesh, **look)), "as read"))
+    figures = [_figure(render_mesh(articulation.mesh, **CAMERA), "as read")]
     stages = asset.folder / "stages"
     kept = stages / "1_primitives" / PRIMITIVES.filename
     if kept.is_file():
         labels = PRIMITIVES.load(kept).labels
-        count = int(labels.max()) + 1
-        colors = palette(count)[labels]
         turned = load_geometry(stages / "0_mesh").transformed(_engine_to_asset(asset))
-        figures.append(
-            _figure(_png(render_mesh(turned, face_colors=colors, **look)), f"{count} primitives")
-        )
-    colors = link_colors(len(articulation.links))[articulation.face_link]
-    picture = render_mesh(articulation.mesh, face_colors=colors, **look)
-    figures.append(_figure(_png(picture), f"{len(articulation.links)} links"))
-    return f"<h2>Stages</h2><div class=row>{''.join(figures)}</div>"
+        picture = render_mesh(turned, face_colors=palette(labels + 1), **CAMERA)
+        figures.append(_figure(picture, f"{int(labels.max()) + 1} primitives"))
+    colors = palette(articulation.face_link)
+    picture = render_mesh(articulation.mesh, face_colors=colors, **CAMERA)
+    return [*figures, _figure(picture, f"{len(articulation.links)} links")]
 
 
-def _masks(asset: Asset) -> str:
+def _masks(asset: Asset) -> list[Figure]:
     """The kinematic masks, whichever prior made them."""
     from mam_pipeline.prior.masks import load_masks, mask_sheet
 
     file = asset.folder / "stages" / "2_prior" / "masks.npz"
     if not file.is_file():
-        return ""
+        return []
     label = "grey: held fast; pale: tied to nothing; one colour: found to move together"
-    picture = _figure(_png(mask_sheet(load_masks(file))), label)
-    return f"<h2>Kinematic masks</h2><div class=row>{picture}</div>"
+    return [_figure(mask_sheet(load_masks(file)), label)]
 
 
 def _engine_to_asset(asset: Asset) -> FloatArray:
@@ -108,40 +106,33 @@ def _engine_to_asset(asset: Asset) -> FloatArray:
     return np.asarray(kept["asset_T_engine"])
 
 
-def _joint_table(asset: Asset) -> str:
-    rows = "".join(_joint_row(j) for j in asset.card.joints)
-    head = "<tr><th>joint<th>type<th>range<th>axis<th>confidence<th>evidence</tr>"
-    return f"<h2>Joints</h2><table>{head}{rows}</table>"
-
-
-def _joint_row(joint: CardJoint) -> str:
+def _row(joint: CardJoint) -> dict[str, Any]:
+    """A joint as the table shows it."""
     factor, unit = (1.0, "m") if joint.type == "prismatic" else (180 / np.pi, "°")
-    if joint.lower is None or joint.upper is None:
-        span = "unlimited"
-    else:
+    span = "unlimited"
+    if joint.lower is not None and joint.upper is not None:
         span = f"{joint.lower * factor:.3g} … {joint.upper * factor:.3g} {unit}"
-    axis = ", ".join(f"{v:.2f}" for v in joint.axis)
-    review = f" <b>{joint.review}</b>" if joint.review else ""
-    evidence = html.escape(_short(joint.evidence))
-    curve = _curve(joint.evidence)
-    return (
-        f"<tr><td>{html.escape(joint.name)}<td>{joint.type} ({joint.subtype})<td>{span}"
-        f"<td>{axis}<td>{joint.confidence:.2f}{review}"
-        f"<td><details><summary>shown</summary><pre>{evidence}</pre>{curve}</details></tr>"
-    )
+    return {
+        "joint": joint,
+        "range": span,
+        "axis": ", ".join(f"{v:.2f}" for v in joint.axis),
+        "evidence": _text(joint.evidence),
+        "curves": _curves(joint.evidence),
+    }
 
 
-def _short(evidence: dict[str, Any]) -> str:
+def _text(values: dict[str, Any]) -> str:
+    """Values as YAML for people, cut where there are very many."""
     import yaml
 
     from mam_pipeline.stage_files import plain
 
-    text = yaml.safe_dump(plain(evidence), default_flow_style=None, sort_keys=False, width=100)
-    return text if len(text) < 4000 else text[:4000] + "\n... (asset.json has all of it)"
+    text = yaml.safe_dump(plain(values), default_flow_style=None, sort_keys=False, width=100)
+    return text if len(text) < LONGEST else text[:LONGEST] + "\n... (asset.json has all of it)"
 
 
-def _curve(evidence: dict[str, Any]) -> str:
-    """Small line drawings of every list of numbers in the evidence (losses, penetration)."""
+def _curves(evidence: dict[str, Any]) -> list[dict[str, str]]:
+    """A line of 200 x 50 pixels for every list of numbers in the evidence (losses, penetration)."""
     out = []
     for name, values in evidence.items():
         if not isinstance(values, list) or len(values) < 4:
@@ -154,107 +145,18 @@ def _curve(evidence: dict[str, Any]) -> str:
             f"{200 * i / (len(y) - 1):.1f},{50 - 46 * (v - y.min()) / span:.1f}"
             for i, v in enumerate(y)
         )
-        label = f"{html.escape(str(name))}: {y.min():.3g} to {y.max():.3g}"
-        out.append(
-            "<figure><svg width=204 height=54>"
-            f"<polyline fill=none stroke='#2a6' points='{points}'/>"
-            f"</svg><figcaption>{label}</figcaption></figure>"
-        )
-    return "".join(out)
+        out.append({"points": points, "label": f"{name}: {y.min():.3g} to {y.max():.3g}"})
+    return out
 
 
-def _motion(asset: Asset) -> str:
-    figures = []
-    for fraction, label in ((0.0, "closed"), (0.5, "half open"), (1.0, "open")):
-        for picture in _views(asset, fraction, views=((-35.0, 22.0),)):
-            figures.append(_figure(_png(picture), label))
-    return f"<h2>Motion</h2><div class=row>{''.join(figures)}</div>"
-
-
-def _views(asset: Asset, fraction: float, views: Sequence[tuple[float, float]]) -> list[Picture]:
-    """Pictures with every joint at `fraction` of its way from closed to open."""
-    from mam_pipeline.render.mesh_pictures import render_mesh
-
-    articulation = read_asset(asset)
-    q = {}
-    for joint in articulation.joints:
-        goal = joint.open if np.isfinite(joint.open) else np.pi / 2
-        q[joint.name] = joint.closed + fraction * (goal - joint.closed)
-    mesh = posed_mesh(articulation, q)
-    return [render_mesh(mesh, size=SIZE, azimuth=a, elevation=e) for a, e in views]
-
-
-def _checks(asset: Asset) -> str:
-    checks = asset.card.checks
-    if not checks:
-        return ""
-    return f"<h2>Checks</h2><pre>{html.escape(_short(checks))}</pre>"
-
-
-def _provenance(asset: Asset) -> str:
-    card = asset.card
-    text = _short({"backends": card.backends, "seconds": card.seconds, "source": card.source})
-    return f"<h2>How it was made</h2><pre>{html.escape(text)}</pre>"
-
-
-def posed_mesh(articulation: Articulation, q: dict[str, float]) -> Mesh:
-    """The articulation's mesh with every link moved to joint values `q`; vertices are unshared
-    between links."""
-    from dataclasses import replace
-
-    mesh = articulation.mesh
-    poses = articulation.link_poses(q)
-    corner_link = np.repeat(articulation.face_link, 3)
-    corners = mesh.faces.reshape(-1)
-    points = np.einsum("nij,nj->ni", poses[corner_link, :3, :3], mesh.vertices[corners])
-    points += poses[corner_link, :3, 3]
-    return replace(
-        mesh,
-        vertices=points,
-        faces=np.arange(len(corners)).reshape(-1, 3),
-        uv=None if mesh.uv is None else mesh.uv[corners],
-        colors=None if mesh.colors is None else mesh.colors[corners],
-    )
-
-
-def palette(count: int) -> NDArray[np.uint8]:
-    """(count, 3) well-separated RGB colours, the same on every run."""
-    import colorsys
-
-    hues = (np.arange(count) * 0.61803398875) % 1.0
-    rows = [colorsys.hsv_to_rgb(h, 0.55 + 0.3 * (i % 2), 0.95) for i, h in enumerate(hues)]
-    return (np.asarray(rows).reshape(-1, 3) * 255).astype(np.uint8)
-
-
-def link_colors(count: int) -> NDArray[np.uint8]:
-    """Grey for the base, bright colours for the rest."""
-    return np.concatenate([np.full((1, 3), 190, dtype=np.uint8), palette(max(count - 1, 1))])
-
-
-def _png(picture: Picture) -> str:
+def _figure(picture: NDArray[np.uint8], label: str) -> Figure:
     from PIL import Image
 
     buffer = io.BytesIO()
     Image.fromarray(picture).save(buffer, format="PNG")
-    return _data(buffer.getvalue())
+    return Figure(_data(buffer.getvalue()), label)
 
 
 def _data(picture: bytes) -> str:
     kind = "png" if picture[:4] == b"\x89PNG" else "jpeg"
     return f"data:image/{kind};base64," + base64.b64encode(picture).decode()
-
-
-def _figure(source: str, label: str) -> str:
-    text = html.escape(label)
-    return f'<figure><img src="{source}" alt="{text}"><figcaption>{text}</figcaption></figure>'
-
-
-_PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>
-body{font:15px/1.5 system-ui,sans-serif;max-width:1320px;margin:2rem auto;padding:0 1rem;color:#222}
-h1{margin-bottom:0}h2{margin-top:2rem;border-bottom:1px solid #ddd}.note{color:#666;margin:.2rem 0}
-.row{display:flex;flex-wrap:wrap;gap:12px}figure{margin:0;text-align:center;color:#555}
-img{max-width:420px;max-height:420px;border:1px solid #e4e4e4;border-radius:6px}
-table{border-collapse:collapse}td,th{padding:4px 12px;text-align:left;border-bottom:1px solid #eee;
-vertical-align:top}pre{background:#f6f6f6;padding:8px;overflow:auto;max-width:1200px}
-</style>{body}</html>
-"""

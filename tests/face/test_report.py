@@ -1,0 +1,24 @@
+"""report.html: complete, offline, and safe against what names and notes may hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from mam_pipeline.asset.card import Asset
+from mam_sim.report import write_report
+from mam_world.dataset import write_dataset
+
+
+def test_a_page_shows_joints_and_pictures_and_escapes_what_it_is_given(tmp_path: Path) -> None:
+    write_dataset("station_button", 1, 0, tmp_path)
+    made = Asset.load(tmp_path / "station_button_000000")
+    card = made.card
+    evidence = {"loss": [3.0, 2.0, 1.0, 0.5], "why": "<img src=x>"}
+    joint = replace(card.joints[0], evidence=evidence)
+    card = replace(card, name="a<b>", notes=["<script>alert(1)</script>"], joints=[joint])
+    page = write_report(Asset(made.folder, card)).read_text(encoding="utf-8")
+    assert "<script" not in page and "&lt;script&gt;" in page and "<title>a&lt;b&gt;" in page
+    assert "<img src=x>" not in page and "loss: 0.5 to 3" in page and "<polyline" in page
+    assert page.count('src="data:image/png') == 5  # as read, links, and three of the motion
+    assert "://" not in page and joint.name in page
