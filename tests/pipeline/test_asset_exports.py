@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Literal
+
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.mjcf import export_mjcf
 from mam_pipeline.asset.usd import export_usd
 from mam_pipeline.asset.writer import write_asset
-from mam_pipeline.types import Articulation, Joint, Link, Mesh
+from mam_pipeline.types import Articulation, Joint, Link, Material, Mesh
 
 VALUES = {"hinge": 0.7, "slide": 0.11, "spin": 2.0}
 
@@ -23,7 +29,7 @@ def chain() -> Articulation:
         trimesh.creation.box(bounds=[[-0.03, -0.2, 0.1], [-0.01, 0.2, 0.3]]),
         trimesh.creation.cylinder(0.02, sections=24, segment=[[0.1, 0, 0.431], [0.1, 0, 0.461]]),
     ]  # fmt: skip
-    whole = trimesh.util.concatenate(solids)
+    whole: Any = trimesh.util.concatenate(solids)
     label = np.repeat(np.arange(4), [len(s.faces) for s in solids])
     names = ("base", "lid", "tray", "knob")
     links = tuple(Link(n, n, np.flatnonzero(label == i)) for i, n in enumerate(names))
@@ -69,6 +75,52 @@ def test_mjcf_has_the_same_poses_and_masses(asset: Asset) -> None:
     for part in asset.card.parts:
         assert model.body(part.link).mass[0] == pytest.approx(part.mass, rel=1e-6)
     assert model.joint("slide").range.tolist() == [0.0, 0.3]
+    assert model.joint("hinge").range.tolist() == [-0.1, 1.4]
+    for joint in asset.card.joints:
+        dof = model.joint(joint.name).dofadr[0]
+        assert model.dof_damping[dof] == pytest.approx(joint.damping, rel=1e-9)
+        assert model.dof_frictionloss[dof] == pytest.approx(joint.friction, rel=1e-9)
+    for key in ("closed", "open"):
+        wanted = {j.name: getattr(j, key) for j in asset.card.joints}
+        data.qpos[:] = model.key(key).qpos
+        assert {n: data.joint(n).qpos[0] for n in wanted} == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize("format", ["obj", "glb"])
+def test_mjcf_shows_every_face_and_texture(tmp_path: Path, format: Literal["obj", "glb"]) -> None:
+    """A flat sheet, a JPEG and three materials on one link come through, from either format."""
+    mujoco = pytest.importorskip("mujoco")
+    made = chain()
+    sheet = np.array([[0, -0.3, 0.5], [0.5, -0.3, 0.5], [0.5, 0.3, 0.5], [0, 0.3, 0.5]])
+    count = len(made.mesh.faces)
+    vertices = np.concatenate([made.mesh.vertices, sheet])
+    faces = np.concatenate([made.mesh.faces, np.array([[0, 1, 2], [0, 2, 3]]) + len(vertices) - 4])
+    picture = BytesIO()
+    Image.new("RGB", (8, 8), (200, 30, 30)).save(picture, format="JPEG")
+    materials = (
+        Material("plain", (0.2, 0.5, 0.2, 1.0)),
+        Material("photo", (1, 1, 1, 1), picture.getvalue(), "jpeg"),
+        Material("blue", (0.1, 0.1, 0.9, 1.0)),
+    )
+    which = np.zeros(len(faces), int)
+    which[count:], which[:6] = 1, 2
+    uv = np.full((len(vertices), 2), 0.5, np.float32)
+    mesh = Mesh(vertices, faces, materials, which, uv=uv)
+    base = replace(made.links[0], faces=np.append(made.links[0].faces, [count, count + 1]))
+    links = (base, *made.links[1:])
+    asset = write_asset(replace(made, mesh=mesh, links=links), tmp_path / "a", name="a",
+                        visuals=format)  # fmt: skip
+    model = mujoco.MjModel.from_xml_path(str(export_mjcf(asset, tmp_path / "m" / "object.xml")))
+    shown = np.flatnonzero(model.geom_group == 2)
+    assert (model.geom_contype[shown] == 0).all() and (model.geom_conaffinity[shown] == 0).all()
+    assert model.mesh_facenum[model.geom_dataid[shown]].sum() == len(faces)
+    assert set(np.flatnonzero(model.geom_contype)) == set(np.flatnonzero(model.geom_group == 3))
+    assert model.ntex == 1 and model.ncam == 1 and model.nlight == 1
+    textured = [g for g in shown if model.mat_texid[model.geom_matid[g]].max() >= 0]
+    assert len(textured) == 1 and model.mesh_facenum[model.geom_dataid[textured[0]]] == 2
+    rgb = model.mat_rgba[model.geom_matid[shown], :3].astype(float)
+    colours = {tuple(row) for row in rgb.round(2).tolist()}
+    assert colours == {(0.2, 0.5, 0.2), (1.0, 1.0, 1.0), (0.1, 0.1, 0.9)}
 
 
 def test_usd_has_the_same_poses_and_masses(asset: Asset) -> None:

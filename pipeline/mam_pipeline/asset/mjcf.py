@@ -1,166 +1,222 @@
-"""Export of an asset folder to MuJoCo's MJCF, from the folder's own URDF and card."""
+"""Export of an asset folder to MuJoCo's MJCF, through MuJoCo's own reader of URDF (MjSpec)."""
 
 from __future__ import annotations
 
 import shutil
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from mam_pipeline.asset.card import Asset, CardJoint
-from mam_pipeline.formats.gltf import read_gltf
-from mam_pipeline.formats.obj import write_obj
+from mam_pipeline.asset.card import Asset
+from mam_pipeline.asset.visuals import by_material, free_name
+from mam_pipeline.errors import BackendError
+from mam_pipeline.formats.mesh_files import read_file
+from mam_pipeline.formats.obj import write_obj_part
 from mam_pipeline.formats.soup import join
 from mam_pipeline.formats.urdf_writer import numbers
-from mam_pipeline.ground_truth import parse_urdf
-from mam_pipeline.types import Mesh
+from mam_pipeline.types import FloatArray, Material
 
-_GROUP = {"visual": "2", "collision": "3"}
+VISUAL_GROUP, COLLISION_GROUP = 2, 3
+"""Geom groups that MuJoCo's own models use: its viewer shows the first and hides the second."""
+TIMESTEP = 0.002
+"""Seconds; MuJoCo's default."""
 
 
 def export_mjcf(asset: Asset, path: str | Path | None = None) -> Path:
     """Write object.xml and its meshes (folder `mjcf/` beside it); returns the XML's path.
 
-    Bodies, masses, joint frames and limits are those of the URDF; friction is the card's Coulomb
-    friction (`frictionloss`). Parent and child do not collide, as in SAPIEN. The base is fixed.
+    Bodies, masses, joint frames, ranges, damping and friction are those of the URDF, read by
+    MuJoCo. Added are materials with their textures (PNG, the one format of MuJoCo), geom groups,
+    lights, a camera, keyframes `closed` and `open`, and contact excludes between parent and child,
+    which SAPIEN leaves out too. The base is fixed.
 
     Args:
         asset: the folder. path: of the XML; default ASSET/object.xml.
+
+    Raises:
+        BackendError: mujoco is not installed.
     """
+    try:
+        import mujoco
+    except ImportError as error:
+        raise BackendError("MJCF export needs mujoco: pip install 'mam-sim[mujoco]'") from error
     target = Path(path) if path is not None else asset.folder / "object.xml"
-    target.parent.mkdir(parents=True, exist_ok=True)
-    text = _Exporter(asset, target).text()
-    target.write_text(text, encoding="utf-8")
+    files = _Files(asset.urdf_path.parent, target.parent / "mjcf")
+    files.folder.mkdir(parents=True, exist_ok=True)
+    spec = mujoco.MjSpec.from_string(files.flattened(asset.urdf_path))
+    spec.modelfiledir = str(target.parent.resolve())
+    spec.meshdir = spec.texturedir = files.folder.name
+    spec.option.timestep = TIMESTEP
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    files.dress(spec)
+    for joint in spec.joints:
+        # MuJoCo's own filter leaves out parents that are fixed to the world
+        child = joint.parent
+        spec.add_exclude(bodyname1=child.parent.name, bodyname2=child.name)
+    _light(spec, asset)
+    _keys(spec, asset)
+    model = spec.compile()  # what MuJoCo refuses is refused here, not by the reader of the file
+    target.write_text(_exact(spec.to_xml(), model), encoding="utf-8")
     return target
 
 
+def _exact(text: str, model: Any) -> str:
+    """The XML with the kinematics and masses of the model in full; `to_xml` prints six digits."""
+    root = ET.fromstring(text)
+    for element in root.iter("body"):
+        body = model.body(element.get("name"))
+        element.set("pos", numbers(body.pos))
+        element.set("quat", numbers(body.quat))
+        inertial = element.find("inertial")
+        if inertial is not None:
+            inertial.set("mass", numbers(body.mass))
+            inertial.set("pos", numbers(body.ipos))
+            inertial.set("quat", numbers(body.iquat))
+            inertial.set("diaginertia", numbers(body.inertia))
+    for element in root.findall("worldbody//joint"):
+        joint = model.joint(element.get("name"))
+        element.set("axis", numbers(joint.axis))
+        element.set("damping", numbers(model.dof_damping[joint.dofadr]))
+        element.set("frictionloss", numbers(model.dof_frictionloss[joint.dofadr]))
+        if element.get("range") is not None:
+            element.set("range", numbers(joint.range))
+    for element in root.findall("keyframe/key"):
+        element.set("qpos", numbers(model.key(element.get("name")).qpos))
+    ET.indent(root, " ")
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
 @dataclass
-class _Exporter:
-    """One export: the XML under construction and the mesh files that it names."""
+class _Files:
+    """Mesh and texture files of one export, and what they look like.
 
-    asset: Asset
-    target: Path
+    Attributes:
+        source: the URDF's folder. folder: where the files go.
+        materials: by name of a visual mesh.
+    """
 
-    def text(self) -> str:
-        self.robot = parse_urdf(self.asset.urdf_path)
-        self.links = {link.name: link for link in self.robot.links}
-        self.cards = {j.name: j for j in self.asset.card.joints}
-        self.meshes = self.target.parent / "mjcf"
-        self.meshes.mkdir(exist_ok=True)
-        root = ET.Element("mujoco", model=self.robot.name or "object")
-        ET.SubElement(root, "compiler", angle="radian", meshdir="mjcf", texturedir="mjcf",
-                      balanceinertia="false", discardvisual="false")  # fmt: skip
-        ET.SubElement(root, "option", timestep="0.002", integrator="implicitfast")
-        self.assets = ET.SubElement(root, "asset")
-        world = ET.SubElement(root, "worldbody")
-        moved = {j.child for j in self.robot.joints}
-        for link in self.robot.links:
-            if link.name not in moved:
-                self._body(world, link.name, None)
-        contact = ET.SubElement(root, "contact")
-        for joint in self.robot.joints:
-            # MuJoCo's own filter leaves out parents that are fixed to the world
-            ET.SubElement(contact, "exclude", body1=joint.parent, body2=joint.child)
-        ET.indent(root, " ")
-        return ET.tostring(root, encoding="unicode") + "\n"
+    source: Path
+    folder: Path
+    materials: dict[str, Material] = field(default_factory=dict)
+    taken: set[str] = field(default_factory=set)
+    pictures: dict[bytes, str] = field(default_factory=dict)
 
-    def _body(self, parent: ET.Element, name: str, joint: Any) -> None:
-        origin = np.eye(4) if joint is None or joint.origin is None else joint.origin
-        body = ET.SubElement(parent, "body", {"name": name, **_pose(origin)})
-        if joint is not None and joint.type != "fixed":
-            self._joint(body, joint)
-        link = self.links[name]
-        if link.inertial is not None and link.inertial.mass:
-            self._inertial(body, link.inertial)
-        for kind, shapes in (("visual", link.visuals), ("collision", link.collisions)):
-            for i, shape in enumerate(shapes):
-                self._geom(body, f"{name}_{kind}_{i}", kind, shape)
-        for child in self.robot.joints:
-            if child.parent == name:
-                self._body(body, child.child, child)
+    def flattened(self, urdf: Path) -> str:
+        """The URDF with its meshes copied into one folder, each of one object and one material."""
+        robot = ET.parse(urdf).getroot()
+        for link in robot.findall("link"):
+            for kind in ("visual", "collision"):
+                for i, element in enumerate(link.findall(kind)):
+                    element.set("name", f"{link.get('name')}_{kind}_{i}")
+                    mesh = element.find("geometry/mesh")
+                    if mesh is None:
+                        continue
+                    file = self.source / (mesh.get("filename") or "")
+                    if kind == "visual":
+                        self._visual(link, element, file)
+                    else:
+                        name = free_name(file.stem, self.taken)
+                        shutil.copyfile(file, self.folder / f"{name}.obj")
+                        mesh.set("filename", f"{name}.obj")
+        options = ET.Element("mujoco")
+        ET.SubElement(options, "compiler", fusestatic="false", discardvisual="false",
+                      balanceinertia="false", strippath="false")  # fmt: skip
+        robot.insert(0, options)
+        return ET.tostring(robot, encoding="unicode")
 
-    def _joint(self, body: ET.Element, joint: Any) -> None:
-        kind = "slide" if joint.type == "prismatic" else "hinge"
-        card: CardJoint | None = self.cards.get(joint.name)
-        element = ET.SubElement(body, "joint", name=joint.name, type=kind, axis=numbers(joint.axis))
-        if joint.type != "continuous" and joint.limit is not None:
-            element.set("limited", "true")
-            element.set("range", numbers([joint.limit.lower, joint.limit.upper]))
-        if card is not None:
-            element.set("damping", numbers([card.damping]))
-            element.set("frictionloss", numbers([card.friction]))
+    def _visual(self, link: ET.Element, element: ET.Element, file: Path) -> None:
+        """Write a visual's pieces; every further one gets an element of its own."""
+        content = read_file(file)
+        place = list(link).index(element)
+        whole = join(content.pieces, content.materials)
+        for k, part in enumerate(by_material(whole)):
+            name = free_name(file.stem if k == 0 else f"{file.stem}_{k}", self.taken)
+            self.materials[name] = part.materials[0]
+            # the picture is named in the XML, so the OBJ needs its coordinates alone
+            write_obj_part(part, self.folder / f"{name}.obj", textured=part.uv is not None)
+            (self.folder / f"{name}.mtl").unlink()
+            own = element
+            if k > 0:
+                own = ET.fromstring(ET.tostring(element))
+                own.set("name", f"{element.get('name')}_{k}")
+                link.insert(place + k, own)
+            mesh = own.find("geometry/mesh")
+            assert mesh is not None
+            mesh.set("filename", f"{name}.obj")
 
-    @staticmethod
-    def _inertial(body: ET.Element, inertial: Any) -> None:
-        origin = np.eye(4) if inertial.origin is None else inertial.origin
-        m = origin[:3, :3] @ inertial.inertia @ origin[:3, :3].T
-        full = [m[0, 0], m[1, 1], m[2, 2], m[0, 1], m[0, 2], m[1, 2]]
-        ET.SubElement(body, "inertial", pos=numbers(origin[:3, 3]),
-                      mass=numbers([inertial.mass]), fullinertia=numbers(full))  # fmt: skip
+    def dress(self, spec: Any) -> None:
+        """Give visual geoms their group and material, collision geoms theirs."""
+        import mujoco
 
-    def _geom(self, body: ET.Element, name: str, kind: str, shape: Any) -> None:
-        common = {"name": name, "group": _GROUP[kind], "density": "0"}
-        common |= _pose(np.eye(4) if shape.origin is None else shape.origin)
-        if kind == "visual":
-            common |= {"contype": "0", "conaffinity": "0"}
-        g = shape.geometry
-        if g.box is not None:
-            size = numbers(np.asarray(g.box.size) / 2)
-            ET.SubElement(body, "geom", common, type="box", size=size)
-        elif g.cylinder is not None:
-            size = numbers([g.cylinder.radius, g.cylinder.length / 2])
-            ET.SubElement(body, "geom", common, type="cylinder", size=size)
-        elif g.sphere is not None:
-            ET.SubElement(body, "geom", common, type="sphere", size=numbers([g.sphere.radius]))
-        elif g.mesh is not None:
-            source = self.asset.urdf_path.parent / g.mesh.filename
-            if source.suffix.lower() == ".glb":
-                self._textured(body, name, common, source)
-            else:
-                shutil.copyfile(source, self.meshes / source.name)
-                ET.SubElement(self.assets, "mesh", name=name, file=source.name)
-                ET.SubElement(body, "geom", common, type="mesh", mesh=name)
-
-    def _textured(self, body: ET.Element, name: str, common: dict[str, str], source: Path) -> None:
-        """MuJoCo reads one material per mesh, so a visual becomes one OBJ per material."""
-        content = read_gltf(source)
-        mesh = join(content.pieces, content.materials)
-        assert mesh.face_material is not None
-        for k in np.unique(mesh.face_material):
-            part = mesh.submesh(mesh.face_material == k)
-            if _flat(part):  # MuJoCo refuses meshes without volume
+        for geom in spec.geoms:
+            shown = geom.contype == 0 and geom.conaffinity == 0
+            geom.group = VISUAL_GROUP if shown else COLLISION_GROUP
+            if not shown:
                 continue
-            label, material = f"{name}_{k}", mesh.materials[k]
-            file = f"{source.stem}_{k}.obj"
-            write_obj(part, self.meshes / file)
-            (self.meshes / file).with_suffix(".mtl").unlink()
-            look = {"name": label, "rgba": numbers(material.base_color)}
-            if material.image is not None and material.image_format == "png":
-                picture = f"{source.stem}_{k}.png"
-                (self.meshes / picture).write_bytes(material.image)
-                ET.SubElement(self.assets, "texture", name=label, type="2d", file=picture)
-                look["texture"] = label
-            ET.SubElement(self.assets, "material", look)
-            # the inertia of a visual is not used; "shell" accepts open surfaces
-            ET.SubElement(self.assets, "mesh", name=label, file=file, inertia="shell")
-            more = {**common, "name": label, "type": "mesh", "mesh": label, "material": label}
-            ET.SubElement(body, "geom", more)
+            geom.mass = 0.0
+            material = self.materials.get(geom.meshname)
+            if material is None:
+                continue
+            # open surfaces and flat sheets have no volume
+            spec.mesh(geom.meshname).inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+            look = spec.add_material(name=geom.meshname, rgba=list(material.base_color))
+            look.metallic, look.roughness = material.metallic, material.roughness
+            look.specular = 0.5 * (1.0 - material.roughness)
+            if material.image is not None:
+                textures = list(look.textures)
+                textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = self._picture(spec, material.image)
+                look.textures = textures
+            geom.material = geom.meshname
+
+    def _picture(self, spec: Any, image: bytes) -> str:
+        """Name of the texture that shows an image file, made once per image."""
+        import mujoco
+
+        if image not in self.pictures:
+            name = f"texture_{len(self.pictures):02d}"
+            png = image
+            if not image.startswith(b"\x89PNG"):
+                buffer = BytesIO()
+                Image.open(BytesIO(image)).convert("RGB").save(buffer, format="PNG")
+                png = buffer.getvalue()
+            (self.folder / f"{name}.png").write_bytes(png)
+            kind = mujoco.mjtTexture.mjTEXTURE_2D
+            spec.add_texture(name=name, type=kind, file=f"{name}.png")
+            self.pictures[image] = name
+        return self.pictures[image]
 
 
-def _flat(mesh: Mesh) -> bool:
-    points = mesh.vertices - mesh.vertices.mean(axis=0)
-    spread = np.linalg.eigvalsh(points.T @ points)
-    return len(mesh.vertices) < 4 or bool(spread[0] <= 1e-10 * spread[-1])
+def _light(spec: Any, asset: Asset) -> None:
+    """A light over the viewer's shoulder and a camera that sees the front from the right."""
+    low, high = np.asarray(asset.card.bounds, dtype=float)
+    middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
+    spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
+    spec.visual.headlight.diffuse = [0.35, 0.35, 0.35]
+    sun = np.array([-1.0, -0.6, 1.8])
+    light = spec.worldbody.add_light(name="sun", pos=middle + 2 * size * sun, dir=-sun)
+    light.type, light.diffuse = 1, [0.6, 0.6, 0.6]  # 1: directional
+    # the object fills the default field of view of 45 degrees
+    eye = middle + size * np.array([-1.35, -0.9, 0.7])
+    spec.worldbody.add_camera(name="front", pos=eye, quat=_look(eye, middle))
 
 
-def _pose(matrix: Any) -> dict[str, str]:
-    out = {"pos": numbers(np.asarray(matrix)[:3, 3])}
-    turn = np.asarray(matrix)[:3, :3]
-    if not np.allclose(turn, np.eye(3), atol=1e-12):
-        x, y, z, w = Rotation.from_matrix(turn).as_quat()
-        out["quat"] = numbers([w, x, y, z])
-    return out
+def _look(eye: FloatArray, at: FloatArray) -> FloatArray:
+    """(4,) quaternion, w first, of a camera that looks along its -z with y up."""
+    back = (eye - at) / np.linalg.norm(eye - at)
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    turn = np.stack([right, np.cross(back, right), back], axis=1)
+    return np.asarray(Rotation.from_matrix(turn).as_quat()[[3, 0, 1, 2]])
+
+
+def _keys(spec: Any, asset: Asset) -> None:
+    cards = {j.name: j for j in asset.card.joints}
+    if spec.joints and all(j.name in cards for j in spec.joints):
+        for name in ("closed", "open"):
+            spec.add_key(name=name, qpos=[getattr(cards[j.name], name) for j in spec.joints])

@@ -66,15 +66,15 @@ def write_visuals(articulation: Articulation, folder: Path, format: VisualFormat
             shift = np.eye(4)
             shift[:3, 3] = -origins[i]
             whole = articulation.mesh.submesh(faces).transformed(shift)
-            parts = [whole] if format == "glb" else list(_by_material(whole, out.notes))
+            parts = [whole] if format == "glb" else list(by_material(whole, out.notes))
             for k, part in enumerate(parts):
-                name = _free(label if len(parts) == 1 else f"{label}_m{k}", taken)
+                name = free_name(label if len(parts) == 1 else f"{label}_m{k}", taken)
                 file = f"visual/{name}.{format}"
                 if format == "glb":
                     write_glb(part, folder / file, up="z")
                 else:
                     picture = pictures.file_of(part.materials[0])
-                    write_obj_part(part, folder / file, picture)
+                    write_obj_part(part, folder / file, picture, textured=bool(picture))
                 out.files[link.name].append((name, file))
                 if label != link.name:
                     out.handles[link.name].append(name)
@@ -101,8 +101,11 @@ class _Pictures:
         return self.names[material.image]
 
 
-def _by_material(mesh: Mesh, notes: list[str]) -> Iterable[Mesh]:
-    """The mesh cut into pieces of one material each, in the order of their first face."""
+def by_material(mesh: Mesh, notes: list[str] | None = None) -> Iterable[Mesh]:
+    """The mesh cut into pieces of one material each, in the order of their first face.
+
+    Vertex colours become a picture where there is none; `notes` is told of those that are lost.
+    """
     assert mesh.face_material is not None
     known: dict[Material, int] = {}
     same = [known.setdefault(replace(m, name=""), len(known)) for m in mesh.materials]
@@ -118,7 +121,7 @@ def _by_material(mesh: Mesh, notes: list[str]) -> Iterable[Mesh]:
         if one.colors is not None and not (one.colors == 255).all():
             if material.image is None:
                 one = baked(one)
-            else:
+            elif notes is not None:
                 notes.append("vertex colours under a texture are dropped: OBJ cannot hold both")
         yield replace(one, colors=None)
 
@@ -173,7 +176,7 @@ def baked(mesh: Mesh) -> Mesh:
     )
 
 
-def _free(name: str, taken: set[str]) -> str:
+def free_name(name: str, taken: set[str]) -> str:
     """The name, or the name with a number that no other file has (cases are not told apart)."""
     candidate, k = name, 1
     while candidate.lower() in taken:

@@ -161,7 +161,7 @@ def write_obj(mesh: Mesh, path: Path) -> None:
     _write_mtl(mesh, path)
 
 
-def write_obj_part(mesh: Mesh, path: Path, picture: str = "") -> None:
+def write_obj_part(mesh: Mesh, path: Path, picture: str = "", *, textured: bool = False) -> None:
     """Write a mesh of one material as one OBJ object with an MTL of the same name beside it.
 
     Positions have the nine digits that give the same float32 back; texture coordinates have those
@@ -171,12 +171,13 @@ def write_obj_part(mesh: Mesh, path: Path, picture: str = "") -> None:
         mesh: `materials[0]` is that of every face.
         path: of the OBJ; its stem names the object and the material.
         picture: the texture's file name, in the same folder; "" for none.
+        textured: whether to write texture coordinates.
     """
     stem = path.stem
     lines = [f"mtllib {stem}.mtl", f"o {stem}"]
     lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in mesh.vertices.tolist()]
     triangles = (mesh.faces + 1).tolist()
-    if picture and mesh.uv is not None:
+    if textured and mesh.uv is not None:
         flipped = 1.0 - mesh.uv[:, 1].astype(float)
         lines += [f"vt {u:.9g} {v!r}" for u, v in zip(mesh.uv[:, 0].tolist(), flipped.tolist())]
         faces = [f"f {a}/{a} {b}/{b} {c}/{c}" for a, b, c in triangles]
