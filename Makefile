@@ -1,7 +1,9 @@
 # make demo: set up and run the main job.  make test: set up and pass the tests.
-.PHONY: setup demo test lint clean
+# make docs: build the documentation into site/; a warning is an error.
+.PHONY: setup demo test lint docs clean
 VENV := .venv/bin
 export HF_HUB_OFFLINE ?= 1
+export NO_MKDOCS_2_WARNING = 1
 
 setup:
 	@bash scripts/setup.sh
@@ -12,11 +14,16 @@ demo: setup
 test: setup
 	@$(VENV)/python -m ruff check .
 	@$(VENV)/python -m mypy
+	@$(VENV)/python benchmarks/results_page.py --check
+	@$(VENV)/python -m mkdocs build --strict --quiet
 	@$(VENV)/python -m pytest -n 2 --dist loadfile
 
 lint: setup
 	$(VENV)/python -m ruff check .
 	$(VENV)/python -m mypy
 
+docs: setup
+	@$(VENV)/python -m mkdocs build --strict
+
 clean:
-	rm -rf demo_out .pytest_cache .mypy_cache .ruff_cache
+	rm -rf demo_out site .pytest_cache .mypy_cache .ruff_cache

@@ -48,7 +48,7 @@ MODELS = (
     Model(
         "P3-SAM", "--segmenter p3sam", "MAM_SIM_P3SAM", "P3SAM_HOME",
         "Tencent Hunyuan 3D-Part licence: not in the EU, the UK and South Korea",
-        "docs/models/p3sam.md",
+        "docs/guides/foundation-models.md",
         (
             "git clone https://github.com/Tencent-Hunyuan/Hunyuan3D-Part",
             "export P3SAM_HOME=$PWD/Hunyuan3D-Part",
@@ -58,7 +58,7 @@ MODELS = (
     Model(
         "SP4D", "--prior sp4d", "MAM_SIM_SP4D", "SP4D_HOME",
         "Stability AI Community License: free below US$ 1 M of yearly revenue",
-        "docs/models/sp4d.md",
+        "docs/guides/foundation-models.md",
         (
             "git clone -b sp4d https://github.com/Stability-AI/generative-models",
             "export SP4D_HOME=$PWD/generative-models",
@@ -67,7 +67,7 @@ MODELS = (
     ),
     Model(
         "Hunyuan3D", "--reconstructor hunyuan3d, --retexture", "MAM_SIM_HUNYUAN3D", "",
-        f"{TENCENT}, outputs included", "docs/models/hunyuan3d.md",
+        f"{TENCENT}, outputs included", "docs/guides/foundation-models.md",
         (
             "git clone https://github.com/Tencent-Hunyuan/Hunyuan3D-2",
             "python api_server.py --port 8081 --enable_tex   (in its environment)",
@@ -76,7 +76,7 @@ MODELS = (
     ),
     Model(
         "TripoSR", "--reconstructor triposr", "MAM_SIM_TRIPOSR", "TRIPO_HOME", "MIT",
-        "docs/models/tripo.md",
+        "docs/guides/foundation-models.md",
         (
             "git clone https://github.com/VAST-AI-Research/TripoSR",
             "export TRIPO_HOME=$PWD/TripoSR",
@@ -86,7 +86,7 @@ MODELS = (
     Model(
         "TripoSG", "--reconstructor triposg", "MAM_SIM_TRIPOSG", "TRIPO_HOME",
         "MIT; its default matting (RMBG-1.4) has BRIA's terms, our runner leaves it out",
-        "docs/models/tripo.md",
+        "docs/guides/foundation-models.md",
         (
             "git clone https://github.com/VAST-AI-Research/TripoSG",
             "export TRIPO_HOME=$PWD/TripoSG",
@@ -96,7 +96,7 @@ MODELS = (
 )  # fmt: skip
 ENDPOINT = Model(
     "vision-language model", "--reasoner vlm", "OPENAI_BASE_URL", "", "the endpoint's terms",
-    "docs/models/vlm.md",
+    "docs/guides/foundation-models.md",
     (
         install_command("openai"),
         "export OPENAI_API_KEY=...   or   --vlm-url http://localhost:11434/v1 --vlm-model NAME",

@@ -40,7 +40,7 @@ class HunyuanReconstructor:
         """Whether a server is named."""
         found = settings.runner(cls.variable)
         if found is None or found.url is None:
-            why = f"set {cls.variable} to the server's URL (docs/models.md)"
+            why = f"set {cls.variable} to the server's URL (docs/guides/foundation-models.md)"
             return Availability(False, why, "", TENCENT)
         return Availability(True, "", found.url, TENCENT)
 
@@ -97,14 +97,14 @@ class _RunnerReconstructor:
 class TripoSrReconstructor(_RunnerReconstructor):
     """TripoSR: MIT, runs on a CPU too."""
 
-    variable, name, page = "MAM_SIM_TRIPOSR", "triposr", "docs/models.md"
+    variable, name, page = "MAM_SIM_TRIPOSR", "triposr", "docs/guides/foundation-models.md"
     licence = "MIT"
 
 
 class TripoSgReconstructor(_RunnerReconstructor):
     """TripoSG: MIT code and weights; its default matting (RMBG-1.4) has terms of its own."""
 
-    variable, name, page = "MAM_SIM_TRIPOSG", "triposg", "docs/models.md"
+    variable, name, page = "MAM_SIM_TRIPOSG", "triposg", "docs/guides/foundation-models.md"
     licence = "MIT; RMBG-1.4, if used, has BRIA's terms"
 
 

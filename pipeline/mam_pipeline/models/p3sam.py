@@ -24,7 +24,7 @@ class P3SamSegmenter:
     @classmethod
     def available(cls) -> Availability:
         """Whether a runner is named in MAM_SIM_P3SAM."""
-        return external.availability(VARIABLE, LICENCE, "docs/models.md")
+        return external.availability(VARIABLE, LICENCE, "docs/guides/foundation-models.md")
 
     def segment(self, mesh: Mesh, seed: int = 0) -> Primitives:
         """Face ids from P3-SAM, mapped to our faces and healed; UVs are never touched.

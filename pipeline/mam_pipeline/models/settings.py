@@ -14,12 +14,12 @@ from pathlib import Path
 from mam_pipeline.errors import ConfigError
 
 DOCS = {
-    "MAM_SIM_P3SAM": "command or http(s) URL of a P3-SAM runner (docs/models.md)",
-    "MAM_SIM_SP4D": "command or http(s) URL of an SP4D runner (docs/models.md)",
-    "MAM_SIM_PRIOR_FILE": "folder with kinematic masks written by anybody (docs/models.md)",
-    "MAM_SIM_HUNYUAN3D": "http(s) URL of a Hunyuan3D-2 or 2.1 server (docs/models.md)",
-    "MAM_SIM_TRIPOSR": "command or http(s) URL of a TripoSR runner (docs/models.md)",
-    "MAM_SIM_TRIPOSG": "command or http(s) URL of a TripoSG runner (docs/models.md)",
+    "MAM_SIM_P3SAM": "command or http(s) URL of a P3-SAM runner",
+    "MAM_SIM_SP4D": "command or http(s) URL of an SP4D runner",
+    "MAM_SIM_PRIOR_FILE": "folder with kinematic masks written by anybody",
+    "MAM_SIM_HUNYUAN3D": "http(s) URL of a Hunyuan3D-2 or 2.1 server",
+    "MAM_SIM_TRIPOSR": "command or http(s) URL of a TripoSR runner",
+    "MAM_SIM_TRIPOSG": "command or http(s) URL of a TripoSG runner",
     "MAM_SIM_TIMEOUT": "seconds that one call of an external model may take (default 900)",
     "MAM_SIM_VLM_MODEL": "name of the vision-language model (default gpt-4o)",
     "MAM_SIM_VLM_IMAGES": "most images that the endpoint takes in one question (default 16)",

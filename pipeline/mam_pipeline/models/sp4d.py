@@ -38,7 +38,7 @@ class Sp4dPrior:
     @classmethod
     def available(cls) -> Availability:
         """Whether a runner is named in MAM_SIM_SP4D."""
-        return external.availability(VARIABLE, LICENCE, "docs/models.md")
+        return external.availability(VARIABLE, LICENCE, "docs/guides/foundation-models.md")
 
     def observe(self, mesh: Mesh, primitives: Primitives, seed: int = 0) -> KinematicPrior:
         """Ask for part maps, calibrate the cameras, cluster the colours, vote on primitives.

@@ -1,0 +1,74 @@
+"""What mkdocs fills in while it builds the site: tables of results, and tables made from the code.
+
+A page asks for one by `{{ name }}`; `{{ results: NAME }}` is the table of docs/results/NAME.json.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "benchmarks"))
+
+import results_page  # noqa: E402 - benchmarks/ is no package
+
+MARK = re.compile(r"\{\{ (\w+)(?:: (\w+))? \}\}")
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Replace every mark on a page.
+
+    Raises:
+        KeyError: a mark that nothing here makes.
+    """
+    return MARK.sub(lambda m: MAKERS[m[1]](*([m[2]] if m[2] else [])), markdown)
+
+
+def _results(name: str) -> str:
+    table = results_page.load(name)
+    origins = results_page.origins(table).replace("\n", "\n    ")
+    return f'{results_page.figures(table)}\n\n??? note "How it was measured"\n\n    {origins}\n'
+
+
+def _reasons() -> str:
+    from mam_pipeline.check.report import REASONS
+
+    rows = [f"| `{code}` | {text} |" for code, text in REASONS.items()]
+    return "\n".join(["| code | meaning |", "|---|---|", *rows])
+
+
+def _thresholds() -> str:
+    from mam_pipeline.thresholds import Thresholds
+
+    words = _attributes(Thresholds.__doc__ or "")
+    rows = [
+        f"| `{name}` | {value:g} | {words.get(name, '')} |"
+        for name, value in vars(Thresholds()).items()
+    ]
+    return "\n".join(["| threshold | value | meaning |", "|---|---|---|", *rows])
+
+
+def _attributes(doc: str) -> dict[str, str]:
+    """The sentence of each attribute in a Google-style docstring."""
+    body = inspect.cleandoc(doc).partition("Attributes:")[2]
+    found = re.findall(r"^([a-z_, ]+): (.+)$", re.sub(r"\n {8,}", " ", body), re.MULTILINE)
+    return {name.strip(): text for names, text in found for name in names.split(",")}
+
+
+def _category_count() -> str:
+    from mam_world import CATEGORIES
+
+    return str(len(CATEGORIES))
+
+
+MAKERS: dict[str, Callable[..., str]] = {
+    "results": _results,
+    "reasons": _reasons,
+    "thresholds": _thresholds,
+    "category_count": _category_count,
+}
