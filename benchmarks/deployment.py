@@ -20,7 +20,8 @@ from mam_policies.evaluate import HELD_OUT
 from mam_policies.lerobot.export import deployment
 from mam_policies.lerobot.policy import Converter
 from mam_policies.lerobot.robot_interface import Body, Faults, mapping_of
-from mam_policies.run import MlpPolicy, RunInfo, few_objects
+from mam_policies.mlp import MlpPolicy
+from mam_policies.run import RunInfo, few_objects
 from mam_policies.wilson import wilson
 
 CASES = {

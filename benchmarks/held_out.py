@@ -26,7 +26,8 @@ from mam_pipeline.asset.card import Asset
 from mam_pipeline.check.check import check_asset
 from mam_pipeline.errors import MamSimError
 from mam_policies.evaluate import HELD_OUT, evaluate, evaluate_expert, plain
-from mam_policies.run import Actor, EnvChoice, MlpPolicy, RunInfo
+from mam_policies.mlp import MlpActor, MlpPolicy
+from mam_policies.run import EnvChoice, RunInfo
 
 
 @dataclass
@@ -116,7 +117,7 @@ def _text(values: np.ndarray) -> str:
 def try_on(run: Path, choice: EnvChoice, settings: Settings, name: str) -> dict[str, Any]:
     """One row: check, expert, policy on one asset."""
     row: dict[str, Any] = {"asset": name, "check": check_asset(Path(choice.assets[0])).passed}
-    actor = Actor(MlpPolicy.load(run))
+    actor = MlpActor(MlpPolicy.load(run))
 
     def begin(_env: Any) -> Any:
         actor.reset()

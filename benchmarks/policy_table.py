@@ -27,7 +27,7 @@ from mam_pipeline.check.check import check_asset
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.formats.mesh_files import save_glb
 from mam_pipeline.ground_truth import list_objects, read_object
-from mam_policies.algorithms.bc import BcConfig, train_bc
+from mam_policies.algorithms.bc import BcConfig, BehaviourCloning
 from mam_policies.evaluate import evaluate_run, plain
 from mam_policies.run import EnvChoice
 from mam_policies.wilson import wilson
@@ -82,7 +82,7 @@ def measure(wish: str, settings: Settings) -> dict[str, Any]:
         wall, cpu = time.monotonic(), time.process_time()
         run = settings.out / "runs" / f"{folder.name}-{joint or 'any'}"
         config = BcConfig(episodes=settings.demonstrations, rounds=settings.rounds)
-        info = train_bc(choice, config, run)
+        info = BehaviourCloning().train(choice, config, run)
         row["training"] = {
             "wall": round(time.monotonic() - wall),
             "cpu": round(time.process_time() - cpu),

@@ -18,9 +18,11 @@ from typing import Any, Literal
 import torch
 import tyro
 
-from mam_policies.algorithms.rl import CONTROL_MODE, RlConfig, train_rl
+from mam_policies.algorithms.ppo import Ppo
+from mam_policies.algorithms.sac import Sac
 from mam_policies.evaluate import HELD_OUT, evaluate
-from mam_policies.run import Actor, EnvChoice, MlpPolicy
+from mam_policies.mlp import MlpActor, MlpPolicy
+from mam_policies.run import EnvChoice
 
 
 @dataclass
@@ -46,18 +48,19 @@ class Settings:
 
 def learn(asset: str, seed: int, settings: Settings) -> dict[str, Any]:
     """Train one seed; rows of (steps, successes, episodes, seconds so far)."""
+    learner = {"ppo": Ppo, "sac": Sac}[settings.algo]()
     choice = EnvChoice(
-        (asset,), settings.joint, control_mode=CONTROL_MODE, max_steps=settings.max_steps
+        (asset,), settings.joint, control_mode=learner.control_mode, max_steps=settings.max_steps
     )
-    config = RlConfig(
-        settings.algo, settings.steps, seed, warm_episodes=settings.warm, save_every=settings.every
+    config = learner.Config(
+        steps=settings.steps, seed=seed, episodes=settings.warm, save_every=settings.every
     )
     rows: list[tuple[int, int, int, float]] = []
     started, testing = time.process_time(), 0.0
 
     def test(steps: int, policy: MlpPolicy) -> None:
         nonlocal testing
-        began, actor = time.process_time(), Actor(policy)
+        began, actor = time.process_time(), MlpActor(policy)
 
         def begin(_env: Any) -> Any:
             actor.reset()
@@ -70,7 +73,7 @@ def learn(asset: str, seed: int, settings: Settings) -> dict[str, Any]:
         print(f"{settings.algo} seed {seed}: {steps} steps, {spent} s, {found.line()}", flush=True)
 
     run = settings.out / f"{settings.algo}-{seed}"
-    info = train_rl(choice, config, run, on_checkpoint=test)
+    info = learner.train(choice, config, run, on_checkpoint=test)
     test(int(info.results["steps"]), MlpPolicy.load(run))
     return {"algo": settings.algo, "seed": seed, "rows": rows, "config": info.config}
 

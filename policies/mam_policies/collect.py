@@ -214,7 +214,6 @@ def _run(
     env: Any, expert: Expert, obs: Any, rows: dict[str, list[Any]], outcome: dict, settle: int
 ) -> None:
     base: OperateJointEnv = env.unwrapped
-    spec = base.robot_spec
     _keep(rows, "env_states", base.get_state_dict())
     _see(rows, base, obs)
     success, left = False, settle
@@ -222,7 +221,7 @@ def _run(
         action = expert.act()
         if expert.phase == "done" and not success:
             break
-        clean = spec.action(expert.target, expert.gripper)
+        clean = expert.clean_action()
         obs, reward, _, truncated, info = env.step(action)
         success = success or bool(info["success"][0])
         target = np.append(expert.target, expert.gripper)

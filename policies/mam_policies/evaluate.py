@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from mani_skill.utils import common
 
+from mam_policies.algorithms import Actor, algorithm
 from mam_policies.expert import Expert, PlanningError
-from mam_policies.run import Actor, EnvChoice, MlpPolicy, RunInfo, few_objects
+from mam_policies.run import EnvChoice, RunInfo, few_objects
 from mam_policies.wilson import wilson
 
 HELD_OUT = 50_000_017  # evaluation seeds start here; demonstrations use seeds far below
@@ -76,46 +77,23 @@ def evaluate_run(
         InputError: no run, no policy, no asset.
     """
     folder = Path(run)
-    choice = RunInfo.load(folder).env
+    info = RunInfo.load(folder)
+    choice = info.env
     if assets:
         choice = replace(choice, assets=tuple(assets), joint=joint)
     elif joint is not None:
         choice = replace(choice, joint=joint)
-    if (folder / "policy").is_dir():
-        return evaluate_student(
-            folder, choice, episodes, seed=seed, video=video, on_episode=on_episode
-        )
-    policy = MlpPolicy.load(folder)
-    actor = Actor(policy)
+    learned = algorithm(info.algo)
+    actor: Actor | None = None
 
-    def begin(_env: Any) -> Callable[[Any], Any]:
+    def begin(env: Any) -> Callable[[Any], Any]:
+        nonlocal actor
+        actor = actor or learned.actor(folder, env)
         actor.reset()
         return actor.act
 
-    return evaluate(choice, begin, episodes, seed, video, on_episode)
-
-
-def evaluate_student(run: Path, choice: EnvChoice, episodes: int, **more: Any) -> Evaluation:
-    """Success of one of LeRobot's own policies, in run/policy; `more` as in evaluate."""
-    from mam_policies.lerobot.dataset import offline
-    from mam_policies.lerobot.export import MAPPING
-    from mam_policies.lerobot.joint_mapping import load_mapping
-    from mam_policies.lerobot.training import Student, view
-
-    offline()
-    student: Student | None = None
-
-    def begin(env: Any) -> Any:
-        nonlocal student
-        if student is None:
-            base = env.unwrapped
-            joints = load_mapping(run / MAPPING, [j.name for j in base.agent.robot.active_joints])
-            student = Student(run / "policy", base, joints)
-        student.reset()
-        return student.act
-
-    cameras = bool(RunInfo.load(run).config.get("cameras", True))
-    return evaluate(choice, begin, episodes, make=view(cameras), **more)
+    make = learned.env_arguments(info)
+    return evaluate(choice, begin, episodes, seed, video, on_episode, make)
 
 
 def evaluate_zip(

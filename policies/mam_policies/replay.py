@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.errors import InputError
-from mam_policies.algorithms.bc import Demonstration
+from mam_policies.demonstrations import Demonstration, is_noisy, load, seed_of
 from mam_policies.lerobot.dataset import Names, Track, write_dataset
 from mam_policies.lerobot.joint_mapping import JointMapping
 from mam_policies.lerobot.policy import PERCEIVED
@@ -53,11 +53,11 @@ def best_demonstration(run: Path) -> tuple[RunInfo, int, Demonstration]:
     best: tuple[int, Demonstration] | None = None
     for file in sorted((run / "demos").glob("[0-9]*.npz")):
         number = int(file.stem)
-        with np.load(file) as data:
-            found = Demonstration(data["obs"], data["actions"])
-        quiet = number % 3 == 0  # bc leaves every third demonstration without noise
-        if found.obs.size and quiet and (best is None or len(found.obs) < len(best[1].obs)):
-            best = (int(info.config.get("seed", 0)) * 1_000_003 + number, found)
+        found = load(file)
+        if isinstance(found, str) or is_noisy(number):
+            continue
+        if best is None or len(found.obs) < len(best[1].obs):
+            best = (seed_of(int(info.config.get("seed", 0)), number), found)
     if best is None or info.env.control_mode != "pd_joint_pos":
         raise InputError(f"{run} keeps no demonstrations to replay; train it with --algo bc")
     return info, *best

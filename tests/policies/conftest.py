@@ -33,12 +33,12 @@ def two_drawers(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def run_folder(drawer: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A policy cloned from few demonstrations that sees positions only."""
-    from mam_policies.algorithms.bc import BcConfig, train_bc
+    from mam_policies.algorithms.bc import BcConfig, BehaviourCloning
     from mam_policies.run import EnvChoice
 
     out = tmp_path_factory.mktemp("runs") / "drawer"
     choice = EnvChoice((str(drawer),), max_steps=120)
-    train_bc(choice, BcConfig(episodes=30, epochs=100, deployable=True), out)
+    BehaviourCloning().train(choice, BcConfig(episodes=30, epochs=100, deployable=True), out)
     return out
 
 

@@ -14,7 +14,8 @@ from mam_pipeline.errors import ConfigError, HintNeeded, InputError
 from mam_policies.lerobot.export import MAPPING, build_beside, export_run
 from mam_policies.lerobot.joint_mapping import identity, load_mapping, template
 from mam_policies.lerobot.policy import quaternion
-from mam_policies.run import EnvChoice, MlpPolicy, RunInfo
+from mam_policies.mlp import MlpPolicy
+from mam_policies.run import EnvChoice, RunInfo
 from mam_sim.cli import main
 
 SO = robot_spec("so100")
@@ -113,7 +114,11 @@ def test_export_is_whole_or_absent(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         build_beside(out, dies)
     assert not out.exists()
-    build_beside(out, lambda folder: (folder / "whole").write_text("y") and None)
+
+    def ends(folder: Path) -> None:
+        (folder / "whole").write_text("y")
+
+    build_beside(out, ends)
     assert {p.name for p in out.iterdir()} == {"whole"}
     with pytest.raises(KeyboardInterrupt):
         build_beside(out, dies)

@@ -7,16 +7,16 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
 
-from mam_policies.algorithms.bc import BcConfig, train_bc
-from mam_policies.algorithms.rl import CONTROL_MODE, RlConfig, train_rl
-from mam_policies.algorithms.rl_checkpoint import load_checkpoint
-from mam_policies.run import EnvChoice, MlpPolicy, RunInfo
+from mam_policies.algorithms import algorithm
+from mam_policies.algorithms.bc import BcConfig, BehaviourCloning
+from mam_policies.algorithms.sb3_checkpoint import load_checkpoint
+from mam_policies.mlp import MlpPolicy
+from mam_policies.run import EnvChoice, RunInfo
 
 pytestmark = pytest.mark.slow  # each starts processes with a simulator and kills them
 
@@ -63,18 +63,19 @@ def test_killed_cloning_ends_the_same(drawer: Path, tmp_path: Path) -> None:
     (straight / "demos").mkdir(parents=True)
     for file in out.glob("demos/*.npz"):
         (straight / "demos" / file.name).write_bytes(file.read_bytes())
-    train_bc(info.env, BcConfig(episodes=3, epochs=60), straight)
+    BehaviourCloning().train(info.env, BcConfig(episodes=3, epochs=60), straight)
     assert same_weights(out, straight)
 
 
+SHORT = {"episodes": 0, "steps": 256, "curriculum": False, "save_every": 64}
 RL = """
 import sys
 from pathlib import Path
-from mam_policies.algorithms.rl import CONTROL_MODE, RlConfig, train_rl
+from mam_policies.algorithms import algorithm
 from mam_policies.run import EnvChoice
-choice = EnvChoice((sys.argv[1],), control_mode=CONTROL_MODE, max_steps=30)
-config = RlConfig("{algo}", {steps}, curriculum=False, rollout=64, save_every=64)
-train_rl(choice, config, Path(sys.argv[2]))
+learner = algorithm("{algo}")
+choice = EnvChoice((sys.argv[1],), control_mode=learner.control_mode, max_steps=30)
+learner.train(choice, learner.Config(**{settings}), Path(sys.argv[2]))
 """
 
 
@@ -84,17 +85,19 @@ def test_killed_reinforcement_learning_ends_the_same(
 ) -> None:
     """A killed run and one that was not end with the same weights, bit for bit."""
     out, straight = tmp_path / "run", tmp_path / "straight"
-    code = RL.format(algo=algo, steps=256)
+    settings = SHORT | ({"rollout": 64} if algo == "ppo" else {})
+    code = RL.format(algo=algo, settings=settings)
     command = [sys.executable, "-c", code, str(drawer), str(out)]
     kill_when(command, (out / "checkpoint" / "last.pt").exists)
     saved = load_checkpoint(out / "checkpoint")
     assert saved is not None and 64 <= saved["steps"] < 256 and not (out / "run.json").exists()
 
     torch.set_num_threads(1)
-    choice = EnvChoice((str(drawer),), control_mode=CONTROL_MODE, max_steps=30)
-    config = RlConfig(algo, 256, curriculum=False, rollout=64, save_every=64)
-    first = train_rl(choice, config, out)
-    second = train_rl(choice, replace(config), straight)
+    learner = algorithm(algo)
+    choice = EnvChoice((str(drawer),), control_mode=learner.control_mode, max_steps=30)
+    config = learner.Config(**settings)
+    first = learner.train(choice, config, out)
+    second = learner.train(choice, config, straight)
     assert first.results["steps"] == second.results["steps"]
     assert first.results["curve"] == second.results["curve"]
     assert same_weights(out, straight)

@@ -41,10 +41,11 @@ def test_stock_runtime_sends_our_actions(run_folder: Path, exported: Path, drawe
     from lerobot.utils.control_utils import predict_action
 
     from mam_policies.lerobot.robot_interface import Body
-    from mam_policies.run import Actor, EnvChoice, MlpPolicy, flat
+    from mam_policies.mlp import MlpActor, MlpPolicy
+    from mam_policies.run import EnvChoice, flat
 
     policy, before, after = _load(exported)
-    actor = Actor(MlpPolicy.load(run_folder))
+    actor = MlpActor(MlpPolicy.load(run_folder))
     body = Body(EnvChoice((str(drawer),), max_steps=120))
     low, high = body.spec.gripper_range or (0.0, 0.0)
     state = body.reset(SEED)
@@ -85,7 +86,8 @@ def test_changes_of_targets_become_absolute_targets(drawer: Path) -> None:
     from mam_policies.lerobot.export import deployment
     from mam_policies.lerobot.policy import PERCEIVED, Converter
     from mam_policies.lerobot.robot_interface import mapping_of
-    from mam_policies.run import Actor, EnvChoice, MlpPolicy, RunInfo, describe_env, flat
+    from mam_policies.mlp import MlpActor, MlpPolicy
+    from mam_policies.run import EnvChoice, RunInfo, describe_env, flat
 
     choice = EnvChoice((str(drawer),), control_mode="pd_joint_target_delta_pos")
     env = choice.make()
@@ -99,7 +101,7 @@ def test_changes_of_targets_become_absolute_targets(drawer: Path) -> None:
     info = RunInfo("ppo", choice, **sizes)
     base = env.unwrapped
     converter = Converter(deployment(base, info, mapping_of(base, None)), policy)
-    actor = Actor(policy)
+    actor = MlpActor(policy)
     obs, _ = env.reset(seed=3)
     for _ in range(15):
         q = flat(obs)[:9]

@@ -15,9 +15,9 @@ os.environ["HF_HUB_OFFLINE"] = "1"  # before LeRobot is imported
 
 from mam_envs.scene.vulkan import vulkan_ok
 from mam_pipeline.errors import ConfigError
+from mam_policies.algorithms.lerobot_policies import Act, Diffusion, LeRobotConfig, SmolVla
 from mam_policies.evaluate import evaluate_run
 from mam_policies.lerobot.export import export_run
-from mam_policies.lerobot.training import StudentConfig, train_student
 from mam_policies.run import EnvChoice, RunInfo
 
 SMALL = {
@@ -35,18 +35,18 @@ SMALL = {
 
 def test_smolvla_says_that_it_needs_weights(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="--download"):
-        train_student(EnvChoice(("nowhere",)), StudentConfig("smolvla"), tmp_path)
+        SmolVla().train(EnvChoice(("nowhere",)), LeRobotConfig(), tmp_path)
 
 
 @pytest.mark.slow  # LeRobot's training, three times
 def test_diffusion_on_the_privileged_state_with_a_round(drawer: Path, tmp_path: Path) -> None:
-    """Two steps, then the student acts, then two more on demonstrations and its own episode."""
+    """Two steps, then the policy acts, then two more on demonstrations and its own episode."""
     choice = EnvChoice((str(drawer),), max_steps=100)
-    config = StudentConfig(
-        "diffusion", steps=2, batch=2, episodes=1, cameras=False, rounds=1, round_episodes=1,
+    config = LeRobotConfig(
+        steps=2, batch=2, episodes=1, cameras=False, rounds=1, round_episodes=1,
         more=SMALL["diffusion"],
     )  # fmt: skip
-    info = train_student(choice, config, tmp_path)
+    info = Diffusion().train(choice, config, tmp_path)
     assert info.algo == "diffusion" and RunInfo.load(tmp_path).results["demonstrations"] == 1
     left = [p.name for p in (tmp_path / "lerobot" / "checkpoints").glob("[0-9]*")]
     assert [int(name) for name in left] == [2]  # of two, which are gigabytes each in earnest
@@ -57,7 +57,7 @@ def test_diffusion_on_the_privileged_state_with_a_round(drawer: Path, tmp_path: 
 
     # the same command goes on: from the last checkpoint where more steps are asked for
     kept = (tmp_path / "demos" / "attempts" / "000000.npz").read_bytes()
-    train_student(choice, replace(config, rounds=0), tmp_path)
+    Diffusion().train(choice, replace(config, rounds=0), tmp_path)
     assert (tmp_path / "demos" / "attempts" / "000000.npz").read_bytes() == kept
 
     export_run(tmp_path, tmp_path / "out")
@@ -71,9 +71,9 @@ def test_act_sees_cameras_and_motors_only(
 ) -> None:
     pytest.importorskip("lerobot_robot_mam_sim", reason="scripts/setup.sh installs the plug-ins")
     choice = EnvChoice((str(drawer),), max_steps=100)
-    config = StudentConfig("act", steps=1, batch=1, episodes=1, more=SMALL["act"])
+    config = LeRobotConfig(steps=1, batch=1, episodes=1, more=SMALL["act"])
     run, out = tmp_path / "run", tmp_path / "out"
-    train_student(choice, config, run)
+    Act().train(choice, config, run)
     features = json.loads((run / "policy" / "config.json").read_text())["input_features"]
     assert set(features) == {"observation.state", "observation.images.front"}
     saved = RunInfo.load(run)

@@ -14,11 +14,14 @@ import pytest
 import torch
 
 from mam_pipeline.errors import ConfigError, InputError
-from mam_policies.algorithms.bc import BcConfig, Demonstration, fit, positions, train_bc
-from mam_policies.algorithms.rl import CONTROL_MODE, GAMMA, Plain, RlConfig, train_rl
+from mam_policies.algorithms.bc import BcConfig, BehaviourCloning, fit, positions
+from mam_policies.algorithms.ppo import Ppo, PpoConfig
+from mam_policies.algorithms.sb3_env import Plain
+from mam_policies.demonstrations import Demonstration
 from mam_policies.expert import Expert
 from mam_policies.lerobot.robot_interface import Body, Faults
-from mam_policies.run import Actor, EnvChoice, MlpPolicy, RunInfo
+from mam_policies.mlp import MlpActor, MlpPolicy
+from mam_policies.run import EnvChoice, RunInfo
 from mam_policies.wilson import wilson
 from mam_sim.cli import main as mam_sim
 
@@ -70,7 +73,7 @@ def test_file_of_another_kind_is_named(tmp_path: Path) -> None:
 
 def test_actor_averages_overlapping_chunks() -> None:
     policy = _policy()
-    actor = Actor(policy, decay=0.5)
+    actor = MlpActor(policy, decay=0.5)
     first, second = np.zeros(6, np.float32), np.ones(6, np.float32)
     actor.act(first)
     got = actor.act(second)
@@ -136,10 +139,10 @@ class Steps(gym.Env):
 
 def test_success_is_worth_more_than_waiting() -> None:
     """It ends an episode and counts as if it lasted; the time limit is then no truncation."""
-    env = Plain(Steps())
+    env = Plain(Steps(), gamma=0.98)
     env.reset()
     rows = [env.step(np.zeros(1)) for _ in range(3)]
-    assert [r[1] for r in rows] == pytest.approx([0.5, 0.5, 0.5 / (1 - GAMMA)])
+    assert [r[1] for r in rows] == pytest.approx([0.5, 0.5, 0.5 / 0.02])
     assert [r[2] for r in rows] == [False, False, True] and not rows[-1][3]
 
 
@@ -157,25 +160,25 @@ def test_cloning_a_drawer_learns(run_folder: Path) -> None:
 @pytest.mark.slow  # runs the simulator for some hundred steps
 def test_ppo_runs_and_goes_further(drawer: Path, tmp_path: Path) -> None:
     """From the clone of one demonstration; a longer wish goes on from the last checkpoint."""
-    choice = EnvChoice((str(drawer),), control_mode=CONTROL_MODE, max_steps=100)
-    config = RlConfig("ppo", 128, rollout=128, save_every=128, warm_episodes=1)
+    choice = EnvChoice((str(drawer),), control_mode=Ppo.control_mode, max_steps=100)
+    config = PpoConfig(steps=128, rollout=128, save_every=128, episodes=1)
     told: list[int] = []
-    train_rl(choice, config, tmp_path, on_checkpoint=lambda n, _: told.append(n))
-    first = train_rl(choice, replace(config, steps=256), tmp_path)
-    more = train_rl(choice, replace(config, steps=384), tmp_path)
+    Ppo().train(choice, config, tmp_path, on_checkpoint=lambda n, _: told.append(n))
+    first = Ppo().train(choice, replace(config, steps=256), tmp_path)
+    more = Ppo().train(choice, replace(config, steps=384), tmp_path)
     assert told == [0] and first.results["steps"] == 256 and more.results["steps"] == 384
     policy = MlpPolicy.load(tmp_path)
     assert policy.squash == "clip" and list((tmp_path / "tensorboard").rglob("events*"))
     with pytest.raises(ConfigError, match="other settings"):
-        train_rl(choice, replace(config, seed=3), tmp_path)
+        Ppo().train(choice, replace(config, seed=3), tmp_path)
 
 
 @pytest.mark.slow  # runs the simulator for some hundred steps
-def test_a_round_of_the_student_is_labelled_by_the_plan(drawer: Path, tmp_path: Path) -> None:
-    """The untrained student soon leaves the plan; what it saw is kept with the plan's targets."""
+def test_a_dagger_round_is_labelled_by_the_plan(drawer: Path, tmp_path: Path) -> None:
+    """The untrained policy soon leaves the plan; what it saw is kept with the plan's targets."""
     choice = EnvChoice((str(drawer),), max_steps=80)
     config = BcConfig(episodes=1, epochs=2, rounds=1, round_episodes=2)
-    info = train_bc(choice, config, tmp_path)
+    info = BehaviourCloning().train(choice, config, tmp_path)
     assert len(info.results["rounds"]) == 1
     files = sorted(tmp_path.glob("round_1/*.npz"))
     assert len(files) == 2
@@ -189,7 +192,7 @@ def test_a_round_of_the_student_is_labelled_by_the_plan(drawer: Path, tmp_path: 
     assert np.allclose(labels[:, :7], expert.plan.arm[: len(labels)], atol=1e-6)
     env.close()
     at = [f.stat().st_mtime_ns for f in files]
-    again = train_bc(choice, config, tmp_path)
+    again = BehaviourCloning().train(choice, config, tmp_path)
     assert [f.stat().st_mtime_ns for f in files] == at
     assert again.results == info.results
 

@@ -12,11 +12,13 @@ import pytest
 import torch
 
 from mam_pipeline.errors import ConfigError, InputError
-from mam_policies.algorithms.bc import BcConfig, Demonstration, fit
-from mam_policies.algorithms.rl_checkpoint import load_checkpoint
+from mam_policies.algorithms.bc import BcConfig, fit
+from mam_policies.algorithms.sb3_checkpoint import load_checkpoint
 from mam_policies.algorithms.sb3_zip import algorithm_of, load_sb3
+from mam_policies.demonstrations import Demonstration
 from mam_policies.evaluate import evaluate_zip
-from mam_policies.run import EnvChoice, MlpPolicy
+from mam_policies.mlp import MlpPolicy
+from mam_policies.run import EnvChoice
 from mam_sim.cli import main as mam_sim
 
 

@@ -10,7 +10,7 @@ from lerobot.utils.constants import OBS_STATE
 
 from lerobot_policy_mam_sim.configuration_mam_sim import MamSimConfig
 from mam_policies.lerobot.policy import PERCEIVED, Converter
-from mam_policies.run import MlpPolicy
+from mam_policies.mlp import MlpPolicy
 
 
 class MamSimPolicy(PreTrainedPolicy):

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from lerobot.robots.robot import Robot
+from numpy.typing import NDArray
 
 from lerobot_robot_mam_sim.config_mam_sim_robot import MamSimRobotConfig
 from mam_policies.lerobot.policy import PERCEIVED
@@ -32,6 +33,8 @@ class MamSimRobot(Robot):
         self.config = config
         self._connected = False
         self._next_seed = config.seed
+        self._state: NDArray[np.float32] = np.zeros(0, dtype=np.float32)
+        self._read = False
         self.cameras: dict[str, Any] = {}  # LeRobot counts them
 
     @cached_property

@@ -1,1 +1,120 @@
-"""Learning algorithms: behaviour cloning, PPO and SAC."""
+"""Learning algorithms: what each of them is, and the names that `mam-sim train --algo` knows.
+
+One algorithm is one file: a frozen dataclass of settings, and a class that trains a run folder with
+them and acts from that folder. Listing the names imports none of them. Other packages add theirs
+by an entry point in the group `mam_sim.algorithm` (docs/extend/algorithm.md).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
+
+from mam_pipeline.errors import ConfigError
+from mam_pipeline.registry import Registry
+
+if TYPE_CHECKING:  # torch is not needed to list names
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from mam_policies.run import EnvChoice, RunInfo
+
+ALGORITHMS = Registry(
+    "algorithm",
+    {
+        "bc": "mam_policies.algorithms.bc:BehaviourCloning",
+        "ppo": "mam_policies.algorithms.ppo:Ppo",
+        "sac": "mam_policies.algorithms.sac:Sac",
+        "act": "mam_policies.algorithms.lerobot_policies:Act",
+        "diffusion": "mam_policies.algorithms.lerobot_policies:Diffusion",
+        "smolvla": "mam_policies.algorithms.lerobot_policies:SmolVla",
+    },
+)
+
+OnProgress = Callable[[str, float, str], None]
+"""Called with (phase, share of it that is done, words for people)."""
+Settings = TypeVar("Settings")
+
+
+class Actor(Protocol):
+    """A trained policy that acts in one environment, step by step."""
+
+    def reset(self) -> None:
+        """Start an episode."""
+
+    def act(self, obs: Any) -> NDArray[np.float32]:
+        """The action (m,) for the environment's observation."""
+
+
+class Algorithm(ABC, Generic[Settings]):
+    """A way to make a policy for an environment.
+
+    Attributes:
+        name: the one in the registry; it is written into the run.
+        Config: frozen dataclass of all settings, each with a default and a sentence.
+        control_mode: of the arm, in ManiSkill's words.
+    """
+
+    name: ClassVar[str]
+    Config: ClassVar[type[Any]]
+    control_mode: ClassVar[str] = "pd_joint_pos"
+
+    @abstractmethod
+    def train(
+        self,
+        choice: EnvChoice,
+        config: Settings,
+        out: Path,
+        update: OnProgress = lambda *_: None,
+    ) -> RunInfo:
+        """Train into the run folder `out`, or go on where a killed run was.
+
+        Args:
+            choice: the environment; `choice.make()` builds it.
+            config: an instance of `Config`.
+            out: the run folder; run.json is written last.
+            update: told about progress.
+
+        Returns:
+            What was saved as run.json.
+        """
+
+    def env_arguments(self, info: RunInfo) -> dict[str, Any]:
+        """Further arguments of the environment that the run's policy acts in."""
+        return {}
+
+    def actor(self, run: Path, env: Any) -> Actor:
+        """The policy of a run folder, ready to act in `env`.
+
+        This one reads policy.safetensors; an algorithm with another kind of policy overrides it.
+
+        Raises:
+            InputError: no policy there.
+        """
+        from mam_policies.mlp import MlpActor, MlpPolicy
+
+        return MlpActor(MlpPolicy.load(run))
+
+
+def algorithm(name: str) -> Algorithm[Any]:
+    """The algorithm of that name.
+
+    Raises:
+        ConfigError: no such name; the message names the nearest.
+        BackendError: a package that it needs is missing.
+    """
+    found: Algorithm[Any] = ALGORITHMS.load(name)()
+    return found
+
+
+def check_least(config: Any, **least: float) -> None:
+    """Check that settings are not below their least values.
+
+    Raises:
+        ConfigError: one is.
+    """
+    for name, bound in least.items():
+        if getattr(config, name) < bound:
+            raise ConfigError(f"{name} must be at least {bound}, not {getattr(config, name)}")

@@ -181,22 +181,24 @@ class Expert:
             self.at = len(self.plan)
             self.plans += [self.plan] * self.attempts  # no further tries
 
+    def clean_action(self) -> FloatArray:
+        """The last action without noise: what a learner should do in its place."""
+        return self._command(self.env.planner_state(), self.target)
+
     def _action(self, now: PlannerState) -> FloatArray:
-        target = self.target
-        if self.noise:
-            target = target + self.rng.normal(0, self.noise, len(target))
+        noise = self.rng.normal(0, self.noise, len(self.target)) if self.noise else 0.0
+        return self._command(now, self.target + noise)
+
+    def _command(self, now: PlannerState, target: FloatArray) -> FloatArray:
+        """The environment's action towards an arm joint target."""
         robot = now.robot
         if self.mode == "pd_joint_pos":
             limits = robot.chain.limits
             return robot.action(np.clip(target, limits[:, 0], limits[:, 1]), self.gripper)
-        return self._delta(now, target)
-
-    def _delta(self, now: PlannerState, target: FloatArray) -> FloatArray:
-        """The same as a normalised change of joint values."""
-        robot = now.robot
         begin = now.arm
         if self.mode == "pd_joint_target_delta_pos":  # changes add up on the last target
-            begin = self.env.agent.controller.controllers["arm"]._target_qpos[0].cpu().numpy()
+            arm = self.env.agent.controller.controllers["arm"]
+            begin = arm.get_state()["target_qpos"][0].cpu().numpy()
         action = robot.action((target - begin) / robot.delta, self.gripper)
         if robot.gripper_range is None:  # the gripper, too, is commanded by its change
             grip_now = float(self.env.agent.robot.get_qpos()[0, -1])

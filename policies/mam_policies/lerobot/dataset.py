@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,8 @@ from mam_pipeline.optional import require
 
 FPS = 20
 REPO_ID = "local/mam_sim"
+IMAGES = "observation.images."
+"""What the names of pictures begin with."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ def features(names: Names, images: dict[str, tuple[int, int]]) -> dict[str, dict
         "next.done": {"dtype": "bool", "shape": (1,), "names": None},
     }
     for camera, (height, width) in images.items():
-        out[f"observation.images.{camera}"] = {
+        out[IMAGES + camera] = {
             "dtype": "video",
             "shape": (height, width, 3),
             "names": ["height", "width", "channels"],
@@ -131,9 +133,44 @@ def _add(dataset: Any, track: Track, rewards: NDArray[np.float32]) -> None:
             "task": track.task,
         }
         for camera, pictures in track.images.items():
-            frame[f"observation.images.{camera}"] = pictures[t]
+            frame[IMAGES + camera] = pictures[t]
         dataset.add_frame(frame)
     dataset.save_episode()
+
+
+def read_tracks(dataset: Any) -> Iterator[tuple[Track, NDArray[np.float32]]]:
+    """Episodes (with their rewards (T,)) of an open dataset."""
+    task = str(dataset.meta.tasks.index[0])
+    for row in dataset.meta.episodes:
+        frames = [dataset[i] for i in range(row["dataset_from_index"], row["dataset_to_index"])]
+        columns = {
+            k: np.stack([_array(k, frame[k]) for frame in frames])
+            for k in frames[0]
+            if k == "action" or k.startswith("observation.")
+        }
+        rewards = np.array([float(f["next.reward"]) for f in frames], dtype=np.float32)
+        yield track_of(columns, bool(frames[-1]["next.success"]), task), rewards
+
+
+def track_of(columns: Mapping[str, NDArray[Any]], success: bool, task: str) -> Track:
+    """An episode from columns under LeRobot's names, T rows each."""
+    return Track(
+        columns["observation.state"],
+        columns["action"],
+        columns["observation.environment_state"],
+        {k[len(IMAGES) :]: columns[k] for k in columns if k.startswith(IMAGES)},
+        success,
+        task,
+    )
+
+
+def _array(name: str, value: Any) -> NDArray[Any]:
+    """A dataset's entry as we keep it: pictures (3, h, w) in 0..1 as (h, w, 3) uint8."""
+    array = np.asarray(value)
+    if not name.startswith(IMAGES):
+        return array
+    picture = array.astype(np.float32).transpose(1, 2, 0)
+    return np.clip(np.round(255 * picture), 0, 255).astype(np.uint8)
 
 
 def load_dataset(root: Path) -> Any:

@@ -23,7 +23,8 @@ from mam_policies.lerobot.dataset import FPS, Names, Track, offline, write_datas
 from mam_policies.lerobot.joint_mapping import SO_ARMS, JointMapping, load_mapping, template
 from mam_policies.lerobot.policy import OBSERVED, PERCEIVED, Deployment
 from mam_policies.lerobot.robot_interface import Body, mapping_of
-from mam_policies.run import MlpPolicy, RunInfo
+from mam_policies.mlp import MlpPolicy
+from mam_policies.run import RunInfo
 
 MARK = "mam_sim_export.json"
 MAPPING = "joint_mapping.yaml"
@@ -210,9 +211,7 @@ def deployment(base: Any, info: RunInfo, joints: JointMapping) -> Deployment:
     )
 
 
-def _action_terms(
-    base: Any, count: int
-) -> tuple[list[float], list[float], list[bool], list[bool]]:
+def _action_terms(base: Any, count: int) -> tuple[list[float], list[float], list[bool], list[bool]]:
     """(gain, bias, moving, limited) of the first `count` action entries, from the controllers."""
     controller = base.agent.controller
     parts = getattr(controller, "controllers", {"all": controller})

@@ -10,7 +10,8 @@ import numpy as np
 from mam_policies.lerobot.dataset import FPS
 from mam_policies.lerobot.joint_mapping import JointMapping
 from mam_policies.lerobot.policy import PERCEIVED
-from mam_policies.run import EnvChoice, MlpPolicy, RunInfo
+from mam_policies.mlp import MlpPolicy
+from mam_policies.run import EnvChoice, RunInfo
 
 MEANING = {
     "handle.x": "point to hold, x in the robot's base frame, metres",

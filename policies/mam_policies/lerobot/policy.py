@@ -15,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 
 from mam_envs.kinematics import Chain, TreeJoint
-from mam_policies.run import MlpPolicy
+from mam_policies.mlp import MlpPolicy
 
 PERCEIVED = ("handle.x", "handle.y", "handle.z", "joint.value", "touch")
 """Named floats behind the motors in the state vector: the point to hold in the robot's base frame
