@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from mam_pipeline import backends
 from mam_pipeline.backends import KinematicPrior
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.hints import Hints
+from mam_pipeline.rules import ALL_RULES, Ruled, Rules
 from mam_pipeline.types import Articulation, FloatArray, KinematicTree, Mesh, Primitives
 
 OnStage = Callable[[str], None]
@@ -35,6 +37,8 @@ class EngineConfig:
     """Estimates joints: embedded, or the paper's init, lm, nelder-mead."""
     seed: int = 0
     """Seed of everything random."""
+    rules: Rules = ALL_RULES
+    """Hand rules that are followed."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +87,7 @@ class Engine:
     def segment(self, mesh: Mesh) -> Primitives:
         """Faces to primitives (paper 3.2)."""
         with _Stage(self, "segment"):
-            self.used["segmenter"], segmenter = backends.load("segmenter", self.config.segmenter)
+            segmenter = self._load("segmenter", self.config.segmenter)
             primitives: Primitives = segmenter.segment(mesh, seed=self.config.seed)
             return primitives
 
@@ -95,7 +99,7 @@ class Engine:
             self.used["prior"] = "hints"
             return None
         with _Stage(self, "prior"):
-            self.used["prior"], prior = backends.load("prior", self.config.prior)
+            prior = self._load("prior", self.config.prior)
             if self.used["prior"] == "none":
                 return None
             observed: KinematicPrior = prior.observe(mesh, primitives, seed=self.config.seed)
@@ -116,7 +120,7 @@ class Engine:
                 self.used["reasoner"] = "hints"
                 base = KinematicTree((_everything(primitives),))
                 return apply_hints(base, primitives, mesh, hints)
-            self.used["reasoner"], reasoner = backends.load("reasoner", self.config.reasoner)
+            reasoner = self._load("reasoner", self.config.reasoner)
             tree: KinematicTree = reasoner.reason(mesh, primitives, prior, seed=self.config.seed)
             return tree if hints is None else apply_hints(tree, primitives, mesh, hints)
 
@@ -129,9 +133,14 @@ class Engine:
                 "a hints file can name a part: --hints FILE"
             )
         with _Stage(self, "joints"):
-            self.used["solver"], solver = backends.load("solver", self.config.solver)
+            solver = self._load("solver", self.config.solver)
             solved: Articulation = solver.solve(mesh, primitives, tree, seed=self.config.seed)
             return solved
+
+    def _load(self, role: str, name: str) -> Any:
+        """The backend of a role, following the hand rules of the config."""
+        self.used[role], backend = backends.load(role, name)
+        return backend.with_rules(self.config.rules) if isinstance(backend, Ruled) else backend
 
 
 def front_yaw(articulation: Articulation) -> FloatArray:

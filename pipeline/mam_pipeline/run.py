@@ -35,7 +35,7 @@ from mam_pipeline.types import Articulation, FloatArray, Mesh
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".off")
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".gif", ".heic")
-STAGE_VERSION = 17
+STAGE_VERSION = 18
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,6 @@ def _make_asset(
     from mam_pipeline.asset.interiors import add_interiors
     from mam_pipeline.asset.writer import replace_folder, write_asset
     from mam_pipeline.check.shorten import written_and_checked
-    from mam_pipeline.joints.fittings import carried_notes
     from mam_pipeline.models.retexture import repainted
 
     refuse_foreign(out)
@@ -155,9 +154,9 @@ def _make_asset(
         hints = given if given is not None else read.hints
         seconds = {"read": round(time.perf_counter() - started, 3)}
         if read.articulation is not None:
-            articulation, used, left = read.articulation, {"articulation": "urdf"}, ""
+            articulation, used, told = read.articulation, {"articulation": "urdf"}, []
         else:
-            articulation, used, more, left = _engine(read, hints, config, stages, tell)
+            articulation, used, more, told = _engine(read, hints, config, stages, tell)
             seconds |= more
         yaw = front_yaw(articulation) if kind == "mesh" else np.eye(4)
         articulation = moved(articulation, yaw)
@@ -167,7 +166,6 @@ def _make_asset(
         assumed: list[str] = []
         if config.interiors and read.shell:
             articulation, assumed = add_interiors(articulation)
-        carried = carried_notes(articulation.joints)
         write = partial(
             write_asset,
             out=work / "asset",
@@ -178,7 +176,7 @@ def _make_asset(
             metres_per_unit_source=read.metres_per_unit_source,
             backends=used,
             seconds=seconds,
-            notes=[n for n in (read.summary, *read.notes, left, *carried, *assumed) if n],
+            notes=[n for n in (read.summary, *read.notes, *told, *assumed) if n],
             visuals=config.visuals,
         )
         asset = written_and_checked(articulation, write, kind != "urdf", lambda: tell("check"))
@@ -252,12 +250,13 @@ def _read_photo(source: Path, config: MakeConfig, stages: Path) -> Source:
 
 def _engine(
     read: Source, hints: Hints | None, config: MakeConfig, stages: Path, tell: OnStage
-) -> tuple[Articulation, dict[str, str], dict[str, float], str]:
+) -> tuple[Articulation, dict[str, str], dict[str, float], list[str]]:
     """Run or reuse segment, prior, reason and joints.
 
     Returns:
-        The articulation, what was used, the seconds, and a note on what the reasoner left out.
+        The articulation, what was used, the seconds, and notes on what became no part.
     """
+    from mam_pipeline.parts.rules.fittings import carried_notes
     from mam_pipeline.parts.tree import left_out_note
 
     engine = Engine(config.engine, tell)
@@ -265,13 +264,13 @@ def _engine(
     mesh = read.mesh
     stage_files.save_geometry(mesh, stages / "0_mesh")
     names = config.engine
-    seed = names.seed
+    seed, rules = names.seed, repr(names.rules)
     mesh_key = stage_files.mesh_digest(mesh)
     hints_key = stage_files.text_digest(repr(hints))
 
     primitives, key = keeper.run(
         "1_primitives",
-        [mesh_key, names.segmenter, seed],
+        [mesh_key, names.segmenter, seed, rules],
         lambda: engine.segment(mesh),
         stage_files.PRIMITIVES,
     )
@@ -290,7 +289,7 @@ def _engine(
         "3_parts",
         [
             *(key, key_prior, names.reasoner, settings.identity("reasoner", names.reasoner)),
-            *(seed, hints_key),
+            *(seed, hints_key, rules),
         ],
         lambda: engine.reason(mesh, primitives, prior, hints),
         stage_files.TREE,
@@ -298,12 +297,12 @@ def _engine(
     codec = stage_files.articulation_codec(mesh, primitives, tree)
     articulation, _ = keeper.run(
         "4_joints",
-        [key, names.solver, seed],
+        [key, names.solver, seed, rules],
         lambda: engine.solve(mesh, primitives, tree),
         codec,
     )
     used = {**keeper.reused, **engine.used}
-    return articulation, used, engine.seconds, left_out_note(tree)
+    return articulation, used, engine.seconds, [left_out_note(tree), *carried_notes(tree)]
 
 
 class _Keeper:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from mam_pipeline.types import (
     Mesh,
     PartNode,
     Primitives,
+    UsualTravel,
 )
 
 
@@ -129,6 +130,7 @@ def _save_tree(tree: KinematicTree, path: Path) -> None:
                 "origin": [float(v) for v in c.origin],
                 "score": float(c.score),
                 "evidence": {k: plain(v) for k, v in c.evidence.items()},
+                **_ranked(c),
             }
             for c in node.candidates
         ]
@@ -145,13 +147,29 @@ def _load_tree(path: Path) -> KinematicTree:
         for row in rows:
             row = dict(row)
             row["primitives"] = tuple(row["primitives"])
-            row["candidates"] = tuple(JointCandidate(**c) for c in row.get("candidates", ()))
+            row["candidates"] = tuple(_candidate(c) for c in row.get("candidates", ()))
             if row.get("limits") is not None:
                 row["limits"] = tuple(row["limits"])
             nodes.append(PartNode(**row))
         return KinematicTree(tuple(nodes))
     except (TypeError, ValueError, KeyError) as error:
         raise ConfigError(f"{path} was edited into something that is no tree: {error}") from error
+
+
+def _ranked(candidate: JointCandidate) -> dict[str, Any]:
+    """What the ranking said of a candidate, as far as it was ranked."""
+    row: dict[str, Any] = {
+        name: float(value) for name in ("kind_probability", "within_kind")
+        if (value := getattr(candidate, name)) is not None
+    }  # fmt: skip
+    if candidate.travel is not None:
+        row["travel"] = asdict(candidate.travel)
+    return row
+
+
+def _candidate(row: dict[str, Any]) -> JointCandidate:
+    travel = row.get("travel")
+    return JointCandidate(**{**row, "travel": None if travel is None else UsualTravel(**travel)})
 
 
 def articulation_codec(mesh: Mesh, primitives: Primitives, tree: KinematicTree) -> Codec:

@@ -163,6 +163,20 @@ def cut_from_one_skin(merges: IntArray | None, count: int) -> bool:
 
 
 @dataclass(frozen=True)
+class UsualTravel:
+    """How far such joints go: radians, or shares of the part's extent along a slide.
+
+    Attributes:
+        open: from rest to open. back: from rest to closed; 0 when rest is closed.
+        endless: probability that a revolute joint has no limits.
+    """
+
+    open: float
+    back: float
+    endless: float
+
+
+@dataclass(frozen=True)
 class JointCandidate:
     """One hypothesis for a part's joint.
 
@@ -171,7 +185,11 @@ class JointCandidate:
         axis: (3,) unit vector, asset frame; positive motion opens where that is known.
         origin: (3,) a point on the axis, asset frame.
         score: higher is better; comparable only among the candidates of one part.
-        evidence: named terms that make up the score, for the report.
+        evidence: named terms that make up the score, for the report alone.
+        kind_probability: that the part moves in this kind of way (fixed, slide or revolute);
+            None where nobody ranked.
+        within_kind: probability among the candidates of its kind; None where nobody ranked.
+        travel: how far such joints usually go; None where it is not known.
     """
 
     subtype: JointSubtype
@@ -179,6 +197,9 @@ class JointCandidate:
     origin: FloatArray
     score: float = 0.0
     evidence: Mapping[str, float] = field(default_factory=dict)
+    kind_probability: float | None = None
+    within_kind: float | None = None
+    travel: UsualTravel | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axis", readonly(self.axis, np.float64, (3,)))

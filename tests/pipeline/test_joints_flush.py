@@ -35,8 +35,8 @@ def test_a_leaf_in_the_plane_of_its_wall_slides_out_of_it_only() -> None:
     static = np.setdiff1d(np.arange(len(wall.faces)), leaf)
     ways = [
         np.abs(c.axis).round(2).tolist()
-        for c in rank_hypotheses(wall, leaf, static, skin=True, top=50)
-        if c.subtype == "slide" and c.evidence["within_kind"] > 0
+        for c in rank_hypotheses(wall, leaf, static, fused=True, top=50)
+        if c.subtype == "slide" and c.within_kind
     ]
     assert ways and all(way[1] == 1 for way in ways)
 
@@ -58,6 +58,6 @@ def test_probabilities_sum_to_one_without_what_is_impossible() -> None:
     wall = slabs(((0, 0, 0), (3.0, 0.06, 3.0)))
     leaf = within(wall, (-0.5, -1, -0.5), (0.5, 1, 0.5))
     static = np.setdiff1d(np.arange(len(wall.faces)), leaf)
-    found = rank_hypotheses(wall, leaf, static, skin=True, top=1000)
+    found = rank_hypotheses(wall, leaf, static, fused=True, top=1000)
     assert np.isclose(sum(c.evidence["probability"] for c in found), 1.0, atol=1e-3)
     assert np.isclose(sum(kind_probabilities(found).values()), 1.0, atol=1e-6)

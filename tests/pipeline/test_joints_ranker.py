@@ -84,7 +84,7 @@ def test_a_renamed_feature_is_an_error() -> None:
 def test_skins_ask_the_boosters_that_know_them() -> None:
     file = resources.files("mam_pipeline.joints") / ranker.WEIGHTS
     data = json.loads(lzma.decompress(file.read_bytes()))
-    every, few = ranker.learned(), ranker.learned(skin=True)
+    every, few = ranker.learned(), ranker.learned(fused=True)
     assert every is not None and few is not None
     for bag in ("line", "line_open"):
         asked, there = getattr(few, bag).boosters, getattr(every, bag).boosters
@@ -95,7 +95,7 @@ def test_skins_ask_the_boosters_that_know_them() -> None:
     each = [b.predict(row)[0] for b in few.line.boosters]
     assert few.line.predict(row)[0] == pytest.approx(np.mean(each))
     del data["of_skins"]
-    assert len(ranker.unpack(data, skin=True).line.boosters) == len(data["line"])
+    assert len(ranker.unpack(data, fused=True).line.boosters) == len(data["line"])
 
 
 def test_names_used_by_the_model_exist() -> None:

@@ -14,17 +14,19 @@ from mam_pipeline import backends
 from mam_pipeline.geometry.boxes import angle_between
 from mam_pipeline.geometry.frames import estimate_frame
 from mam_pipeline.geometry.sweep import SweepScene
-from mam_pipeline.joints.blockers import take_along
 from mam_pipeline.joints.candidates import kind_probabilities, rank_hypotheses
-from mam_pipeline.joints.limits import Surroundings, embedded_limits, paper_limits
-from mam_pipeline.joints.solver import (
-    EmbeddedSolver,
+from mam_pipeline.joints.estimate import (
+    JointEstimator,
     agreement,
     choose_candidates,
     faces_around,
     topological_order,
 )
+from mam_pipeline.joints.limits import Surroundings, embedded_limits, paper_limits
+from mam_pipeline.joints.solver import EmbeddedSolver
 from mam_pipeline.joints.straight import straightened
+from mam_pipeline.parts.settle import settled
+from mam_pipeline.rules import ALL_RULES
 from mam_pipeline.types import (
     Articulation,
     FloatArray,
@@ -33,7 +35,6 @@ from mam_pipeline.types import (
     JointCandidate,
     JointSubtype,
     KinematicTree,
-    Link,
     Mesh,
     PartNode,
     Primitives,
@@ -214,13 +215,13 @@ def test_lines_that_mean_the_same_joint_are_sure_together() -> None:
     z, x = np.array([0, 0, 1.0]), np.array([1.0, 0, 0])
 
     def line(axis: FloatArray, at: float, p: float) -> JointCandidate:
-        return JointCandidate("hinge", axis, np.array([0, at, 7 * at]), 0.0, {"within_kind": p})
+        return JointCandidate("hinge", axis, np.array([0, at, 7 * at]), within_kind=p)
 
     best = line(z, 0.0, 0.4)
     lines = [best, line(-z, 0.01, 0.3), line(z, 0.5, 0.2), line(x, 0.0, 0.1)]
     assert agreement(best, lines, 0.02) == pytest.approx(0.7)
     assert agreement(lines[2], lines, 0.02) == pytest.approx(0.2)
-    slides = [JointCandidate("slide", c.axis, c.origin, 0.0, c.evidence) for c in lines]
+    slides = [replace(c, subtype="slide") for c in lines]
     assert agreement(slides[0], slides, 0.02) == pytest.approx(0.9)
     assert agreement(JointCandidate("hinge", z, np.zeros(3)), lines, 0.02) == 1.0
 
@@ -355,17 +356,17 @@ def test_slides_end_where_contact_is_lost() -> None:
     assert found.upper == pytest.approx(0.3, abs=0.04)
 
 
-@pytest.mark.parametrize("skin", [False, True])
-def test_parts_that_a_person_named_are_judged_as_skins_where_they_are(skin: bool) -> None:
+@pytest.mark.parametrize("fused", [False, True])
+def test_parts_that_a_person_named_are_judged_as_fused_where_they_are(fused: bool) -> None:
     mesh, owner = door_cabinet()
-    links = tuple(Link(n, n, np.flatnonzero(owner == k)) for k, n in enumerate(("base", "door")))
+    merges = np.array([[0, 1]]) if fused else np.zeros((0, 2), dtype=np.int64)
     nodes = PartNode("base", "body", (0,), -1, "fixed"), PartNode("door", "door", (1,), 0, "hinge")
     frame = estimate_frame(mesh)
-    faces = faces_around(KinematicTree(nodes), links, 1, skin)
+    faces = faces_around(KinematicTree(nodes), Primitives(owner, merges), 1)
     found = [c.score for c in choose_candidates(mesh, frame, nodes[1], faces, 0)]
     both = [
         [c.score for c in rank_hypotheses(mesh, links[1].faces, links[0].faces, frame=frame,
-                                          top=1000, skin=k) if c.subtype in ("hinge", "spin")]
+                                          top=1000, fused=k) if c.subtype in ("hinge", "spin")]
         for k in (False, True)
     ]  # fmt: skip
     assert both[0] != both[1]
@@ -400,7 +401,6 @@ def test_a_small_piece_that_stops_a_drawer_goes_along() -> None:
         PartNode("base", "body", (0, 2), -1, "fixed"),
         PartNode("drawer", "drawer", (1,), 0, "slide"),
     )
-    joint = Joint("j", "prismatic", "slide", 0, 1, np.array([-1.0, 0, 0]), np.zeros(3), 0, 0.3)
     mesh, owner = assemble([
         (0, block((0, 0, 0), (0.4, 0.5, 0.02))), (0, block((0, 0, 0.28), (0.4, 0.5, 0.3))),
         (1, block((-0.02, 0.02, 0.021), (-0.001, 0.48, 0.279))),
@@ -409,9 +409,19 @@ def test_a_small_piece_that_stops_a_drawer_goes_along() -> None:
         (2, block((0.15, 0.2, 0.1505), (0.19, 0.3, 0.2))),  # lies in the drawer
     ])  # fmt: skip
     labels = owner.astype(np.int64)
-    around = Surroundings.of(mesh, np.flatnonzero(labels == 1), np.flatnonzero(labels != 1))
-    freed = take_along(mesh, labels, KinematicTree(nodes), joint, around)
-    assert freed is not None
-    assert freed.nodes[1].primitives == (1, 2) and freed.nodes[0].primitives == (0,)
-    endless = replace(joint, type="continuous", lower=-np.inf, upper=np.inf)
-    assert take_along(mesh, labels, KinematicTree(nodes), endless, around) is None
+    out = JointCandidate("slide", np.array([-1.0, 0, 0]), np.zeros(3))
+    given = KinematicTree((nodes[0], replace(nodes[1], candidates=(out,))))
+    tree = settled(given, mesh, Primitives(labels), {})
+    assert tree.nodes[1].primitives == (1, 2) and tree.nodes[0].primitives == (0,)
+    off = ALL_RULES.without("blockers")
+    assert settled(given, mesh, Primitives(labels), {}, rules=off) == given
+    own = KinematicTree((given.nodes[0], replace(given.nodes[1], provenance="user")))
+    assert settled(own, mesh, Primitives(labels), {}) == own
+    joints = EmbeddedSolver().solve(mesh, Primitives(labels), given)
+    assert joints.links[1].primitives == (1,)  # a solver takes the tree as it is
+
+
+def test_the_solver_finds_what_the_parts_stage_has_asked() -> None:
+    mesh, owner = drawer_cabinet()
+    first, second = (JointEstimator(mesh, Primitives(owner)) for _ in range(2))
+    assert first.estimate(tree("slide"), 1) is second.estimate(tree("slide"), 1)

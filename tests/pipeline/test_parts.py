@@ -10,7 +10,6 @@ import pytest
 import trimesh
 
 from mam_pipeline.backends import KinematicPrior
-from mam_pipeline.joints.fittings import UNCLEAR
 from mam_pipeline.parts import joint_view
 from mam_pipeline.parts.embedded import (
     SAMPLINGS,
@@ -24,10 +23,12 @@ from mam_pipeline.parts.features import pair_features, primitive_features
 from mam_pipeline.parts.graph import build_graph, roundness, tight_box
 from mam_pipeline.parts.group_features import group_features, with_rivals
 from mam_pipeline.parts.groups import components, enumerate_groups, merge_tree
+from mam_pipeline.parts.rules.fittings import UNCLEAR
 from mam_pipeline.parts.scores import RuleScores, load_scores
 from mam_pipeline.parts.select import select_groups
-from mam_pipeline.parts.tree import named, part_kind
+from mam_pipeline.parts.tree import clear_from, named, part_kind
 from mam_pipeline.prior.embedded import EmbeddedPrior
+from mam_pipeline.rules import ALL_RULES
 from mam_pipeline.types import NEEDS_REVIEW, JointSubtype, KinematicTree, Mesh, PartNode, Primitives
 from mam_training.parts.corpus import Example, abstract_kinds, generated, generated_example, united
 from mam_world import Style, make_object
@@ -280,7 +281,7 @@ def test_a_door_that_stands_ajar_is_a_door() -> None:
     assert part_kind(graph, np.array([False, True]), "hinge") == "door"
 
 
-def test_small_parts_and_levers_on_a_leaf_are_doubted() -> None:
+def test_small_parts_and_levers_on_a_panel_have_to_be_clear() -> None:
     mesh, primitives = boxes(
         ((0.0, 0, 0), (0.5, 0.9, 2.0)), ((-0.04, 0, 0), (-0.002, 0.9, 2.0)),
         ((-0.06, 0.75, 1.0), (-0.04, 0.85, 1.02)),
@@ -289,28 +290,26 @@ def test_small_parts_and_levers_on_a_leaf_are_doubted() -> None:
     base = PartNode("base", "body", (0,), -1, "fixed")
     door = PartNode("a", "part", (1,), 0, "hinge")
     on_door, on_body = (PartNode("b", "part", (2,), parent, "hinge") for parent in (1, 0))
-    found = named(graph, KinematicTree((base, door, on_door))).nodes
-    assert [n.name for n in found] == ["base", "door_0", "lever_0"]
-    assert found[2].evidence["moves_if_above"] > NEEDS_REVIEW
-    found = named(graph, KinematicTree((base, door, on_body))).nodes
-    assert not graph.one_skin and found[2].evidence["moves_if_above"] == UNCLEAR
-    assert "moves_if_above" not in found[1].evidence
-    skin = replace(graph, merges=np.array([[0, 1], [2, 3]]))  # there right ones are as unclear
-    found = named(skin, KinematicTree((base, door, on_body))).nodes
-    assert skin.one_skin and "moves_if_above" not in found[2].evidence
-    found = named(graph, KinematicTree((base, on_body))).nodes  # the largest there is
-    assert "moves_if_above" not in found[1].evidence
+    on_panel, on_base = KinematicTree((base, door, on_door)), KinematicTree((base, door, on_body))
+    assert [n.name for n in named(graph, on_panel).nodes] == ["base", "door_0", "lever_0"]
+    assert clear_from(graph, on_panel)[2] > NEEDS_REVIEW
+    assert 2 not in clear_from(graph, on_panel, replace(ALL_RULES, fittings=False, minor=False))
+    assert not graph.one_skin and clear_from(graph, on_base) == {2: UNCLEAR}
+    assert clear_from(graph, on_base, ALL_RULES.without("minor")) == {}
+    fused = replace(graph, merges=np.array([[0, 1], [2, 3]]))  # there right ones are as unclear
+    assert fused.one_skin and clear_from(fused, on_base) == {}
+    assert clear_from(graph, KinematicTree((base, on_body))) == {}  # the largest there is
 
 
 @pytest.mark.parametrize(
     ("weight", "subtype"),
-    [(joint_view.MOTION_WEIGHT, "slide"), (joint_view.MOTION_WEIGHT_OF_SKINS, "hinge")],
+    [(joint_view.MOTION_WEIGHT, "slide"), (joint_view.MOTION_WEIGHT_FUSED, "hinge")],
 )
-def test_the_ranker_counts_less_on_a_skin(weight: float, subtype: JointSubtype) -> None:
+def test_the_ranker_counts_less_on_a_fused_mesh(weight: float, subtype: JointSubtype) -> None:
     own = {"hinge": 0.88, "spin": 0.01, "slide": 0.11}
-    node = PartNode("a", "part", (1,), 0, "hinge", confidence=0.8, evidence={"subtype": own})
+    node = PartNode("a", "part", (1,), 0, "hinge", confidence=0.8)
     odds = {"slide": 0.93, "revolute": 0.07}
-    found = joint_view._settled(node, odds, (), weight)
+    found = joint_view._typed(node, own, odds, (), weight)
     assert found.subtype == subtype and 0.4 < found.confidence < 0.8
 
 

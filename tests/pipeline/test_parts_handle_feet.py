@@ -12,7 +12,8 @@ from mam_pipeline.geometry.fuse import fuse_mesh
 from mam_pipeline.parts.graph import Graph, build_graph
 from mam_pipeline.parts.groups import enumerate_groups, expand_groups, with_rigid
 from mam_pipeline.parts.rules import handle_feet as feet
-from mam_pipeline.parts.select import completed, with_twins
+from mam_pipeline.parts.rules.choice import with_twins
+from mam_pipeline.parts.rules.extent import completed
 from mam_pipeline.segment.geometric import GeometricSegmenter
 from mam_pipeline.types import Mesh, Primitives
 

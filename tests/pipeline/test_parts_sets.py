@@ -14,16 +14,12 @@ from mam_pipeline.parts.features import Table, table
 from mam_pipeline.parts.graph import Graph, build_graph
 from mam_pipeline.parts.group_features import group_features, joined
 from mam_pipeline.parts.groups import enumerate_groups, expand_groups
+from mam_pipeline.parts.rules.choice import lighter, with_sure
+from mam_pipeline.parts.rules.extent import completed, without_spanning
 from mam_pipeline.parts.rules.pulls import with_boards
 from mam_pipeline.parts.scores import RuleScores, load_scores
-from mam_pipeline.parts.select import (
-    LEAST_BASE,
-    completed,
-    lighter,
-    with_sure,
-    without_spanning,
-)
-from mam_pipeline.parts.tree import Choice, build_tree, left_out_note
+from mam_pipeline.parts.select import LEAST_BASE
+from mam_pipeline.parts.tree import Choice, build_tree, left_out_note, with_base
 from mam_pipeline.types import KinematicTree, Mesh, PartNode, Primitives
 from mam_training.parts.corpus import Example, generated_example
 
@@ -176,14 +172,14 @@ def test_parts_that_leave_nothing_give_the_largest_to_the_base() -> None:
     parts = np.array([every > 1, every == 0, every == 1])
     choice = Choice((0, 1, 2), np.full(3, 0.5), np.full((3, 3), 1 / 3), np.full(3, 0.5), 0.5)
     rest = tuple(every[2:].tolist())
-    tree = build_tree(graph, parts, choice)
+    tree = build_tree(graph, *with_base(graph, parts, choice))
     assert [n.primitives for n in tree.nodes] == [(0,), rest, (1,)]
-    some = build_tree(graph, parts, replace(choice, chosen=(0, 2)))
+    some = build_tree(graph, *with_base(graph, parts, replace(choice, chosen=(0, 2))))
     assert [n.primitives for n in some.nodes] == [(0,), rest, (1,)]
     last = int(every[-1])
     assert graph.area[last] < LEAST_BASE  # a knob alone is no base
     parts[0, last] = False
-    knob = build_tree(graph, parts, choice)
+    knob = build_tree(graph, *with_base(graph, parts, choice))
     assert [n.primitives for n in knob.nodes] == [(0, last), rest[:-1], (1,)]
 
 
@@ -194,7 +190,8 @@ def test_equal_parts_that_leave_nothing_each_leave_their_largest_piece() -> None
     area[[0, half]] = 3.0
     left = np.arange(graph.count) < half
     choice = Choice((0, 1), np.full(2, 0.5), np.full((2, 3), 1 / 3), np.full(2, 0.5), 0.5)
-    tree = build_tree(replace(graph, area=area), np.array([left, ~left]), choice)
+    own = replace(graph, area=area)
+    tree = build_tree(own, *with_base(own, np.array([left, ~left]), choice))
     assert len(tree.nodes) == 3 and tree.nodes[0].primitives == (0, half)
 
 

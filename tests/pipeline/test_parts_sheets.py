@@ -9,7 +9,7 @@ import trimesh
 from mam_pipeline.geometry.fuse import fuse_mesh
 from mam_pipeline.parts.graph import Graph, build_graph
 from mam_pipeline.parts.groups import enumerate_groups
-from mam_pipeline.parts.select import completed
+from mam_pipeline.parts.rules.extent import completed
 from mam_pipeline.segment.geometric import GeometricSegmenter
 from mam_pipeline.types import Mesh
 

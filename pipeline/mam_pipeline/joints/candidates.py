@@ -25,9 +25,10 @@ from mam_pipeline.joints.ranker import (
     agreed,
     rank,
     settle,
-    usual_reach,
+    usual_travel,
     without_slides,
 )
+from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.types import FloatArray, IntArray, JointCandidate, JointSubtype, Mesh
 
 # a part is sampled so often and the rankings are averaged, so that no single draw decides: the
@@ -45,8 +46,9 @@ def rank_hypotheses(
     others: Sequence[IntArray] | None = None,
     seed: int = 0,
     top: int = 12,
-    rules: bool = False,
-    skin: bool = False,
+    hand_scores: bool = False,
+    fused: bool = False,
+    rules: Rules = ALL_RULES,
 ) -> list[JointCandidate]:
     """Rank how a part may move against what stands still.
 
@@ -58,17 +60,16 @@ def rank_hypotheses(
         others: faces of each of the other movable parts, where a grouping is already known: rows of
             like fronts, leaves that overlap and what covers what tell of the type.
         top: how many candidates to return; the fixed one is always among them.
-        rules: use the hand-set scores instead of the learned model.
-        skin: whether the mesh is one skin, of which a model of its own knows more.
+        hand_scores: use the hand-set scores instead of the learned model.
+        fused: whether the mesh is one fused surface, of which a model of its own knows more.
+        rules: hand rules that are followed.
 
     Returns:
-        Candidates of every subtype, most probable first. `score` is the log probability;
-        `evidence["probability"]` sums to one over all hypotheses of the part ("fixed", that is "not
-        a part that moves", included), `evidence["kind_probability"]` is that of its kind (fixed,
-        slide, or revolute, which spans hinge and spin), `evidence["open_sure"]` says how clearly
-        the opening direction was decided (0..1), and likely ones carry the usual travel from rest
-        to open and back to closed (`usual_open`, `usual_back`: radians, or shares of the part's
-        extent) and the probability of being `endless`. Positive motion opens. Deterministic.
+        Candidates of every subtype, most probable first. `score` is the log probability, which sums
+        to one over all hypotheses of the part ("fixed", that is "not a part that moves", included);
+        `kind_probability` is that of its kind (revolute spans hinge and spin),
+        `evidence["open_sure"]` says how clearly the opening direction was decided (0..1), and
+        likely ones carry their usual `travel`. Positive motion opens. Deterministic.
     """
     frame = frame or estimate_frame(mesh)
     contexts = [
@@ -79,28 +80,30 @@ def rank_hypotheses(
     parts = [part_features(c) for c in contexts]
     hypotheses = enumerate_hypotheses(contexts[0])
     views = [hypotheses, *(remeasured(c, hypotheses) for c in contexts[1:])]
-    ranking = agreed(views, [rank(p, v, rules=rules, skin=skin) for p, v in zip(parts, views)])
+    ranked = [rank(p, v, hand_scores=hand_scores, fused=fused) for p, v in zip(parts, views)]
+    ranking = agreed(views, ranked)
     context, part = contexts[0], parts[0]
     lines = [h for h in hypotheses if h.revolute]
     slides = [h for h in hypotheses if not h.revolute]
-    if skin and slides:
+    if fused and slides and rules.sunken_slide:
         axes = np.array([h.axis for h in slides])
         ranking = without_slides(ranking, runs_into_skin(mesh, part_faces, axes, seed))
     p_fixed, p_slide, p_turn = (float(p) for p in ranking.kind)
+    line = ranking.line
+    if rules.near_lines:
+        line = settle(lines, line, context.diagonal)
     out = [
-        _candidate(h, float(p), p_turn, float(s), part, skin)
-        for h, p, s in zip(
-            lines, settle(lines, ranking.line, context.diagonal), ranking.line_side
-        )
+        _candidate(h, float(p), p_turn, float(s), part, fused)
+        for h, p, s in zip(lines, line, ranking.line_side)
     ] + [
-        _candidate(h, float(p), p_slide, float(s), part, skin)
+        _candidate(h, float(p), p_slide, float(s), part, fused)
         for h, p, s in zip(slides, ranking.slide, ranking.slide_side)
     ]
     out.sort(key=lambda c: -c.score)
     out = out[: max(top - 1, 1)]
     fixed = JointCandidate(
         "fixed", context.frame.up, context.box.center, float(np.log(p_fixed + 1e-12)),
-        {"probability": p_fixed, "kind_probability": p_fixed, "open_sure": 1.0},
+        {"probability": p_fixed, "open_sure": 1.0}, p_fixed,
     )  # fmt: skip
     return sorted([*out, fixed], key=lambda c: -c.score)
 
@@ -110,19 +113,17 @@ def kind_probabilities(candidates: list[JointCandidate]) -> dict[str, float]:
     out = dict.fromkeys(KINDS, 0.0)
     for c in candidates:
         kind = c.subtype if c.subtype in ("fixed", "slide") else "revolute"
-        out[kind] = float(c.evidence["kind_probability"])
+        out[kind] = float(c.kind_probability or 0.0)
     return out
 
 
 def _candidate(
-    h: Hypothesis, within: float, kind: float, side: float, part: FloatArray, skin: bool
+    h: Hypothesis, within: float, kind: float, side: float, part: FloatArray, fused: bool
 ) -> JointCandidate:
     subtype: JointSubtype = "slide" if not h.revolute else "spin" if h.spin else "hinge"
     p = within * kind
-    evidence = {
-        "probability": p, "kind_probability": kind, "within_kind": within, "open_sure": h.sure,
-    }  # fmt: skip
-    reach = usual_reach(part, h, skin) if within > 0.02 else None
-    if reach is not None:
-        evidence.update(usual_open=reach.open, usual_back=reach.back, endless=reach.endless)
-    return JointCandidate(subtype, side * h.axis, h.origin, float(np.log(p + 1e-12)), evidence)
+    travel = usual_travel(part, h, fused) if within > 0.02 else None
+    return JointCandidate(
+        subtype, side * h.axis, h.origin, float(np.log(p + 1e-12)),
+        {"probability": p, "open_sure": h.sure}, kind, within, travel,
+    )  # fmt: skip

@@ -19,7 +19,14 @@ from mam_pipeline.geometry.paths import DENSE, Crossing, PartPaths, Rule
 from mam_pipeline.geometry.sampling import unit
 from mam_pipeline.geometry.sweep import Motion, SweepScene
 from mam_pipeline.thresholds import THRESHOLDS
-from mam_pipeline.types import FloatArray, IntArray, JointSubtype, JointType, Mesh
+from mam_pipeline.types import (
+    FloatArray,
+    IntArray,
+    JointSubtype,
+    JointType,
+    Mesh,
+    UsualTravel,
+)
 
 STRICT = 0.0045  # deepest crossing that the paper's rule allows, of the diagonal
 DEEP, WIDE = 0.75, 0.6  # shares of the check's depth and area (sampled) that a range may use up
@@ -36,6 +43,9 @@ class Limits:
         type: revolute, continuous or prismatic. lower, upper: rad or mesh unit.
         closed, open: the values called closed and open. rule: which rule set them, in words.
         evidence: travel found in both directions and the penetration over the range.
+        share: of the usual way that the joint was left with, 0..1; 1 where nobody measured.
+        wanted: how far the part should go towards open, rad or mesh unit; None: as far as `upper`.
+        sibling_at: the value at which another part that moves would stop it; None: none would.
     """
 
     type: JointType
@@ -45,16 +55,9 @@ class Limits:
     open: float
     rule: str
     evidence: Mapping[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Usual:
-    """How far such joints go: `open` and `back` (to closed) from rest, radians or shares of the
-    part's extent along a slide; `endless` is the probability of a revolute joint without limits."""
-
-    open: float
-    back: float
-    endless: float
+    share: float = 1.0
+    wanted: float | None = None
+    sibling_at: float | None = None
 
 
 @dataclass(frozen=True)
@@ -160,7 +163,7 @@ def paper_limits(
 def embedded_limits(
     around: Surroundings, subtype: JointSubtype, axis: FloatArray, origin: FloatArray,
     *, alone: Callable[[], Surroundings] | None = None, given: tuple[float, float] | None = None,
-    usual: Usual | None = None,
+    usual: UsualTravel | None = None, plain: bool = True,
 ) -> Limits:  # fmt: skip
     """Our rule.
 
@@ -168,8 +171,8 @@ def embedded_limits(
         around: everything that stands still, siblings included.
         alone: the same without the siblings: where only a sibling is in the way (a drawer behind a
             closed door) the joint's own range counts. Asked for only when something is in the way.
-        usual: how far such joints go; without it, and for plain doors and drawers, a quarter turn
-            and 0.8 extents.
+        usual: how far such joints go; without it a quarter turn and 0.8 extents.
+        plain: whether these also hold for what goes about as far as doors and drawers do.
         given: limits that a person or the reasoner set; they are kept as they are.
     """
     motion: Motion = "prismatic" if subtype == "slide" else "revolute"
@@ -180,24 +183,18 @@ def embedded_limits(
         if not np.isfinite(lower + upper):
             return Limits("continuous", -np.inf, np.inf, 0.0, 0.0, "given")
         return Limits(kind, lower, upper, lower + upper - far, far, "given")
-    limits = _open_way(around, subtype, motion, axis, origin, usual)
-    if alone is not None and limits.type != "continuous" and moved_share(limits) < 0.9:
-        free = _open_way(alone(), subtype, motion, axis, origin, usual)
+    limits = _open_way(around, subtype, motion, axis, origin, usual, plain)
+    if alone is not None and limits.type != "continuous" and limits.share < 0.9:
+        free = _open_way(alone(), subtype, motion, axis, origin, usual, plain)
         if free.type != "continuous" and free.upper > 3.0 * limits.upper + 1e-9:
-            note = {**free.evidence, "blocked_by_sibling_at": limits.upper}
-            return Limits(free.type, free.lower, free.upper, free.closed, free.open,
-                          free.rule + "; another part must move first", note)  # fmt: skip
+            rule = free.rule + "; another part must move first"
+            return replace(free, rule=rule, sibling_at=limits.upper)
     return limits
-
-
-def moved_share(limits: Limits) -> float:
-    """Which share of the usual way a joint was left with, 0..1; 1 where nobody measured."""
-    return float(limits.evidence.get("share", 1.0))
 
 
 def _open_way(
     around: Surroundings, subtype: JointSubtype, motion: Motion, axis: FloatArray,
-    origin: FloatArray, usual: Usual | None,
+    origin: FloatArray, usual: UsualTravel | None, keep_plain: bool,
 ) -> Limits:  # fmt: skip
     """Range towards the opening side, and back where rest is not the closed pose."""
     slide, scene = motion == "prismatic", around.scene
@@ -205,7 +202,7 @@ def _open_way(
     cap, back = (SLIDE_CAP * extent if slide else HINGE_CAP), 0.0
     if usual is not None:
         plain = (0.4, 1.1) if slide else (1.2, 2.2)  # what drawers and doors do: keep to the rule
-        if not plain[0] < usual.open < plain[1]:
+        if not (keep_plain and plain[0] < usual.open < plain[1]):
             cap = float(np.clip(usual.open, 0.02, 2.0 if slide else np.pi)) * extent
         if usual.back > (0.15 if slide else 0.3):  # rest is not the closed pose
             back = min(usual.back, 2.0 if slide else np.pi) * extent
@@ -224,13 +221,14 @@ def _open_way(
         lower = _stop(around, motion, axis, origin, behind, -back)[0]
         evidence["free_travel_back"] = -lower
     wanted = min(cap, out.contact) + (back if back > 0.0 else 0.0)
-    evidence["share"] = float((upper - lower) / max(wanted, 1e-12))
+    share = float((upper - lower) / max(wanted, 1e-12))
     if upper - lower < (1e-3 * scene.diagonal if slide else np.deg2rad(1.0)):
         upper = 0.02 * scene.diagonal if slide else np.deg2rad(5.0)
         rule = "nothing is free; a token range"
     kind: JointType = "prismatic" if slide else "revolute"
     closed = lower if back > 0.0 and usual is not None else 0.0
-    return Limits(kind, float(lower), float(upper), float(closed), float(upper), rule, evidence)
+    return Limits(kind, float(lower), float(upper), float(closed), float(upper), rule, evidence,
+                  share, cap)  # fmt: skip
 
 
 def _stop(

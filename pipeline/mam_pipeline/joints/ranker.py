@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.joints.features import LINE_NAMES, PART_NAMES, SLIDE_NAMES, Hypothesis
-from mam_pipeline.types import FloatArray
+from mam_pipeline.types import FloatArray, UsualTravel
 
 KINDS = ("fixed", "slide", "revolute")
 WEIGHTS = "ranker_weights.json.xz"
@@ -163,11 +163,11 @@ class Model:
 
 
 @lru_cache(maxsize=2)
-def learned(skin: bool = False) -> Model | None:
+def learned(fused: bool = False) -> Model | None:
     """The packaged model, or None when the package was built without weights.
 
     Args:
-        skin: the one for parts of one skin.
+        fused: the one for parts of fused meshes.
 
     Raises:
         ConfigError: the weights were made for other features than the code computes.
@@ -175,14 +175,14 @@ def learned(skin: bool = False) -> Model | None:
     file = resources.files("mam_pipeline.joints") / WEIGHTS
     if not file.is_file():
         return None
-    return unpack(json.loads(lzma.decompress(file.read_bytes())), skin)
+    return unpack(json.loads(lzma.decompress(file.read_bytes())), fused)
 
 
-def unpack(data: dict[str, Any], skin: bool = False) -> Model:
+def unpack(data: dict[str, Any], fused: bool = False) -> Model:
     """A model from plain data, as `train_ranker` packs it.
 
     Args:
-        skin: with what `of_skins` sets, if it is there: which `share` of every bag is asked, its
+        fused: with what `of_skins` sets, if it is there: which `share` of every bag is asked, its
             first ones, and their temperatures.
 
     Raises:
@@ -198,7 +198,7 @@ def unpack(data: dict[str, Any], skin: bool = False) -> Model:
                 "train again: python -m mam_training.joints.train"
             )
     values: dict[str, Any] = {}
-    own = data.get("of_skins", {}) if skin else {}
+    own = data.get("of_skins", {}) if fused else {}
     for field in fields(Model):
         value = own.get(field.name, data[field.name])
         if isinstance(value, list):
@@ -243,13 +243,14 @@ def softmax(scores: FloatArray, temperature: float = 1.0) -> FloatArray:
 
 
 def rank(
-    part: FloatArray, hypotheses: Sequence[Hypothesis], *, rules: bool = False, skin: bool = False
+    part: FloatArray, hypotheses: Sequence[Hypothesis], *, hand_scores: bool = False,
+    fused: bool = False,
 ) -> Ranking:
     """Rank one part's hypotheses with the learned model (of skins), or with the rules if asked."""
     lines = np.array([h.features for h in hypotheses if h.revolute]).reshape(-1, len(LINE_NAMES))
     ways = np.array([h.features for h in hypotheses if not h.revolute])
     ways = ways.reshape(-1, len(SLIDE_NAMES))
-    model = None if rules else learned(skin)
+    model = None if hand_scores else learned(fused)
     if model is None:
         a, b = rule_line_scores(lines), rule_slide_scores(ways)
         return Ranking(rule_kind(part, a, b), softmax(a, 0.15), softmax(b, 0.15),
@@ -345,23 +346,11 @@ def _side(booster: Any, part: FloatArray, rows: FloatArray) -> FloatArray:
     return np.where(np.asarray(booster.predict(wide, num_threads=1)) >= 0.5, 1.0, -1.0)
 
 
-@dataclass(frozen=True)
-class Reach:
-    """How far such joints usually go, learned: radians, or shares of the extent along a slide.
-
-    Attributes:
-        open: from rest to open. back: from rest to closed (0 when rest is closed).
-        endless: probability that a revolute joint has no limits.
-    """
-
-    open: float
-    back: float
-    endless: float
-
-
-def usual_reach(part: FloatArray, hypothesis: Hypothesis, skin: bool = False) -> Reach | None:
+def usual_travel(
+    part: FloatArray, hypothesis: Hypothesis, fused: bool = False
+) -> UsualTravel | None:
     """Typical travel of a joint, or None without a learned model."""
-    model = learned(skin)
+    model = learned(fused)
     if model is None:
         return None
     row = np.concatenate([hypothesis.features, part])[None]
@@ -371,4 +360,4 @@ def usual_reach(part: FloatArray, hypothesis: Hypothesis, skin: bool = False) ->
     if boosters[0] is None or boosters[1] is None:
         return None
     found = [0.0 if b is None else float(b.predict(row, num_threads=1)[0]) for b in boosters]
-    return Reach(found[0], max(found[1], 0.0), found[2])
+    return UsualTravel(found[0], max(found[1], 0.0), found[2])

@@ -23,7 +23,9 @@ from mam_pipeline.models import album as albums
 from mam_pipeline.models import answers, questions, settings
 from mam_pipeline.models.transports import FileTransport, OpenAITransport, Question, Transport
 from mam_pipeline.optional import has, install_command
+from mam_pipeline.parts.settle import settled
 from mam_pipeline.render import orbit_views as views
+from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import IntArray, KinematicTree, Mesh, Primitives
 
 REPAIRS = 2
@@ -105,7 +107,8 @@ def ask_for_tree(
     evidence: dict[str, object] = {"asked": "vision-language model", "ledger": ledger}
     if len(groups) == 1:
         evidence["nothing_movable"] = "the model sees one rigid part"
-    return answers.tree_of(groups, mounting, album.stands_for, mesh, primitives, evidence, seed)
+    tree = answers.tree_of(groups, mounting, album.stands_for, mesh, primitives, evidence, seed)
+    return settled(tree, *without_repeats(mesh, primitives), {}, seed)
 
 
 def grouping_question(album: albums.Album, prior: KinematicPrior | None) -> Question:

@@ -21,20 +21,16 @@ from mam_pipeline.parts.group_features import joined, measured, with_rivals
 from mam_pipeline.parts.groups import Masks, enumerate_groups, expand_groups
 from mam_pipeline.parts.joint_view import with_joints
 from mam_pipeline.parts.network import Reading, log_odds
+from mam_pipeline.parts.rules.choice import lighter, nearest, with_sure, with_twins
+from mam_pipeline.parts.rules.extent import completed, without_spanning
 from mam_pipeline.parts.rules.pulls import with_boards
 from mam_pipeline.parts.scores import Kind, Scores, load_scores
-from mam_pipeline.parts.select import (
-    LEAST_BASE,
-    completed,
-    lighter,
-    nearest,
-    with_sure,
-    with_twins,
-    without_spanning,
-)
-from mam_pipeline.parts.tree import SUBTYPES, Choice, build_tree, named
+from mam_pipeline.parts.select import LEAST_BASE
+from mam_pipeline.parts.settle import settled
+from mam_pipeline.parts.tree import SUBTYPES, Choice, build_tree, clear_from, named, with_base
 from mam_pipeline.prior.embedded import prior_of
 from mam_pipeline.prior.probe import Probe
+from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import FloatArray, KinematicTree, Mesh, Primitives
 
@@ -53,26 +49,47 @@ class EmbeddedReasoner:
 
     Args:
         scores: for every object; by default the package's, those for fused meshes apart.
+        rules: hand rules that are followed.
     """
 
-    def __init__(self, scores: Scores | None = None) -> None:
+    def __init__(self, scores: Scores | None = None, rules: Rules = ALL_RULES) -> None:
         self.scores = scores
+        self.rules = rules
 
     @classmethod
     def available(cls) -> Availability:
         """Always available."""
         return Availability(True, "learned on procedural objects; CPU", version="1")
 
+    def with_rules(self, rules: Rules) -> EmbeddedReasoner:
+        """See `rules.Ruled`."""
+        return EmbeddedReasoner(self.scores, rules)
+
     def reason(
         self, mesh: Mesh, primitives: Primitives, prior: KinematicPrior | None, seed: int = 0
     ) -> KinematicTree:
         """Group the primitives into parts; a tree with only the base when nothing may move."""
         mesh, primitives = without_repeats(mesh, primitives)
-        views = sampled_views(mesh, primitives, prior, seed)
+        views = sampled_views(mesh, primitives, prior, seed, self.rules)
         kind: Kind = "fused" if primitives.one_skin else "authored"
-        masks, choice = decide(views, self.scores or load_scores(kind))
-        tree = build_tree(views[0].graph, masks, choice)
-        return named(views[0].graph, with_joints(tree, mesh, primitives, seed))
+        masks, choice = decide(views, self.scores or load_scores(kind), self.rules)
+        return tree_of(views[0].graph, masks, choice, mesh, primitives, seed, self.rules)
+
+
+def tree_of(
+    graph: Graph, masks: Masks, choice: Choice, mesh: Mesh, primitives: Primitives, seed: int,
+    rules: Rules,
+) -> KinematicTree:  # fmt: skip
+    """From chosen candidates to final parts, for which the joint estimator is asked.
+
+    Args:
+        mesh: with one copy of every face.
+    """
+    masks, choice = with_base(graph, masks, choice)
+    odds = choice.subtype[list(choice.chosen)]
+    tree = build_tree(graph, masks, choice)
+    tree = named(graph, with_joints(tree, odds, mesh, primitives, seed, rules))
+    return settled(tree, mesh, primitives, clear_from(graph, tree, rules), seed, rules)
 
 
 @dataclass(frozen=True)
@@ -84,19 +101,21 @@ class View:
 
 
 def sampled_views(
-    mesh: Mesh, primitives: Primitives, prior: KinematicPrior | None, seed: int
-) -> list[View]:
+    mesh: Mesh, primitives: Primitives, prior: KinematicPrior | None, seed: int,
+    rules: Rules = ALL_RULES,
+) -> list[View]:  # fmt: skip
     """Several samplings of one object.
 
     The embedded prior is asked again for each of them. One that came from elsewhere, or was edited,
     holds for all; one that was read from a file without its samples is recognised by its values.
     """
     probed = None if prior is None else prior.evidence.get("probe")
-    first = build_graph(mesh, primitives, seed, probed if isinstance(probed, Probe) else None)
+    known = probed if isinstance(probed, Probe) else None
+    first = build_graph(mesh, primitives, seed, known, rules)
     again = prior is not None and _alike(prior, prior_of(first.probe))
     views = [View(first, prior)]
     for k in range(1, SAMPLINGS if primitives.count > 1 else 1):
-        graph = build_graph(mesh, primitives, seed + k * SEED_STEP)
+        graph = build_graph(mesh, primitives, seed + k * SEED_STEP, rules=rules)
         views.append(View(graph, prior_of(graph.probe) if again else prior))
     return views
 
@@ -108,15 +127,46 @@ def _alike(a: KinematicPrior, b: KinematicPrior) -> bool:
     )
 
 
-def decide(views: Sequence[View], scores: Scores) -> tuple[Masks, Choice]:
+@dataclass(frozen=True)
+class Scored:
+    """What the scores say of one object before hand rules choose.
+
+    Attributes:
+        graph: of the first view. masks: (C, P) candidates. value: (C,) expected overlap with a true
+            part; odds: (C, 3) of hinge, spin, slide; confidence: (C,) calibrated.
+        same, move: (E,), (P,) probabilities of the bonds and of moving.
+        best: candidates of the set that ranks first, best first; empty where nothing may move.
+        least: confidence below which a part stays in the base.
+    """
+
+    graph: Graph
+    masks: Masks
+    value: FloatArray
+    odds: FloatArray
+    confidence: FloatArray
+    same: FloatArray
+    move: FloatArray
+    best: tuple[int, ...]
+    least: float
+
+
+def decide(
+    views: Sequence[View], scores: Scores, rules: Rules = ALL_RULES
+) -> tuple[Masks, Choice]:
     """Candidates and what was chosen of them; every score is the mean over the views."""
+    return chosen_parts(scored(views, scores), rules)
+
+
+def scored(views: Sequence[View], scores: Scores) -> Scored:
+    """Candidates, and the best set of them."""
     graph = views[0].graph
     readings = bonds_of(views, scores)
-    same = readings[0].same
-    masks = enumerate_groups(graph, same, readings[0].move)
+    same, move = readings[0].same, readings[0].move
+    masks = enumerate_groups(graph, same, move)
     if len(masks) == 0 or graph.count < 2:
+        none = np.zeros(0)
         empty = np.zeros((0, graph.count), dtype=bool)
-        return empty, Choice((), np.zeros(0), np.zeros((0, 3)), np.zeros(0), 0.0)
+        return Scored(graph, empty, none, np.zeros((0, 3)), none, same, move, (), scores.least)
     seen = list(zip(views, readings))
     tables = [measured(v.graph, masks, r, v.prior) for v, r in seen]
     value = _mean([scores.value(t) for t in tables])
@@ -129,30 +179,47 @@ def decide(views: Sequence[View], scores: Scores) -> tuple[Masks, Choice]:
     value = _mean([scores.revise(with_rivals(t, masks, value)) for t in tables])
     odds = _mean([scores.subtype(t) for t in tables])
     value = np.where(masks @ graph.area > 1.0 - LEAST_BASE, 0.0, value)  # something stays
-    confidence = scores.confidence(value)
-    chosen: list[int] = []
-    left: list[int] = []
+    best: list[int] = []
     if value.max() > RESCUE:
         sets = enumerate_sets(masks, tables[0], value)
         quality = _mean([
             scores.choose(set_features(v.graph, masks, t, value, odds, sets, r.same, r.move))
             for (v, r), t in zip(seen, tables)
         ])  # fmt: skip
-        ranked = sorted(sets.rows()[int(np.argmax(quality))], key=lambda c: -value[c])
-        if len(ranked) == 1 and odds[ranked[0]].argmax() == HINGE:
-            ranked = [lighter(graph, masks, value, ranked[0])]
-        left = [c for c in ranked[1:] if confidence[c] < scores.least]
-        chosen = with_twins(graph, masks, value, [c for c in ranked if c not in left])
-        chosen = with_sure(graph, masks, value, confidence >= max(SURE, scores.least), chosen)
-        masks = masks.copy()
-        parts = completed(graph, masks[chosen], same, readings[0].move, masks[left])
+        best = sorted(sets.rows()[int(np.argmax(quality))], key=lambda c: -value[c])
+    confidence = scores.confidence(value)
+    return Scored(graph, masks, value, odds, confidence, same, move, tuple(best), scores.least)
+
+
+def chosen_parts(found: Scored, rules: Rules = ALL_RULES) -> tuple[Masks, Choice]:
+    """The candidates, those chosen made whole, and what was chosen: the best set and the rules."""
+    graph, masks, value, odds = found.graph, found.masks, found.value, found.odds
+    best, confidence = list(found.best), found.confidence
+    highest = float(value.max(initial=0.0))
+    if not best:
+        return masks, Choice((), value, odds, confidence, highest)
+    if rules.lighter_moves and len(best) == 1 and odds[best[0]].argmax() == HINGE:
+        best = [lighter(graph, masks, value, best[0])]
+    left = [c for c in best[1:] if confidence[c] < found.least] if rules.unsure_stays else []
+    chosen = [c for c in best if c not in left]
+    if rules.same_handle:
+        chosen = with_twins(graph, masks, value, chosen)
+    if rules.sure_joins:
+        sure = confidence >= max(SURE, found.least)
+        chosen = with_sure(graph, masks, value, sure, chosen)
+    masks = masks.copy()
+    parts = masks[chosen]
+    if rules.completed:
+        parts = completed(graph, parts, found.same, found.move, masks[left])
+    if rules.common_frame:
         parts = without_spanning(graph, parts)
-        whole = with_boards(graph, parts, readings[0].move, value[chosen])
-        for k in np.flatnonzero((whole != parts).any(axis=1)):
-            chosen[k] = nearest(graph, masks, whole[k], chosen)  # its type is the board's
-        masks[chosen] = whole
-    best = float(value.max())
-    return masks, Choice(tuple(chosen), value, odds, confidence, best, tuple(left))
+    whole = parts
+    if rules.handle_alone:
+        whole = with_boards(graph, parts, found.move, value[chosen])
+    for k in np.flatnonzero((whole != parts).any(axis=1)):
+        chosen[k] = nearest(graph, masks, whole[k], chosen)  # its type is the board's
+    masks[chosen] = whole
+    return masks, Choice(tuple(chosen), value, odds, confidence, highest, tuple(left))
 
 
 def bonds_of(views: Sequence[View], scores: Scores) -> list[Reading]:

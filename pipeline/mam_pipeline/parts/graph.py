@@ -18,6 +18,7 @@ from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.parts.rules.handle_feet import Seams, Surface, disjoint, standing
 from mam_pipeline.parts.rules.sheets import sheets, through
 from mam_pipeline.prior.probe import Probe, probe
+from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives, cut_from_one_skin
 
 REACH = 0.04  # pairs farther apart than this (share of the diagonal) are not neighbours
@@ -86,9 +87,15 @@ class Graph:
 
 
 def build_graph(
-    mesh: Mesh, primitives: Primitives, seed: int = 0, probed: Probe | None = None
-) -> Graph:
-    """Measure the graph; `probed` reuses samples and crossings that a prior already made."""
+    mesh: Mesh, primitives: Primitives, seed: int = 0, probed: Probe | None = None,
+    rules: Rules = ALL_RULES,
+) -> Graph:  # fmt: skip
+    """Measure the graph.
+
+    Args:
+        probed: samples and crossings that a prior already made.
+        rules: hand rules that are followed.
+    """
     sampled = probed if probed is not None else probe(mesh, primitives, seed)
     count = primitives.count
     order = np.argsort(primitives.labels, kind="stable")
@@ -114,11 +121,7 @@ def build_graph(
     rigid: NDArray[np.bool_] | None = None
     fronts: NDArray[np.bool_] | None = None
     if primitives.one_skin:
-        apart = np.vstack([standing(seams, surface, count), primitives.fronts])
-        faces = sheets(sampled, low, high)
-        both = np.array([np.isin(np.arange(count), pair) for pair in faces]).reshape(-1, count)
-        rigid = disjoint(np.vstack([apart, both, through(seams, faces, sampled.area, low, high)]))
-        fronts = np.array((rigid @ apart.T).any(axis=1), dtype=bool)
+        rigid, fronts = _rigid(sampled, primitives, seams, surface, low, high, rules)
     return Graph(
         sampled,
         sampled.area,
@@ -137,6 +140,23 @@ def build_graph(
         rigid,
         fronts,
     )
+
+
+def _rigid(
+    sampled: Probe, primitives: Primitives, seams: Seams, surface: Surface, low: FloatArray,
+    high: FloatArray, rules: Rules,
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:  # fmt: skip
+    """What moves as one body of a fused mesh (T, P), and (T,) what of it are fronts."""
+    count = primitives.count
+    apart = primitives.fronts
+    if rules.handle_on_panel:
+        apart = np.vstack([standing(seams, surface, count), apart])
+    faces = sheets(sampled, low, high)
+    both = through(seams, faces, sampled.area, low, high) if rules.through_sheet else apart[:0]
+    pairs = faces if rules.two_sided_sheet else faces[:0]
+    sides = np.array([np.isin(np.arange(count), pair) for pair in pairs]).reshape(-1, count)
+    rigid = disjoint(np.vstack([apart, sides, both]))
+    return rigid, np.array((rigid @ apart.T).any(axis=1), dtype=bool)
 
 
 def tight_box(points: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -7,22 +7,39 @@ need not make them again.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from mam_pipeline.joints.candidates import kind_probabilities, rank_hypotheses
 from mam_pipeline.joints.straight import straightened, turned_tree
-from mam_pipeline.types import JointSubtype, KinematicTree, Mesh, PartNode, Primitives
+from mam_pipeline.parts.tree import SUBTYPES
+from mam_pipeline.rules import ALL_RULES, Rules
+from mam_pipeline.types import (
+    FloatArray,
+    JointCandidate,
+    JointSubtype,
+    KinematicTree,
+    Mesh,
+    PartNode,
+    Primitives,
+)
 
-# exponent of the ranker's odds: 0.75 to 1 is best on 505 validation parts, a half on 217 of skins
-MOTION_WEIGHT, MOTION_WEIGHT_OF_SKINS = 1.0, 0.5
+# exponent of the ranker's odds: 0.75 to 1 is best on 505 validation parts, a half on 217 of fused
+# meshes
+MOTION_WEIGHT, MOTION_WEIGHT_FUSED = 1.0, 0.5
 
 
 def with_joints(
-    tree: KinematicTree, mesh: Mesh, primitives: Primitives, seed: int = 0
-) -> KinematicTree:
-    """Return the tree with joint candidates on every part, and types that both views support."""
+    tree: KinematicTree, odds: FloatArray, mesh: Mesh, primitives: Primitives, seed: int = 0,
+    rules: Rules = ALL_RULES,
+) -> KinematicTree:  # fmt: skip
+    """Return the tree with joint candidates on every part, and types that both views support.
+
+    Args:
+        odds: (N - 1, 3) what the reasoner says of every part: hinge, spin, slide (SUBTYPES).
+    """
     if len(tree.nodes) < 2:
         return tree
     mesh, frame, rotation = straightened(mesh)
@@ -42,11 +59,13 @@ def with_joints(
             parent_faces=np.flatnonzero(face_node == node.parent),
             others=[f for k, f in enumerate(faces) if k > 0 and not moving[f].any()],
             seed=seed,
-            skin=primitives.one_skin,
+            fused=primitives.one_skin,
+            rules=rules,
         )
-        odds = kind_probabilities(candidates)
-        weight = MOTION_WEIGHT_OF_SKINS if primitives.one_skin else MOTION_WEIGHT
-        nodes.append(_settled(node, odds, tuple(candidates), weight))
+        motion = kind_probabilities(candidates)
+        own = dict(zip(SUBTYPES, map(float, odds[index - 1])))
+        weight = MOTION_WEIGHT_FUSED if primitives.one_skin else MOTION_WEIGHT
+        nodes.append(_typed(node, own, motion, tuple(candidates), weight))
     found = KinematicTree(tuple(nodes))
     return found if rotation is None else turned_tree(found, rotation.T)
 
@@ -59,13 +78,16 @@ def _carried(tree: KinematicTree, index: int) -> list[int]:
     return out
 
 
-def _settled(node: PartNode, odds: dict[str, float], candidates: tuple, weight: float) -> PartNode:
+def _typed(
+    node: PartNode, own: Mapping[str, float], odds: Mapping[str, float],
+    candidates: tuple[JointCandidate, ...], weight: float,
+) -> PartNode:  # fmt: skip
     """The node with its type decided by both views, and with its candidates.
 
     Args:
-        odds: of the kinds of motion, by the ranker. weight: their exponent.
+        own: of the subtypes, by the reasoner. odds: of the kinds of motion, by the joint ranker.
+        weight: exponent of the latter.
     """
-    own: dict[str, float] = node.evidence["subtype"]
     slide = own["slide"] * max(odds.get("slide", 0.0), 0.02) ** weight
     turn_odds = odds.get("revolute", odds.get("hinge", 0.0) + odds.get("spin", 0.0))
     turn = (own["hinge"] + own["spin"]) * max(turn_odds, 0.02) ** weight

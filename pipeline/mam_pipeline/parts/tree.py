@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mam_pipeline.joints.fittings import FITTING, UNCLEAR, is_minor, moves_if_above
 from mam_pipeline.parts.graph import REACH, Graph, tight_box
 from mam_pipeline.parts.groups import Masks
+from mam_pipeline.parts.rules.fittings import FITTING, UNCLEAR, is_minor, moves_if_above
 from mam_pipeline.parts.select import EVEN, LEAST_BASE
+from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.types import FloatArray, JointSubtype, KinematicTree, PartNode
 
 SUBTYPES: tuple[JointSubtype, ...] = ("hinge", "spin", "slide")
@@ -39,9 +40,8 @@ class Choice:
 def build_tree(graph: Graph, masks: Masks, choice: Choice) -> KinematicTree:
     """Assemble the tree; with nothing chosen, the base says why in its evidence.
 
-    The parts are `named` when their types are settled.
+    The parts are `named` when their types are settled; node i is that of the choice's i-th part.
     """
-    masks, choice = _with_base(graph, masks, choice)
     taken = np.asarray(masks[list(choice.chosen)].any(axis=0))
     evidence: dict[str, object] = {"still": np.flatnonzero(~taken).tolist()}
     if not choice.chosen:
@@ -106,7 +106,7 @@ def left_out_note(tree: KinematicTree) -> str:
     return f"too unsure to be a part of its own: {told}; if it moves, say so in a hints file"
 
 
-def _with_base(graph: Graph, masks: Masks, choice: Choice) -> tuple[Masks, Choice]:
+def with_base(graph: Graph, masks: Masks, choice: Choice) -> tuple[Masks, Choice]:
     """Something must stay: what it is where the parts leave less than LEAST_BASE.
 
     Of parts that are alike each leaves its largest primitive, against which the rest of it moves;
@@ -127,28 +127,39 @@ def _with_base(graph: Graph, masks: Masks, choice: Choice) -> tuple[Masks, Choic
 
 
 def named(graph: Graph, tree: KinematicTree) -> KinematicTree:
-    """The tree with every part named after its shape and its type, and with what has to be clear to
-    move by itself marked in its evidence (`joints.fittings`)."""
-    masks = [np.isin(np.arange(graph.count), node.primitives) for node in tree.nodes]
-    area = [float(graph.area[mask].sum()) for mask in masks]
-    kinds = [part_kind(graph, mask, node.subtype) for mask, node in zip(masks, tree.nodes)]
+    """The tree with every part named after its shape and its type."""
+    kinds, _, share = _shapes(graph, tree)
     nodes = [tree.nodes[0]]
     counts: dict[str, int] = {}
     for i, node in enumerate(tree.nodes[1:], start=1):
-        kind, evidence = kinds[i], dict(node.evidence)
-        share = area[i] / max(area[node.parent], 1e-12)
-        leaf = kinds[node.parent] if node.parent else ""
-        least = moves_if_above(node.subtype, kind, leaf, share)
-        if least and share < FITTING:
+        kind = kinds[i]
+        if share[i] < FITTING and moves_if_above(node.subtype, kind, kinds[node.parent], share[i]):
             kind = "knob" if node.subtype == "spin" else "lever"
-        if is_minor(area[i], area[1:]) and not graph.one_skin:
+        counts[kind] = counts.get(kind, -1) + 1
+        nodes.append(replace(node, name=f"{kind}_{counts[kind]}", kind=kind))
+    return KinematicTree(tuple(nodes))
+
+
+def clear_from(graph: Graph, tree: KinematicTree, rules: Rules = ALL_RULES) -> dict[int, float]:
+    """The joint's confidence from which a part moves by itself, by node, where it must be clear."""
+    kinds, area, share = _shapes(graph, tree)
+    out = {}
+    for i, node in enumerate(tree.nodes[1:], start=1):
+        least = moves_if_above(node.subtype, kinds[i], kinds[node.parent], share[i], rules)
+        if rules.minor and is_minor(area[i], area[1:]) and not graph.one_skin:
             least = max(least, UNCLEAR)
         if least:
-            evidence["moves_if_above"] = least
-        counts[kind] = counts.get(kind, -1) + 1
-        name = f"{kind}_{counts[kind]}"
-        nodes.append(replace(node, name=name, kind=kind, evidence=evidence))
-    return KinematicTree(tuple(nodes))
+            out[i] = least
+    return out
+
+
+def _shapes(graph: Graph, tree: KinematicTree) -> tuple[list[str], list[float], list[float]]:
+    """Kind by shape ("" for the base), area and share of the parent's area of every node."""
+    masks = [np.isin(np.arange(graph.count), node.primitives) for node in tree.nodes]
+    area = [float(graph.area[mask].sum()) for mask in masks]
+    kinds = [part_kind(graph, mask, node.subtype) for mask, node in zip(masks, tree.nodes)]
+    share = [area[i] / max(area[n.parent], 1e-12) for i, n in enumerate(tree.nodes)]
+    return ["", *kinds[1:]], area, share
 
 
 def _indices(mask: np.ndarray) -> tuple[int, ...]:

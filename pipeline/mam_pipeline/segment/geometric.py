@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from mam_pipeline.backends import Availability
 from mam_pipeline.errors import InputError
+from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.segment.components import (
     absorb_specks,
     components,
@@ -38,15 +39,21 @@ class GeometricSegmenter:
 
     Args:
         clear: cost above which pieces of one surface stay apart (`segment.fused`).
+        rules: hand rules that are followed.
     """
 
-    def __init__(self, clear: float = CLEAR) -> None:
+    def __init__(self, clear: float = CLEAR, rules: Rules = ALL_RULES) -> None:
         self.clear = clear
+        self.rules = rules
 
     @classmethod
     def available(cls) -> Availability:
         """It needs nothing, so it can always run."""
         return Availability(True, "embedded", version="1", licence="Apache-2.0")
+
+    def with_rules(self, rules: Rules) -> GeometricSegmenter:
+        """See `rules.Ruled`."""
+        return GeometricSegmenter(self.clear, rules)
 
     def segment(self, mesh: Mesh, seed: int = 0) -> Primitives:
         """Cut `mesh` into primitives, largest first; every face gets a label.
@@ -80,7 +87,7 @@ class GeometricSegmenter:
         label = absorb_specks(topo, shreds, loose, label)
         leaves = int(split.max()) + 1
         body: IntArray = np.full(len(label), -1, dtype=np.int64)
-        if alone:
+        if alone and self.rules.closed_fronts:
             label, origin, body = divide(topo, label, leaves)
             merges = joined(merges, leaves, origin)
             leaves += len(origin)

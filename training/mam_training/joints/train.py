@@ -230,7 +230,7 @@ def report(data: Sequence[Example]) -> dict[str, float]:
         hit.setdefault(key, []).append(float(value))
 
     for e in data:
-        ranking = rank(e.part, e.hypotheses, skin=e.fused)
+        ranking = rank(e.part, e.hypotheses, fused=e.fused)
         note("kind incl. fixed", int(np.argmax(ranking.kind)) == e.kind)
         if e.kind == 0:
             continue

@@ -14,8 +14,10 @@ import numpy as np
 
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import face_geometry, sample_surface
+from mam_pipeline.geometry.sweep import Motion
+from mam_pipeline.joints.estimate import Estimate
 from mam_pipeline.joints.limits import Surroundings
-from mam_pipeline.types import IntArray, Joint, KinematicTree, Mesh
+from mam_pipeline.types import IntArray, KinematicTree, Mesh
 
 STUCK = 0.75
 """A part that goes less than this share of its usual way is looked at."""
@@ -30,31 +32,34 @@ _AROUND = 0.02
 
 
 def take_along(
-    mesh: Mesh, labels: IntArray, tree: KinematicTree, joint: Joint, around: Surroundings
-) -> KinematicTree | None:
-    """The tree in which small pieces that stop `joint` go along with its part; None if none do.
+    mesh: Mesh, labels: IntArray, tree: KinematicTree, index: int, found: Estimate,
+    around: Surroundings,
+) -> KinematicTree | None:  # fmt: skip
+    """The tree in which small pieces that stop a part go along with it; None if none do.
 
     Args:
-        labels: (F,) primitive of every face. around: the part of `joint` and what stands still.
+        labels: (F,) primitive of every face. index: of the part. found: its joint.
+        around: the part and what stands still.
     """
-    if joint.type == "continuous":  # nothing stops it
+    limits, chosen = found.limits, found.chosen
+    if limits.type == "continuous":  # nothing stops it
         return None
-    motion = "prismatic" if joint.type == "prismatic" else "revolute"
-    wanted = float(joint.evidence.get("limits", {}).get("cap", joint.upper))
-    found = around.free(motion, joint.axis, joint.origin, wanted)[1]  # type: ignore[arg-type]
-    faces = around.paths.obstacles(motion, joint.axis, joint.origin, found)  # type: ignore[arg-type]
-    node = tree.nodes[joint.child]
+    motion: Motion = "prismatic" if limits.type == "prismatic" else "revolute"
+    wanted = limits.upper if limits.wanted is None else limits.wanted
+    stop = around.free(motion, chosen.axis, chosen.origin, wanted)[1]
+    faces = around.paths.obstacles(motion, chosen.axis, chosen.origin, stop)
+    node = tree.nodes[index]
     box = _Box(mesh, np.flatnonzero(np.isin(labels, node.primitives)))
     room = _AROUND * mesh.diagonal
     nodes = list(tree.nodes)
     moved = False
-    static = np.setdiff1d(np.arange(len(labels)), np.flatnonzero(np.isin(labels, node.primitives)))
+    static = np.flatnonzero(~np.isin(labels, node.primitives))
     body = static[~np.isin(labels[static], np.unique(labels[faces]))]
     scenes = [RayScene(mesh.vertices, mesh.faces[f]) for f in (box.faces, body)]
     trunk = RayScene(mesh.vertices, mesh.faces[np.isin(labels, nodes[node.parent].primitives)])
     for piece in np.unique(labels[faces]):
         owner = next((i for i, n in enumerate(nodes) if piece in n.primitives), None)
-        if owner is None or owner == joint.child or nodes[owner].provenance == "user":
+        if owner is None or owner == index or nodes[owner].provenance == "user":
             continue
         whole = owner != node.parent and nodes[owner].parent == node.parent
         group = nodes[owner].primitives if whole else (int(piece),)
@@ -64,12 +69,12 @@ def take_along(
         if not whole and not (small.fits(box, room) and small.rests_on(*scenes)):
             continue
         if whole:  # a knob on a door: it keeps its own joint and is carried
-            nodes[owner] = replace(nodes[owner], parent=joint.child)
+            nodes[owner] = replace(nodes[owner], parent=index)
         elif owner == node.parent and len(nodes[owner].primitives) > 1:
             rest = tuple(p for p in nodes[owner].primitives if p != piece)
             nodes[owner] = replace(nodes[owner], primitives=rest)
-            more = (*nodes[joint.child].primitives, int(piece))
-            nodes[joint.child] = replace(nodes[joint.child], primitives=more)
+            more = (*nodes[index].primitives, int(piece))
+            nodes[index] = replace(nodes[index], primitives=more)
         else:
             continue
         moved = True

@@ -1,0 +1,311 @@
+"""The joint of one part of a given tree: the best hypothesis by which it can move, and its limits.
+
+Both who decides on parts and who writes joints ask here. Estimates are remembered by what they were
+made from, so that the solver finds again what the parts stage has asked.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from mam_pipeline.geometry.frames import ObjectFrame
+from mam_pipeline.geometry.hinge_line import HingeBodies
+from mam_pipeline.geometry.sweep import SweepScene
+from mam_pipeline.joints.candidates import rank_hypotheses
+from mam_pipeline.joints.limits import Limits, Surroundings, embedded_limits
+from mam_pipeline.joints.straight import straightened, turned_tree
+from mam_pipeline.rules import ALL_RULES, Rules
+from mam_pipeline.thresholds import THRESHOLDS
+from mam_pipeline.types import (
+    MOVES,
+    IntArray,
+    JointCandidate,
+    KinematicTree,
+    Mesh,
+    PartNode,
+    Primitives,
+)
+
+FALLBACKS = 12  # hypotheses, best first, that may be tried when the best one leaves a part stuck
+TIED = 0.3  # log odds between two that are as probable
+LINES = 40  # hinge lines, best first, that are tried on both bodies
+NEARLY = 1.6  # log odds below the best line at which one on both bodies may take its place
+NEARLY_PARALLEL = 3.0  # the same for parallel ones
+PARALLEL = 0.99  # cosine between lines that run the same way
+SAME_WAY = 0.995  # cosine between axes that mean the same joint
+CLOSE, CLOSE_OWN = 0.03, 0.1  # how far apart such lines may lie: of the object, of the part
+ON_LINE = 0.9  # share of the check's tolerance that a line may stray from them
+REMEMBERED = 64  # estimates
+
+
+@dataclass(frozen=True)
+class PartFaces:
+    """Faces around one joint: of the link, of all that moves with it, and of what does not.
+
+    Attributes:
+        own: of the link. moving: with its descendants. static: everything else.
+        parent: of the parent link. fixed: static without the link's movable siblings.
+        fused: whether all of them were cut out of one fused surface.
+    """
+
+    own: IntArray
+    moving: IntArray
+    static: IntArray
+    parent: IntArray
+    fixed: IntArray
+    fused: bool = False
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What was found for one part.
+
+    Attributes:
+        chosen: the hypothesis, its axis turned so that positive motion opens.
+        limits: of the joint. sure: probability that the hypothesis is right, given part and type.
+        rank: of the chosen one among `candidates`, the hypotheses of its type, best first.
+        contact: where the part touches what stands still, for the report.
+    """
+
+    chosen: JointCandidate
+    limits: Limits
+    sure: float
+    rank: int
+    candidates: tuple[JointCandidate, ...]
+    contact: Mapping[str, Any]
+
+    @property
+    def share(self) -> float:
+        """Which share of its usual way the part goes by itself; 1 where nobody measured."""
+        return self.limits.share * (1.0 if self.limits.sibling_at is None else 0.5)
+
+
+class JointEstimator:
+    """Estimates joints of one object, in the frame of its own walls.
+
+    Attributes:
+        mesh: with one copy of every face, straightened. primitives: of its faces.
+        frame: of `mesh`. rotation: (3, 3) own_R_asset, or None where the object stands straight.
+    """
+
+    def __init__(
+        self, mesh: Mesh, primitives: Primitives, seed: int = 0, rules: Rules = ALL_RULES
+    ) -> None:
+        self.mesh, self.frame, self.rotation = straightened(mesh)
+        self.primitives, self.seed, self.rules = primitives, seed, rules
+        self._digest = hashlib.sha256(self.mesh.vertices.tobytes() + self.mesh.faces.tobytes())
+
+    def turned(self, tree: KinematicTree) -> KinematicTree:
+        """A tree in the asset frame as this estimator needs it."""
+        return tree if self.rotation is None else turned_tree(tree, self.rotation)
+
+    def faces(self, tree: KinematicTree, index: int) -> PartFaces:
+        """Which faces move with a node, and which stand still."""
+        return faces_around(tree, self.primitives, index)
+
+    def estimate(self, tree: KinematicTree, index: int) -> Estimate | None:
+        """The joint of a node of a `turned` tree; None where nothing can move."""
+        node, faces = tree.nodes[index], self.faces(tree, index)
+        if node.subtype == "fixed" or not len(faces.moving) or not len(faces.static):
+            return None
+        key = self._key(node, faces)
+        if key in _REMEMBERED:
+            _REMEMBERED.move_to_end(key)
+        else:
+            _REMEMBERED[key] = self._estimate(node, faces)
+            while len(_REMEMBERED) > REMEMBERED:
+                _REMEMBERED.popitem(last=False)
+        return _REMEMBERED[key]
+
+    def _key(self, node: PartNode, faces: PartFaces) -> str:
+        digest = self._digest.copy()
+        for own in (faces.own, faces.moving, faces.static, faces.parent, faces.fixed):
+            digest.update(b"|" + own.tobytes())
+        for c in node.candidates:
+            digest.update(c.axis.tobytes() + c.origin.tobytes())
+            digest.update(repr((c.subtype, c.score, c.within_kind, c.travel)).encode())
+        about = node.subtype, node.limits, node.provenance == "user", faces.fused
+        digest.update(repr((about, self.rules, self.seed)).encode())
+        return digest.hexdigest()
+
+    def _estimate(self, node: PartNode, faces: PartFaces) -> Estimate:
+        mesh, rules = self.mesh, self.rules
+        around = Surroundings.of(mesh, faces.moving, faces.static, self.seed)
+        ranked = candidates = choose_candidates(mesh, self.frame, node, faces, self.seed, rules)
+        if rules.on_both_bodies and node.subtype != "slide" and node.provenance != "user":
+            candidates = on_both(mesh, faces, candidates, around.paths.rest_gap)
+        alone = None
+        if rules.siblings and len(faces.fixed) < len(faces.static) and len(faces.fixed):
+            alone = cache(lambda: Surroundings.of(mesh, faces.moving, faces.fixed, self.seed))
+
+        def limits_of(c: JointCandidate) -> Limits:
+            given = node.limits if c is candidates[0] else None
+            return embedded_limits(around, c.subtype, c.axis, c.origin, alone=alone, given=given,
+                                   usual=c.travel, plain=rules.plain_travel)  # fmt: skip
+
+        near = min(CLOSE * mesh.diagonal, CLOSE_OWN * _size(mesh, faces.own))
+        best, chosen = candidates[0], 0
+        limits = limits_of(best)
+        stuck = rules.when_stuck and limits.share < MOVES
+        for k in instead(candidates, near) if stuck else ():
+            found = limits_of(candidates[k])
+            if found.share < MOVES:
+                continue
+            if abs(float(candidates[k].axis @ best.axis)) < PARALLEL:
+                # sooner the same line the other way round than one that runs another way
+                back = replace(best, axis=-best.axis)
+                other_way = limits_of(back)
+                if other_way.share >= MOVES:
+                    best, limits = back, other_way
+                    break
+            if same_joint(candidates[k], best, near) or candidates[k].score >= best.score - TIED:
+                best, limits, chosen = candidates[k], found, k
+                break
+        sure = 1.0 if node.provenance == "user" else agreement(best, ranked, near)
+        contact = contact_evidence(around.scene)
+        return Estimate(best, limits, sure, chosen, tuple(candidates), contact)
+
+
+_REMEMBERED: OrderedDict[str, Estimate] = OrderedDict()
+
+
+def faces_around(tree: KinematicTree, primitives: Primitives, index: int) -> PartFaces:
+    """Which faces move with node `index`, and which stand still."""
+    owner = np.full(primitives.count, -1, dtype=np.int64)
+    for i, node in enumerate(tree.nodes):
+        owner[list(node.primitives)] = i
+    face_node = owner[primitives.labels]
+    moving = {index}
+    while True:
+        more = {i for i, n in enumerate(tree.nodes) if n.parent in moving} - moving
+        if not more:
+            break
+        moving |= more
+    parent = tree.nodes[index].parent
+    trunk, node = {0}, parent
+    while node > 0:
+        trunk.add(node)
+        node = tree.nodes[node].parent
+    stiff = {i for i, n in enumerate(tree.nodes)
+             if n.subtype == "fixed" and n.parent in trunk} - moving  # fmt: skip
+
+    def gather(chosen: set[int]) -> IntArray:
+        return np.flatnonzero(np.isin(face_node, sorted(chosen)))
+
+    rest = set(range(len(tree.nodes))) - moving
+    return PartFaces(
+        gather({index}), gather(moving), gather(rest), gather({parent}), gather(trunk | stiff),
+        primitives.one_skin,
+    )  # fmt: skip
+
+
+def topological_order(tree: KinematicTree) -> list[int]:
+    """Indices of all nodes but the base, parents first."""
+    depth = {0: 0}
+    left = list(range(1, len(tree.nodes)))
+    while left:
+        ready = [i for i in left if tree.nodes[i].parent in depth]
+        if not ready:
+            raise ValueError(f"parts {[tree.nodes[i].name for i in left]} form a loop")
+        for i in ready:
+            depth[i] = depth[tree.nodes[i].parent] + 1
+        left = [i for i in left if i not in depth]
+    return [i for i in depth if i != 0]
+
+
+def choose_candidates(
+    mesh: Mesh, frame: ObjectFrame, node: PartNode, faces: PartFaces, seed: int,
+    rules: Rules = ALL_RULES,
+) -> list[JointCandidate]:  # fmt: skip
+    """Hypotheses of the node's kind of motion, best first.
+
+    A person's axis is obeyed; the reasoner's ranked candidates are reused; else they are made here.
+    """
+    user = user_candidate(node)
+    if user is not None:
+        return [user]
+    kinds = ("slide",) if node.subtype == "slide" else ("hinge", "spin")
+    known = [c for c in node.candidates if c.subtype in kinds]
+    if not known:
+        parent = faces.parent if len(faces.parent) else faces.static
+        known = [
+            c for c in rank_hypotheses(
+                mesh, faces.moving, faces.static, frame=frame, parent_faces=parent, seed=seed,
+                top=1000, fused=faces.fused, rules=rules,
+            ) if c.subtype in kinds
+        ]  # fmt: skip
+    return known
+
+
+def user_candidate(node: PartNode) -> JointCandidate | None:
+    """The joint that a person gave for this part, if any."""
+    if node.provenance != "user" or not node.candidates:
+        return None
+    first = node.candidates[0]
+    return first if first.subtype == node.subtype else None
+
+
+def agreement(best: JointCandidate, ranked: Sequence[JointCandidate], near: float) -> float:
+    """Probability of all hypotheses of a kind that mean the same joint as `best`; 1 if none has
+    one. Lines mean the same when they run the same way, less than `near` apart."""
+    if best.within_kind is None:
+        return 1.0
+    same = [c for c in ranked if same_joint(c, best, near)]
+    return min(sum(c.within_kind or 0.0 for c in same), 1.0)
+
+
+def same_joint(one: JointCandidate, other: JointCandidate, near: float) -> bool:
+    """Whether two hypotheses of a kind run the same way, less than `near` apart."""
+    apart = np.linalg.norm(np.cross(one.origin - other.origin, other.axis))
+    close = one.subtype == "slide" or apart <= near
+    return bool(close and abs(float(one.axis @ other.axis)) > SAME_WAY)
+
+
+def instead(candidates: list[JointCandidate], near: float) -> list[int]:
+    """Which hypotheses to look at where the best one leaves a part stuck.
+
+    Where a cut is ragged, or a piece of the part was missed, the right one is stuck as well, and
+    another is seldom right because it is free. So: lines that mean the same joint first, then what
+    is not much less probable, which says that the way back may be free, and is taken in a tie only.
+    """
+    best = candidates[0]
+    least = best.score - (NEARLY if best.subtype == "slide" else NEARLY_PARALLEL)
+    ranked = range(1, len(candidates[:FALLBACKS]))
+    same = [k for k in ranked if same_joint(candidates[k], best, near)]
+    return same + [k for k in ranked if k not in same and candidates[k].score >= least]
+
+
+def on_both(
+    mesh: Mesh, faces: PartFaces, candidates: list[JointCandidate], rest_gap: float
+) -> list[JointCandidate]:
+    """The candidates whose line stays on both bodies, as the check asks, and is nearly as probable
+    as the best or parallel to it; all candidates if there is none."""
+    bodies = HingeBodies(mesh, faces.moving, faces.parent if len(faces.parent) else faces.static)
+    most = ON_LINE * THRESHOLDS.gap_share + rest_gap / max(mesh.diagonal, 1e-12)
+    best = candidates[0]
+
+    def near(c: JointCandidate) -> bool:
+        parallel = abs(float(c.axis @ best.axis)) > PARALLEL
+        return c.score >= best.score - (NEARLY_PARALLEL if parallel else NEARLY)
+
+    lines = [c for c in candidates[:LINES] if near(c)]
+    fits = [c for c in lines if bodies.line_gap(c.axis, c.origin, bodies.encloses) <= most]
+    return fits or candidates
+
+
+def contact_evidence(scene: SweepScene) -> dict[str, Any]:
+    """How a part touches what stands still, for the report."""
+    found = scene.contact()
+    return {"points": len(found.points), "share": round(found.share, 4),
+            "gap": found.gap, "tau": found.tau}  # fmt: skip
+
+
+def _size(mesh: Mesh, faces: IntArray) -> float:
+    return float(np.linalg.norm(np.ptp(mesh.vertices[np.unique(mesh.faces[faces])], axis=0)))

@@ -1,0 +1,66 @@
+"""The last word on parts: the joint estimator is asked, and the parts are final.
+
+The reasoner says what the parts are and how they move. Where a part is stuck as it is, small pieces
+that stop it go along with it (`rules.blockers`); a part whose own joint is unclear, and that has to
+be clear to move by itself, goes with what it hangs on (`rules.fittings`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from mam_pipeline.joints.estimate import Estimate, JointEstimator, topological_order
+from mam_pipeline.joints.limits import Surroundings
+from mam_pipeline.parts.rules.blockers import STUCK, take_along
+from mam_pipeline.parts.rules.fittings import carried
+from mam_pipeline.rules import ALL_RULES, Rules
+from mam_pipeline.types import KinematicTree, Mesh, Primitives
+
+TRIES = 3  # pieces in a part's way may hide others
+FREER = 1.2  # times the share of its way: as much freer a part runs with what goes along
+
+
+def settled(
+    tree: KinematicTree, mesh: Mesh, primitives: Primitives, least: Mapping[int, float],
+    seed: int = 0, rules: Rules = ALL_RULES,
+) -> KinematicTree:  # fmt: skip
+    """The tree with final parts; what has provenance "user" is never altered.
+
+    Args:
+        mesh: with one copy of every face. least: by node, the confidence from which it moves by
+            itself (`parts.tree.clear_from`).
+    """
+    estimator = JointEstimator(mesh, primitives, seed, rules)
+    own = estimator.turned(tree)
+    found = {i: estimator.estimate(own, i) for i in topological_order(own)}
+    if rules.blockers:
+        for i in found:
+            if own.nodes[i].provenance != "user":
+                own, found[i] = _freed(estimator, own, i, found[i])
+    confidence = {
+        i: own.nodes[i].confidence * (1.0 if e is None else e.sure) for i, e in found.items()
+    }
+    nodes = (
+        replace(node, primitives=changed.primitives, parent=changed.parent)
+        for node, changed in zip(tree.nodes, own.nodes)
+    )
+    return carried(replace(tree, nodes=tuple(nodes)), confidence, least)
+
+
+def _freed(
+    estimator: JointEstimator, tree: KinematicTree, index: int, found: Estimate | None
+) -> tuple[KinematicTree, Estimate | None]:
+    """The tree in which what stops a part goes along with it, as long as that frees it."""
+    for _ in range(TRIES):
+        if found is None or found.share >= STUCK:
+            break
+        faces = estimator.faces(tree, index)
+        around = Surroundings.of(estimator.mesh, faces.moving, faces.static, estimator.seed)
+        labels = estimator.primitives.labels
+        freed = take_along(estimator.mesh, labels, tree, index, found, around)
+        again = None if freed is None else estimator.estimate(freed, index)
+        if freed is None or again is None or again.share < FREER * found.share:
+            break
+        tree, found = freed, again
+    return tree, found
