@@ -365,12 +365,12 @@ def test_parts_that_a_person_named_are_judged_as_fused_where_they_are(fused: boo
     faces = faces_around(KinematicTree(nodes), Primitives(owner, merges), 1)
     found = [c.score for c in choose_candidates(mesh, frame, nodes[1], faces, 0)]
     both = [
-        [c.score for c in rank_hypotheses(mesh, links[1].faces, links[0].faces, frame=frame,
+        [c.score for c in rank_hypotheses(mesh, faces.moving, faces.static, frame=frame,
                                           top=1000, fused=k) if c.subtype in ("hinge", "spin")]
         for k in (False, True)
     ]  # fmt: skip
     assert both[0] != both[1]
-    assert found == pytest.approx(both[skin])
+    assert found == pytest.approx(both[fused])
 
 
 def test_hypotheses_carry_probabilities() -> None:

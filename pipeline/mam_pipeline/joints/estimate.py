@@ -43,6 +43,10 @@ SAME_WAY = 0.995  # cosine between axes that mean the same joint
 CLOSE, CLOSE_OWN = 0.03, 0.1  # how far apart such lines may lie: of the object, of the part
 ON_LINE = 0.9  # share of the check's tolerance that a line may stray from them
 REMEMBERED = 64  # estimates
+# hand rules that an estimate depends on
+OF_JOINTS = (
+    "on_both_bodies", "when_stuck", "near_lines", "sunken_slide", "siblings", "plain_travel",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -132,7 +136,8 @@ class JointEstimator:
             digest.update(c.axis.tobytes() + c.origin.tobytes())
             digest.update(repr((c.subtype, c.score, c.within_kind, c.travel)).encode())
         about = node.subtype, node.limits, node.provenance == "user", faces.fused
-        digest.update(repr((about, self.rules, self.seed)).encode())
+        rules = [getattr(self.rules, name) for name in OF_JOINTS]
+        digest.update(repr((about, rules, self.seed)).encode())
         return digest.hexdigest()
 
     def _estimate(self, node: PartNode, faces: PartFaces) -> Estimate:

@@ -85,11 +85,19 @@ def tree_of(
     Args:
         mesh: with one copy of every face.
     """
+    tree = drafted(graph, masks, choice, mesh, primitives, seed, rules)
+    return settled(tree, mesh, primitives, clear_from(graph, tree, rules), seed, rules)
+
+
+def drafted(
+    graph: Graph, masks: Masks, choice: Choice, mesh: Mesh, primitives: Primitives, seed: int,
+    rules: Rules,
+) -> KinematicTree:  # fmt: skip
+    """The parts as they were chosen, with types, joint hypotheses and names."""
     masks, choice = with_base(graph, masks, choice)
     odds = choice.subtype[list(choice.chosen)]
     tree = build_tree(graph, masks, choice)
-    tree = named(graph, with_joints(tree, odds, mesh, primitives, seed, rules))
-    return settled(tree, mesh, primitives, clear_from(graph, tree, rules), seed, rules)
+    return named(graph, with_joints(tree, odds, mesh, primitives, seed, rules))
 
 
 @dataclass(frozen=True)
