@@ -1,22 +1,15 @@
-"""What an environment is told: the task on a joint, and the settings of scene and chance."""
+"""Settings of an environment: success, reward, randomisation and scene, with their defaults."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from mam_pipeline import config_file
-from mam_pipeline.errors import InputError, NotPhysicalError, unknown_name
-
-if TYPE_CHECKING:
-    from mam_envs.object_model import ObjectModel
-
-TaskName = Literal["open", "close", "turn_to", "push"]
-TASKS: tuple[TaskName, ...] = ("open", "close", "turn_to", "push")
 
 
 @dataclass(frozen=True)
@@ -49,7 +42,17 @@ class SuccessConfig:
 
 @dataclass(frozen=True)
 class RewardConfig:
-    """Scales of the dense reward's terms (mam_envs.tasks.rewards says what each measures)."""
+    """Scales of the dense reward's terms; a task may add terms in a subclass.
+
+    Attributes:
+        reach: 1 at the handle, falling with the tool's distance d in metres, 1 - tanh(5 d); stays 1
+            once the joint has moved by contact, so that letting go costs nothing.
+        contact: 1 while the robot touches the moving part.
+        progress: share of the way from start to goal, 0..1 (negative when moved away).
+        success: 1 at success.
+        untouched_motion: share of the range that moved without contact in this step.
+        action_rate: mean squared change of the action since the last step.
+    """
 
     reach: float = 1.0
     contact: float = 0.5
@@ -121,7 +124,14 @@ class SceneConfig:
 
 @dataclass(frozen=True)
 class EnvConfig:
-    """All settings of an OperateJoint environment; complete with its defaults."""
+    """All settings of an environment; complete with its defaults.
+
+    Attributes:
+        success: what is asked, and when it counts as done.
+        reward: scales of the dense reward's terms.
+        randomisation: what changes from episode to episode.
+        scene: floor, walls and cameras.
+    """
 
     success: SuccessConfig = field(default_factory=SuccessConfig)
     reward: RewardConfig = field(default_factory=RewardConfig)
@@ -129,118 +139,35 @@ class EnvConfig:
     scene: SceneConfig = field(default_factory=SceneConfig)
 
     @staticmethod
-    def make(value: EnvConfig | Mapping[str, Any] | str | Path | None) -> EnvConfig:
+    def make(
+        value: EnvConfig | Mapping[str, Any] | str | Path | None, base: EnvConfig | None = None
+    ) -> EnvConfig:
         """From nothing, a mapping, or a YAML file.
 
         A file holds these settings themselves, or has them in a section `env` as the files for
         `mam-sim --config` do.
 
+        Args:
+            base: what is left out comes from here; a task's `defaults()`, which may extend
+                success and reward by fields of its own.
+
         Raises:
             ConfigError: unknown key (the nearest is named) or a value of the wrong type.
         """
+        start = base or EnvConfig()
         if value is None:
-            return EnvConfig()
-        if isinstance(value, EnvConfig):
-            return value
+            return start
         source = ""
+        if isinstance(value, EnvConfig):  # its parts may lack the fields that the task adds
+            value = {
+                name: part if isinstance(part, type(getattr(start, name))) else vars(part)
+                for name, part in vars(value).items()
+            }
         if isinstance(value, str | Path):
             source, value = str(value), config_file.read(value)
         inside = value.get("env", value) if isinstance(value, Mapping) else value
-        return config_file.fill(EnvConfig(), inside, source)
+        return config_file.fill(start, inside, source)
 
     def plain(self) -> dict[str, Any]:
         """As nested plain values, to be saved beside a result."""
         return asdict(self)
-
-
-@dataclass(frozen=True)
-class JointGoal:
-    """One joint to be moved, in the model's units (radians or metres, after scaling).
-
-    Attributes:
-        q_start: where the episode starts (before randomisation); q_goal: where success begins.
-        tolerance: 0 for "at least this far", else how near to q_goal is near enough.
-        closed, open: the joint's range in the sense of the task (a wide hinge is cut).
-        still_speed: greatest speed at success.
-    """
-
-    joint: str
-    task: TaskName
-    subtype: str
-    q_start: float
-    q_goal: float
-    tolerance: float
-    closed: float
-    open: float
-    lower: float
-    upper: float
-    still_speed: float
-
-    @property
-    def range(self) -> float:
-        return abs(self.open - self.closed)
-
-    @property
-    def direction(self) -> float:
-        return float(np.sign(self.q_goal - self.q_start))
-
-
-def default_task(model: ObjectModel, joint: str) -> TaskName:
-    """The task that a joint suggests: push for buttons, turn_to for spins, else open."""
-    card = model.card_joint(joint)
-    kinds = {g.kind for g in model.asset.card.grasps if g.joint == joint}
-    closed, open_ = model.span(card)
-    if card.subtype == "slide" and kinds == {"push"} and abs(open_ - closed) < 0.05:
-        return "push"
-    return "turn_to" if card.subtype == "spin" else "open"
-
-
-def joint_goal(
-    model: ObjectModel, joint: str | None, task: str | None, config: SuccessConfig
-) -> JointGoal:
-    """Resolve joint and task names into numbers.
-
-    Raises:
-        ConfigError: unknown joint or task.
-        NotPhysicalError: the joint has no range to move through.
-    """
-    name = joint or model.default_joint()
-    card = model.card_joint(name)
-    if task is not None and task not in TASKS:
-        raise unknown_name("task", task, TASKS)
-    kind: TaskName = task or default_task(model, name)  # type: ignore[assignment]
-    closed, open_ = model.span(card)
-    lower, upper = model.limits(card)
-    slide = card.subtype == "slide" or card.type == "prismatic"
-    span = open_ - closed
-    if not slide and abs(span) > config.widest:
-        span = float(np.sign(span)) * config.widest
-    if abs(span) < (2e-4 if slide else 5e-3):
-        raise NotPhysicalError(f"joint {name!r} of {model.asset.card.name} has no range to move in")
-    tolerance = 0.0
-    start, goal = closed, closed + config.fraction * span
-    if kind == "close":
-        start = closed + config.start * span
-        goal = start + max(config.fraction, 0.9) * (closed - start)
-    elif kind == "turn_to":
-        start = float(np.clip(0.0, min(lower, upper), max(lower, upper)))
-        step = np.pi / 4 if card.subtype == "spin" and not slide else 0.5 * span
-        goal = start + step if config.value is None else config.value * model.unit(card)
-        goal = float(np.clip(goal, lower, upper))
-        if abs(goal - start) < 1e-6:
-            raise InputError(f"joint {name!r} is already at the asked value {goal:.3g}")
-        least = 0.002 if slide else 0.05
-        tolerance = config.tolerance or max(least, 0.1 * abs(goal - start))
-    return JointGoal(
-        joint=name,
-        task=kind,
-        subtype=card.subtype,
-        q_start=float(start),
-        q_goal=float(goal),
-        tolerance=float(tolerance),
-        closed=float(closed),
-        open=float(closed + span),
-        lower=float(lower),
-        upper=float(upper),
-        still_speed=config.still_speed[0 if slide else 1],
-    )

@@ -1,4 +1,4 @@
-"""OperateJoint-v1: a robot arm opens, closes, turns or pushes any joint of any asset."""
+"""OperateJoint-v1: a robot arm and an articulated object, on which a task is set."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import sapien
 import torch
 from gymnasium.utils import seeding
 from mani_skill.envs.sapien_env import BaseEnv
+from mani_skill.utils import common
 from mani_skill.utils.geometry.rotation_conversions import matrix_to_quaternion, quaternion_apply
 from mani_skill.utils.registration import REGISTERED_ENVS
 from mani_skill.utils.registration import EnvSpec as ManiSkillSpec
@@ -19,13 +20,14 @@ from mani_skill.utils.structs.types import GPUMemoryConfig, SimConfig
 from mani_skill.vector.wrappers.gymnasium import ManiSkillVectorEnv
 
 from mam_envs.config import EnvConfig
-from mam_envs.planner_state import PlannerState, observe, situation
+from mam_envs.planner_state import PlannerState
 from mam_envs.robots import robot_spec
 from mam_envs.scene import build, vulkan
-from mam_envs.scene import layout as layouts
+from mam_envs.scene.background import put_background
 from mam_envs.scene.contact_probe import ContactProbe
-from mam_envs.tasks import rewards
-from mam_envs.tasks.success import SuccessTracker
+from mam_envs.scene.layout import Layout, arrange, several
+from mam_envs.scene.randomisation import Draw, ObjectDynamics, draw, draw_clear
+from mam_envs.tasks import Task, TaskState, rewards, task_class
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.config_file import fill
 from mam_pipeline.errors import ConfigError
@@ -35,26 +37,27 @@ MAX_STEPS = 200
 
 
 class OperateJointEnv(BaseEnv):
-    """Task: move a joint of an articulated object with a robot arm.
+    """A robot arm in front of an articulated object, on whose joints a task is set.
 
     The object stands at the world's origin, its front towards -x; the arm stands where inverse
-    kinematics reaches the handle along the joint's whole path.
+    kinematics reaches the handle along the joint's whole path. What is asked of the joints, when
+    it is done and what is rewarded says the task (mam_envs.tasks).
 
     Randomizations: the object's place and yaw, the arm's start, and whatever else
     `RandomisationConfig` asks for.
 
-    Success: the joint has gone `SuccessConfig.fraction` (0.75) of its way (or is within `tolerance`
-    of the asked value), is slower than `still_speed`, and at least half of its motion happened
-    while the robot touched the moving part. In a sequence every joint must get there in turn.
+    Success: as the task says.
 
     Observations: `agent` (qpos, qvel) and `extra` (tcp_pose) are what a real arm knows;
-    `extra/privileged` (handle, joint state, progress) only exists in state modes and comes last
-    in the flat vector; `observation_layout` names every slice.
+    `extra/privileged` (what the task observes) only exists in state modes and comes last in the
+    flat vector; `observation_layout` names every slice.
     """
 
     SUPPORTED_REWARD_MODES = ("normalized_dense", "dense", "sparse", "none")
     agent: Any
     object: Articulation
+    objects: list[Articulation]
+    task: Task
 
     def __init__(
         self,
@@ -84,7 +87,8 @@ class OperateJointEnv(BaseEnv):
                 anew at every reset when there is only one.
             joint: its name; None takes the most confident joint with a grasp; several make a
                 sequence.
-            task: open | close | turn_to | push (one, or one per joint); None picks by the joint.
+            task: open, close, turn_to, push, or a task of yours (mam_envs.tasks); one, or one per
+                joint; None picks by the joint.
             robot_uids: panda, so100, fetch, xarm6_robotiq, or a robot of yours (mam_envs.robots).
             scale: factor on the object's size, or "auto": 1 where the arm can do it, else shrunk
                 to its reach.
@@ -100,7 +104,8 @@ class OperateJointEnv(BaseEnv):
             PlacementError: no place lets this arm do it; the message says why.
             BackendError: pictures are asked for without a Vulkan driver.
         """
-        settings = EnvConfig.make(config)
+        self.task_type = task_class(several(task))
+        settings = EnvConfig.make(config, self.task_type.defaults())
         single = {
             "randomisation": randomisation, "reward": reward, "scene": scene, "success": success,
         }  # fmt: skip
@@ -109,9 +114,7 @@ class OperateJointEnv(BaseEnv):
         found = [asset] if isinstance(asset, str | Path | Asset) else list(asset)
         if not found:
             raise ConfigError("asset is an empty list")
-        self.layouts = [
-            layouts.arrange(a, joint, task, self.robot_spec, scale, self.config) for a in found
-        ]
+        self.layouts = [arrange(a, joint, task, self.robot_spec, scale, self.config) for a in found]
         if len({len(item.goals) for item in self.layouts}) > 1:
             raise ConfigError("all assets need the same number of joints in a sequence")
         self._chosen = [0] * num_envs
@@ -153,7 +156,7 @@ class OperateJointEnv(BaseEnv):
     def _default_human_render_camera_configs(self) -> list[Any]:
         return [build.camera("render_camera", self.config.scene.render, self.layout(0))]
 
-    def layout(self, index: int = 0) -> build.Layout:
+    def layout(self, index: int = 0) -> Layout:
         """The asset, task and placement of one sub-scene."""
         return self.layouts[self._chosen[index]]
 
@@ -166,15 +169,42 @@ class OperateJointEnv(BaseEnv):
         super()._load_agent(options, sapien.Pose(self.layout(0).placement.base))
 
     def _load_scene(self, options: dict) -> None:
-        build.build_world(
-            self.scene, self.config.scene, [self.layout(i) for i in range(self.num_envs)]
-        )
-        self._objects, dofs, targets = layouts.build_objects(self)
+        layouts = [self.layout(i) for i in range(self.num_envs)]
+        build.build_world(self.scene, self.config.scene, layouts)
+        sapien.set_log_level("off")  # PhysX calls thin panels oblong
+        self.objects = [
+            build.build_object(self.scene, item, i, f"object_{i}") for i, item in enumerate(layouts)
+        ]
+        sapien.set_log_level("warn")
+        self._dynamics = [ObjectDynamics(*pair) for pair in zip(self.objects, layouts)]
+        for i in range(self.num_envs):
+            self._randomise_object(i)
+        names = [[j.name for j in item.active_joints] for item in self.objects]
+        dofs = [[n.index(g.joint) for g in item.goals] for n, item in zip(names, layouts)]
         self._dof_index = torch.tensor(dofs, device=self.device)
-        self.object = Articulation.merge(self._objects, name="object")
+        self.object = Articulation.merge(self.objects, name="object")
         self.add_to_state_dict_registry(self.object)
-        self.targets = [Link.merge(rows, name=f"target_{k}") for k, rows in enumerate(targets)]
-        self._make_buffers()
+        self.targets = [
+            Link.merge([self._target(i, k) for i in range(self.num_envs)], name=f"target_{k}")
+            for k in range(len(layouts[0].goals))
+        ]
+        self._make_buffers(layouts)
+
+    def _randomise_object(self, index: int) -> None:
+        """Dynamics and colour of one built object, drawn at every reconfiguration."""
+        chance, rng = self.config.randomisation, self._batched_episode_rng[index]
+        self.remove_from_state_dict_registry(self.objects[index])
+        drawn = draw(chance, rng, len(self.robot_spec.arm))
+        self._dynamics[index].apply(drawn)
+        if chance.colour and self.scene.can_render():
+            share = chance.colour
+            build.tint(self.objects[index], rng.uniform(0, 1, 3), share * float(rng.uniform()))
+
+    def _target(self, index: int, stage: int) -> Link:
+        """The link that the joint of a stage moves, in one sub-scene."""
+        item = self.layout(index)
+        joint = item.model.kinematics.joint(item.goals[stage].joint)
+        return self.objects[index].links_map[joint.child]
 
     def _load_lighting(self, options: dict) -> None:
         low, high = self.config.randomisation.light
@@ -183,19 +213,18 @@ class OperateJointEnv(BaseEnv):
             factor = float(self._batched_episode_rng[0].uniform(low, high))
         build.build_lights(self.scene, factor, self.enable_shadow)
 
-    def _make_buffers(self) -> None:
-        """Goals and memory of the episodes, and the points to grasp (b, stages, 3)."""
-        n, stages = self.num_envs, len(self.targets)
-        goals = [self.layout(i).goals for i in range(n)]
-        self.tracker = SuccessTracker(goals, self.config.success.driven, self.device)
-        points = np.zeros((n, stages, 3), dtype=np.float32)
-        for i in range(n):
-            item = self.layout(i)
+    def _make_buffers(self, layouts: Sequence[Layout]) -> None:
+        """The task's memory, and the points to grasp (b, stages, 3), link frames."""
+        n = len(layouts)
+        self.task = self.task_type([item.goals for item in layouts], self.config, self.device)
+        points = np.zeros((n, len(self.targets), 3), dtype=np.float32)
+        for i, item in enumerate(layouts):
             rest = item.model.kinematics.link_poses({})
             for k, g in enumerate(item.goals):
                 pose = rest[item.model.kinematics.joint(g.joint).child][0]
                 points[i, k] = (item.handles[k] - pose[:3, 3]) @ pose[:3, :3]
         self._handle_point = torch.tensor(points, device=self.device)
+        self._world_asset = np.tile(np.eye(4), (n, 1, 1))
         self._rate = torch.zeros(n, device=self.device)
         self._last_action: torch.Tensor | None = None
 
@@ -207,8 +236,11 @@ class OperateJointEnv(BaseEnv):
         tool = spec.chain.tool
         self._tool = None if np.allclose(tool, np.eye(4)) else _pose(tool[None], self.device)
         item = self.layout(0)
-        parts = [set(item.model.moving_links(g.joint)) for g in item.goals]
-        self._probe = ContactProbe(self, hand, self.targets, parts)
+        parts = [
+            [self.objects[0].links_map[name] for name in item.model.moving_links(g.joint)]
+            for g in item.goals
+        ]
+        self._probe = ContactProbe(self.scene, self.agent.robot, hand, self.targets, parts)
 
     # -- episodes --------------------------------------------------------------------------
     def reset(self, seed: Any = None, options: dict | None = None) -> Any:
@@ -223,22 +255,51 @@ class OperateJointEnv(BaseEnv):
         return super().reset(seed=seed, options=chosen)
 
     def _initialize_episode(self, env_idx: torch.Tensor, options: dict) -> None:
-        qpos, base, pose, object_q, begin = layouts.draw_starts(self, env_idx.tolist())
+        count = len(env_idx)
+        qpos = np.zeros((count, self.agent.robot.max_dof), dtype=np.float32)
+        base, pose = np.zeros((2, count, 4, 4), dtype=np.float32)
+        object_q = np.zeros((count, self.object.max_dof), dtype=np.float32)
+        for row, i in enumerate(env_idx.tolist()):
+            item, rng = self.layout(i), self._batched_episode_rng[i]
+            drawn, pose[row] = draw_clear(item, self.task_type, self.config.randomisation, rng)
+            qpos[row] = self._arm_start(drawn)
+            base[row] = item.placement.base
+            object_q[row] = self._object_start(i, drawn)
+            if not self.gpu_sim_enabled:
+                self._dynamics[i].apply(drawn)
         self.agent.robot.set_pose(_pose(base, self.device))
         self.agent.reset(torch.tensor(qpos, device=self.device))
         self.object.set_pose(_pose(pose, self.device))
         self.object.set_qpos(torch.tensor(object_q, device=self.device))
         self.object.set_qvel(torch.zeros_like(torch.tensor(object_q), device=self.device))
-        self._world_asset = getattr(self, "_world_asset", np.tile(np.eye(4), (self.num_envs, 1, 1)))
         self._world_asset[env_idx.cpu().numpy()] = pose
         if self.gpu_sim_enabled:
             self.scene._gpu_apply_all()
             self.scene.px.gpu_update_articulation_kinematics()
             self.scene._gpu_fetch_all()
-        self.tracker.reset(env_idx, torch.tensor(begin, device=self.device))
+        q = torch.tensor(object_q, device=self.device).gather(1, self._dof_index[env_idx])
+        self.task.reset(env_idx, q)
         self._rate[env_idx] = 0.0
         if self._last_action is not None:
             self._last_action[env_idx] = 0.0
+
+    def _arm_start(self, drawn: Draw) -> np.ndarray:
+        """(n,) float32 robot joints: at rest, the arm's with noise."""
+        spec = self.robot_spec
+        names = [j.name for j in self.agent.robot.active_joints]
+        out = np.array([spec.rest.get(name, 0.0) for name in names], dtype=np.float32)
+        arm = [names.index(name) for name in spec.arm]
+        out[arm] = np.clip(out[arm] + drawn.noise, *spec.chain.limits.T)
+        return out
+
+    def _object_start(self, index: int, drawn: Draw) -> np.ndarray:
+        """(dof,) float32 joints of one sub-scene's object: the task's, the others at rest."""
+        item = self.layout(index)
+        out = np.zeros(self.object.max_dof, dtype=np.float32)
+        start = {g.joint: self.task_type.start(g, drawn.start) for g in item.goals}
+        for k, joint in enumerate(self.objects[index].active_joints):
+            out[k] = start.get(joint.name, item.model.rest_value(joint.name))
+        return out
 
     def set_state(self, state: Any, env_idx: torch.Tensor | None = None) -> None:
         """From the flat vector; ManiSkill's own takes for granted that there are free actors."""
@@ -248,44 +309,40 @@ class OperateJointEnv(BaseEnv):
     def set_state_dict(self, state: Any, env_idx: torch.Tensor | None = None) -> None:
         """As ManiSkill's; what the joint jumps thereby counts as no motion."""
         super().set_state_dict(state, env_idx)
-        self.tracker.teleported(self.joint_value())
+        self.task.teleported(self._joints(self.object.get_qpos()))
 
     # -- state of the task -----------------------------------------------------------------
     @property
     def stage(self) -> torch.Tensor:
         """(b,) which joint of a sequence is to be moved now."""
-        return self.tracker.stage
+        return self.task.stage
 
     def _joints(self, values: torch.Tensor) -> torch.Tensor:
         """(b, stages) the task's joints of (b, dof)."""
         return values.gather(1, self._dof_index)
 
+    def task_state(self) -> TaskState:
+        """What the task sees now."""
+        handles = []
+        for k, target in enumerate(self.targets):
+            pose = target.pose
+            handles.append(quaternion_apply(pose.q, self._handle_point[:, k]) + pose.p)
+        return TaskState(
+            q=self._joints(self.object.get_qpos()),
+            speed=self._joints(self.object.get_qvel()),
+            force=self._probe.peak,
+            handle=torch.stack(handles, dim=1),
+            tool=self.tool_pose().raw_pose,
+            action_rate=self._rate,
+        )
+
     def joint_value(self) -> torch.Tensor:
         """(b,) value of the joint to be moved now, radians or metres."""
-        return self.tracker.pick(self._joints(self.object.get_qpos()))
-
-    def joint_speed(self) -> torch.Tensor:
-        """(b,) its velocity."""
-        return self.tracker.pick(self._joints(self.object.get_qvel()))
-
-    def open_fraction(self) -> torch.Tensor:
-        """(b,) 0 closed, 1 open."""
-        return self.tracker.open_fraction(self.joint_value())
-
-    def progress(self) -> torch.Tensor:
-        """(b,) 0 where the stage began, 1 where success begins."""
-        return self.tracker.progress(self.joint_value())
+        return self.task.pick(self._joints(self.object.get_qpos()))
 
     def handle_position(self) -> torch.Tensor:
         """(b, 3) point to grasp, world."""
-        rows = []
-        for k, target in enumerate(self.targets):
-            pose = target.pose
-            rows.append(quaternion_apply(pose.q, self._handle_point[:, k]) + pose.p)
-        if len(rows) == 1:
-            return rows[0]
-        index = self.stage[:, None, None].expand(-1, 1, 3)
-        return torch.stack(rows, dim=1).gather(1, index)[:, 0]
+        return self.task.pick(self.task_state().handle)
 
     def tool_pose(self) -> Pose:
         """Pose (b,) of the tool frame: z approaches, y closes."""
@@ -293,7 +350,21 @@ class OperateJointEnv(BaseEnv):
 
     def planner_state(self, index: int = 0) -> PlannerState:
         """What a planner may know of sub-scene `index`."""
-        return situation(self, index)
+        item = self.layout(index)
+        goal = item.goals[int(self.stage[index])]
+        values = common.to_numpy(self.object.get_qpos())[index]
+        joints = [j.name for j in self.objects[index].active_joints]
+        names = [j.name for j in self.agent.robot.active_joints]
+        arm = common.to_numpy(self.agent.robot.get_qpos())[index]
+        return PlannerState(
+            layout=item,
+            goal=goal,
+            base=item.placement.base,
+            world_asset=np.array(self._world_asset[index], dtype=float),
+            q=float(values[joints.index(goal.joint)]),
+            others={n: float(values[k]) for k, n in enumerate(joints) if n != goal.joint},
+            arm=np.array([arm[names.index(n)] for n in self.robot_spec.arm], dtype=float),
+        )
 
     # -- stepping --------------------------------------------------------------------------
     def _step_action(self, action: Any) -> Any:
@@ -303,7 +374,7 @@ class OperateJointEnv(BaseEnv):
             if self._last_action is not None and self._last_action.shape == out.shape:
                 self._rate = ((out - self._last_action) ** 2).mean(dim=-1)
             self._last_action = out.clone()
-        self.tracker.update(self.joint_value(), self._probe.peak)
+        self.task.update(self.task_state())
         return out
 
     def _after_simulation_step(self) -> None:
@@ -311,27 +382,21 @@ class OperateJointEnv(BaseEnv):
         self._probe.watch(self.stage)
 
     def evaluate(self) -> dict[str, torch.Tensor]:
-        """Success and what it depends on; (b,) each."""
-        q = self.joint_value()
-        success, done = self.tracker.evaluate(q, self.joint_speed())
-        by_contact = self.tracker.by_contact
-        if self.tracker.stages > 1 and done.any():
-            self.tracker.advance(done, self._joints(self.object.get_qpos()))
-            q = self.joint_value()
+        """The task's success and what it depends on, the point to grasp and the tool's pose."""
+        self._now = self.task_state()
         return {
-            "success": success,
-            "open_fraction": self.tracker.open_fraction(q),
-            "progress": self.tracker.progress(q),
-            "by_contact": by_contact,
-            "contact_force": self.tracker.force,
-            "stage": self.stage.clone(),
-            "handle_position": self.handle_position(),
-            "tcp_pose": self.tool_pose().raw_pose,
+            **self.task.evaluate(self._now),
+            "handle_position": self.task.pick(self._now.handle),
+            "tcp_pose": self._now.tool,
         }
 
     # -- observations and rewards ----------------------------------------------------------
     def _get_obs_extra(self, info: dict) -> dict[str, Any]:
-        return observe(self, info)
+        """The tool's pose, and in state modes what only a simulator knows, under `privileged`."""
+        out: dict[str, Any] = {"tcp_pose": info["tcp_pose"]}
+        if self.obs_mode_struct.state or self.obs_mode in ("state", "state_dict"):
+            out["privileged"] = self.task.observe(self._now, info)
+        return out
 
     def observation_layout(self) -> list[tuple[str, int, int, bool]]:
         """(name, start, stop, privileged) of every entry of the flat state vector."""
@@ -347,27 +412,17 @@ class OperateJointEnv(BaseEnv):
 
     def _get_obs_sensor_data(self, apply_texture_transforms: bool = True) -> dict:
         out = super()._get_obs_sensor_data(apply_texture_transforms)
-        if self.config.scene.background and apply_texture_transforms:
-            layouts.put_background(self, out)
+        picture = self.config.scene.background
+        if picture and apply_texture_transforms:
+            kept = [*self.agent.robot.links, *(link for o in self.objects for link in o.links)]
+            ids = torch.unique(torch.cat([link.per_scene_id for link in kept]))
+            put_background(picture, out, self.scene.sensors, ids)
         return out
-
-    def reward_terms(self, info: dict) -> rewards.RewardTerms:
-        """The unscaled terms of the dense reward, (b,) each."""
-        distance = (info["handle_position"] - info["tcp_pose"][:, :3]).norm(dim=-1)
-        moved = info["by_contact"] & (info["progress"] > 0.02)
-        reach = torch.where(moved, torch.ones_like(distance), 1 - torch.tanh(5 * distance))
-        return rewards.RewardTerms(
-            reach=reach,
-            contact=self.tracker.touching.float(),
-            progress=info["progress"].clamp(-1, 1),
-            success=info["success"].float(),
-            untouched_motion=self.tracker.untouched,
-            action_rate=self._rate,
-        )
 
     def compute_dense_reward(self, obs: Any, action: Any, info: dict) -> torch.Tensor:
         """Sum of the scaled terms; each is put into info under reward/<name>."""
-        scaled = self.reward_terms(info).scaled(self.config.reward)
+        terms = self.task.reward_terms(self._now, info)
+        scaled = rewards.scaled(terms, self.config.reward)
         for name, value in scaled.items():
             info[f"reward/{name}"] = value
         return torch.stack(list(scaled.values())).sum(dim=0)

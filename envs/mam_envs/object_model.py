@@ -126,6 +126,11 @@ class ObjectModel:
         ]
         return sorted(rows, key=lambda g: -g.confidence)
 
+    def rest_value(self, joint: str) -> float:
+        """Value of a joint in the source's pose: 0, or the limit next to it."""
+        row = next((j for j in self.kinematics.joints if j.name == joint), None)
+        return 0.0 if row is None else float(np.clip(0.0, row.lower, row.upper))
+
     def moving_links(self, joint: str) -> tuple[str, ...]:
         """Links that the joint carries."""
         return self.kinematics.subtree(self.kinematics.joint(joint).child)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -250,3 +251,19 @@ def test_robots_that_are_not_bundled_say_how_to_get_them() -> None:
         assert "mani_skill.utils.download_asset xarm6_robotiq" in str(error)
     else:
         assert spec.path.is_file()
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"arm": ("panda_joint1", "panda_joint9")}, "arm: no joint named 'panda_joint9'; did you"),
+        ({"tip": "panda_hand_tpc"}, "tip: no link named 'panda_hand_tpc'; did you mean"),
+        ({"arm": ("panda_finger_joint1",)}, "arm: joint 'panda_finger_joint1' does not move"),
+        ({"rest": {"panda_joint2": -4.0}}, "rest: joint 'panda_joint1' needs a value in -2.897"),
+        ({"tool_closing": (0, 1, 1)}, "unit vectors at a right angle"),
+        ({"urdf": "none/none.urdf"}, "is not installed"),
+    ],
+)
+def test_a_wrong_robot_specification_is_named(change: dict[str, Any], reason: str) -> None:
+    with pytest.raises(ConfigError, match=reason):
+        replace(robot_spec("panda"), **change).check()

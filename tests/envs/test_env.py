@@ -96,12 +96,12 @@ def test_randomised_dynamics_reach_the_simulator(drawer: Path) -> None:
     made = mam_envs.make(
         drawer, randomisation={"mass": [2.0, 2.0], "friction": [3.0, 3.0], "start": [0.1, 0.3]}
     )
-    made.reset(seed=0)
+    _, info = made.reset(seed=0)
     base = made.unwrapped
-    part = base._objects[0].links_map["part_1"]._objs[0]
+    part = base.objects[0].links_map["part_1"]._objs[0]
     assert part.mass == pytest.approx(2.0)
-    assert base._objects[0].active_joints[0]._objs[0].force_limit == pytest.approx(0.3)
-    assert 0.1 <= float(base.open_fraction()[0]) <= 0.3
+    assert base.objects[0].active_joints[0]._objs[0].force_limit == pytest.approx(0.3)
+    assert 0.1 <= float(info["open_fraction"][0]) <= 0.3
     made.close()
 
 

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mam_envs.config import EnvConfig, RandomisationConfig, SuccessConfig, joint_goal
+from mam_envs.config import EnvConfig, RandomisationConfig, SuccessConfig
 from mam_envs.grasping.candidates import PlacementError, card_grasps, tool_path
 from mam_envs.grasping.surface import surface_grasps
 from mam_envs.object_model import ObjectModel
 from mam_envs.placement.base import _floor, object_pose, place
 from mam_envs.robots import robot_spec
+from mam_envs.tasks.operate_joint import joint_goal
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import ConfigError, NotPhysicalError
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from mam_envs.config import JointGoal
+from mam_envs.tasks.base import JointGoal
 from mam_envs.tasks.success import GRACE_STEPS, SuccessTracker
 
 CPU = torch.device("cpu")

@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 
-from mam_envs.config import JointGoal
 from mam_envs.grasping.force_closure import pull_capacity
 from mam_envs.object_model import ObjectModel
 from mam_envs.robots import RobotSpec
+from mam_envs.tasks.base import JointGoal
 from mam_pipeline.asset.card import CardGrasp
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.types import FloatArray
@@ -91,7 +91,7 @@ def card_grasps(
         shallow += flat
         if g.width <= robot.max_width - 0.004 and not flat:
             out += _variants(robot, g, "grip", tilts)
-        if goal.task == "close":
+        if goal.closing:
             out += _variants(robot, _pushing(model, goal, g), "push", tilts, extra=0.5)
     out = _weighed(model, goal, out)
     fits = [h for h in (fit_to_hand(model, goal, robot, grasp) for grasp in out) if h is not None]

@@ -14,11 +14,11 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-from mam_envs.config import JointGoal
 from mam_envs.grasping.candidates import BACK_OFF, Grasp, fit_to_hand, push_variants, turn
 from mam_envs.grasping.force_closure import first_hit
 from mam_envs.object_model import ObjectModel
 from mam_envs.robots import RobotSpec
+from mam_envs.tasks.base import JointGoal
 from mam_pipeline.asset.card import CardGrasp
 from mam_pipeline.types import FloatArray
 

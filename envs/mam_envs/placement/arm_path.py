@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mam_envs.config import JointGoal
 from mam_envs.grasping.candidates import (
     BACK_OFF,
     SLACK,
@@ -19,6 +18,7 @@ from mam_envs.grasping.candidates import (
 from mam_envs.kinematics import Solution
 from mam_envs.object_model import ObjectModel
 from mam_envs.robots import RobotSpec
+from mam_envs.tasks.base import JointGoal
 from mam_pipeline.types import FloatArray
 
 POSITION_TOLERANCE = 0.004

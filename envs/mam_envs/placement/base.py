@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from mam_envs.config import JointGoal, RandomisationConfig
+from mam_envs.config import RandomisationConfig
 from mam_envs.grasping.candidates import Grasp, PlacementError, card_grasps, goal_values
 from mam_envs.grasping.surface import surface_grasps
 from mam_envs.object_model import ObjectModel
 from mam_envs.placement.arm_path import ArmPath, Search, search
 from mam_envs.robots import RobotSpec
+from mam_envs.tasks.base import JointGoal
 from mam_pipeline.types import FloatArray
 
 TABLE_LIFTS = (0.0, 0.15, -0.15, 0.3, -0.3, 0.5, -0.5, 0.75, 1.0, 1.3)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,10 +13,8 @@ from mani_skill.utils.building.ground import build_ground
 from mani_skill.utils.building.urdf_loader import URDFLoader
 from mani_skill.utils.structs import Articulation
 
-from mam_envs.config import CameraSpec, JointGoal, SceneConfig
-from mam_envs.object_model import ObjectModel
-from mam_envs.placement.base import Placement, object_pose
-from mam_envs.robots import RobotSpec
+from mam_envs.config import CameraSpec, SceneConfig
+from mam_envs.scene.layout import Layout
 from mam_pipeline.types import FloatArray
 
 if TYPE_CHECKING:
@@ -29,50 +26,6 @@ OBJECT_BIT = 28
 by `mam-sim check`; convex pieces that graze each other would jam it) and what it stands on (a door
 that ends at the floor would rub there)."""
 WOOD, GREY, WHITE = (0.58, 0.44, 0.31, 1.0), (0.35, 0.36, 0.38, 1.0), (0.86, 0.86, 0.84, 1.0)
-
-
-@dataclass(frozen=True)
-class Layout:
-    """One asset with its task and place, ready to be built.
-
-    Attributes:
-        goals: one or, for a sequence, several joints in order.
-        handles: (3,) per goal, the point to grasp, asset frame at rest.
-    """
-
-    model: ObjectModel
-    goals: tuple[JointGoal, ...]
-    placement: Placement
-    robot: RobotSpec
-    handles: tuple[FloatArray, ...]
-
-    @property
-    def world_asset(self) -> FloatArray:
-        """(4, 4) nominal world_T_asset."""
-        return object_pose(self.model, self.placement.object_height, (0.0, 0.0), 0.0)
-
-    def view(self) -> tuple[FloatArray, float, float]:
-        """What a camera should see: middle (3,) and diagonal of the object, its open part and the
-        upper arm; and the side (+1 or -1 along y) on which the arm is not in the way."""
-        boxes = [self.model.bounds()]
-        for goal in self.goals:
-            boxes += [self.model.bounds({goal.joint: v}) for v in (goal.closed, goal.open)]
-        pose = self.world_asset
-        base = self.placement.base[:3, 3]
-        points = np.concatenate([np.concatenate(boxes) + pose[:3, 3], base[None]])
-        low, high = points.min(axis=0), points.max(axis=0)
-        handle = pose[:3, :3] @ self.handles[0] + pose[:3, 3]
-        side = -1.0 if base[1] >= handle[1] - 0.02 else 1.0
-        return 0.5 * (low + high), float(np.linalg.norm(high - low)), side
-
-    def block(self) -> FloatArray | None:
-        """(2, 3) world box of the stand below the object, or None."""
-        if self.placement.object_height <= 0:
-            return None
-        low, high = self.model.bounds()
-        pose = self.world_asset
-        low, high = low + pose[:3, 3], high + pose[:3, 3]
-        return np.array([[low[0], low[1], 0.0], [high[0], high[1], low[2]]])
 
 
 class ObjectLoader(URDFLoader):

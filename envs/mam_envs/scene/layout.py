@@ -1,32 +1,67 @@
-"""From an asset and a wish to a layout: models, goals, scale, placement; drawing clear starts."""
+"""From an asset and a request to a layout: joints and goals, object size, place of the robot."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import sapien
-import torch
-from mani_skill.utils.structs import Articulation, Link
 
-from mam_envs.config import EnvConfig, JointGoal, RandomisationConfig, SuccessConfig, joint_goal
+from mam_envs.config import EnvConfig, RandomisationConfig, SuccessConfig
 from mam_envs.grasping.candidates import PlacementError
 from mam_envs.object_model import ObjectModel
-from mam_envs.placement.arm_path import rest_is_clear
 from mam_envs.placement.base import Placement, object_pose, place
 from mam_envs.robots import RobotSpec
-from mam_envs.scene import build as scene
-from mam_envs.scene import randomisation
-from mam_envs.scene.build import Layout
+from mam_envs.tasks import JointGoal, Task, task_class
 from mam_pipeline.asset.card import Asset, CardJoint
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import FloatArray
 
-if TYPE_CHECKING:
-    from mam_envs.env import OperateJointEnv
+
+@dataclass(frozen=True)
+class Layout:
+    """One asset with its task and place, ready to be built.
+
+    Attributes:
+        goals: one or, for a sequence, several joints in order.
+        handles: (3,) per goal, the point to grasp, asset frame at rest.
+    """
+
+    model: ObjectModel
+    goals: tuple[JointGoal, ...]
+    placement: Placement
+    robot: RobotSpec
+    handles: tuple[FloatArray, ...]
+
+    @property
+    def world_asset(self) -> FloatArray:
+        """(4, 4) nominal world_T_asset."""
+        return object_pose(self.model, self.placement.object_height, (0.0, 0.0), 0.0)
+
+    def view(self) -> tuple[FloatArray, float, float]:
+        """What a camera should see: middle (3,) and diagonal of the object, its open part and the
+        upper arm; and the side (+1 or -1 along y) on which the arm is not in the way."""
+        boxes = [self.model.bounds()]
+        for goal in self.goals:
+            boxes += [self.model.bounds({goal.joint: v}) for v in (goal.closed, goal.open)]
+        pose = self.world_asset
+        base = self.placement.base[:3, 3]
+        points = np.concatenate([np.concatenate(boxes) + pose[:3, 3], base[None]])
+        low, high = points.min(axis=0), points.max(axis=0)
+        handle = pose[:3, :3] @ self.handles[0] + pose[:3, 3]
+        side = -1.0 if base[1] >= handle[1] - 0.02 else 1.0
+        return 0.5 * (low + high), float(np.linalg.norm(high - low)), side
+
+    def block(self) -> FloatArray | None:
+        """(2, 3) world box of the stand below the object, or None."""
+        if self.placement.object_height <= 0:
+            return None
+        low, high = self.model.bounds()
+        pose = self.world_asset
+        low, high = low + pose[:3, 3], high + pose[:3, 3]
+        return np.array([[low[0], low[1], 0.0], [high[0], high[1], low[2]]])
 
 
 def arrange(
@@ -43,7 +78,7 @@ def arrange(
         InputError, ConfigError, PlacementError: see OperateJointEnv.
     """
     found = asset if isinstance(asset, Asset) else Asset.load(asset)
-    joints, tasks = _several(joint), _several(task)
+    joints, tasks = several(joint), several(task)
     if len(tasks) not in (1, len(joints)):
         raise ConfigError(f"{len(joints)} joints but {len(tasks)} tasks; give one task or as many")
     if len(tasks) < len(joints):
@@ -51,26 +86,39 @@ def arrange(
     if isinstance(scale, str) and scale != "auto":
         raise ConfigError(f"scale is a number or 'auto', not {scale!r}")
     stamp = (found.folder / "asset.json").stat().st_mtime_ns
-    key = (str(found.folder), stamp, joints, tasks, scale)
-    return _arrange(key, robot, config.success, config.randomisation)
+    request = _Request(
+        joints, tasks, task_class(tasks), robot, config.success, config.randomisation
+    )
+    return _arrange(str(found.folder), stamp, request, scale)
 
 
-def _several(names: str | Sequence[str] | None) -> tuple[str | None, ...]:
+def several(names: str | Sequence[str] | None) -> tuple[str | None, ...]:
+    """One name or several as a tuple; None stays one name that is left open."""
     return (names,) if names is None or isinstance(names, str) else tuple(names)
 
 
+@dataclass(frozen=True)
+class _Request:
+    """What is wanted of an asset, whatever its size."""
+
+    joints: tuple[str | None, ...]
+    names: tuple[str | None, ...]
+    task: type[Task]
+    robot: RobotSpec
+    success: SuccessConfig
+    chance: RandomisationConfig
+
+
 @lru_cache(maxsize=256)
-def _arrange(
-    key: tuple[Any, ...], robot: RobotSpec, success: SuccessConfig, chance: RandomisationConfig
-) -> Layout:
-    folder, _, joints, tasks, scale = key
+def _arrange(folder: str, stamp: int, request: _Request, scale: float | str) -> Layout:
+    """`stamp`: when the card was written; an edited asset is arranged anew."""
     asset = Asset.load(folder)
-    if joints != (None,):
-        return _sized(asset, joints, tasks, robot, scale, success, chance)
+    if request.joints != (None,):
+        return _sized(asset, request, scale)
     first: PlacementError | None = None
     for name in _likely(asset):
         try:
-            return _sized(asset, (name,), tasks, robot, scale, success, chance)
+            return _sized(asset, replace(request, joints=(name,)), scale)
         except PlacementError as error:
             first = first or error
     assert first is not None
@@ -91,46 +139,33 @@ def _likely(asset: Asset, most: int = 6) -> list[str]:
     return [j.name for j in sorted(movable, key=rank, reverse=True)][:most]
 
 
-def _sized(
-    asset: Asset,
-    joints: tuple[str | None, ...],
-    tasks: tuple[str | None, ...],
-    robot: RobotSpec,
-    scale: float | str,
-    success: SuccessConfig,
-    chance: RandomisationConfig,
-) -> Layout:
+def _sized(asset: Asset, request: _Request, scale: float | str) -> Layout:
     """At the asked scale; "auto" shrinks the object to a small arm's reach where it must."""
     if scale != "auto":
-        return _at_scale(asset, joints, tasks, robot, float(scale), success, chance)
+        return _at_scale(asset, request, float(scale))
     try:
-        return _at_scale(asset, joints, tasks, robot, 1.0, success, chance)
+        return _at_scale(asset, request, 1.0)
     except PlacementError as error:
         low, high = ObjectModel.load(asset).bounds()
-        shrunk = 1.1 * robot.reach / float(np.linalg.norm(high - low))
-        if shrunk > 0.95 or robot.reach > 0.5:
+        shrunk = 1.1 * request.robot.reach / float(np.linalg.norm(high - low))
+        if shrunk > 0.95 or request.robot.reach > 0.5:
             raise
         try:
-            return _at_scale(asset, joints, tasks, robot, shrunk, success, chance)
+            return _at_scale(asset, request, shrunk)
         except PlacementError:
             raise error from None
 
 
-def _at_scale(
-    asset: Asset,
-    joints: tuple[str | None, ...],
-    tasks: tuple[str | None, ...],
-    robot: RobotSpec,
-    scale: float,
-    success: SuccessConfig,
-    chance: RandomisationConfig,
-) -> Layout:
+def _at_scale(asset: Asset, request: _Request, scale: float) -> Layout:
     if not scale > 0:
         raise ConfigError(f"scale must be positive, not {scale}")
     model = ObjectModel.load(asset, scale)
-    goals = tuple(joint_goal(model, j, t, success) for j, t in zip(joints, tasks))
-    placement = place(model, goals, robot, chance)
-    return Layout(model, goals, placement, robot, _handles(model, goals, placement))
+    goals = tuple(
+        request.task.goal(name, model, joint, request.success)
+        for joint, name in zip(request.joints, request.names)
+    )
+    placement = place(model, goals, request.robot, request.chance)
+    return Layout(model, goals, placement, request.robot, _handles(model, goals, placement))
 
 
 def _handles(
@@ -141,114 +176,3 @@ def _handles(
         grasp = placement.path.grasp.card if k == 0 else model.grasps(goal.joint)[0]
         out.append(np.array(grasp.position))
     return tuple(out)
-
-
-def rest_value(model: ObjectModel, joint: str) -> float:
-    """Value at which a joint that is not the task's starts: the source's pose."""
-    row = next((j for j in model.kinematics.joints if j.name == joint), None)
-    return 0.0 if row is None else float(np.clip(0.0, row.lower, row.upper))
-
-
-def draw_clear(
-    layout: Layout, chance: RandomisationConfig, rng: np.random.RandomState, tries: int = 10
-) -> tuple[randomisation.Draw, FloatArray]:
-    """Draw an episode in which the arm at rest does not touch the object, and world_T_asset.
-
-    Raises:
-        PlacementError: ten draws in a row overlap (the randomisation is too wide).
-    """
-    goal = layout.goals[0]
-    for _ in range(tries):
-        drawn = randomisation.draw(chance, rng, len(layout.robot.arm))
-        pose = object_pose(
-            layout.model, layout.placement.object_height, drawn.shift.tolist(), drawn.yaw
-        )
-        q = {g.joint: randomisation.start_value(g, drawn) for g in layout.goals}
-        if rest_is_clear(layout.model, layout.robot, layout.placement.base, pose, q, drawn.noise):
-            return drawn, pose
-    raise PlacementError(
-        f"{layout.model.asset.card.name}: the arm at rest overlaps the object at {goal.joint!r}; "
-        "make randomisation.position or yaw smaller"
-    )
-
-
-def build_objects(
-    env: OperateJointEnv,
-) -> tuple[list[Articulation], list[list[int]], list[list[Link]]]:
-    """Load every sub-scene's asset: the articulations, the indices (b, stages) of the task's
-    joints among their joints, and the moving links (stages, b)."""
-    sapien.set_log_level("off")  # PhysX calls thin panels oblong
-    built = [
-        scene.build_object(env.scene, env.layout(i), i, f"object_{i}") for i in range(env.num_envs)
-    ]
-    sapien.set_log_level("warn")
-    dofs: list[list[int]] = []
-    targets: list[list[Link]] = [[] for _ in env.layout(0).goals]
-    chance = env.config.randomisation
-    for i, item in enumerate(built):
-        env.remove_from_state_dict_registry(item)
-        names = [j.name for j in item.active_joints]
-        goals, model = env.layout(i).goals, env.layout(i).model
-        dofs.append([names.index(g.joint) for g in goals])
-        for k, g in enumerate(goals):
-            targets[k].append(item.links_map[model.kinematics.joint(g.joint).child])
-        rng = env._batched_episode_rng[i]
-        drawn = randomisation.draw(chance, rng, len(env.robot_spec.arm))
-        randomisation.set_physics(item, model, [g.joint for g in goals], drawn)
-        if chance.colour and env.scene.can_render():
-            scene.tint(item, rng.uniform(0, 1, 3), chance.colour * float(rng.uniform()))
-    return built, dofs, targets
-
-
-def draw_starts(env: OperateJointEnv, indices: Sequence[int]) -> tuple[np.ndarray, ...]:
-    """Draw where the episodes of some sub-scenes begin.
-
-    Returns:
-        float32 arrays of k sub-scenes: the robot's joints (k, n), world_T_base (k, 4, 4),
-        world_T_asset (k, 4, 4), the object's joints (k, dof), the task's joints (k, stages).
-    """
-    spec, count = env.robot_spec, len(indices)
-    names = [j.name for j in env.agent.robot.active_joints]
-    rest = np.array([spec.rest.get(name, 0.0) for name in names], dtype=np.float32)
-    arm = [names.index(name) for name in spec.arm]
-    qpos = np.tile(rest, (count, 1))
-    base, pose = np.zeros((2, count, 4, 4), dtype=np.float32)
-    object_q = np.zeros((count, env.object.max_dof), dtype=np.float32)
-    begin = np.zeros((count, len(env.targets)), dtype=np.float32)
-    for row, i in enumerate(indices):
-        item = env.layout(i)
-        drawn, pose[row] = draw_clear(item, env.config.randomisation, env._batched_episode_rng[i])
-        low, high = spec.chain.limits[:, 0], spec.chain.limits[:, 1]
-        qpos[row, arm] = np.clip(rest[arm] + drawn.noise, low, high)
-        base[row] = item.placement.base
-        for k, joint in enumerate(env._objects[i].active_joints):
-            object_q[row, k] = rest_value(item.model, joint.name)
-        for k, goal in enumerate(item.goals):
-            begin[row, k] = randomisation.start_value(goal, drawn)
-            object_q[row, env._dof_index[i, k]] = begin[row, k]
-        if not env.gpu_sim_enabled:
-            moved = [g.joint for g in item.goals]
-            randomisation.set_physics(env._objects[i], item.model, moved, drawn)
-    return qpos, base, pose, object_q, begin
-
-
-def put_background(env: OperateJointEnv, data: dict[str, Any]) -> None:
-    """Replace what is neither robot nor object by the background picture, in place."""
-    import cv2
-
-    path = env.config.scene.background
-    picture = cv2.imread(str(path))
-    if picture is None:
-        raise ConfigError(f"background picture {path} cannot be read")
-    seen = [*env.agent.robot.links, *(link for o in env._objects for link in o.links)]
-    ids = torch.unique(torch.cat([link.per_scene_id for link in seen]))
-    for name, sensor in env.scene.sensors.items():
-        if "rgb" not in data.get(name, {}):
-            continue
-        rgb = data[name]["rgb"]
-        mask = sensor.get_obs(rgb=False, depth=False, position=False, segmentation=True)
-        keep = torch.isin(mask["segmentation"], ids.to(rgb.device))
-        size = (rgb.shape[2], rgb.shape[1])
-        fitted = cv2.cvtColor(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), 4)
-        behind = torch.from_numpy(np.ascontiguousarray(fitted)).to(rgb.device)
-        data[name]["rgb"] = torch.where(keep, rgb, behind[None].expand_as(rgb))

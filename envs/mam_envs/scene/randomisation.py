@@ -5,10 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from mani_skill.utils.structs import Articulation
 
-from mam_envs.config import JointGoal, RandomisationConfig
-from mam_envs.object_model import ObjectModel
+from mam_envs.config import RandomisationConfig
+from mam_envs.grasping.candidates import PlacementError
+from mam_envs.placement.arm_path import rest_is_clear
+from mam_envs.placement.base import object_pose
+from mam_envs.scene.layout import Layout
+from mam_envs.tasks import Task
 from mam_pipeline.asset.dynamics import set_joint_friction
+from mam_pipeline.types import FloatArray
 
 SLIDE, TURN = "prismatic", "revolute"
 
@@ -48,51 +54,68 @@ def draw(config: RandomisationConfig, rng: np.random.RandomState, arm: int) -> D
     return Draw(shift, yaw, start, friction, damping, mass, noise)
 
 
-def start_value(goal: JointGoal, drawn: Draw) -> float:
-    """The joint value at which an episode starts."""
-    if drawn.start is None:
-        return goal.q_start
-    return goal.closed + drawn.start * (goal.open - goal.closed)
+def draw_clear(
+    layout: Layout,
+    task: type[Task],
+    config: RandomisationConfig,
+    rng: np.random.RandomState,
+    tries: int = 10,
+) -> tuple[Draw, FloatArray]:
+    """Draw an episode in which the arm at rest does not touch the object, and world_T_asset.
 
-
-def set_physics(articulation: object, model: ObjectModel, joints: list[str], drawn: Draw) -> None:
-    """Give SAPIEN's joints the card's friction and damping, and scale masses and inertias.
-
-    Args:
-        articulation: ManiSkill articulation of one object.
-        joints: names of the joints whose dynamics are randomised (the task's).
+    Raises:
+        PlacementError: `tries` draws in a row overlap (the randomisation is too wide).
     """
-    masses = _masses(articulation)
-    moving = {link for name in joints for link in model.moving_links(name)}
-    for joint in articulation.joints:  # type: ignore[attr-defined]
-        raw = joint._objs[0]
-        if raw.dof == 0:
-            continue
-        card = next((j for j in model.asset.card.joints if j.name == joint.name), None)
+    goal = layout.goals[0]
+    for _ in range(tries):
+        drawn = draw(config, rng, len(layout.robot.arm))
+        pose = object_pose(
+            layout.model, layout.placement.object_height, drawn.shift.tolist(), drawn.yaw
+        )
+        q = {g.joint: task.start(g, drawn.start) for g in layout.goals}
+        if rest_is_clear(layout.model, layout.robot, layout.placement.base, pose, q, drawn.noise):
+            return drawn, pose
+    raise PlacementError(
+        f"{layout.model.asset.card.name}: the arm at rest overlaps the object at {goal.joint!r}; "
+        "make randomisation.position or yaw smaller"
+    )
+
+
+class ObjectDynamics:
+    """Friction, damping and masses of one built object, scaled from what its asset says."""
+
+    def __init__(self, articulation: Articulation, layout: Layout) -> None:
+        """`articulation`: ManiSkill's, as built from the layout's asset."""
+        self.articulation, self.model = articulation, layout.model
+        self.joints = [g.joint for g in layout.goals]
+        self.moving = {n for name in self.joints for n in layout.model.moving_links(name)}
+        self._masses = {
+            link.name: (float(link._objs[0].mass), np.array(link._objs[0].inertia))
+            for link in articulation.links
+        }
+
+    def apply(self, drawn: Draw) -> None:
+        """Set SAPIEN's joints and links: the task's joints and their links with drawn factors."""
+        for joint in self.articulation.joints:
+            raw = joint._objs[0]
+            if raw.dof > 0:
+                set_joint_friction(raw, *self._friction(joint.name, drawn))
+        for link in self.articulation.links:
+            raw = link._objs[0]
+            mass, inertia = self._masses[link.name]
+            factor = drawn.mass if link.name in self.moving else 1.0
+            raw.mass, raw.inertia = mass * factor, inertia * factor
+
+    def _friction(self, name: str, drawn: Draw) -> tuple[str, float, float]:
+        """Type, friction and damping of a joint, at the object's scale."""
+        card = next((j for j in self.model.asset.card.joints if j.name == name), None)
         friction, damping, type_ = 0.05, 0.05, TURN
         if card is not None:
             # forces grow with the cube of the scale, torques with the fourth power (same density)
             slide = card.type == SLIDE
-            power = model.scale ** (3 if slide else 4)
+            power = self.model.scale ** (3 if slide else 4)
             friction, damping = card.friction * power, card.damping * power
             type_ = SLIDE if slide else TURN
-        if joint.name in joints:
+        if name in self.joints:
             friction, damping = friction * drawn.friction, damping * drawn.damping
-        set_joint_friction(raw, type_, friction, damping)
-    for link in articulation.links:  # type: ignore[attr-defined]
-        raw = link._objs[0]
-        mass, inertia = masses[link.name]
-        factor = drawn.mass if link.name in moving else 1.0
-        raw.mass, raw.inertia = mass * factor, inertia * factor
-
-
-def _masses(articulation: object) -> dict[str, tuple[float, np.ndarray]]:
-    """Mass and inertia of every link as the asset has them, remembered at the first call."""
-    known = getattr(articulation, "_mam_masses", None)
-    if known is None:
-        known = {
-            link.name: (float(link._objs[0].mass), np.array(link._objs[0].inertia))
-            for link in articulation.links  # type: ignore[attr-defined]
-        }
-        articulation._mam_masses = known  # type: ignore[attr-defined]
-    return known
+        return type_, friction, damping

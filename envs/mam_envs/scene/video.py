@@ -14,8 +14,7 @@ import yourdfpy
 from mani_skill.utils import common
 from numpy.typing import NDArray
 
-from mam_envs.env import OperateJointEnv
-from mam_envs.scene.build import Layout
+from mam_envs.scene.layout import Layout
 from mam_pipeline.types import FloatArray
 
 Frame = NDArray[np.uint8]
@@ -50,7 +49,7 @@ class Camera:
 
     def __init__(self, env: Any, size: tuple[int, int] = (480, 360)) -> None:
         """`size`: width, height of ray-cast pictures; rendered ones follow the scene's config."""
-        self.env: OperateJointEnv = env.unwrapped
+        self.env = env.unwrapped
         self.size = size
         self.rendered = self.env.render_mode == "rgb_array"
 
@@ -71,7 +70,7 @@ class Camera:
 
     def _ray_cast(self) -> Frame:
         poses = {("robot", link.name): link for link in self.env.agent.robot.links}
-        poses.update({("object", link.name): link for link in self.env._objects[0].links})
+        poses.update({("object", link.name): link for link in self.env.objects[0].links})
         points, faces, colours, count = [], [], [], 0
         for owner, name, vertices, triangles, tints in self._meshes:
             if (owner, name) not in poses:

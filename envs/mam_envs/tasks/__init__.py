@@ -1,1 +1,34 @@
-"""Tasks: what is asked of the robot, when it is done, and what is rewarded."""
+"""Tasks: what is asked of the robot, when it is done, and what is rewarded.
+
+`TASKS` names them; other packages add theirs by an entry point (docs/extend/task.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mam_envs.tasks.base import JointGoal, Task, TaskState
+from mam_pipeline.errors import ConfigError
+from mam_pipeline.registry import Registry
+
+__all__ = ["TASKS", "JointGoal", "Task", "TaskState", "task_class"]
+
+OPERATE_JOINT = "mam_envs.tasks.operate_joint:OperateJoint"
+TASKS = Registry("task", dict.fromkeys(("open", "close", "turn_to", "push"), OPERATE_JOINT))
+
+
+def task_class(names: Sequence[str | None]) -> type[Task]:
+    """The class behind the task names of a sequence; None is OperateJoint's own choice.
+
+    Raises:
+        ConfigError: an unknown name, or names of different classes.
+        BackendError: a third party's task that cannot be imported.
+    """
+    found = {TASKS.load(name or "open") for name in names}
+    if len(found) > 1:
+        told = ", ".join(str(name) for name in names)
+        raise ConfigError(f"the tasks {told} cannot follow each other in one sequence")
+    cls = found.pop()
+    if not (isinstance(cls, type) and issubclass(cls, Task)):
+        raise ConfigError(f"task {names[0]!r} is registered as {cls!r}, which is no Task")
+    return cls

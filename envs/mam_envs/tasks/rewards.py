@@ -1,43 +1,33 @@
-"""Dense reward as named terms times configured scales; the terms are logged under their names."""
+"""Dense reward as named terms times scales of the same names; the terms are logged under them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
 
 import torch
 
-from mam_envs.config import RewardConfig
+from mam_pipeline.errors import ConfigError
 
 
-@dataclass(frozen=True)
-class RewardTerms:
-    """Unscaled terms, each (b,).
+def scaled(terms: Mapping[str, torch.Tensor], scales: Any) -> dict[str, torch.Tensor]:
+    """Terms times their scales, in the order of the scales' dataclass.
 
-    Attributes:
-        reach: 1 at the handle, falling with the tool's distance (1 - tanh(5 d)); 1 once the joint
-            has moved by contact, so that letting go costs nothing.
-        contact: 1 while the robot touches the moving part.
-        progress: share of the way from start to goal, 0..1 (negative when moved away).
-        success: 1 at success.
-        untouched_motion: share of the range that moved without contact in this step.
-        action_rate: mean squared change of the action since the last step.
+    Raises:
+        ConfigError: a scale without a term (unless it is 0) or a term without a scale.
     """
-
-    reach: torch.Tensor
-    contact: torch.Tensor
-    progress: torch.Tensor
-    success: torch.Tensor
-    untouched_motion: torch.Tensor
-    action_rate: torch.Tensor
-
-    def scaled(self, scales: RewardConfig) -> dict[str, torch.Tensor]:
-        """Terms times scales under their names."""
-        return {
-            f.name: getattr(self, f.name) * float(getattr(scales, f.name)) for f in fields(self)
-        }
+    factors = {f.name: float(getattr(scales, f.name)) for f in fields(scales)}
+    for name in terms:
+        if name not in factors:
+            raise ConfigError(f"{type(scales).__name__} has no scale for the reward term {name!r}")
+    for name, factor in factors.items():
+        if name not in terms and factor:
+            raise ConfigError(f"the task has no reward term {name!r}; set its scale to 0")
+    return {name: terms[name] * factor for name, factor in factors.items() if name in terms}
 
 
-def largest(scales: RewardConfig) -> float:
+def largest(scales: Any) -> float:
     """What one step can bring at most: the sum of the positive scales (1 if there are none)."""
     best = sum(max(0.0, float(getattr(scales, f.name))) for f in fields(scales))
     return best if best > 0 else 1.0

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import torch
 
-from mam_envs.config import JointGoal
+from mam_envs.tasks.base import JointGoal
 
 TOUCH_FORCE = 0.1  # newtons
 GRACE_STEPS = 5  # control steps for which motion after a touch still counts as driven

@@ -147,8 +147,8 @@ class Expert:
         return len(self.plans) < self.attempts
 
     def _why(self, now: PlannerState) -> str:
-        done = float(self.env.progress()[0])
-        touched = bool(self.env.get_info()["by_contact"][0])
+        info = self.env.get_info()
+        done, touched = float(info["progress"][0]), bool(info["by_contact"][0])
         if done < 0.05:
             return "the grasp slipped before the joint moved" if touched else "no contact was made"
         if done < 1.0:

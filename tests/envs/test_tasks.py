@@ -1,0 +1,141 @@
+"""Tasks without a simulator: what is asked, seen and rewarded; names and settings of others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from mam_envs.config import EnvConfig, RewardConfig, SuccessConfig
+from mam_envs.object_model import ObjectModel
+from mam_envs.tasks import TaskState, rewards, task_class
+from mam_envs.tasks.operate_joint import OperateJoint
+from mam_pipeline.asset.card import Asset
+from mam_pipeline.errors import ConfigError
+
+CPU = torch.device("cpu")
+
+
+@dataclass(frozen=True)
+class KeepSuccess(SuccessConfig):
+    """One setting more."""
+
+    keep_steps: int = 5
+
+
+@dataclass(frozen=True)
+class KeepReward(RewardConfig):
+    """One term more."""
+
+    keep: float = 0.5
+
+
+def state(q: float, speed: float = 0.0, force: float = 0.0, away: float = 0.0) -> TaskState:
+    """One sub-scene, one joint; the tool stands `away` metres from the handle."""
+    tool = torch.tensor([[away, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]])
+    return TaskState(
+        q=torch.tensor([[q]]), speed=torch.tensor([[speed]]), force=torch.tensor([force]),
+        handle=torch.zeros(1, 1, 3), tool=tool, action_rate=torch.zeros(1),
+    )  # fmt: skip
+
+
+def task_on(asset: Path, config: EnvConfig | None = None) -> OperateJoint:
+    chosen = config or EnvConfig()
+    goal = OperateJoint.goal("open", ObjectModel.load(Asset.load(asset)), None, chosen.success)
+    task = OperateJoint([[goal]], chosen, CPU)
+    task.reset(torch.tensor([0]), torch.zeros(1, 1))
+    return task
+
+
+def test_opening_by_contact_is_success_and_pays(drawer: Path) -> None:
+    task = task_on(drawer)  # asks for 0.75 of 0.25 m
+    for q in (0.05, 0.1, 0.15, 0.2):
+        now = state(q, force=5.0)
+        task.update(now)
+        info = task.evaluate(now)
+    assert bool(info["success"][0]) and float(info["progress"][0]) == pytest.approx(0.2 / 0.1875)
+    terms = rewards.scaled(task.reward_terms(now, info), RewardConfig())
+    assert float(sum(terms.values())) == pytest.approx(1.0 + 0.5 + 3.0 + 2.0)
+    assert rewards.largest(RewardConfig()) == pytest.approx(6.5)
+
+
+def test_reaching_pays_by_distance_until_the_joint_has_moved(drawer: Path) -> None:
+    task = task_on(drawer)
+    near, far = state(0.0, away=0.02), state(0.0, away=0.5)
+    paid = [float(task.reward_terms(s, task.evaluate(s))["reach"]) for s in (near, far)]
+    assert paid[0] == pytest.approx(1 - 0.0997, abs=1e-3) and paid[1] < 0.02
+    task.update(state(0.1, force=5.0))
+    moved = state(0.1, away=0.5)
+    assert float(task.reward_terms(moved, task.evaluate(moved))["reach"]) == 1.0
+
+
+def test_observations_are_named_and_complete(drawer: Path) -> None:
+    task = task_on(drawer)
+    now = state(0.1, speed=0.2, away=0.3)
+    seen = task.observe(now, task.evaluate(now))
+    assert float(seen["joint_value"]) == pytest.approx(0.1)
+    assert float(seen["joint_goal"]) == pytest.approx(0.1875)
+    torch.testing.assert_close(seen["tcp_to_handle"], torch.tensor([[-0.3, 0.0, 0.0]]))
+
+
+def test_a_start_is_drawn_within_the_range(drawer: Path) -> None:
+    goal = task_on(drawer).goals[0][0]
+    assert OperateJoint.start(goal, None) == 0.0
+    assert OperateJoint.start(goal, 0.4) == pytest.approx(0.1)
+
+
+def test_terms_and_scales_must_fit() -> None:
+    one = torch.ones(1)
+    with pytest.raises(ConfigError, match="no scale for the reward term 'keep'"):
+        rewards.scaled({"keep": one}, RewardConfig())
+    with pytest.raises(ConfigError, match="no reward term 'reach'; set its scale to 0"):
+        rewards.scaled({"keep": one}, KeepReward())
+    off = KeepReward(**dict.fromkeys(vars(RewardConfig()), 0.0))
+    assert float(rewards.scaled({"keep": one}, off)["keep"]) == 0.5
+
+
+def test_settings_of_a_task_are_filled_from_a_mapping_and_from_plain_settings() -> None:
+    base = EnvConfig(success=KeepSuccess(), reward=KeepReward())
+    made = EnvConfig.make({"success": {"keep_steps": 9}, "reward": {"keep": 2}}, base)
+    assert made.success == KeepSuccess(keep_steps=9) and made.reward == KeepReward(keep=2.0)
+    plain = EnvConfig(success=SuccessConfig(fraction=0.5))
+    assert EnvConfig.make(plain, base).success == KeepSuccess(fraction=0.5)
+    with pytest.raises(ConfigError, match=r"did you mean 'success\.keep_steps'"):
+        EnvConfig.make({"success": {"keep_step": 9}}, base)
+    with pytest.raises(ConfigError, match="keep_steps"):
+        EnvConfig.make({"success": {"keep_steps": 9}})  # not a setting of the default task
+
+
+class Other(OperateJoint):
+    """A task of its own kind."""
+
+
+def test_names_stand_for_classes_and_sequences_are_of_one_class(monkeypatch: Any) -> None:
+    import mam_envs.tasks as tasks
+
+    entry = metadata.EntryPoint("other", f"{__name__}:Other", "mam_sim.task")
+    monkeypatch.setattr(metadata, "entry_points", lambda group: [entry])
+    monkeypatch.setattr("mam_pipeline.registry.resolve", _resolve_here)
+    assert task_class([None]) is OperateJoint is task_class(["open", "close"])
+    assert task_class(["other"]) is Other
+    with pytest.raises(ConfigError, match="open, other cannot follow each other"):
+        task_class(["open", "other"])
+    with pytest.raises(ConfigError, match="no task named 'opem'; did you mean 'open'"):
+        task_class(["opem"])
+    assert set(tasks.TASKS.targets()) == {"open", "close", "turn_to", "push", "other"}
+
+
+def _resolve_here(target: str) -> Any:
+    return Other if target.endswith(":Other") else OperateJoint
+
+
+def test_goals_say_whether_the_part_may_be_pushed_shut(drawer: Path) -> None:
+    model = ObjectModel.load(Asset.load(drawer))
+    for name, closing in (("open", False), ("close", True)):
+        assert OperateJoint.goal(name, model, None, SuccessConfig()).closing is closing
+    goal = OperateJoint.goal("open", model, None, SuccessConfig())
+    assert replace(goal, q_goal=0.1).direction == 1.0 and goal.range == pytest.approx(0.25)
