@@ -58,7 +58,8 @@ class KinematicPrior:
         affinity: (P, P) 0..1, how likely two primitives move together.
         masks: (N, H, W) int per-view kinematic part maps, -1 background; may be empty.
         views: (N, 4, 4) `camera_T_asset` (OpenCV axes) of the masks.
-        evidence: named measurements, for the report.
+        evidence: named measurements, for the report alone.
+        probe: what the embedded prior measured (`prior.probe.Probe`), for whole groups; else None.
         labels: (P,) kinematic label of every primitive, that of the masks; 0 is held fast. Empty
             where the prior made no masks.
         fov: of the masks' cameras, radians.
@@ -70,6 +71,7 @@ class KinematicPrior:
     views: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4, 4)))
     source: str = "embedded"
     evidence: Mapping[str, Any] = field(default_factory=dict)
+    probe: Any = None
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     fov: float = float(np.radians(35.0))
 

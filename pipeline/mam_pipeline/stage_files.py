@@ -23,6 +23,7 @@ from mam_pipeline.types import (
     Mesh,
     PartNode,
     Primitives,
+    RangeBasis,
     UsualTravel,
 )
 
@@ -179,6 +180,7 @@ def articulation_codec(mesh: Mesh, primitives: Primitives, tree: KinematicTree) 
         rows = []
         for joint in value.joints:
             row = {k: plain(getattr(joint, k)) for k in _JOINT_KEYS}
+            row["basis"] = asdict(joint.basis)
             row["parent"], row["child"] = (
                 value.links[joint.parent].name,
                 value.links[joint.child].name,
@@ -207,6 +209,7 @@ def articulation_codec(mesh: Mesh, primitives: Primitives, tree: KinematicTree) 
             joints = []
             for row in data["joints"]:
                 row = dict(row, parent=index[row["parent"]], child=index[row["child"]])
+                row["basis"] = RangeBasis(**row.get("basis", {}))
                 joints.append(Joint(**{k: _finite(v) for k, v in row.items()}))
             return Articulation(mesh, links, tuple(joints))
         except (TypeError, ValueError, KeyError) as error:
@@ -218,6 +221,7 @@ def articulation_codec(mesh: Mesh, primitives: Primitives, tree: KinematicTree) 
 _JOINT_KEYS = (
     *("name", "type", "subtype", "parent", "child", "axis", "origin", "lower", "upper"),
     *("closed", "open", "damping", "friction", "effort", "velocity", "confidence", "evidence"),
+    "provenance",
 )
 
 

@@ -18,6 +18,9 @@ IntArray = NDArray[np.int64]
 JointType = Literal["fixed", "revolute", "continuous", "prismatic"]
 JointSubtype = Literal["fixed", "hinge", "spin", "slide"]
 Provenance = Literal["observed", "inferred", "assumed", "user"]
+RangeRule = Literal[
+    "", "given", "usual", "collision", "contact_loss", "endless", "token", "paper", "drawer_box"
+]
 NEEDS_REVIEW = 0.7  # of generated joints of less confidence fewer than half are right
 MOVES = 0.25  # a joint by which the part goes less of the usual way is stuck
 
@@ -218,7 +221,10 @@ class PartNode:
         subtype: how it moves against its parent; "fixed" for the base.
         confidence: calibrated probability that part, parent and subtype are right, 0..1.
         runner_up: the second-best explanation in words, or "".
+        provenance: who says so; what a person said or edited is `user` and is never changed.
         candidates: joint hypotheses, best first; may be empty (the solver then makes its own).
+        limits: (lower, upper) that a person or the reasoner set, radians or metres; else None.
+        evidence: what explains the part, for the report alone.
     """
 
     name: str
@@ -249,6 +255,23 @@ class KinematicTree:
 
 
 @dataclass(frozen=True)
+class RangeBasis:
+    """What the range of a joint rests on.
+
+    Attributes:
+        rule: what ended it: `given` by a person, the reasoner or a file; the `usual` way; a
+            `collision`; `contact_loss` of a slide; `endless`, a free whole turn; `token`, for
+            nothing is free; the `paper`'s rule; an assumed `drawer_box`; "" where nobody says.
+        share: of the usual way that is free, 0..1; 1 where nobody measured.
+        after_another: another part must move first, as the door before a drawer.
+    """
+
+    rule: RangeRule = ""
+    share: float = 1.0
+    after_another: bool = False
+
+
+@dataclass(frozen=True)
 class Joint:
     """One estimated joint between two links.
 
@@ -261,7 +284,8 @@ class Joint:
         closed, open: which joint values are called closed and open (within the range).
         damping, friction, effort, velocity: SI; friction is Coulomb (SAPIEN ignores the URDF's).
         confidence: 0..1; below `NEEDS_REVIEW` the report says so.
-        evidence: anything that explains the choice; goes into asset.json and the report.
+        evidence: anything that explains the choice, for asset.json and the report alone.
+        basis: why the range is what it is. provenance: who says that the part moves so.
     """
 
     name: str
@@ -281,6 +305,8 @@ class Joint:
     velocity: float = 2.0
     confidence: float = 1.0
     evidence: Mapping[str, Any] = field(default_factory=dict)
+    basis: RangeBasis = field(default_factory=RangeBasis)
+    provenance: Provenance = "inferred"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axis", readonly(self.axis, np.float64, (3,)))

@@ -15,7 +15,7 @@ from mam_pipeline.check import check_asset
 from mam_pipeline.formats.mesh_files import save_glb
 from mam_pipeline.geometry.fuse import fuse_mesh
 from mam_pipeline.run import MakeConfig, make_asset
-from mam_pipeline.types import Articulation, Joint, Link, Mesh
+from mam_pipeline.types import Articulation, Joint, Link, Mesh, RangeBasis, RangeRule
 
 
 def fused(kind: str) -> Articulation:
@@ -77,26 +77,25 @@ def test_a_skin_gets_them_unless_told_not_to(tmp_path: Path, interiors: bool) ->
     assert any("(assumed)" in note for note in made.card.notes) == interiors
 
 
-def short(source: Articulation, rule: str) -> Articulation:
+def short(source: Articulation, rule: RangeRule) -> Articulation:
     """The drawer as the engine leaves it: a thin front goes a centimetre, and why."""
-    evidence = {"limits": {"rule": rule}}
-    joint = replace(source.joints[0], upper=0.01, open=0.01, evidence=evidence)
+    joint = replace(source.joints[0], upper=0.01, open=0.01, basis=RangeBasis(rule))
     return replace(source, joints=(joint,))
 
 
 def test_a_drawer_comes_out_by_its_box_and_the_check_agrees(tmp_path: Path) -> None:
-    made, _ = add_interiors(short(fused("drawer"), "contact loss"))
+    made, _ = add_interiors(short(fused("drawer"), "contact_loss"))
     joint = made.joints[0]
     assert joint.open == joint.upper == pytest.approx(0.75 * 0.45, abs=0.02)
-    assert "box" in joint.evidence["limits"]["rule"]
+    assert joint.basis.rule == "drawer_box"
     report = check_asset(write_asset(made, tmp_path / "a", name="a").folder)
     assert report.passed, report.joints
-    stopped, _ = add_interiors(short(fused("drawer"), "first collision"))
+    stopped, _ = add_interiors(short(fused("drawer"), "collision"))
     assert stopped.joints[0].upper == 0.01
 
 
 def test_something_before_a_drawer_stops_it() -> None:
-    source = short(fused("drawer"), "contact loss")
+    source = short(fused("drawer"), "contact_loss")
     wall = trimesh.creation.box(bounds=[[-0.2, -0.3, 0], [-0.15, 0.3, 0.7]])
     whole = trimesh.util.concatenate(
         [trimesh.Trimesh(source.mesh.vertices, source.mesh.faces, process=False), wall]

@@ -21,7 +21,7 @@ from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.errors import InputError, NotPhysicalError
 from mam_pipeline.formats.mesh_files import load_mesh, read_file, save_glb, save_obj
 from mam_pipeline.formats.urdf_input import read_asset
-from mam_pipeline.types import Articulation, Joint, Link, Material, Mesh
+from mam_pipeline.types import Articulation, Joint, Link, Material, Mesh, RangeBasis
 
 PNG = b"\x89PNG\r\n\x1a\n not really, but bytes are bytes"
 
@@ -292,17 +292,16 @@ def test_folder_can_move_and_card_reads_back(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("confidence", "share", "said"),
     [
-        (0.9, 1.0, ""), (0.5, 1.0, "needs review"), (0.9, None, ""),
+        (0.9, 1.0, ""), (0.5, 1.0, "needs review"),
         (0.9, 0.04, "needs review: stuck after 4 % of the usual way"),
     ],
 )  # fmt: skip
 def test_a_joint_says_why_somebody_should_look_at_it(
-    confidence: float, share: float | None, said: str
+    confidence: float, share: float, said: str
 ) -> None:
-    evidence = {} if share is None else {"limits": {"share": share}}
     joint = CardJoint(
         "j", "revolute", "hinge", "base", "door", [0, 0, 1], [0, 0, 0], 0.0, 0.06,
-        confidence=confidence, evidence=evidence,
+        confidence=confidence, basis=RangeBasis(share=share),
     )  # fmt: skip
     assert joint.review == said
 

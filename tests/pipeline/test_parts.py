@@ -146,7 +146,7 @@ def test_features_do_not_know_scale_turns_or_face_order() -> None:
 def test_group_features_see_the_handle_and_the_freedom() -> None:
     mesh, primitives = cupboard()
     prior = EmbeddedPrior().observe(mesh, primitives)
-    graph = build_graph(mesh, primitives, probed=prior.evidence["probe"])
+    graph = build_graph(mesh, primitives, probed=prior.probe)
     masks = np.array([[0, 0, 0, 0, 0, 1, 1], [0, 0, 0, 0, 1, 0, 0]], dtype=bool)
     half = np.full(len(graph.pairs), 0.5)
     groups = group_features(graph, masks, half, np.full(graph.count, 0.5), prior)

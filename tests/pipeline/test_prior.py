@@ -74,7 +74,7 @@ def test_a_caged_box_moves_with_its_cage() -> None:
     assert prior.affinity[0, 1] > 0.9 > 0.1 > prior.affinity[0, 2]
     assert prior.mobility[1] < prior.mobility[2]
     assert np.allclose(prior.affinity, prior.affinity.T)
-    assert prior.evidence["probe"].cover(NEAR).shape == (3, 3, 6)
+    assert prior.probe.cover(NEAR).shape == (3, 3, 6)
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 250.0])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mam_pipeline.errors import InputError
-from mam_pipeline.types import MOVES, NEEDS_REVIEW
+from mam_pipeline.types import MOVES, NEEDS_REVIEW, Provenance, RangeBasis
 
 SCHEMA = 2
 """Schema 1 differs in its visuals alone (GLB files), so its cards are read as they are."""
@@ -51,13 +51,14 @@ class CardJoint:
     velocity: float = 2.0
     confidence: float = 1.0
     evidence: dict[str, Any] = field(default_factory=dict)
+    basis: RangeBasis = field(default_factory=RangeBasis)
+    provenance: Provenance = "inferred"
 
     @property
     def review(self) -> str:
         """Why somebody should look at the joint, in words; empty if nobody need."""
-        share = self.evidence.get("limits", {}).get("share", 1.0)
-        if share < MOVES:
-            return f"needs review: stuck after {100 * share:.0f} % of the usual way"
+        if self.basis.share < MOVES:
+            return f"needs review: stuck after {100 * self.basis.share:.0f} % of the usual way"
         return "needs review" if self.confidence < NEEDS_REVIEW else ""
 
 
@@ -137,11 +138,15 @@ class Asset:
                     "with: mam-sim make-env INPUT"
                 )
             data["parts"] = [CardPart(**p) for p in data.get("parts", [])]
-            data["joints"] = [CardJoint(**j) for j in data.get("joints", [])]
+            data["joints"] = [_joint(j) for j in data.get("joints", [])]
             data["grasps"] = [CardGrasp(**g) for g in data.get("grasps", [])]
             return Asset(folder.resolve(), AssetCard(**data))
         except (json.JSONDecodeError, TypeError, AttributeError) as error:
             raise InputError(f"{file} is not a valid asset card: {error}") from error
+
+
+def _joint(row: dict[str, Any]) -> CardJoint:
+    return CardJoint(**{**row, "basis": RangeBasis(**row.get("basis", {}))})
 
 
 def _plain(value: Any) -> Any:

@@ -171,8 +171,7 @@ def _within(flat: _Flat, points: FloatArray) -> NDArray[np.bool_]:
 
 def _drawn_out(articulation: Articulation, joint: Joint, flat: _Flat, depth: float) -> Joint:
     """The joint with the way of a drawer `depth` metres deep, if only lost touch had ended it."""
-    limits = joint.evidence.get("limits", {})
-    if not str(limits.get("rule", "")).startswith("contact loss"):
+    if joint.basis.rule != "contact_loss":
         return joint
     mesh = articulation.mesh
     own = [articulation.links[i].faces for i in articulation.carried_links(joint)]
@@ -189,8 +188,8 @@ def _drawn_out(articulation: Articulation, joint: Joint, flat: _Flat, depth: flo
     if way <= sign * joint.open:
         return joint
     lower, upper = (joint.lower, way) if sign > 0 else (-way, joint.upper)
-    said = {**joint.evidence, "limits": {**limits, "rule": "share of the assumed drawer box"}}
-    return replace(joint, lower=lower, upper=upper, open=sign * way, evidence=said)
+    basis = replace(joint.basis, rule="drawer_box")
+    return replace(joint, lower=lower, upper=upper, open=sign * way, basis=basis)
 
 
 class _Flat:

@@ -95,8 +95,7 @@ def _shortened(
 
 def _free_share(joint: Joint, report: JointReport) -> float | None:
     """Share of the way from rest (q = 0) that the check found free; None: nothing to cut."""
-    limits = joint.evidence.get("limits", {})
-    if limits.get("rule") == "given" and limits.get("by") == "user":
+    if joint.basis.rule == "given" and joint.provenance == "user":
         return None
     if not np.isfinite(joint.upper - joint.lower) or not joint.lower <= 0.0 <= joint.upper:
         return None

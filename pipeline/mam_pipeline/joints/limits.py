@@ -25,6 +25,7 @@ from mam_pipeline.types import (
     JointSubtype,
     JointType,
     Mesh,
+    RangeRule,
     UsualTravel,
 )
 
@@ -41,7 +42,7 @@ class Limits:
 
     Attributes:
         type: revolute, continuous or prismatic. lower, upper: rad or mesh unit.
-        closed, open: the values called closed and open. rule: which rule set them, in words.
+        closed, open: the values called closed and open. rule: which rule ended the range.
         evidence: travel found in both directions and the penetration over the range.
         share: of the usual way that the joint was left with, 0..1; 1 where nobody measured.
         wanted: how far the part should go towards open, rad or mesh unit; None: as far as `upper`.
@@ -53,7 +54,7 @@ class Limits:
     upper: float
     closed: float
     open: float
-    rule: str
+    rule: RangeRule
     evidence: Mapping[str, Any] = field(default_factory=dict)
     share: float = 1.0
     wanted: float | None = None
@@ -152,7 +153,7 @@ def paper_limits(
     back = travel(scene, "revolute", axis, origin, -np.pi)
     if out.strict >= np.pi and back.strict >= np.pi:
         return Limits(
-            "continuous", -np.inf, np.inf, 0.0, 0.0, "paper: no collision in a whole turn",
+            "continuous", -np.inf, np.inf, 0.0, 0.0, "endless",
             _evidence(out, back),
         )  # fmt: skip
     return Limits(
@@ -187,8 +188,7 @@ def embedded_limits(
     if alone is not None and limits.type != "continuous" and limits.share < 0.9:
         free = _open_way(alone(), subtype, motion, axis, origin, usual, plain)
         if free.type != "continuous" and free.upper > 3.0 * limits.upper + 1e-9:
-            rule = free.rule + "; another part must move first"
-            return replace(free, rule=rule, sibling_at=limits.upper)
+            return replace(free, sibling_at=limits.upper)
     return limits
 
 
@@ -224,7 +224,7 @@ def _open_way(
     share = float((upper - lower) / max(wanted, 1e-12))
     if upper - lower < (1e-3 * scene.diagonal if slide else np.deg2rad(1.0)):
         upper = 0.02 * scene.diagonal if slide else np.deg2rad(5.0)
-        rule = "nothing is free; a token range"
+        rule = "token"
     kind: JointType = "prismatic" if slide else "revolute"
     closed = lower if back > 0.0 and usual is not None else 0.0
     return Limits(kind, float(lower), float(upper), float(closed), float(upper), rule, evidence,
@@ -234,13 +234,13 @@ def _open_way(
 def _stop(
     around: Surroundings, motion: Motion, axis: FloatArray, origin: FloatArray, found: Travel,
     cap: float,
-) -> tuple[float, str]:  # fmt: skip
+) -> tuple[float, RangeRule]:  # fmt: skip
     """Where a motion towards `cap` (signed) ends and why."""
     reach = min(abs(cap), found.contact)
     stop = abs(around.free(motion, axis, origin, float(np.copysign(reach, cap)))[0])
-    rule = "first collision"
+    rule: RangeRule = "collision"
     if stop >= reach:
-        rule = "usual range" if found.contact >= abs(cap) else "contact loss"
+        rule = "usual" if found.contact >= abs(cap) else "contact_loss"
     return float(np.copysign(stop, cap)), rule
 
 
@@ -250,7 +250,7 @@ def _endless(around: Surroundings, axis: FloatArray, origin: FloatArray) -> Limi
         if around.free("revolute", axis, origin, half)[1].value is not None:
             return None
     out = travel(around.scene, "revolute", axis, origin, np.pi, steps=24)
-    return Limits("continuous", -np.inf, np.inf, 0.0, 0.0, "a whole turn is free",
+    return Limits("continuous", -np.inf, np.inf, 0.0, 0.0, "endless",
                   _evidence(out, None))  # fmt: skip
 
 

@@ -37,6 +37,7 @@ from mam_pipeline.types import (
     Mesh,
     PartNode,
     Primitives,
+    RangeBasis,
 )
 
 SHOWN = 6  # hypotheses that the report shows
@@ -181,7 +182,8 @@ def _joint(
         f"{node.name}_joint", limits.type, subtype, node.parent, index, unit(axis),
         np.asarray(origin, dtype=np.float64), float(limits.lower), float(limits.upper),
         float(limits.closed), float(limits.open), confidence=float(np.clip(confidence, 0.0, 1.0)),
-        evidence=evidence,
+        evidence=evidence, provenance=node.provenance,
+        basis=RangeBasis(limits.rule, limits.share, limits.sibling_at is not None),
     )  # fmt: skip
 
 
@@ -190,6 +192,7 @@ def _fixed_joint(mesh: Mesh, node: PartNode, index: int, faces: PartFaces) -> Jo
     return Joint(
         f"{node.name}_joint", "fixed", "fixed", node.parent, index, np.array([0.0, 0.0, 1.0]),
         0.5 * (used.min(axis=0) + used.max(axis=0)), 0.0, 0.0, confidence=node.confidence,
+        provenance=node.provenance,
     )  # fmt: skip
 
 

@@ -117,7 +117,7 @@ def sampled_views(
     The embedded prior is asked again for each of them. One that came from elsewhere, or was edited,
     holds for all; one that was read from a file without its samples is recognised by its values.
     """
-    probed = None if prior is None else prior.evidence.get("probe")
+    probed = None if prior is None else prior.probe
     known = probed if isinstance(probed, Probe) else None
     first = build_graph(mesh, primitives, seed, known, rules)
     again = prior is not None and _alike(prior, prior_of(first.probe))

@@ -25,7 +25,7 @@ class EmbeddedPrior:
         return Availability(True, "motion probing on the CPU", version="1")
 
     def observe(self, mesh: Mesh, primitives: Primitives, seed: int = 0) -> KinematicPrior:
-        """Probe every primitive; `evidence["probe"]` keeps the crossings for whole groups."""
+        """Probe every primitive; `probe` keeps the crossings for whole groups."""
         sampled = probe(*without_repeats(mesh, primitives), seed)
         return with_masks(prior_of(sampled), mesh, primitives, sampled.area)
 
@@ -36,7 +36,7 @@ def prior_of(sampled: Probe) -> KinematicPrior:
         mobility=mobility(sampled),
         affinity=affinity(sampled.cover(NEAR)),
         source="embedded",
-        evidence={"probe": sampled},
+        probe=sampled,
     )
 
 
