@@ -14,7 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
 from mam_pipeline.asset.card import Asset, CardJoint
-from mam_pipeline.formats.urdf_input import read_asset
+from mam_pipeline.asset.read import read_asset
 from mam_pipeline.render.mesh_pictures import palette, render_mesh
 from mam_pipeline.render.motion import motion_pictures
 from mam_pipeline.types import Articulation, FloatArray

@@ -57,7 +57,8 @@ class View(Verb):
 
 def _read(path: Path) -> tuple[Articulation, Path]:
     from mam_pipeline.asset.card import Asset
-    from mam_pipeline.formats.urdf_input import read_asset, read_urdf
+    from mam_pipeline.asset.read import read_asset
+    from mam_pipeline.formats.urdf.read import read_urdf
 
     if path.suffix.lower() in (".urdf", ".xml"):
         return read_urdf(path), path.parent

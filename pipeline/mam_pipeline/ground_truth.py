@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import csv
-import warnings
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import yourdfpy
 
 from mam_pipeline.errors import InputError
-from mam_pipeline.formats.urdf_mesh import Soup, concatenate, geometry_soup
-from mam_pipeline.types import Articulation, FloatArray, IntArray, Joint, Link, Mesh, readonly
-
-MOVING = {"revolute", "continuous", "prismatic"}
+from mam_pipeline.formats.urdf.geometry import link_triangles
+from mam_pipeline.formats.urdf.tree import UrdfTree
+from mam_pipeline.geometry.surface import Triangles, concatenate
+from mam_pipeline.types import Articulation, IntArray, Joint, Link, Mesh, readonly
 
 
 @dataclass(frozen=True)
@@ -75,32 +73,25 @@ def list_objects(dataset: str | Path) -> list[tuple[str, str, Path]]:
 def read_object(urdf: str | Path, name: str = "", category: str = "unknown") -> GroundTruth:
     """Read one URDF with its meshes as ground truth.
 
-    Links without a surface are dummies: one that moves hands its motion to the body behind it
-    (of a chain of joints the last that is not a mimic counts). Planar and floating joints are
-    fixed; a revolute joint without limits is continuous.
+    Which links are bodies and how each moves is the URDF reader's rule (`UrdfTree.joint`).
 
     Raises:
         InputError: not a URDF, or it has no surface at all.
     """
     path = Path(urdf)
     name = name or path.parent.name
-    robot = parse_urdf(path)
-    frames = rest_frames(robot, path)
-    inbound = {j.child: j for j in robot.joints}
-    soups = {link.name: _link_soup(link, path.parent) for link in robot.links}
-    group = {n: carrier(n, inbound) for n in frames}
-    solid = {group[n] for n, soup in soups.items() if soup is not None and n in group}
-    if not solid:
+    tree = UrdfTree.read(path)
+    found = {link.name: link_triangles(link, path.parent) for link in tree.robot.links}
+    surfaces = {n: own for n in tree.frames if (own := found.get(n)) is not None}
+    if not surfaces:
         raise InputError(f"{path} shows no surface: none of its links has a readable visual")
-    base = next(n for n in frames if n not in inbound)
-    bodies = [base] + [n for n in frames if group[n] == n and n in solid and n != base]
-    index = {n: i for i, n in enumerate(bodies)}
-    mesh, face_link = _merge(soups, frames, group, index, name)
+    bodies = tree.bodies(surfaces)
+    mesh, face_link = _merge(surfaces, tree, bodies, name)
     links = tuple(
         Link("base" if i == 0 else f"link_{i}", "body", np.flatnonzero(face_link == i))
         for i in range(len(bodies))
     )
-    joints = tuple(truth_joint(n, index, inbound, group, frames) for n in bodies[1:])
+    joints = tuple(tree.joint(n, bodies) for n in list(bodies)[1:])
     return GroundTruth(name, category, mesh, face_link, links, joints)
 
 
@@ -112,118 +103,15 @@ def _categories(manifest: Path) -> dict[str, str]:
     return {row["id"]: row.get("category") or "unknown" for row in rows}
 
 
-def parse_urdf(path: Path) -> Any:
-    if not path.is_file():
-        raise InputError(f"no URDF at {path}")
-    try:
-        return yourdfpy.URDF.load(
-            str(path), load_meshes=False, build_scene_graph=False, load_collision_meshes=False
-        ).robot
-    except Exception as error:  # the parser raises whatever its XML step met
-        raise InputError(f"{path} is not a readable URDF: {error}") from error
-
-
-def rest_frames(robot: Any, path: Path) -> dict[str, FloatArray]:
-    """`root_T_link` (4, 4) of every link at q = 0, parents before children."""
-    children: dict[str, list[Any]] = {}
-    for joint in robot.joints:
-        children.setdefault(joint.parent, []).append(joint)
-    has_parent = {j.child for j in robot.joints}
-    roots = [link.name for link in robot.links if link.name not in has_parent]
-    if not roots:
-        raise InputError(f"{path} has no root link: its joints form a loop")
-    if len(roots) > 1:
-        roots.sort(key=lambda n: -len(children.get(n, [])))
-        warnings.warn(f"{path}: several roots, keeping {roots[0]!r}", stacklevel=3)
-    frames: dict[str, FloatArray] = {roots[0]: np.eye(4)}
-    queue = [roots[0]]
-    while queue:
-        parent = queue.pop(0)
-        for joint in children.get(parent, []):
-            offset = np.eye(4) if joint.origin is None else np.asarray(joint.origin)
-            frames[joint.child] = frames[parent] @ offset
-            queue.append(joint.child)
-    return frames
-
-
-def _link_soup(link: Any, folder: Path) -> Soup | None:
-    """A link's visual surface in the link frame, or its collision surface if it has no visual."""
-    for shapes in (link.visuals, link.collisions):
-        soups = []
-        for shape in shapes:
-            soup = geometry_soup(shape.geometry, folder)
-            if soup is None:
-                continue
-            vertices, faces = soup
-            if shape.origin is not None:
-                origin = np.asarray(shape.origin)
-                vertices = vertices @ origin[:3, :3].T + origin[:3, 3]
-            soups.append((vertices, faces))
-        if soups:
-            return concatenate(soups)
-    return None
-
-
-def carrier(link: str, inbound: dict[str, Any]) -> str:
-    """The link whose joint moves this one: itself, or the nearest ancestor over fixed joints."""
-    while link in inbound and inbound[link].type not in MOVING:
-        link = inbound[link].parent
-    return link
-
-
 def _merge(
-    soups: dict[str, Soup | None],
-    frames: dict[str, FloatArray],
-    group: dict[str, str],
-    index: dict[str, int],
-    name: str,
+    surfaces: Mapping[str, Triangles], tree: UrdfTree, bodies: Mapping[str, int], name: str
 ) -> tuple[Mesh, IntArray]:
-    placed: list[Soup] = []
+    placed: list[Triangles] = []
     owner: list[IntArray] = []
-    for link, frame in frames.items():
-        soup = soups.get(link)
-        if soup is None:
-            continue
-        placed.append((soup[0] @ frame[:3, :3].T + frame[:3, 3], soup[1]))
-        owner.append(np.full(len(soup[1]), index[group[link]], dtype=np.int64))
+    for link, (points, corners) in surfaces.items():
+        frame = tree.frames[link]
+        placed.append((points @ frame[:3, :3].T + frame[:3, 3], corners))
+        owner.append(np.full(len(corners), bodies[tree.carrier(link)], dtype=np.int64))
     vertices, faces = concatenate(placed)
     order = np.random.default_rng(zlib.crc32(name.encode())).permutation(len(faces))
     return Mesh(vertices, faces[order]), np.concatenate(owner)[order]
-
-
-def truth_joint(
-    body: str,
-    index: dict[str, int],
-    inbound: dict[str, Any],
-    group: dict[str, str],
-    frames: dict[str, FloatArray],
-) -> Joint:
-    chain = [inbound[body]]
-    parent = group[inbound[body].parent]
-    while parent not in index:  # a moving dummy without a surface
-        chain.append(inbound[parent])
-        parent = group[inbound[parent].parent]
-    source = next((j for j in chain if j.mimic is None), chain[0])
-    frame = frames[source.child]
-    local = np.array([1.0, 0.0, 0.0]) if source.axis is None else np.asarray(source.axis, float)
-    if np.linalg.norm(local) < 1e-9:
-        local = np.array([1.0, 0.0, 0.0])
-    axis = frame[:3, :3] @ (local / np.linalg.norm(local))
-    lower, upper, kind = -np.inf, np.inf, source.type
-    if kind != "continuous" and source.limit is not None:
-        lower, upper = source.limit.lower or 0.0, source.limit.upper or 0.0
-        if source.limit.lower is None and source.limit.upper is None and kind == "revolute":
-            lower, upper = -np.inf, np.inf
-    if kind == "revolute" and not np.isfinite(upper - lower):
-        kind = "continuous"
-    return Joint(
-        name=f"joint_{index[body]}",
-        type=kind,
-        subtype={"prismatic": "slide", "continuous": "spin"}.get(kind, "hinge"),  # type: ignore[arg-type]
-        parent=index[parent],
-        child=index[body],
-        axis=axis,
-        origin=frame[:3, 3],
-        lower=min(lower, upper),
-        upper=max(lower, upper),
-    )

@@ -216,7 +216,7 @@ def _read(source: Path, kind: str, config: MakeConfig, stages: Path) -> Source:
             shell=True,
         )  # fmt: skip
     if kind == "urdf":
-        from mam_pipeline.formats.urdf_input import read_urdf
+        from mam_pipeline.formats.urdf.read import read_urdf
 
         made = read_urdf(source)
         return Source(kind, made.mesh, np.eye(4), 1.0, "urdf", articulation=made)

@@ -16,11 +16,11 @@ import yourdfpy
 from PIL import Image
 
 from mam_pipeline.asset.card import Asset, CardJoint
+from mam_pipeline.asset.read import read_asset
 from mam_pipeline.asset.visuals import baked
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.errors import InputError, NotPhysicalError
 from mam_pipeline.formats.mesh_files import load_mesh, read_file, save_glb, save_obj
-from mam_pipeline.formats.urdf_input import read_asset
 from mam_pipeline.types import Articulation, Joint, Link, Material, Mesh, RangeBasis
 
 PNG = b"\x89PNG\r\n\x1a\n not really, but bytes are bytes"

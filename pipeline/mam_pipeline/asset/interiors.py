@@ -21,6 +21,7 @@ from mam_pipeline.asset.rims import cut_rims, length
 from mam_pipeline.geometry.boxes import principal_axes
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import face_geometry, sample_surface
+from mam_pipeline.geometry.surface import Triangles, concatenate
 from mam_pipeline.types import Articulation, FloatArray, IntArray, Joint, Material, Mesh
 
 PANEL = 0.018
@@ -219,29 +220,29 @@ class _Flat:
         flat = plane[:, :1] * self.u + plane[:, 1:2] * self.v
         return np.asarray(self.origin + flat - inwards[:, None] * self.outward)
 
-    def cap(self, polygon: Polygon, depth: float) -> tuple[FloatArray, IntArray]:
+    def cap(self, polygon: Polygon, depth: float) -> Triangles:
         """The polygon as triangles at a depth."""
         plane, faces = trimesh.creation.triangulate_polygon(polygon, engine="earcut")
         return self.lift(np.asarray(plane), depth), np.asarray(faces, dtype=np.int64)
 
-    def skirt(self, outer: Polygon, inner: Polygon, depth: float) -> tuple[FloatArray, IntArray]:
+    def skirt(self, outer: Polygon, inner: Polygon, depth: float) -> Triangles:
         """From the rim inwards a little smaller, closed at the back."""
         rim, wall = self._ledge(outer, inner, 0.0), self._wall(inner, 0.0, depth)
-        return _join([rim, wall, self.cap(inner, depth)])
+        return concatenate([rim, wall, self.cap(inner, depth)])
 
     def compartment(
         self, polygon: Polygon, steps: Sequence[tuple[Polygon, float]]
-    ) -> tuple[FloatArray, IntArray]:
+    ) -> Triangles:
         """A pocket behind the outline, open in front: each step narrows it, down to a depth."""
         out, outer, near = [], polygon, 0.0
         for inner, far in steps:
             out += [self._ledge(outer, inner, near), self._wall(inner, near, far)]
             outer, near = inner, far
-        return _join([*out, self.cap(outer, near)])
+        return concatenate([*out, self.cap(outer, near)])
 
     def _ledge(
         self, outer: Polygon, inner: Polygon, depth: float
-    ) -> tuple[FloatArray, IntArray]:
+    ) -> Triangles:
         """The flat ring between two outlines at a depth."""
         ring = trimesh.creation.triangulate_polygon(
             Polygon(outer.exterior, [inner.exterior.coords]), engine="earcut"
@@ -250,7 +251,7 @@ class _Flat:
 
     def drawer(
         self, polygon: Polygon, front: float, back: float, wall: float
-    ) -> tuple[FloatArray, IntArray]:
+    ) -> Triangles:
         """Bottom, sides and back boards within the polygon's box; open at the top."""
         low_u, low_v, high_u, high_v = polygon.bounds
         high_v = low_v + _HIGH * (high_v - low_v)
@@ -265,9 +266,9 @@ class _Flat:
             box = trimesh.creation.box(bounds=[[a, c, near], [b, d, far]])
             points = np.asarray(box.vertices)
             made.append((self.lift(points[:, :2], points[:, 2]), np.asarray(box.faces, np.int64)))
-        return _join(made)
+        return concatenate(made)
 
-    def _wall(self, polygon: Polygon, near: float, far: float) -> tuple[FloatArray, IntArray]:
+    def _wall(self, polygon: Polygon, near: float, far: float) -> Triangles:
         ring = np.asarray(polygon.exterior.coords)[:-1]
         n = len(ring)
         vertices = np.concatenate([self.lift(ring, near), self.lift(ring, far)])
@@ -341,9 +342,3 @@ def _extended(articulation: Articulation, added: list[_Added]) -> Articulation:
         group_names=(*mesh.group_names, "interior"),
     )
     return replace(articulation, mesh=extended, links=tuple(links))
-
-
-def _join(soups: list[tuple[FloatArray, IntArray]]) -> tuple[FloatArray, IntArray]:
-    offsets = np.cumsum([0] + [len(v) for v, _ in soups[:-1]])
-    faces = np.concatenate([f + o for (_, f), o in zip(soups, offsets)])
-    return np.concatenate([v for v, _ in soups]), faces

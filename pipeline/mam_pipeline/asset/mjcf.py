@@ -19,7 +19,7 @@ from mam_pipeline.errors import BackendError
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.obj import write_obj_part
 from mam_pipeline.formats.soup import join
-from mam_pipeline.formats.urdf_writer import numbers
+from mam_pipeline.formats.urdf.write import numbers
 from mam_pipeline.types import FloatArray, Material
 
 VISUAL_GROUP, COLLISION_GROUP = 2, 3

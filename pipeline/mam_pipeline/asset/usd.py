@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.soup import join
-from mam_pipeline.formats.urdf_mesh import read_triangles
-from mam_pipeline.ground_truth import parse_urdf, rest_frames
+from mam_pipeline.formats.urdf.geometry import origin_of, read_triangles
+from mam_pipeline.formats.urdf.tree import UrdfTree
 from mam_pipeline.optional import require
 from mam_pipeline.types import FloatArray, Material
 
@@ -41,8 +41,8 @@ class _Exporter:
         from pxr import Usd, UsdGeom, UsdPhysics
 
         self.asset, self.target = asset, target
-        self.robot = parse_urdf(asset.urdf_path)
-        self.frames = rest_frames(self.robot, asset.urdf_path)
+        tree = UrdfTree.read(asset.urdf_path)
+        self.robot, self.frames = tree.robot, tree.frames
         self.cards = {j.name: j for j in asset.card.joints}
         target.unlink(missing_ok=True)
         self.stage = Usd.Stage.CreateNew(str(target))
@@ -75,7 +75,7 @@ class _Exporter:
         UsdPhysics.RigidBodyAPI.Apply(prim.GetPrim())
         if link.inertial is not None and link.inertial.mass:
             api = UsdPhysics.MassAPI.Apply(prim.GetPrim())
-            origin = np.eye(4) if link.inertial.origin is None else link.inertial.origin
+            origin = origin_of(link.inertial)
             turned = origin[:3, :3] @ link.inertial.inertia @ origin[:3, :3].T
             values, vectors = np.linalg.eigh(turned)
             if np.linalg.det(vectors) < 0:
@@ -142,7 +142,7 @@ class _Exporter:
         from pxr import UsdGeom, UsdPhysics
 
         g = shape.geometry
-        origin = np.eye(4) if shape.origin is None else np.asarray(shape.origin)
+        origin = origin_of(shape)
         if g.box is not None:
             prim: Any = UsdGeom.Cube.Define(self.stage, path)
             prim.CreateSizeAttr(1.0)
@@ -176,7 +176,7 @@ class _Exporter:
         made.CreateBody0Rel().SetTargets([f"/object/{joint.parent}"])
         made.CreateBody1Rel().SetTargets([f"/object/{joint.child}"])
         made.CreateCollisionEnabledAttr(False)
-        origin = np.eye(4) if joint.origin is None else np.asarray(joint.origin)
+        origin = origin_of(joint)
         # the joint frame's x is the axis, in both bodies
         turn = (
             np.eye(3) if joint.type == "fixed" else _frame_of(np.asarray(joint.axis, dtype=float))

@@ -19,7 +19,7 @@ from PIL import Image
 from mam_pipeline.asset.grasps import handle_faces
 from mam_pipeline.formats.gltf import image_kind, write_glb
 from mam_pipeline.formats.obj import write_obj_part
-from mam_pipeline.formats.urdf_writer import link_origins
+from mam_pipeline.formats.urdf.write import link_origins
 from mam_pipeline.types import Articulation, Material, Mesh
 
 VisualFormat = Literal["obj", "glb"]

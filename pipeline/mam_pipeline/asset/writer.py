@@ -21,7 +21,7 @@ from mam_pipeline.asset.grasps import find_grasps
 from mam_pipeline.asset.inertia import link_inertials
 from mam_pipeline.asset.visuals import VisualFormat, write_visuals
 from mam_pipeline.errors import NotPhysicalError
-from mam_pipeline.formats.urdf_writer import link_origins, urdf_text
+from mam_pipeline.formats.urdf.write import link_origins, urdf_text
 from mam_pipeline.types import Articulation, CollisionShape, FloatArray, Inertial
 
 

@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 
-from mam_pipeline.formats.urdf_input import read_urdf
-from mam_pipeline.formats.urdf_mesh import read_triangles, resolve
+from mam_pipeline.formats.urdf.geometry import origin_of, shape_triangles
+from mam_pipeline.formats.urdf.read import read_urdf
+from mam_pipeline.formats.urdf.tree import UrdfTree
 from mam_pipeline.geometry.surface import hull_of
-from mam_pipeline.ground_truth import carrier, parse_urdf, rest_frames
 from mam_pipeline.types import Articulation, FloatArray
 
 
@@ -60,21 +59,19 @@ class CheckModel:
             InputError: no readable surface or no joint that moves one.
         """
         articulation = read_urdf(urdf)
-        robot = parse_urdf(urdf)
-        frames = rest_frames(robot, urdf)
-        inbound = {j.child: j for j in robot.joints}
+        tree = UrdfTree.read(urdf)
         index = {link.name: i for i, link in enumerate(articulation.links)}
         hulls: list[list[Hull]] = [[] for _ in index]
-        for link in robot.links:
-            owner = _owner(link.name, inbound, index) if link.name in frames else None
+        for link in tree.robot.links:
+            owner = tree.body_of(link.name, index) if link.name in tree.frames else None
             if owner is None:
                 continue
             for shape in link.collisions:
-                hull = _hull(shape, urdf.parent, frames[link.name])
+                hull = _hull(shape, urdf.parent, tree.frames[link.name])
                 if hull is not None:
                     hulls[index[owner]].append(hull)
         friction = {}
-        for joint in robot.joints:
+        for joint in tree.robot.joints:
             d = joint.dynamics
             friction[joint.name] = (
                 0.0 if d is None else float(d.friction or 0.0),
@@ -99,38 +96,13 @@ class CheckModel:
         return CheckModel(moved, hulls, self.friction)
 
 
-def _owner(name: str, inbound: dict[str, Any], index: dict[str, int]) -> str | None:
-    """The link of the articulation that a URDF link's shapes move with."""
-    name = carrier(name, inbound)
-    while name not in index:
-        if name not in inbound:
-            return None
-        name = carrier(inbound[name].parent, inbound)
-    return name
-
-
 def _hull(shape: Any, folder: Path, frame: FloatArray) -> Hull | None:
     """One convex hull for a collision element: what SAPIEN makes of a mesh file."""
-    geometry = shape.geometry
-    if geometry.box is not None:
-        points = trimesh.creation.box(geometry.box.size).vertices
-    elif geometry.cylinder is not None:
-        c = geometry.cylinder
-        points = trimesh.creation.cylinder(c.radius, c.length, sections=24).vertices
-    elif geometry.sphere is not None:
-        points = trimesh.creation.icosphere(2, geometry.sphere.radius).vertices
-    elif geometry.mesh is not None:
-        file = resolve(geometry.mesh.filename, folder)
-        if file is None:
-            return None
-        points = read_triangles(file)[0]
-        if geometry.mesh.scale is not None:
-            points = points * np.broadcast_to(np.asarray(geometry.mesh.scale, float), (3,))
-    else:
+    surface = shape_triangles(shape.geometry, folder, sections=24, subdivisions=2)
+    if surface is None:
         return None
-    placed = frame if shape.origin is None else frame @ np.asarray(shape.origin)
-    points = np.asarray(points) @ placed[:3, :3].T + placed[:3, 3]
-    found = hull_of(points)
+    placed = frame @ origin_of(shape)
+    found = hull_of(surface[0] @ placed[:3, :3].T + placed[:3, 3])
     if found is None:
         return None
     vertices, faces = found

@@ -16,6 +16,9 @@ from scipy.spatial import ConvexHull, QhullError
 from mam_pipeline.geometry.rows import row_keys
 from mam_pipeline.types import Articulation, FloatArray, IntArray
 
+Triangles = tuple[FloatArray, IntArray]
+"""(V, 3) vertices in metres and (F, 3) faces."""
+
 
 @dataclass(frozen=True)
 class Component:
@@ -84,6 +87,13 @@ def components(
         out.append(Component(vertices[used], local, kept[labels == label], _closed(local)))
     areas = [float(triangle_areas(c.triangles).sum()) for c in out]
     return [out[i] for i in np.argsort(areas, kind="stable")[::-1]]
+
+
+def concatenate(parts: Sequence[Triangles]) -> Triangles:
+    """Join surfaces; no vertex is shared between them."""
+    offsets = np.cumsum([0] + [len(v) for v, _ in parts[:-1]])
+    faces = np.concatenate([f + o for (_, f), o in zip(parts, offsets)])
+    return np.concatenate([v for v, _ in parts]), faces
 
 
 def weld(triangles: FloatArray, tolerance: float) -> tuple[FloatArray, IntArray, IntArray]:

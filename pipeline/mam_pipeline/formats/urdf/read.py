@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.soup import Piece, join
-from mam_pipeline.formats.urdf_mesh import geometry_soup, resolve
-from mam_pipeline.ground_truth import carrier, parse_urdf, rest_frames, truth_joint
-from mam_pipeline.types import Articulation, FloatArray, Grasp, Joint, Link, Material
+from mam_pipeline.formats.urdf.geometry import mesh_scale, origin_of, resolve, shape_triangles
+from mam_pipeline.formats.urdf.tree import UrdfTree
+from mam_pipeline.types import Articulation, FloatArray, Joint, Link, Material
 
 
 def read_urdf(path: str | Path) -> Articulation:
@@ -26,58 +25,29 @@ def read_urdf(path: str | Path) -> Articulation:
     Raises:
         InputError: no URDF, a mesh that is missing or unreadable, no surface, no joint that moves.
     """
-    file = Path(path)
-    robot = parse_urdf(file)
-    frames = rest_frames(robot, file)
-    inbound = {j.child: j for j in robot.joints}
-    group = {name: carrier(name, inbound) for name in frames}
+    tree = UrdfTree.read(path)
     pieces: list[Piece] = []
     materials: list[Material] = []
     owner: list[str] = []
-    for link in robot.links:
-        if link.name not in frames:
+    for link in tree.robot.links:
+        if link.name not in tree.frames:
             continue
-        for piece in _pieces(link, file, frames[link.name], materials):
+        for piece in _pieces(link, tree.path, tree.frames[link.name], materials):
             pieces.append(piece)
-            owner.append(group[link.name])
+            owner.append(tree.carrier(link.name))
     if not pieces:
-        raise InputError(f"{file} shows no surface: none of its links has a readable visual")
-    base = next(name for name in frames if name not in inbound)
-    bodies = [base] + [n for n in frames if group[n] == n and n in owner and n != base]
+        raise InputError(f"{tree.path} shows no surface: none of its links has a readable visual")
+    bodies = tree.bodies(owner)
     if len(bodies) < 2:
-        raise InputError(f"{file} has no joint that moves a body with a surface")
-    index = {name: i for i, name in enumerate(bodies)}
+        raise InputError(f"{tree.path} has no joint that moves a body with a surface")
     mesh = join(pieces, materials)
-    labels = np.concatenate([np.full(len(p.faces), index[o]) for p, o in zip(pieces, owner)])
-    links = tuple(Link(n, "body", np.flatnonzero(labels == i)) for n, i in index.items())
+    labels = np.concatenate([np.full(len(p.faces), bodies[o]) for p, o in zip(pieces, owner)])
+    links = tuple(Link(n, "body", np.flatnonzero(labels == i)) for n, i in bodies.items())
     joints = tuple(
-        _bounded(replace(truth_joint(n, index, inbound, group, frames), name=inbound[n].name))
-        for n in bodies[1:]
+        _bounded(replace(tree.joint(n, bodies), name=tree.inbound[n].name))
+        for n in list(bodies)[1:]
     )
     return Articulation(mesh, links, joints)
-
-
-def read_asset(asset: Asset) -> Articulation:
-    """An asset folder of ours as an Articulation: geometry from the URDF, the rest from the card.
-
-    Face order is by link, not that of the source mesh; what is fixed to a link is part of it.
-    """
-    bare = read_urdf(asset.urdf_path)
-    index = {link.name: i for i, link in enumerate(bare.links)}
-    kinds = {part.link: part.kind for part in asset.card.parts}
-    fixed = {card.child: card for card in asset.card.joints if card.type == "fixed"}
-    joints = []
-    for card in asset.card.joints:
-        if card.child in fixed:
-            continue
-        parent = index[carrier(card.parent, fixed)]
-        fields = {**vars(card), "parent": parent, "child": index[card.child]}
-        fields["lower"] = -np.inf if card.lower is None else card.lower
-        fields["upper"] = np.inf if card.upper is None else card.upper
-        joints.append(Joint(**fields))
-    links = tuple(replace(link, kind=kinds.get(link.name, link.kind)) for link in bare.links)
-    grasps = tuple(Grasp(**vars(g)) for g in asset.card.grasps)
-    return Articulation(bare.mesh, links, tuple(joints), grasps)
 
 
 def _pieces(link: Any, file: Path, frame: FloatArray, materials: list[Material]) -> list[Piece]:
@@ -85,8 +55,7 @@ def _pieces(link: Any, file: Path, frame: FloatArray, materials: list[Material])
     out: list[Piece] = []
     for shapes in (link.visuals, link.collisions):
         for shape in shapes:
-            placed = frame if shape.origin is None else frame @ np.asarray(shape.origin)
-            out += _shape_pieces(shape, file, placed, materials, f"{link.name}")
+            out += _shape_pieces(shape, file, frame @ origin_of(shape), materials, link.name)
         if out:
             break
     return out
@@ -98,11 +67,11 @@ def _shape_pieces(
     start = len(materials)
     geometry = shape.geometry
     if geometry.mesh is None:
-        soup = geometry_soup(geometry, file.parent)
-        if soup is None:
+        own = shape_triangles(geometry, file.parent)
+        if own is None:
             return []
         materials.append(Material(base_color=_color(shape)))
-        found: tuple[Piece, ...] = (Piece(soup[0], soup[1], name),)
+        found: tuple[Piece, ...] = (Piece(own[0], own[1], name),)
         scale = np.ones(3)
     else:
         target = resolve(geometry.mesh.filename, file.parent)
@@ -111,8 +80,7 @@ def _shape_pieces(
         content = read_file(target)
         materials.extend(content.materials)
         found = content.pieces
-        given = geometry.mesh.scale
-        scale = np.ones(3) if given is None else np.broadcast_to(np.asarray(given, float), (3,))
+        scale = mesh_scale(geometry.mesh)
     mirrored = np.prod(scale) < 0
     return [
         replace(
