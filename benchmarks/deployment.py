@@ -19,7 +19,7 @@ import tyro
 from mam_policies.evaluate import HELD_OUT
 from mam_policies.lerobot.export import deployment
 from mam_policies.lerobot.policy import Converter
-from mam_policies.lerobot.robot_interface import Body, Faults, mapping_of
+from mam_policies.lerobot.robot_interface import Faults, RobotInterface, mapping_of
 from mam_policies.mlp import MlpPolicy
 from mam_policies.run import RunInfo, few_objects
 from mam_policies.wilson import wilson
@@ -37,19 +37,19 @@ CASES = {
 def measure(run: Path, faults: Faults, episodes: int) -> dict[str, Any]:
     """Successes of one case."""
     info = RunInfo.load(run)
-    body = Body(info.env, faults=faults)
-    base = body.env.unwrapped
+    interface = RobotInterface(info.env, faults=faults)
+    base = interface.env.unwrapped
     converter = Converter(deployment(base, info, mapping_of(base, None)), MlpPolicy.load(run))
     good = 0
     with few_objects():
         for k in range(episodes):
-            body.miscalibrate(k)
-            state = body.reset(HELD_OUT + k)
+            interface.miscalibrate(k)
+            state = interface.reset(HELD_OUT + k)
             converter.reset()
-            while not (body.outcome.success or body.outcome.truncated):
-                state = body.step(converter.act(state[None].astype(float))[0])
-            good += body.outcome.success
-    body.close()
+            while not (interface.outcome.success or interface.outcome.truncated):
+                state = interface.step(converter.act(state[None].astype(float))[0])
+            good += interface.outcome.success
+    interface.close()
     low, high = wilson(good, episodes)
     return {**asdict(faults), "successes": good, "episodes": episodes, "low": low, "high": high}
 

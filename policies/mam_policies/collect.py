@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,38 +22,9 @@ import mam_envs
 from mam_envs.env import OperateJointEnv
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import ConfigError, InputError, NotPhysicalError
+from mam_policies.collection import CollectConfig, Collection, Names, finished
 from mam_policies.expert import Expert, PlanningError
-from mam_policies.lerobot.dataset import Names, Track, write_dataset
-
-
-@dataclass(frozen=True)
-class CollectConfig:
-    """What to collect; saved beside the result and compared when a run is resumed.
-
-    Attributes:
-        asset: folder; joint, task, robot: as in the environment.
-        episodes: how many successes are wanted.
-        seed: the first attempt's; attempt k uses seed + k.
-        noise: standard deviation of noise on the arm's targets, radians (labels stay clean).
-        video: record the cameras too (slow on a CPU).
-        keep_failures: whether failed attempts go into the data as well.
-        settle: steps recorded after success.
-        max_steps: control steps per attempt.
-        env: further keyword arguments of the environment (config, randomisation ...).
-    """
-
-    asset: str
-    episodes: int = 20
-    joint: str | None = None
-    task: str | None = None
-    robot: str = "panda"
-    seed: int = 0
-    noise: float = 0.0
-    video: bool = False
-    keep_failures: bool = False
-    settle: int = 5
-    max_steps: int = 220
-    env: dict[str, Any] = field(default_factory=dict)
+from mam_policies.lerobot.dataset import write_dataset
 
 
 @dataclass(frozen=True)
@@ -94,7 +65,7 @@ def collect(config: CollectConfig, out: Path, progress: Progress | None = None) 
         raise ConfigError(f"episodes must be at least 1, not {config.episodes}")
     attempts = out / "attempts"
     _claim(config, out)
-    done = _finished(attempts, config)
+    done = finished(attempts)
     resumed = len(done)
     said = progress or (lambda _got, _want, _text: None)
     env: Any = None
@@ -108,20 +79,20 @@ def collect(config: CollectConfig, out: Path, progress: Progress | None = None) 
             done.append(outcome)
             text = "success" if outcome["success"] else str(outcome["reason"])
             said(_kept(done, config), config.episodes, text)
-        names = _names(env, attempts)
+        if env is not None:
+            _write_names(env, attempts)
     finally:
         if env is not None:
             env.close()
     said(config.episodes, config.episodes, "writing h5 and LeRobot dataset")
-    kept = [k for k, o in enumerate(done) if o["success"] or config.keep_failures]
-    kept = kept[: config.episodes]
-    h5 = _write_h5(config, out, attempts, kept, done)
-    root = write_dataset(_tracks(attempts, kept), names, config.robot, out / "lerobot")
+    found = Collection(out, config, done)
+    h5 = _write_h5(found)
+    root = write_dataset(found.tracks(), found.names, config.robot, out / "lerobot")
     reasons: dict[str, int] = {}
     for o in done:
         if not o["success"]:
             reasons[str(o["reason"])] = reasons.get(str(o["reason"]), 0) + 1
-    return Collected(out, len(kept), len(done), reasons, h5, root, resumed)
+    return Collected(out, len(found.kept), len(done), reasons, h5, root, resumed)
 
 
 def _claim(config: CollectConfig, out: Path) -> None:
@@ -148,15 +119,6 @@ def _replace(file: Path, write: Callable[[Path], Any]) -> None:
     partial = file.with_name(f".{file.stem}.partial{file.suffix}")
     write(partial)
     os.replace(partial, file)
-
-
-def _finished(attempts: Path, config: CollectConfig) -> list[dict[str, Any]]:
-    """Outcomes of the attempts that were finished before, in order, without gaps."""
-    out: list[dict[str, Any]] = []
-    while (attempts / f"{len(out):06d}.json").is_file():
-        file = attempts / f"{len(out):06d}.json"
-        out.append(json.loads(file.read_text(encoding="utf-8")))
-    return out
 
 
 def _kept(done: list[dict[str, Any]], config: CollectConfig) -> int:
@@ -273,12 +235,8 @@ def _words(base: OperateJointEnv) -> str:
     return f"{verb} the {kind} {child} of {asset.card.name}".replace("_", " ")
 
 
-def _names(env: Any, attempts: Path) -> Names:
-    """Names of the data's vectors; remembered in names.json, so that a resumed run needs no
-    environment when all attempts are there."""
-    file = attempts / "names.json"
-    if env is None:
-        return Names(**{k: tuple(v) for k, v in json.loads(file.read_text()).items()})
+def _write_names(env: Any, attempts: Path) -> None:
+    """Write names.json, so that a resumed run needs no environment when all attempts are there."""
     base: OperateJointEnv = env.unwrapped
     spec = base.robot_spec
     joints = {j.name: j.type[0] for j in base.agent.robot.active_joints}
@@ -297,35 +255,13 @@ def _names(env: Any, attempts: Path) -> Names:
         action=(*(unit(n) for n in spec.arm), unit(spec.gripper[0])),
         environment=tuple(privileged),
     )
-    text = json.dumps({**asdict(names)})
-    _replace(file, lambda p: p.write_text(text, encoding="utf-8"))
-    return names
+    text = json.dumps(asdict(names))
+    _replace(attempts / "names.json", lambda p: p.write_text(text, encoding="utf-8"))
 
 
-def _tracks(attempts: Path, kept: list[int]) -> Iterator[tuple[Track, np.ndarray]]:
-    sizes = json.loads((attempts / "names.json").read_text())
-    state, hidden = len(sizes["state"]), len(sizes["environment"])
-    for k in kept:
-        outcome = json.loads((attempts / f"{k:06d}.json").read_text(encoding="utf-8"))
-        with np.load(attempts / f"{k:06d}.npz") as data:
-            obs, count = data["obs/state"], len(data["actions"])
-            images = {n[7:]: data[n][:count] for n in data.files if n.startswith("images/")}
-            # the flat state begins with qpos and ends with the privileged entries
-            track = Track(
-                state=obs[:count, :state],
-                action=data["targets"].astype(np.float32),
-                environment=obs[:count, obs.shape[1] - hidden :],
-                images=images,
-                success=bool(outcome["success"]),
-                task=str(outcome["task"]),
-            )
-            yield track, data["rewards"].astype(np.float32)
-
-
-def _write_h5(
-    config: CollectConfig, out: Path, attempts: Path, kept: list[int], done: list[dict[str, Any]]
-) -> Path:
+def _write_h5(found: Collection) -> Path:
     """ManiSkill's trajectory layout: demos.h5 with traj_i groups, demos.json with the episodes."""
+    config, out = found.config, found.folder
     kwargs = {
         "asset": str(Asset.load(config.asset).folder),
         "joint": config.joint,
@@ -348,10 +284,10 @@ def _write_h5(
 
     def write(path: Path) -> None:
         with h5py.File(path, "w") as file:
-            for i, k in enumerate(kept):
+            for i, k in enumerate(found.kept):
                 group = file.create_group(f"traj_{i}")
-                _fill(group, attempts / f"{k:06d}.npz")
-                listing["episodes"].append(_episode(i, done[k]))
+                _fill(group, out / "attempts" / f"{k:06d}.npz")
+                listing["episodes"].append(_episode(i, found.outcomes[k]))
 
     _replace(out / "demos.h5", write)
     text = json.dumps(listing, indent=2) + "\n"

@@ -27,11 +27,11 @@ def test_every_algorithm_is_complete(name: str) -> None:
 
 def _described(cls: type) -> set[str]:
     """Fields of a class that are followed by a string, as tyro reads them."""
-    body = ast.parse(inspect.getsource(cls)).body[0]
-    assert isinstance(body, ast.ClassDef)
+    tree = ast.parse(inspect.getsource(cls)).body[0]
+    assert isinstance(tree, ast.ClassDef)
     return {
         field.target.id
-        for field, text in zip(body.body, body.body[1:])
+        for field, text in zip(tree.body, tree.body[1:])
         if isinstance(field, ast.AnnAssign)
         and isinstance(field.target, ast.Name)
         and isinstance(text, ast.Expr)

@@ -40,27 +40,27 @@ def test_stock_runtime_sends_our_actions(run_folder: Path, exported: Path, drawe
     """LeRobot's predict_action on motor values against our Actor on the simulator's observation."""
     from lerobot.utils.control_utils import predict_action
 
-    from mam_policies.lerobot.robot_interface import Body
+    from mam_policies.lerobot.robot_interface import RobotInterface
     from mam_policies.mlp import MlpActor, MlpPolicy
     from mam_policies.run import EnvChoice, flat
 
     policy, before, after = _load(exported)
     actor = MlpActor(MlpPolicy.load(run_folder))
-    body = Body(EnvChoice((str(drawer),), max_steps=120))
-    low, high = body.spec.gripper_range or (0.0, 0.0)
-    state = body.reset(SEED)
+    interface = RobotInterface(EnvChoice((str(drawer),), max_steps=120))
+    low, high = interface.spec.gripper_range or (0.0, 0.0)
+    state = interface.reset(SEED)
     policy.reset()
     for _ in range(70):
-        ours = actor.act(flat(body.env.unwrapped.get_obs())).astype(float)
+        ours = actor.act(flat(interface.env.unwrapped.get_obs())).astype(float)
         ours[-1] = low + (np.clip(ours[-1], -1, 1) + 1) / 2 * (high - low)  # metres
         theirs = predict_action(
             {"observation.state": state}, policy, torch.device("cpu"), before, after, False
         )[0].numpy()
         assert np.abs(theirs - ours).max() < 2e-4  # radians and metres
-        state = body.step(theirs)
-        if body.outcome.success:
+        state = interface.step(theirs)
+        if interface.outcome.success:
             break
-    body.close()
+    interface.close()
 
 
 def test_units_of_the_mapping_reach_the_motors(exported: Path) -> None:
@@ -115,20 +115,20 @@ def test_changes_of_targets_become_absolute_targets(drawer: Path) -> None:
 
 def test_so100_speaks_degrees_and_percent(drawer: Path) -> None:
     from mam_policies.lerobot.joint_mapping import JointMapping, MotorMap
-    from mam_policies.lerobot.robot_interface import Body
+    from mam_policies.lerobot.robot_interface import RobotInterface
     from mam_policies.run import EnvChoice
 
     arm = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
     motors = [MotorMap(n, n, "degrees", -np.pi / 180, 0.1) for n in arm]
     motors.append(MotorMap("gripper", "gripper", "percent", 0.02, -1.1))
     mapping = JointMapping("so101_follower", tuple(motors))
-    body = Body(EnvChoice((str(drawer),), robot="so100"), mapping)
-    state = body.reset(0)
-    assert body.state_names[:6] == [f"{n}.pos" for n in (*arm, "gripper")]
+    interface = RobotInterface(EnvChoice((str(drawer),), robot="so100"), mapping)
+    state = interface.reset(0)
+    assert interface.state_names[:6] == [f"{n}.pos" for n in (*arm, "gripper")]
     goal = state[:6] + np.array([5.0, 0, 0, 0, 0, 10.0])
     for _ in range(12):
-        state = body.step(goal)
-    body.close()
+        state = interface.step(goal)
+    interface.close()
     assert np.allclose(state[:5], goal[:5], atol=0.5)  # degrees
     assert np.isclose(state[5], goal[5], atol=2.0)  # percent
 
@@ -190,7 +190,7 @@ def test_replay_of_the_best_trajectory(
     run_folder: Path, exported: Path, drawer: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """From its own start the demonstration succeeds again, through LeRobot too."""
-    from mam_policies.replay import best_demonstration, measure
+    from mam_policies.lerobot.replay import best_demonstration, measure
 
     found = measure(run_folder, 2)
     assert found.episodes == 2 and found.low <= found.successes / 2 <= found.high + 1e-9
@@ -211,7 +211,8 @@ def test_dataset_export_and_a_few_steps_of_training(
 ) -> None:
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
-    from mam_policies.collect import CollectConfig, collect
+    from mam_policies.collect import collect
+    from mam_policies.collection import CollectConfig
     from mam_policies.lerobot.export import export_dataset
 
     collect(CollectConfig(str(drawer), episodes=1), tmp_path / "demos")

@@ -19,7 +19,7 @@ from mam_policies.algorithms.ppo import Ppo, PpoConfig
 from mam_policies.algorithms.sb3_env import Plain
 from mam_policies.demonstrations import Demonstration
 from mam_policies.expert import Expert
-from mam_policies.lerobot.robot_interface import Body, Faults
+from mam_policies.lerobot.robot_interface import Faults, RobotInterface
 from mam_policies.mlp import MlpActor, MlpPolicy
 from mam_policies.run import EnvChoice, RunInfo
 from mam_policies.wilson import wilson
@@ -211,16 +211,16 @@ def test_a_camera_on_the_hand_shares_the_arm_s_error(drawer: Path) -> None:
     """What the policy computes from the reported state is the true way from hand to handle."""
     choice = EnvChoice((str(drawer),), max_steps=60)
     for eye in (True, False):
-        body = Body(choice, faults=Faults(calibration=0.03, eye_in_hand=eye), seed=4)
-        state = body.reset(7)
-        base = body.env.unwrapped
-        arm = [body.joints.index(n) for n in body.spec.arm]
-        turn, place, _ = body.spec.chain.forward(state[arm][None].astype(float))
-        told = turn[0].T @ (state[len(body.joints) :][:3] - place[0])
+        interface = RobotInterface(choice, faults=Faults(calibration=0.03, eye_in_hand=eye), seed=4)
+        state = interface.reset(7)
+        base = interface.env.unwrapped
+        arm = [interface.joints.index(n) for n in interface.spec.arm]
+        turn, place, _ = interface.spec.chain.forward(state[arm][None].astype(float))
+        told = turn[0].T @ (state[len(interface.joints) :][:3] - place[0])
         tool = base.tool_pose().to_transformation_matrix()[0].numpy()
         true = tool[:3, :3].T @ (base.handle_position()[0].numpy() - tool[:3, 3])
         assert np.allclose(told, true, atol=1e-4) == eye
-        body.close()
+        interface.close()
 
 
 @pytest.mark.slow  # trains for a moment in the simulator

@@ -86,11 +86,11 @@ class Camera:
         colours.append(np.tile([0.72, 0.66, 0.58], (len(ground_faces), 1)))
         return _picture(
             np.concatenate(points), np.concatenate(faces), np.concatenate(colours),
-            *_view(self.env.layout(0)), self.size,
+            *default_view(self.env.layout(0)), self.size,
         )  # fmt: skip
 
 
-def _view(layout: Layout) -> tuple[FloatArray, FloatArray]:
+def default_view(layout: Layout) -> tuple[FloatArray, FloatArray]:
     """Eye and target (3,) of the default camera."""
     middle, size, side = layout.view()
     return middle + size * np.array([-0.95, 1.0 * side, 0.7]), middle

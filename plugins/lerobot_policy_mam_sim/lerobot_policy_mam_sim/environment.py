@@ -12,7 +12,7 @@ from lerobot.envs.configs import EnvConfig
 from lerobot.utils.constants import ACTION, OBS_STATE
 
 from mam_policies.lerobot.policy import PERCEIVED
-from mam_policies.lerobot.robot_interface import Body
+from mam_policies.lerobot.robot_interface import RobotInterface, task_words
 from mam_policies.run import EnvChoice
 
 
@@ -80,14 +80,13 @@ class MamSimGym(gym.Env):
         picture: tuple[int, int] = (96, 72),
     ) -> None:
         choice = EnvChoice((asset,), joint, robot=robot, max_steps=max_steps)
-        self.body = Body(choice, mapping)
+        self.interface = RobotInterface(choice, mapping)
         self._max_episode_steps = max_steps
         self._picture = picture
         self._camera: Any = None
-        goal = self.body.env.unwrapped.layout(0).goals[0]
-        self.task = f"{goal.task.replace('turn_to', 'turn')} {goal.joint.replace('_', ' ')}"
+        self.task = task_words(self.interface.env.unwrapped)
         self.task_description = self.task
-        size, actions = len(self.body.state_names), len(self.body.action_names)
+        size, actions = len(self.interface.state_names), len(self.interface.action_names)
         box = gym.spaces.Box(-np.inf, np.inf, (size,), np.float32)
         self.observation_space = gym.spaces.Dict({"agent_pos": box})
         self.action_space = gym.spaces.Box(-np.inf, np.inf, (actions,), np.float32)
@@ -97,12 +96,12 @@ class MamSimGym(gym.Env):
         """See gymnasium."""
         super().reset(seed=seed)
         self._seed = self._seed + 1 if seed is None else seed
-        return {"agent_pos": self.body.reset(self._seed)}, {"is_success": False}
+        return {"agent_pos": self.interface.reset(self._seed)}, {"is_success": False}
 
     def step(self, action: Any) -> Any:
         """See gymnasium; an episode ends at success."""
-        state = self.body.step(action)
-        now = self.body.outcome
+        state = self.interface.step(action)
+        now = self.interface.outcome
         info = {"is_success": now.success, "open_fraction": now.open_fraction}
         late = now.truncated and not now.success
         return {"agent_pos": state}, now.reward, now.success, late, info
@@ -112,12 +111,12 @@ class MamSimGym(gym.Env):
         if self._camera is None:
             from mam_envs.scene.video import Camera
 
-            self._camera = Camera(self.body.env, self._picture)
+            self._camera = Camera(self.interface.env, self._picture)
         return self._camera.shoot()
 
     def close(self) -> None:
         """Free the simulator."""
-        self.body.close()
+        self.interface.close()
 
 
 if "gym_mam_sim/OperateJoint-v1" not in gym.registry:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lerobot_robot_mam_sim.config_mam_sim_robot import MamSimRobotConfig
 from mam_policies.lerobot.policy import PERCEIVED
-from mam_policies.lerobot.robot_interface import Body, Faults
+from mam_policies.lerobot.robot_interface import Faults, RobotInterface
 from mam_policies.run import EnvChoice
 
 
@@ -38,7 +38,7 @@ class MamSimRobot(Robot):
         self.cameras: dict[str, Any] = {}  # LeRobot counts them
 
     @cached_property
-    def body(self) -> Body:
+    def interface(self) -> RobotInterface:
         """The simulator, started when it is first needed."""
         c = self.config
         faults = Faults(
@@ -46,21 +46,21 @@ class MamSimRobot(Robot):
         )
         choice = EnvChoice((c.asset,), c.joint, robot=c.robot, max_steps=c.max_steps)
         more = {"obs_mode": "rgb+state"} if c.pictures else {}
-        return Body(choice, c.mapping, faults, c.seed, **more)
+        return RobotInterface(choice, c.mapping, faults, c.seed, **more)
 
     @property
     def observation_features(self) -> dict[str, Any]:
         """Motors, then what perception gives; pictures by camera."""
-        out: dict[str, Any] = {name: float for name in self._named(self.body.state_names)}
+        out: dict[str, Any] = {name: float for name in self._named(self.interface.state_names)}
         if self.config.pictures:
-            for name, spec in self.body.env.unwrapped.config.scene.cameras.items():
+            for name, spec in self.interface.env.unwrapped.config.scene.cameras.items():
                 out[name] = (spec.height, spec.width, 3)
         return out
 
     @property
     def action_features(self) -> dict[str, Any]:
         """Absolute targets of arm and gripper."""
-        return {name: float for name in self.body.action_names}
+        return {name: float for name in self.interface.action_names}
 
     @property
     def is_connected(self) -> bool:
@@ -85,25 +85,25 @@ class MamSimRobot(Robot):
 
     def get_observation(self) -> dict[str, Any]:
         """Motor values and perceived values by name."""
-        if self._read and self.body.outcome.steps:
+        if self._read and self.interface.outcome.steps:
             self._finish()
             self._begin()
         self._read = True
-        state = dict(zip(self.body.state_names, map(float, self._state)))
-        named: dict[str, Any] = {k: state[k] for k in self._named(self.body.state_names)}
-        return {**named, **self.body.pictures()}
+        state = dict(zip(self.interface.state_names, map(float, self._state)))
+        named: dict[str, Any] = {k: state[k] for k in self._named(self.interface.state_names)}
+        return {**named, **self.interface.pictures()}
 
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
         """One control step; returns the targets that were sent, which may have been clipped."""
-        names = self.body.action_names
+        names = self.interface.action_names
         target = np.array([float(action[k]) for k in names])
         limit = self.config.max_relative_target
         if limit is not None:
-            present = dict(zip(self.body.state_names, self._state))
+            present = dict(zip(self.interface.state_names, self._state))
             now = np.array([present[k] for k in names])
             target = now + np.clip(target - now, -limit, limit)
-        if not self.body.outcome.truncated:
-            self._state = self.body.step(target)
+        if not self.interface.outcome.truncated:
+            self._state = self.interface.step(target)
         self._read = False
         return {k: float(v) for k, v in zip(names, target)}
 
@@ -111,18 +111,18 @@ class MamSimRobot(Robot):
         """Note the episode's outcome and free the simulator."""
         if self._connected:
             self._finish()
-            self.body.close()
+            self.interface.close()
             self._connected = False
 
     def _named(self, names: list[str]) -> list[str]:
         return names if self.config.perceived else names[: -len(PERCEIVED)]
 
     def _begin(self) -> None:
-        self._state = self.body.reset(self._next_seed)
+        self._state = self.interface.reset(self._next_seed)
         self._next_seed += 1
         self._read = False
 
     def _finish(self) -> None:
-        if self.config.log and self.body.outcome.steps:
+        if self.config.log and self.interface.outcome.steps:
             with Path(self.config.log).open("a", encoding="utf-8") as file:
-                file.write(json.dumps(asdict(self.body.outcome)) + "\n")
+                file.write(json.dumps(asdict(self.interface.outcome)) + "\n")

@@ -21,13 +21,12 @@ from numpy.typing import NDArray
 
 from mam_pipeline.errors import BackendError, ConfigError
 from mam_policies.algorithms import Algorithm, OnProgress, check_least
-from mam_policies.collect import CollectConfig, collect
+from mam_policies.collect import collect
+from mam_policies.collection import CollectConfig, Names, Track
 from mam_policies.demonstrations import dagger_steps, seed_of
 from mam_policies.expert import PlanningError
 from mam_policies.lerobot.actor import LeRobotActor
 from mam_policies.lerobot.dataset import (
-    Names,
-    Track,
     load_dataset,
     offline,
     read_tracks,

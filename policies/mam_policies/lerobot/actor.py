@@ -13,6 +13,7 @@ from mam_pipeline.errors import InputError
 from mam_pipeline.optional import require
 from mam_policies.lerobot.dataset import IMAGES
 from mam_policies.lerobot.joint_mapping import JointMapping
+from mam_policies.lerobot.robot_interface import task_words
 from mam_policies.run import flat
 
 
@@ -42,8 +43,7 @@ class LeRobotActor:
         self.joints = [j.name for j in base.agent.robot.active_joints]
         self.moved = [*self.spec.arm, self.spec.gripper[0]]
         self.hidden = sum(b - a for _, a, b, secret in base.observation_layout() if secret)
-        goal = base.layout(0).goals[0]
-        self.task = f"{goal.task.replace('turn_to', 'turn')} {goal.joint.replace('_', ' ')}"
+        self.task = task_words(base)
 
     def reset(self) -> None:
         """Start an episode."""

@@ -6,7 +6,6 @@ import os
 import shutil
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,40 +14,12 @@ from numpy.typing import NDArray
 
 from mam_pipeline.errors import InputError
 from mam_pipeline.optional import require
+from mam_policies.collection import Names, Track
 
 FPS = 20
 REPO_ID = "local/mam_sim"
 IMAGES = "observation.images."
 """What the names of pictures begin with."""
-
-
-@dataclass(frozen=True)
-class Track:
-    """One episode's frames, T rows each.
-
-    Attributes:
-        state: (T, S) float32, what a real arm can measure, named by `state_names`.
-        action: (T, A) float32, absolute targets, named by `action_names`.
-        environment: (T, E) float32, privileged (simulation only), named by `environment_names`.
-        images: camera name to (T, H, W, 3) uint8.
-        success: of the whole episode. task: in words.
-    """
-
-    state: NDArray[np.float32]
-    action: NDArray[np.float32]
-    environment: NDArray[np.float32]
-    images: dict[str, NDArray[np.uint8]]
-    success: bool
-    task: str
-
-
-@dataclass(frozen=True)
-class Names:
-    """Names of the vectors' entries; units are part of a name (.rad, .m)."""
-
-    state: tuple[str, ...]
-    action: tuple[str, ...]
-    environment: tuple[str, ...]
 
 
 def offline() -> None:

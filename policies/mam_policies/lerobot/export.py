@@ -19,10 +19,17 @@ import numpy as np
 from mam_envs.robots import RobotSpec, robot_spec
 from mam_pipeline.errors import ConfigError, HintNeeded, InputError
 from mam_pipeline.optional import require
-from mam_policies.lerobot.dataset import FPS, Names, Track, offline, write_dataset
-from mam_policies.lerobot.joint_mapping import SO_ARMS, JointMapping, load_mapping, template
+from mam_policies.collection import Collection, Names, Track
+from mam_policies.lerobot.dataset import FPS, offline, write_dataset
+from mam_policies.lerobot.joint_mapping import (
+    SO_ARMS,
+    JointMapping,
+    identity,
+    load_mapping,
+    template,
+)
 from mam_policies.lerobot.policy import OBSERVED, PERCEIVED, Deployment
-from mam_policies.lerobot.robot_interface import Body, mapping_of
+from mam_policies.lerobot.robot_interface import RobotInterface, mapping_of
 from mam_policies.mlp import MlpPolicy
 from mam_policies.run import RunInfo
 
@@ -63,7 +70,7 @@ def export_run(
     offline()
     info = RunInfo.load(run)
     if (run / "policy").is_dir():
-        return _export_student(run, info, out, mapping)
+        return _export_lerobot_policy(run, info, out, mapping)
     policy = MlpPolicy.load(run)
     choice = _one_asset(info, asset)
     spec = robot_spec(choice.robot)
@@ -72,8 +79,8 @@ def export_run(
         raise ConfigError(f"the policy sees {', '.join(unknown)}, which no robot could report")
     given = _mapping_for(spec, out, mapping)
     _refuse_foreign(out)
-    body = Body(choice, given) if choice.control_mode == "pd_joint_pos" else None
-    env = choice.make() if body is None else body.env
+    interface = RobotInterface(choice, given) if choice.control_mode == "pd_joint_pos" else None
+    env = choice.make() if interface is None else interface.env
     notes = list(_notes(policy, info))
     try:
         base = env.unwrapped
@@ -88,10 +95,10 @@ def export_run(
 
             _write_policy(folder, policy, plan, states, actions)
             joints.save(folder / MAPPING)
-            if body is not None and (run / "demos").is_dir():
-                notes.extend(_write_best(run, body, folder / BEST))
+            if interface is not None and (run / "demos").is_dir():
+                notes.extend(_write_best(run, interface, folder / BEST))
             env.reset(seed=0)
-            write_readme(folder, out, env, info, choice, policy, joints, states)
+            write_readme(folder, out, env, info, choice, joints, policy, states)
             _mark(folder, "policy", run)
 
         build_beside(out, build)
@@ -100,7 +107,7 @@ def export_run(
     return Exported(out, "policy", out / MAPPING, tuple(notes))
 
 
-def _export_student(run: Path, info: RunInfo, out: Path, mapping: Path | None) -> Exported:
+def _export_lerobot_policy(run: Path, info: RunInfo, out: Path, mapping: Path | None) -> Exported:
     """LeRobot's own policy as it is, in the units it was trained in."""
     if mapping is not None and mapping.read_text() != (run / MAPPING).read_text():
         raise ConfigError(f"{run} was trained in other units; train it with --mapping {mapping}")
@@ -110,12 +117,12 @@ def _export_student(run: Path, info: RunInfo, out: Path, mapping: Path | None) -
         joints = mapping_of(env.unwrapped, str(run / MAPPING))
 
         def build(folder: Path) -> None:
-            from mam_policies.lerobot.export_readme import write_student_readme
+            from mam_policies.lerobot.export_readme import write_lerobot_readme
 
             shutil.copytree(run / "policy", folder, dirs_exist_ok=True)
             joints.save(folder / MAPPING)
             env.reset(seed=0)
-            write_student_readme(folder, out, env, info, joints)
+            write_lerobot_readme(folder, out, env, info, joints)
             _mark(folder, "policy", run)
 
         build_beside(out, build)
@@ -130,26 +137,18 @@ def export_dataset(collected: Path, out: Path, mapping: Path | None = None) -> E
     Raises:
         InputError: no collection there. HintNeeded, ConfigError: see export_run.
     """
-    from mam_policies import collect
-
-    file = collected / "collect.json"
-    names_file = collected / "attempts" / "names.json"
-    if not file.is_file() or not names_file.is_file():
-        raise InputError(f"{collected} holds no collection; make one with: mam-sim collect")
-    settings = json.loads(file.read_text(encoding="utf-8"))
-    spec = robot_spec(str(settings["robot"]))
+    found = Collection.load(collected)
+    spec = robot_spec(found.config.robot)
     given = _mapping_for(spec, out, mapping)
     _refuse_foreign(out)
-    names = Names(**{k: tuple(v) for k, v in json.loads(names_file.read_text()).items()})
+    names = found.names
     state, action = (tuple(n.rsplit(".", 1)[0] for n in row) for row in (names.state, names.action))
     units = {n.rsplit(".", 1)[0]: "metres" if n.endswith(".m") else "radians" for n in names.state}
-    joints = given or _identity(spec, units)
-    done = collect._finished(collected / "attempts", collect.CollectConfig(**settings))
-    kept = [k for k, o in enumerate(done) if o["success"] or settings["keep_failures"]]
+    joints = given or identity(spec.uid, units)
     real = Names(tuple(joints.names(state)), tuple(joints.names(action)), names.environment)
 
     def tracks() -> Iterator[tuple[Track, np.ndarray]]:
-        for track, reward in collect._tracks(collected / "attempts", kept[: settings["episodes"]]):
+        for track, reward in found.tracks():
             yield (
                 replace(
                     track,
@@ -218,7 +217,6 @@ def _action_terms(base: Any, count: int) -> tuple[list[float], list[float], list
     gain, bias, moving, limited = [], [], [], []
     for part in parts.values():
         settings = part.config
-        low, high = part._get_joint_limits().T if hasattr(part, "_get_joint_limits") else ([], [])
         delta = bool(getattr(settings, "use_delta", False))
         if delta and not getattr(settings, "use_target", False):
             raise ConfigError(
@@ -227,7 +225,9 @@ def _action_terms(base: Any, count: int) -> tuple[list[float], list[float], list
         normal = bool(getattr(settings, "normalize_action", False))
         size = int(np.prod(part.single_action_space.shape))
         for k in range(size):
-            span = (float(low[k]), float(high[k])) if normal and k < len(low) else (-1.0, 1.0)
+            span = (-1.0, 1.0)
+            if normal:
+                span = (float(part.action_space_low[k]), float(part.action_space_high[k]))
             gain.append((span[1] - span[0]) / 2)
             bias.append((span[1] + span[0]) / 2)
             moving.append(delta)
@@ -277,16 +277,16 @@ def _write_policy(
     after.save_pretrained(folder)
 
 
-def _write_best(run: Path, body: Body, folder: Path) -> Iterator[str]:
+def _write_best(run: Path, interface: RobotInterface, folder: Path) -> Iterator[str]:
     """The best demonstration for lerobot-replay; a note where it no longer succeeds."""
-    from mam_policies.replay import best_trajectory, write_trajectory
+    from mam_policies.lerobot.replay import best_trajectory, write_trajectory
 
     try:
-        trajectory = best_trajectory(run, body)
+        trajectory = best_trajectory(run, interface)
     except InputError as error:
         yield f"no trajectory to replay: {error}"
         return
-    write_trajectory(trajectory, body, "replay of the best demonstration", folder)
+    write_trajectory(trajectory, interface, "replay of the best demonstration", folder)
 
 
 def _mapping_for(spec: RobotSpec, out: Path, mapping: Path | None) -> JointMapping | None:
@@ -305,12 +305,6 @@ def _mapping_for(spec: RobotSpec, out: Path, mapping: Path | None) -> JointMappi
         f"how {SO_ARMS[spec.uid]} counts its joints is not known here; fill in {missing} in "
         f"{file}, then run again with --mapping {file}"
     )
-
-
-def _identity(spec: RobotSpec, units: dict[str, str]) -> JointMapping:
-    from mam_policies.lerobot.joint_mapping import identity
-
-    return identity(spec.uid, units)
 
 
 def _one_asset(info: RunInfo, asset: str | None) -> Any:

@@ -1,6 +1,6 @@
 """A simulated arm that speaks a real arm's language: motor names, motor units, absolute targets.
 
-The LeRobot robot, the environment of lerobot-eval and the open-loop replay all move this body.
+The LeRobot robot, the environment of lerobot-eval and the open-loop replay all go through it.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Outcome:
     truncated: bool = False
 
 
-class Body:
+class RobotInterface:
     """One environment in motor units.
 
     Attributes:
@@ -156,6 +156,12 @@ class Body:
 
     def _q(self) -> NDArray[np.float64]:
         return np.asarray(self.env.unwrapped.agent.robot.get_qpos(), dtype=float)[0]
+
+
+def task_words(base: Any) -> str:
+    """What an environment asks for, in words: "open joint 1"."""
+    goal = base.layout(0).goals[0]
+    return f"{goal.task.replace('turn_to', 'turn')} {goal.joint.replace('_', ' ')}"
 
 
 def mapping_of(base: Any, mapping: str | JointMapping | None) -> JointMapping:

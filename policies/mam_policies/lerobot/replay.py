@@ -1,7 +1,7 @@
 """Open-loop replay as in the paper: the best trajectory, sent to the robot without looking.
 
 The best demonstration is the shortest success. It is written as a LeRobot dataset in motor units,
-so that lerobot-replay sends it to a real arm, and is measured here on the simulated body.
+so that lerobot-replay sends it to a real arm, and is measured here on the simulated robot.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.errors import InputError
+from mam_policies.collection import Names, Track
 from mam_policies.demonstrations import Demonstration, is_noisy, load, seed_of
-from mam_policies.lerobot.dataset import Names, Track, write_dataset
+from mam_policies.lerobot.dataset import write_dataset
 from mam_policies.lerobot.joint_mapping import JointMapping
 from mam_policies.lerobot.policy import PERCEIVED
-from mam_policies.lerobot.robot_interface import Body, Faults, Outcome
+from mam_policies.lerobot.robot_interface import Faults, Outcome, RobotInterface
 from mam_policies.run import EnvChoice, RunInfo
 from mam_policies.wilson import wilson
 
@@ -63,54 +64,58 @@ def best_demonstration(run: Path) -> tuple[RunInfo, int, Demonstration]:
     return info, *best
 
 
-def best_trajectory(run: Path, body: Body) -> Trajectory:
-    """Run the best demonstration on a body, from its own start, and keep what was sent and read.
+def best_trajectory(run: Path, interface: RobotInterface) -> Trajectory:
+    """Run the best demonstration from its own start, and keep what was sent and read.
 
     Raises:
         InputError: see best_demonstration; or the demonstration no longer succeeds, because the
             asset or the environment has changed since.
     """
     _, seed, demo = best_demonstration(run)
-    spec = body.spec
+    spec = interface.spec
     arm = len(spec.arm)
     gripper = demo.actions[:, arm].astype(float)
     if spec.gripper_range is not None:
         low, high = spec.gripper_range
         gripper = low + (np.clip(gripper, -1, 1) + 1) / 2 * (high - low)
     sim = np.concatenate([demo.actions[:, :arm], gripper[:, None]], axis=1)
-    targets = body.mapping.to_real(body.moved, sim).astype(np.float32)
-    states = [body.reset(seed)]
+    targets = interface.mapping.to_real(interface.moved, sim).astype(np.float32)
+    states = [interface.reset(seed)]
     for target in targets:
-        states.append(body.step(target))
-    if not body.outcome.success:
+        states.append(interface.step(target))
+    if not interface.outcome.success:
         raise InputError(f"the best demonstration of {run} does not succeed any more; train anew")
     return Trajectory(seed, np.stack(states[:-1]), targets)
 
 
 def replay(
     trajectory: Trajectory,
-    body: Body,
+    interface: RobotInterface,
     seeds: list[int],
     on_episode: Callable[[int, int], None] = lambda *_: None,
 ) -> Replayed:
     """Send the targets blindly in episodes with other starts; how often does it still succeed?"""
     each: list[Outcome] = []
     for seed in seeds:
-        body.reset(seed)
+        interface.reset(seed)
         for target in trajectory.targets:
-            body.step(target)
-            if body.outcome.success or body.outcome.truncated:
+            interface.step(target)
+            if interface.outcome.success or interface.outcome.truncated:
                 break
-        each.append(body.outcome)
+        each.append(interface.outcome)
         on_episode(len(each), sum(o.success for o in each))
     good = sum(o.success for o in each)
     return Replayed(len(each), good, *wilson(good, len(each)), tuple(each))
 
 
-def write_trajectory(trajectory: Trajectory, body: Body, task: str, root: Path) -> Path:
+def write_trajectory(
+    trajectory: Trajectory, interface: RobotInterface, task: str, root: Path
+) -> Path:
     """The trajectory as a dataset of one episode that lerobot-replay takes."""
     names = Names(
-        tuple(body.state_names[: -len(PERCEIVED)]), tuple(body.action_names), tuple(PERCEIVED)
+        tuple(interface.state_names[: -len(PERCEIVED)]),
+        tuple(interface.action_names),
+        tuple(PERCEIVED),
     )
     count = len(trajectory.targets)
     track = Track(
@@ -123,7 +128,7 @@ def write_trajectory(trajectory: Trajectory, body: Body, task: str, root: Path) 
     )
     rewards = np.zeros(count, dtype=np.float32)
     root.parent.mkdir(parents=True, exist_ok=True)
-    return write_dataset([(track, rewards)], names, body.mapping.robot, root)
+    return write_dataset([(track, rewards)], names, interface.mapping.robot, root)
 
 
 def measure(
@@ -140,15 +145,15 @@ def measure(
     """
     info = RunInfo.load(run)
     choice: EnvChoice = info.env
-    clean = Body(choice, mapping)
+    clean = RobotInterface(choice, mapping)
     try:
         trajectory = best_trajectory(run, clean)
         if out is not None:
             write_trajectory(trajectory, clean, "replay of the best demonstration", out)
     finally:
         clean.close()
-    body = Body(choice, mapping, faults)
+    interface = RobotInterface(choice, mapping, faults)
     try:
-        return replay(trajectory, body, [60_000_011 + i for i in range(episodes)])
+        return replay(trajectory, interface, [60_000_011 + i for i in range(episodes)])
     finally:
-        body.close()
+        interface.close()

@@ -1,0 +1,144 @@
+"""The folder that `mam-sim collect` writes, one file per attempt, and how it is read back.
+
+collect.json            what was asked for
+attempts/000000.npz     frames of an attempt; 000000.json its outcome, written last
+attempts/names.json     names of the entries of the vectors
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mam_pipeline.errors import InputError
+
+
+@dataclass(frozen=True)
+class Track:
+    """One episode's frames, T rows each.
+
+    Attributes:
+        state: (T, S) float32, what a real arm can measure, named by `Names.state`.
+        action: (T, A) float32, absolute targets, named by `Names.action`.
+        environment: (T, E) float32, privileged (simulation only), named by `Names.environment`.
+        images: camera name to (T, H, W, 3) uint8.
+        success: of the whole episode. task: in words.
+    """
+
+    state: NDArray[np.float32]
+    action: NDArray[np.float32]
+    environment: NDArray[np.float32]
+    images: dict[str, NDArray[np.uint8]]
+    success: bool
+    task: str
+
+
+@dataclass(frozen=True)
+class Names:
+    """Names of the vectors' entries; units are part of a name (.rad, .m)."""
+
+    state: tuple[str, ...]
+    action: tuple[str, ...]
+    environment: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class CollectConfig:
+    """What to collect; saved beside the result and compared when a run is resumed."""
+
+    asset: str
+    """Asset folder."""
+    episodes: int = 20
+    """Successes that are wanted."""
+    joint: str | None = None
+    """Joint to operate; None: the surest one that the arm can do."""
+    task: str | None = None
+    """What to do with it; None: what the joint suggests."""
+    robot: str = "panda"
+    """The arm."""
+    seed: int = 0
+    """Of the first attempt; attempt k uses seed + k."""
+    noise: float = 0.0
+    """Standard deviation of noise on the arm's targets, radians; labels stay clean."""
+    video: bool = False
+    """Whether the cameras are recorded too (slow on a CPU)."""
+    keep_failures: bool = False
+    """Whether failed attempts go into the data as well."""
+    settle: int = 5
+    """Control steps recorded after success."""
+    max_steps: int = 220
+    """Control steps per attempt."""
+    env: dict[str, Any] = field(default_factory=dict)
+    """Further keyword arguments of the environment (config, randomisation ...)."""
+
+
+@dataclass(frozen=True)
+class Collection:
+    """A collection on disk, as far as it has come.
+
+    Attributes:
+        outcomes: of the finished attempts, in order, without gaps.
+    """
+
+    folder: Path
+    config: CollectConfig
+    outcomes: list[dict[str, Any]]
+
+    @staticmethod
+    def load(folder: Path) -> Collection:
+        """Read a folder of `mam-sim collect`.
+
+        Raises:
+            InputError: there is no collection.
+        """
+        file = folder / "collect.json"
+        if not file.is_file() or not (folder / "attempts" / "names.json").is_file():
+            raise InputError(f"{folder} holds no collection; make one with: mam-sim collect")
+        config = CollectConfig(**json.loads(file.read_text(encoding="utf-8")))
+        return Collection(folder, config, finished(folder / "attempts"))
+
+    @property
+    def names(self) -> Names:
+        """Names of the vectors' entries."""
+        text = (self.folder / "attempts" / "names.json").read_text(encoding="utf-8")
+        return Names(**{k: tuple(v) for k, v in json.loads(text).items()})
+
+    @property
+    def kept(self) -> list[int]:
+        """Numbers of the attempts that are in the data."""
+        config = self.config
+        kept = [k for k, o in enumerate(self.outcomes) if o["success"] or config.keep_failures]
+        return kept[: config.episodes]
+
+    def tracks(self) -> Iterator[tuple[Track, NDArray[np.float32]]]:
+        """The episodes that are in the data, with their rewards (T,)."""
+        names = self.names
+        state, hidden = len(names.state), len(names.environment)
+        for k in self.kept:
+            with np.load(self.folder / "attempts" / f"{k:06d}.npz") as data:
+                obs, count = data["obs/state"], len(data["actions"])
+                images = {n[7:]: data[n][:count] for n in data.files if n.startswith("images/")}
+                # the flat state begins with qpos and ends with the privileged entries
+                track = Track(
+                    state=obs[:count, :state],
+                    action=data["targets"].astype(np.float32),
+                    environment=obs[:count, obs.shape[1] - hidden :],
+                    images=images,
+                    success=bool(self.outcomes[k]["success"]),
+                    task=str(self.outcomes[k]["task"]),
+                )
+                yield track, data["rewards"].astype(np.float32)
+
+
+def finished(attempts: Path) -> list[dict[str, Any]]:
+    """Outcomes of the attempts that were finished before, in order, without gaps."""
+    out: list[dict[str, Any]] = []
+    while (file := attempts / f"{len(out):06d}.json").is_file():
+        out.append(json.loads(file.read_text(encoding="utf-8")))
+    return out
