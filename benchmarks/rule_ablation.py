@@ -19,7 +19,7 @@ import platform
 import subprocess
 import time
 from dataclasses import asdict, dataclass, replace
-from itertools import islice
+from itertools import islice, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -212,10 +212,10 @@ def rows_of(log: Path) -> list[dict[str, Any]]:
 
 def run(settings: Settings) -> None:
     """Measure what the log lacks, authored and fused by turns."""
-    wanted: list[tuple[str, int, bool]] = []
-    plain, fused = objects(settings.authored), objects(settings.fused)
-    for k in range(max(len(plain), len(fused))):
-        wanted += [(*plain[k], False)] * (k < len(plain)) + [(*fused[k], True)] * (k < len(fused))
+    jobs = zip_longest(objects(settings.authored), objects(settings.fused))
+    wanted = [
+        (*job, fused) for pair in jobs for job, fused in zip(pair, (False, True)) if job is not None
+    ]
     done = {(r["kind"], r["seed"], r["fused"]) for r in rows_of(settings.log)}
     first, step = settings.part
     settings.log.parent.mkdir(parents=True, exist_ok=True)

@@ -88,13 +88,13 @@ def test_skins_ask_the_boosters_that_know_them() -> None:
     assert every is not None and few is not None
     for bag in ("line", "line_open"):
         asked, there = getattr(few, bag).boosters, getattr(every, bag).boosters
-        assert len(asked) == round(data["of_skins"]["share"] * len(data[bag]))
+        assert len(asked) == round(data["of_fused"]["share"] * len(data[bag]))
         assert 0 < len(asked) < len(there) == len(data[bag])
-    assert few.line_temperature == data["of_skins"]["line_temperature"] != every.line_temperature
+    assert few.line_temperature == data["of_fused"]["line_temperature"] != every.line_temperature
     row = np.random.default_rng(0).normal(size=(1, few.line.num_feature()))
     each = [b.predict(row)[0] for b in few.line.boosters]
     assert few.line.predict(row)[0] == pytest.approx(np.mean(each))
-    del data["of_skins"]
+    del data["of_fused"]
     assert len(ranker.unpack(data, fused=True).line.boosters) == len(data["line"])
 
 

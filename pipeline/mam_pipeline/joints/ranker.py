@@ -22,7 +22,7 @@ from mam_pipeline.joints.features import LINE_NAMES, PART_NAMES, SLIDE_NAMES, Hy
 from mam_pipeline.types import FloatArray, UsualTravel
 
 KINDS = ("fixed", "slide", "revolute")
-WEIGHTS = "ranker_weights.json.xz"
+WEIGHTS = "weights/ranker.json.xz"
 
 
 def rule_line_scores(lines: FloatArray) -> FloatArray:
@@ -182,7 +182,7 @@ def unpack(data: dict[str, Any], fused: bool = False) -> Model:
     """A model from plain data, as `train_ranker` packs it.
 
     Args:
-        fused: with what `of_skins` sets, if it is there: which `share` of every bag is asked, its
+        fused: with what `of_fused` sets, if it is there: which `share` of every bag is asked, its
             first ones, and their temperatures.
 
     Raises:
@@ -195,10 +195,10 @@ def unpack(data: dict[str, Any], fused: bool = False) -> Model:
         if tuple(data.get(key, ())) != tuple(expected):
             raise ConfigError(
                 f"the joint ranker's weights were made for other features ({key} differ); "
-                "train again: python -m mam_training.joints.train"
+                "train again: python -m mam_training.joints.train configs/train/joints.yaml"
             )
     values: dict[str, Any] = {}
-    own = data.get("of_skins", {}) if fused else {}
+    own = data.get("of_fused", {}) if fused else {}
     for field in fields(Model):
         value = own.get(field.name, data[field.name])
         if isinstance(value, list):

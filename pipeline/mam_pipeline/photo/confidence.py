@@ -77,7 +77,7 @@ def _alike(found: Found) -> float:
     return float((off.min(axis=1) < 0.12).mean())
 
 
-KEPT = Path(__file__).with_name("confidence.json")
+KEPT = Path(__file__).parent / "weights" / "confidence" / "confidence.json"
 
 
 @lru_cache(maxsize=1)

@@ -328,7 +328,7 @@ def _model(name: str) -> Any:
     """Boosted trees trained on synthetic photos only (mam_training.photo.train_handles)."""
     import lightgbm
 
-    return lightgbm.Booster(model_file=str(Path(__file__).with_name(name)))
+    return lightgbm.Booster(model_file=str(Path(__file__).parent / "weights" / "handles" / name))
 
 
 def handle_probability(table: Array) -> Array:

@@ -1,26 +1,22 @@
-"""Train the joint ranker on generated objects and pack its weights.
+"""Trains the joint ranker on generated objects and packs its weights.
 
-    python -m mam_training.joints.train --cache FOLDER
+    python -m mam_training.joints.train configs/train/joints.yaml
 
-Measures the features of `--objects` objects of the training split, of `--household` more of kinds
-that stand in homes, a share of them modelled loosely (`--loose`) or built of blocks (`--blocks`),
-and of `--fused` more as one skin (of the validation split a tenth as many, categories included that
-are never trained on), fits small boosted trees, sets the temperatures on the validation split,
-prints its figures and writes the packaged weights. (Those in the package were put together: three
-boosters of an earlier training on 9 000 authored objects and 2 007 skins, which alone judge the
-parts of skins, `of_skins`, and three of one on 13 917 authored objects, 4 500 of them of homes and
-3 000 of `mam_training.curricula.telling_shapes`.)
+Measures the features of objects of the training split, of more of kinds that stand in homes, a
+share of them modelled loosely or built of blocks, and of fused ones (of the validation split a
+tenth as many, categories included that are never trained on), fits small boosted trees, sets the
+temperatures on the validation split, prints its figures and writes weights and manifest.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import lzma
 import sys
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +28,8 @@ import mam_pipeline.joints
 from mam_pipeline.joints.features import LINE_NAMES, PART_NAMES, SLIDE_NAMES
 from mam_pipeline.joints.ranker import WEIGHTS, Bag, kind_features, model_rows, softmax
 from mam_pipeline.types import FloatArray
+from mam_training import manifest
+from mam_training.command import configured
 from mam_training.joints.examples import Example, cached_examples
 from mam_training.parts.recipe import blocky, jobs, loose
 from mam_training.parts.train import lean
@@ -47,6 +45,8 @@ BINARY = {**COMMON, "objective": "binary", "num_leaves": 7, "learning_rate": 0.0
 REACH = {**COMMON, "objective": "l1", "num_leaves": 7, "learning_rate": 0.05}
 FOLDS = 3
 BAGS = 3
+WEIGHTS_FOLDER = Path(mam_pipeline.joints.__file__).parent / Path(WEIGHTS).parent
+FILE = Path(WEIGHTS).name
 ROUNDS = {"line": 442, "slide": 272, "moves": 595, "slides": 595}
 
 
@@ -249,18 +249,38 @@ def report(data: Sequence[Example]) -> dict[str, float]:
     return {k: round(float(np.mean(v)), 3) for k, v in sorted(hit.items())} | {"parts": len(data)}
 
 
-def collect(
-    split: str, count: int, household: int, fused: int, cache: Path, share: float, blocks: float
-) -> list[Example]:
-    """Examples of `count` objects of a split, a half of abstract kinds, of `household` more of
-    kinds of homes, and of `fused` skins; of those that are no skins a `share` is loose, `blocks` of
-    them are built of blocks."""
+@dataclass(frozen=True)
+class JointTraining:
+    """What the joint ranker is trained on, and where it goes."""
+
+    objects: int = 9400
+    """Objects of the training split, half of them of abstract kinds."""
+    household: int = 4500
+    """More objects of kinds that stand in homes."""
+    fused: int = 700
+    """Fused objects."""
+    loose: float = 0.5
+    """Share of those that are not fused that is modelled loosely."""
+    blocks: float = 0.3
+    """Share of those that are not fused that is built of blocks."""
+    cache: Path = Path("build/joint_examples")
+    """Folder that keeps measured examples."""
+    out: Path = WEIGHTS_FOLDER
+    """Folder that the weights and their manifest are written to."""
+
+
+def collect(config: JointTraining, split: str, part: int) -> list[Example]:
+    """Examples of a split, of one in `part` of the objects that the config names."""
     out: list[Example] = []
-    wanted = jobs(split, count - count // 2, count // 2, fused, household)
-    for n, (kind, seed, skin) in enumerate(wanted):
+    count = config.objects // part
+    wanted = jobs(
+        split, count - count // 2, count // 2, config.fused // part, config.household // part
+    )
+    for n, (kind, seed, fused) in enumerate(wanted):
         try:
-            manner = loose(kind, seed, skin, share), blocky(kind, seed, skin, blocks)
-            out += cached_examples(kind, seed, skin, cache, *manner)
+            job = kind, seed, fused
+            manner = loose(*job, config.loose), blocky(*job, config.blocks)
+            out += cached_examples(*job, config.cache, *manner)
         except Exception as error:  # one bad object must not end an hour of work
             print(f"skipped {kind} {seed}: {error!r}", file=sys.stderr)
         if n % 50 == 0:
@@ -270,24 +290,18 @@ def collect(
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Command line; see the module's text."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
-    parser.add_argument("--objects", type=int, default=9400)
-    parser.add_argument("--household", type=int, default=4500, help="more objects of homes")
-    parser.add_argument("--fused", type=int, default=700)
-    parser.add_argument("--loose", type=float, default=0.5, help="share modelled loosely")
-    parser.add_argument("--blocks", type=float, default=0.3, help="share built of blocks")
-    parser.add_argument("--cache", type=Path, required=True)
-    packaged = Path(mam_pipeline.joints.__file__).with_name(WEIGHTS)
-    parser.add_argument("--out", type=Path, default=packaged)
-    args = parser.parse_args(argv)
+    config = configured(JointTraining(), argv)
     warnings.filterwarnings("ignore")
-    train, check = (
-        collect(split, args.objects // part, args.household // part, args.fused // part,
-                args.cache, args.loose, args.blocks)
-        for split, part in (("train", 1), ("validation", 10))
-    )  # fmt: skip
+    train, check = (collect(config, s, part) for s, part in (("train", 1), ("validation", 10)))
     packed = fit(train, check)
-    args.out.write_bytes(lzma.compress(json.dumps(packed).encode()))
+    config.out.mkdir(parents=True, exist_ok=True)
+    (config.out / FILE).write_bytes(lzma.compress(json.dumps(packed).encode()))
+    manifest.write(
+        config.out, "python -m mam_training.joints.train configs/train/joints.yaml", config,
+        {"lightgbm": int(str(COMMON["seed"]))},
+        {"parts": len(train), "validation parts": len(check),
+         "sha256": manifest.data_digest(e.name.encode() + e.part.tobytes() for e in train)},
+    )  # fmt: skip
     from mam_pipeline.joints import ranker
 
     ranker.learned.cache_clear()

@@ -1,33 +1,23 @@
-"""Trains the reasoner on procedural objects: `python -m mam_training.parts.train --count N`.
+"""Trains the reasoner on procedural objects.
 
-Recipe: objects of the world's training split in every style, abstract ones, and both as one fused
-skin, through the real segmenter and probing; (0) a graph network for each fold, from the other
-folds (`reason.train_network`); (1) pair and primitive models, cross-fitted in the same folds by
-kind of object, so that what comes after learns how such views err on kinds they never saw; (2)
+    python -m mam_training.parts.train configs/train/parts.yaml
+
+Recipe: objects of the world's training split in every style, abstract ones, and both as fused
+meshes, through the real segmenter and probing; (0) a graph network for each fold, from the other
+folds (`parts.train_network`); (1) pair and primitive models, cross-fitted in the same folds by kind
+of object, so that what comes after learns how such answers err on kinds they never saw; (2)
 candidates from the cross-fitted scores, and a model of their overlap with true parts; (3) the same
-again with more candidates beside the best and with what the first look says of rivals and twins;
+again with more candidates beside the best and with what the first answer says of rivals and twins;
 (4) the type of parts; (5) the rank of whole sets of candidates beside others of their object, from
-the looks of all members. Some examples are seen a second time without a kinematic prior. In use
+the examples of all members. Some examples are seen a second time without a kinematic prior. In use
 networks are asked that know all kinds, each from one half of the objects. The confidence is
 calibrated on the validation split, which has categories of its own. All of it is done twice: on
 authored meshes, and on the fused ones whose cuts part what moves. There the networks go on from the
-first, the folds are by object, and their networks are those that are asked in use. (The packaged
-fused weights have two members, the first of an earlier training on fewer objects, which knows no
-columns of `solid`; their set models saw every look twice, through the networks of the later one and
-of both. Of their six networks three are the means of that later training and of five epochs more on
-1 809 objects, 2 in 5 of them of the later kinds, for the mean keeps what such tuning forgets; the
-others are the same three after twelve epochs on all that was made since. The packaged authored
-networks were tuned on the kinds of `curriculum_openings` and `curriculum_around`, which came later;
-of eight members four are older than these kinds, and for two leaves slid as well. When all else was
-chosen, networks of both sorts learned twelve kinds that the splits held back then. Last, three
-authored networks went on from these, and two members were added, which alone choose among sets now:
-from 22 800 examples, loosely modelled ones and objects of homes among them; the calibration stayed.
-Nothing packaged for fused meshes knows the world's last nine families.)
+first, the folds are by object, and their networks are those that are asked in use.
 """
 
 from __future__ import annotations
 
-import argparse
 import gzip
 import json
 import sys
@@ -50,9 +40,12 @@ from mam_pipeline.parts.network import Network
 from mam_pipeline.parts.scores import LearnedScores
 from mam_pipeline.parts.select import select_groups
 from mam_pipeline.types import FloatArray
+from mam_training import manifest
+from mam_training.command import configured
 from mam_training.parts.corpus import FUSED, load_example
 from mam_training.parts.recipe import FOLDS, fold_of, gather, jobs
 from mam_training.parts.views import (
+    COMMON,
     Look,
     Rows,
     add_overlaps,
@@ -74,9 +67,10 @@ SETS, ROUNDS = 28, 250  # sets of one look that train the set model, and its tre
 # weight of what the parts promise by themselves, beside the rank of a set, which leaves parts out:
 # most objects have one. Most of all among fused pieces. And the confidence that a part needs: on
 # 220 authored examples of held-back kinds and seeds 0.35 is best, among fused ones none
-PLAIN_HABITS = {"promise": 0.5, "least": 0.35}
-FUSED_HABITS = {"promise": 1.5}
+AUTHORED_SETTINGS = {"promise": 0.5, "least": 0.35}
+FUSED_SETTINGS = {"promise": 1.5}
 HISTORY = ("split_gain=", "internal_", "leaf_weight=", "leaf_count=", "tree_sizes=")
+WEIGHTS = Path(mam_pipeline.parts.__file__).with_name("weights")
 PARTED = 0.6  # fused examples whose primitives hold the parts worse teach what cannot be seen
 
 
@@ -236,10 +230,10 @@ def validate(
     members: list[dict[str, Any]],
     networks: Sequence[Network],
     with_prior: bool,
-    habits: Mapping[str, float],
+    chosen: Mapping[str, float],
 ) -> list[tuple[Look, FloatArray, list[int]]]:
     """What the finished models choose on examples that they have not seen."""
-    settings = {"calibration": [(0, 0), (1, 1)], "promise": habits["promise"]}
+    settings = {"calibration": [(0, 0), (1, 1)], "promise": chosen["promise"]}
     scores = LearnedScores(members, settings, networks)
     out = []
     for path in paths:
@@ -288,15 +282,15 @@ def lean(text: str) -> str:
 
 def finish(
     members: list[dict[str, Any]], networks: list[dict[str, Any]], held: list[Path],
-    sizes: list[int], out: Path, habits: Mapping[str, float],
+    sizes: list[int], out: Path, chosen: Mapping[str, float],
 ) -> None:  # fmt: skip
     """Score the members together on held-back examples, calibrate, write the weights."""
     settings: dict[str, Any] = {
         "objects": sizes, "members": [str(k) for k in range(len(members))],
-        "networks": [f"network_{k}" for k in range(len(networks))], **habits,
+        "networks": [f"network_{k}" for k in range(len(networks))], **chosen,
     }  # fmt: skip
     for with_prior in (False, True):
-        answers = validate(held, members, [Network(w) for w in networks], with_prior, habits)
+        answers = validate(held, members, [Network(w) for w in networks], with_prior, chosen)
         result = np.array([outcome(item, chosen) for item, _, chosen in answers])
         fused = np.array([item.path.stem.endswith(FUSED) for item, _, _ in answers])
         settings |= {"calibration": calibrate(answers)}
@@ -317,39 +311,67 @@ def finish(
     print(json.dumps({k: v for k, v in settings.items() if k != "calibration"}))
 
 
-def main(arguments: list[str] | None = None) -> None:
+@dataclass(frozen=True)
+class PartsTraining:
+    """What the part models are trained on, and where they go."""
+
+    count: int = 9800
+    """Objects of the world."""
+    household: int = 5000
+    """More objects of kinds that stand in homes."""
+    abstract: int = 17400
+    """Abstract objects."""
+    fused: int = 5400
+    """Fused objects of either sort."""
+    validation: int = 100
+    """Held-back objects of each sort."""
+    loose: float = 0.5
+    """Share of those that are not fused that is modelled loosely."""
+    blocks: float = 0.4
+    """Share of those that are not fused that is built of blocks."""
+    members: int = 4
+    """Sets of models whose mean is taken, on authored meshes; on fused ones two at most."""
+    device: str = "cpu"
+    """Where the networks are trained: cpu or cuda."""
+    cache: Path = Path("build/part_examples")
+    """Folder that keeps measured examples."""
+    out: Path = WEIGHTS
+    """Folder that gets the weights and a manifest, in authored/ and fused/."""
+
+
+def main(argv: Sequence[str] | None = None) -> None:
     """Make the corpus, train the networks and the members on draws of it, write the weights."""
     from mam_training.parts import train_network as lessons
 
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--count", type=int, default=9800, help="objects of the world")
-    parser.add_argument("--household", type=int, default=5000, help="more objects of homes")
-    parser.add_argument("--abstract", type=int, default=17400, help="abstract objects")
-    parser.add_argument("--fused", type=int, default=5400, help="fused objects of either sort")
-    parser.add_argument("--validation", type=int, default=100, help="objects of each sort")
-    parser.add_argument("--loose", type=float, default=0.5, help="share modelled loosely")
-    parser.add_argument("--blocks", type=float, default=0.4, help="share built of blocks")
-    parser.add_argument("--members", type=int, default=4, help="models whose mean is taken")
-    parser.add_argument("--device", default="cpu", help="of the networks: cpu or cuda")
-    parser.add_argument("--cache", type=Path, required=True, help="folder for examples")
-    packaged = Path(mam_pipeline.parts.__file__).with_name("weights")
-    parser.add_argument("--out", type=Path, default=packaged)
-    options = parser.parse_args(arguments)
-    wanted = jobs("train", options.count, options.abstract, options.fused, options.household)
-    train = gather(wanted, options.cache, options.loose, options.blocks)
-    few = options.validation
-    held = gather(jobs("validation", few, few, few), options.cache)
-    (plain, skins), (held, held_skins) = apart(train), apart(held)
-    learn = partial(lessons.train, device=options.device)
+    config = configured(PartsTraining(), argv)
+    wanted = jobs("train", config.count, config.abstract, config.fused, config.household)
+    train = gather(wanted, config.cache, config.loose, config.blocks)
+    few = config.validation
+    held = gather(jobs("validation", few, few, few), config.cache)
+    (plain, fused), (held, held_fused) = apart(train), apart(held)
+    learn = partial(lessons.train, device=config.device)
     guides = [learn(plain, lessons.WARY, fold=k) for k in range(FOLDS)]
     asked = [learn(half, lessons.LONG, seed=k) for k, half in enumerate(_halves(plain))]
-    fit_members(plain, held, guides, asked, options.members, options.out / "authored", PLAIN_HABITS)
-    skins = [p for p in skins if load_example(p).bound >= PARTED]
+    authored = config.out / "authored"
+    fit_members(plain, held, guides, asked, config.members, authored, AUTHORED_SETTINGS)
+    _told(authored, config, plain)
+    fused = [p for p in fused if load_example(p).bound >= PARTED]
     tuned = [
-        learn(skins, lessons.TUNING, k, k, asked[k % len(asked)], guides) for k in range(FOLDS)
+        learn(fused, lessons.TUNING, k, k, asked[k % len(asked)], guides) for k in range(FOLDS)
     ]
-    few = min(2, options.members)  # there are too few skins for more draws that differ
-    fit_members(skins, held_skins, tuned, tuned, few, options.out / "fused", FUSED_HABITS)
+    few = min(2, config.members)  # there are too few fused ones for more draws that differ
+    fit_members(fused, held_fused, tuned, tuned, few, config.out / "fused", FUSED_SETTINGS)
+    _told(config.out / "fused", config, fused)
+
+
+def _told(folder: Path, config: PartsTraining, examples: list[Path]) -> None:
+    """Write the manifest of one folder of weights."""
+    manifest.write(
+        folder, "python -m mam_training.parts.train configs/train/parts.yaml", config,
+        {"draws": 0, "networks": len(_halves([])), "lightgbm": int(COMMON["seed"])},
+        {"examples": len(examples),
+         "sha256": manifest.data_digest(p.name.encode() + p.read_bytes() for p in examples)},
+    )  # fmt: skip
 
 
 def _halves(paths: list[Path]) -> list[list[Path]]:
@@ -374,7 +396,7 @@ def apart(paths: list[Path]) -> tuple[list[Path], list[Path]]:
 
 def fit_members(
     train: list[Path], held: list[Path], guides: list[dict[str, Any]],
-    asked: list[dict[str, Any]], number: int, out: Path, habits: Mapping[str, float],
+    asked: list[dict[str, Any]], number: int, out: Path, chosen: Mapping[str, float],
 ) -> None:  # fmt: skip
     """Train members on draws of the examples, score them together and write the weights.
 
@@ -392,7 +414,7 @@ def fit_members(
     # from the looks of all members: half of them are too few
     for models, choose in zip(members, fit_choice(tried, number)):
         models["choose"] = choose
-    finish(members, asked, held, sizes, out, habits)
+    finish(members, asked, held, sizes, out, chosen)
 
 
 def draw_of(train: list[Path], member: int, number: int) -> list[Path]:

@@ -6,17 +6,16 @@ one logistic function per topic and sets the limit of "high" so that, in cross-v
 what is promised: 97 and 90). Right means: cuboid, the front's IoU with the truth is 0.8 or more;
 panels, as many as in truth and all matched at IoU 0.5; handles, at least three in four of the
 truth's hit and three in four of those named right. None of the seeds is one of the handle model's
-(100 on). The shipped fit, of 72 photos, is that of both lines, in this order; measure it with
-`bench-photo --seed 8` or more:
+(100 on). Measure a fit with `bench-photo --seed 8` or more.
 
-    python -m mam_training.photo.fit_confidence ROWS.jsonl --first 2000 --count 16
-    python -m mam_training.photo.fit_confidence ROWS.jsonl --first 0 --count 8
+    python -m mam_training.photo.fit_confidence configs/train/photo_confidence.yaml
 """
 
 from __future__ import annotations
 
-import argparse
 import json
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,10 +30,12 @@ from mam_pipeline.photo.evaluate import score_found
 from mam_pipeline.photo.find import find_object
 from mam_pipeline.photo.image import make_photo
 from mam_pipeline.photo.options import PhotoOptions
+from mam_training import manifest
+from mam_training.command import configured
 from mam_world.photos.synthetic_photo import LEVELS, synthesise
 
 Array = NDArray[np.float64]
-KEPT = Path(mam_pipeline.photo.__file__).with_name("confidence.json")
+WEIGHTS = Path(mam_pipeline.photo.__file__).parent / "weights" / "confidence"
 USED = {
     "cuboid": ("cost", "margin", "trust", "seen"),
     "panels": ("cost", "support", "weakest", "seen", "score", "alike", "single", "none"),
@@ -136,19 +137,40 @@ def fit(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return out
 
 
-def main() -> None:
+@dataclass(frozen=True)
+class ConfidenceTraining:
+    """What the confidence is fitted on, and where it goes."""
+
+    seeds: tuple[tuple[int, int], ...] = ((2000, 16), (0, 8))
+    """Runs of seeds (first, how many); each seed makes one photo of every level of clutter."""
+    width: int = 720
+    """Pixels of the rendered photos."""
+    cache: Path = Path("build/photo_confidence.jsonl")
+    """Rows that were collected, which are read again."""
+    out: Path = WEIGHTS
+    """Folder that the fit and its manifest are written to."""
+
+
+def main(argv: Sequence[str] | None = None) -> None:
     """Collect, fit, keep."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("rows", type=Path)
-    parser.add_argument("--first", type=int, default=2000)
-    parser.add_argument("--count", type=int, default=16)
-    parser.add_argument("--width", type=int, default=720)
-    parser.add_argument("--out", type=Path, default=KEPT)
-    args = parser.parse_args()
-    collect(args.rows, args.first, args.count, args.width)
-    rows = read(args.rows)
+    config = configured(ConfidenceTraining(), argv)
+    config.cache.parent.mkdir(parents=True, exist_ok=True)
+    for first, count in config.seeds:
+        collect(config.cache, first, count, config.width)
+    wanted = {s for first, count in config.seeds for s in range(first, first + count)}
+    rows = [r for r in read(config.cache) if r["seed"] in wanted]
     kept: dict[str, Any] = {"photos": len(rows), "goal": GOAL, "topics": fit(rows)}
-    args.out.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    config.out.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(kept, indent=1) + "\n"
+    (config.out / "confidence.json").write_text(text, encoding="utf-8")
+    manifest.write(
+        config.out,
+        "python -m mam_training.photo.fit_confidence configs/train/photo_confidence.yaml",
+        config,
+        {"first photo": config.seeds[0][0]},
+        {"photos": len(rows),
+         "sha256": manifest.data_digest(json.dumps(r, sort_keys=True).encode() for r in rows)},
+    )  # fmt: skip
     for topic, made in kept["topics"].items():
         print(topic, "high from", made["high"], made["record"])
 

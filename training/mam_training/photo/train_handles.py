@@ -1,17 +1,18 @@
 """Trains the photo stage's handle classifiers on synthetic photos with exact truth.
 
-Writes, into pipeline/mam_pipeline/photo/, handle_model.txt (a patch alone: 32 numbers) and
-handle_context.txt (its place between the nearest lines too: 43 numbers), both LightGBM as text.
-The photos are those of `bench-photo` with seeds from 100 on, so that the benchmark's own seeds
-(0 on) stay unseen, small and large by turns; each front is also read mirrored, darker or lighter,
-smaller and noisier. The same command gives the same files, to the byte.
+Writes, into pipeline/mam_pipeline/photo/weights/handles, handle_model.txt (a patch alone: 32
+numbers) and handle_context.txt (its place between the nearest lines too: 43 numbers), both LightGBM
+as text. The photos are those of `bench-photo` with seeds from 100 on, so that the benchmark's own
+seeds (0 on) stay unseen, small and large by turns; each front is also read mirrored, darker or
+lighter, smaller and noisier.
 
-Usage: python -m mam_training.photo.train_handles [--first 100] [--count 60] [--data SAMPLES.npz]
+    python -m mam_training.photo.train_handles configs/train/photo_handles.yaml
 """
 
 from __future__ import annotations
 
-import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -27,10 +28,12 @@ from mam_pipeline.photo.measure import rectify
 from mam_pipeline.photo.score import rect_quad
 from mam_pipeline.photo.seams import find_seams
 from mam_pipeline.photo.truth import PhotoTruth
+from mam_training import manifest
+from mam_training.command import configured
 from mam_world.photos.synthetic_photo import LEVELS, synthesise
 
 Array = NDArray[np.float64]
-FOLDER = Path(mam_pipeline.photo.__file__).parent
+WEIGHTS = Path(mam_pipeline.photo.__file__).parent / "weights" / "handles"
 COLUMNS = {"handle_model.txt": list(BASIC), "handle_context.txt": list(range(COUNT))}
 VARIANTS = 2  # readings of each photo
 WIDTHS = (480, 640)  # pixels, by turns
@@ -114,25 +117,46 @@ def collect(first: int, count: int) -> tuple[Array, Array, Array]:
     return x, y, weight
 
 
-def main() -> None:
+@dataclass(frozen=True)
+class HandleTraining:
+    """What the handle classifiers are trained on, and where they go."""
+
+    first: int = 100
+    """First seed of the synthetic photos."""
+    count: int = 60
+    """Seeds; each makes one photo of every level of clutter."""
+    rounds: int = 200
+    """Trees of either model."""
+    cache: Path | None = None
+    """A file that keeps the samples, which are read again if it is there."""
+    out: Path = WEIGHTS
+    """Folder that the weights and their manifest are written to."""
+
+
+def main(argv: Sequence[str] | None = None) -> None:
     """Train and save."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--first", type=int, default=100)
-    parser.add_argument("--count", type=int, default=60)
-    parser.add_argument("--data", type=Path, help="keep the samples here; read them if present")
-    parser.add_argument("--out", type=Path, default=FOLDER)
-    args = parser.parse_args()
-    if args.data is not None and args.data.is_file():
-        kept = np.load(args.data)
+    config = configured(HandleTraining(), argv)
+    if config.cache is not None and config.cache.is_file():
+        kept = np.load(config.cache)
         x, y, weight = kept["x"], kept["y"], kept["weight"]
     else:
-        x, y, weight = collect(args.first, args.count)
-        if args.data is not None:
-            np.savez_compressed(args.data, x=x, y=y, weight=weight)
+        x, y, weight = collect(config.first, config.count)
+        if config.cache is not None:
+            np.savez_compressed(config.cache, x=x, y=y, weight=weight)
+    config.out.mkdir(parents=True, exist_ok=True)
     for name, columns in COLUMNS.items():
         table = lightgbm.Dataset(x[:, columns], y, weight=weight / weight.mean())
-        lightgbm.train(PARAMS, table, 200).save_model(str(args.out / name))
-        print(f"{len(y)} candidates, {y.mean():.1%} handles -> {args.out / name}")
+        booster = lightgbm.train(PARAMS, table, config.rounds)
+        booster.save_model(str(config.out / name))
+        print(f"{len(y)} candidates, {y.mean():.1%} handles -> {config.out / name}")
+    manifest.write(
+        config.out,
+        "python -m mam_training.photo.train_handles configs/train/photo_handles.yaml",
+        config,
+        {"lightgbm": int(str(PARAMS["seed"])), "first photo": config.first},
+        {"photos": config.count * len(LEVELS), "candidates": len(y),
+         "sha256": manifest.data_digest([x.tobytes(), y.tobytes(), weight.tobytes()])},
+    )  # fmt: skip
 
 
 if __name__ == "__main__":
