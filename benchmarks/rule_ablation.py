@@ -105,7 +105,7 @@ class Case:
 
     def off(self, rule: str) -> dict[str, float]:
         """Scores with one rule off."""
-        rules, fused = ALL_RULES.without(rule), self.primitives.one_skin
+        rules, fused = ALL_RULES.without(rule), self.primitives.is_fused
         if rule in (AUTHORED_ONLY if fused else FUSED_ONLY):
             return self.base
         primitives, found = self.primitives, self.found
@@ -148,7 +148,7 @@ class Case:
             rigid = views[0].graph.rigid
             if rigid is not None and np.array_equal(rigid, self.found.graph.rigid):
                 return self.found
-        return scored(views, load_scores("fused" if bare.one_skin else "authored"))
+        return scored(views, load_scores("fused" if bare.is_fused else "authored"))
 
     def _tree(self, found: Scored, primitives: Primitives, rules: Rules) -> KinematicTree:
         mesh, bare = without_repeats(self.whole, primitives)
@@ -197,7 +197,7 @@ def measured(kind: str, seed: int, fused: bool) -> dict[str, Any]:
     off = {rule: case.off(rule) for rule in Rules.names()}
     return {
         "kind": kind, "seed": seed, "fused": fused, "held_back_kind": kind in VALIDATION_ONLY,
-        "one_surface": case.primitives.one_skin, "base": case.base,
+        "one_surface": case.primitives.is_fused, "base": case.base,
         "off": {rule: scores for rule, scores in off.items() if scores != case.base},
         "seconds": round(time.perf_counter() - began, 1),
     }  # fmt: skip

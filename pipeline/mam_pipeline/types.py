@@ -146,15 +146,15 @@ class Primitives:
         return int(self.labels.max()) + 1 if len(self.labels) else 0
 
     @property
-    def one_skin(self) -> bool:
-        """See `cut_from_one_skin`."""
-        return cut_from_one_skin(self.merges, self.count)
+    def is_fused(self) -> bool:
+        """Whether it was cut out of one surface, see `fused_by_cuts`."""
+        return fused_by_cuts(self.merges, self.count)
 
 
-ONE_SKIN = 0.8  # share of the cuts that undo merges: above it a mesh is fused
+FUSED_CUTS = 0.8  # share of the cuts that undo merges: above it a mesh is fused
 
 
-def cut_from_one_skin(merges: IntArray | None, count: int) -> bool:
+def fused_by_cuts(merges: IntArray | None, count: int) -> bool:
     """Whether (nearly) all primitives were cut out of one surface: generated and scanned ones.
 
     What separates parts there is the cuts' creases, not gaps: other weights judge such objects.
@@ -162,7 +162,7 @@ def cut_from_one_skin(merges: IntArray | None, count: int) -> bool:
     Args:
         merges: (M, 2) as in `Primitives`. count: of primitives.
     """
-    return merges is not None and len(merges) > ONE_SKIN * max(count - 1, 1)
+    return merges is not None and len(merges) > FUSED_CUTS * max(count - 1, 1)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import trimesh
 from mam_pipeline.backends import KinematicPrior
 from mam_pipeline.parts import joint_view
 from mam_pipeline.parts.embedded import (
-    SAMPLINGS,
+    REASONER,
     EmbeddedReasoner,
     View,
     bonds_of,
@@ -23,7 +23,7 @@ from mam_pipeline.parts.features import pair_features, primitive_features
 from mam_pipeline.parts.graph import build_graph, roundness, tight_box
 from mam_pipeline.parts.group_features import group_features, with_rivals
 from mam_pipeline.parts.groups import components, enumerate_groups, merge_tree
-from mam_pipeline.parts.rules.fittings import UNCLEAR
+from mam_pipeline.parts.rules.fittings import FITTINGS
 from mam_pipeline.parts.scores import RuleScores, load_scores
 from mam_pipeline.parts.select import select_groups
 from mam_pipeline.parts.tree import clear_from, named, part_kind
@@ -182,7 +182,7 @@ def test_samplings_are_averaged() -> None:
     mesh, primitives = cupboard()
     prior = EmbeddedPrior().observe(mesh, primitives)
     views = sampled_views(mesh, primitives, prior, 0)
-    assert len(views) == SAMPLINGS and views[0].prior is prior
+    assert len(views) == REASONER.samplings and views[0].prior is prior
     assert not np.array_equal(views[0].graph.probe.points, views[1].graph.probe.points)
     moves = [bonds_of([v], load_scores())[0].move for v in views]
     together = bonds_of(views, load_scores())
@@ -219,14 +219,14 @@ def test_a_pair_that_one_sampling_misses_is_judged_by_the_others() -> None:
     assert np.array_equal(first.same[1:], second.same)
 
 
-def test_a_mesh_is_fused_when_nearly_all_cuts_are_on_one_skin() -> None:
+def test_a_mesh_is_fused_when_nearly_all_cuts_are_of_one_surface() -> None:
     graph = build_graph(*cupboard())
     order = [(k, k + 1) for k in range(graph.count - 1)]
-    assert not graph.one_skin
-    assert not replace(graph, merges=np.array(order[:1])).one_skin
-    assert replace(graph, merges=np.array(order)).one_skin
+    assert not graph.is_fused
+    assert not replace(graph, merges=np.array(order[:1])).is_fused
+    assert replace(graph, merges=np.array(order)).is_fused
     labels = np.arange(graph.count)
-    assert Primitives(labels, np.array(order)).one_skin and not Primitives(labels).one_skin
+    assert Primitives(labels, np.array(order)).is_fused and not Primitives(labels).is_fused
     kinds = load_scores("authored"), load_scores("fused")
     assert kinds[0] is not kinds[1] and not any(isinstance(k, RuleScores) for k in kinds)
 
@@ -294,16 +294,16 @@ def test_small_parts_and_levers_on_a_panel_have_to_be_clear() -> None:
     assert [n.name for n in named(graph, on_panel).nodes] == ["base", "door_0", "lever_0"]
     assert clear_from(graph, on_panel)[2] > NEEDS_REVIEW
     assert 2 not in clear_from(graph, on_panel, replace(ALL_RULES, fittings=False, minor=False))
-    assert not graph.one_skin and clear_from(graph, on_base) == {2: UNCLEAR}
+    assert not graph.is_fused and clear_from(graph, on_base) == {2: FITTINGS.minor_above}
     assert clear_from(graph, on_base, ALL_RULES.without("minor")) == {}
     fused = replace(graph, merges=np.array([[0, 1], [2, 3]]))  # there right ones are as unclear
-    assert fused.one_skin and clear_from(fused, on_base) == {}
+    assert fused.is_fused and clear_from(fused, on_base) == {}
     assert clear_from(graph, KinematicTree((base, on_body))) == {}  # the largest there is
 
 
 @pytest.mark.parametrize(
     ("weight", "subtype"),
-    [(joint_view.MOTION_WEIGHT, "slide"), (joint_view.MOTION_WEIGHT_FUSED, "hinge")],
+    [(joint_view.MOTION.authored, "slide"), (joint_view.MOTION.fused, "hinge")],
 )
 def test_the_ranker_counts_less_on_a_fused_mesh(weight: float, subtype: JointSubtype) -> None:
     own = {"hinge": 0.88, "spin": 0.01, "slide": 0.11}

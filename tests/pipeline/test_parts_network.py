@@ -97,7 +97,7 @@ def test_training_learns_what_moves(tmp_path: Path) -> None:
     items, names = [], ((), ())
     for seed in range(14):
         example = generated_example("abstract_leaf", seed)
-        if example.graph.one_skin:  # the other weights' business
+        if example.graph.is_fused:  # the other weights' business
             continue
         path = tmp_path / f"abstract_leaf_{seed:06d}.ex"
         save_example(example, path)
@@ -174,7 +174,7 @@ def test_tuning_goes_on_from_given_weights(tmp_path: Path) -> None:
     paths = []
     for seed in range(28):
         example = generated_example("abstract_leaf", seed)
-        if not example.graph.one_skin:
+        if not example.graph.is_fused:
             paths.append(tmp_path / f"abstract_leaf_{seed:06d}.ex")
             save_example(example, paths[-1])
     start = untrained()[1]

@@ -14,11 +14,11 @@ from mam_pipeline.parts.features import Table, table
 from mam_pipeline.parts.graph import Graph, build_graph
 from mam_pipeline.parts.group_features import group_features, joined
 from mam_pipeline.parts.groups import enumerate_groups, expand_groups
+from mam_pipeline.parts.rules.bare_handles import with_boards
 from mam_pipeline.parts.rules.choice import lighter, with_sure
 from mam_pipeline.parts.rules.extent import completed, without_spanning
-from mam_pipeline.parts.rules.pulls import with_boards
 from mam_pipeline.parts.scores import RuleScores, load_scores
-from mam_pipeline.parts.select import LEAST_BASE
+from mam_pipeline.parts.select import SELECTION
 from mam_pipeline.parts.tree import Choice, build_tree, left_out_note, with_base
 from mam_pipeline.types import KinematicTree, Mesh, PartNode, Primitives
 from mam_training.parts.corpus import Example, generated_example
@@ -177,7 +177,7 @@ def test_parts_that_leave_nothing_give_the_largest_to_the_base() -> None:
     some = build_tree(graph, *with_base(graph, parts, replace(choice, chosen=(0, 2))))
     assert [n.primitives for n in some.nodes] == [(0,), rest, (1,)]
     last = int(every[-1])
-    assert graph.area[last] < LEAST_BASE  # a knob alone is no base
+    assert graph.area[last] < SELECTION.least_base  # a knob alone is no base
     parts[0, last] = False
     knob = build_tree(graph, *with_base(graph, parts, choice))
     assert [n.primitives for n in knob.nodes] == [(0, last), rest[:-1], (1,)]

@@ -59,7 +59,7 @@ def test_half_a_sheet_leaves_the_other_half_behind() -> None:
 
 def test_a_soup_has_no_inside() -> None:
     graph = sheet_and_knob(merges=False)
-    assert not graph.one_skin
+    assert not graph.is_fused
     assert solid.primitive_columns(graph) == {}
     unary = primitive_features(graph, None)
     names = (*unary.names, *pair_features(graph, unary, None).names)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -260,7 +262,7 @@ def test_handles_above_each_other_make_a_stack() -> None:
 def test_handles_that_float_before_their_fronts_tell_as_well() -> None:
     bars: list[Item] = [((0.0, -0.47, z), (0.4, 0.03, 0.04)) for z in (-0.25, 0.25)]
     skin, got, fronts = fronts_of(CASE, *bars, floating=2)
-    assert got.one_skin and len(fronts) == 2
+    assert got.is_fused and len(fronts) == 2
     lower, upper = sorted(span(skin, faces, 2) for faces in fronts)
     assert abs(lower[1]) < 0.05 and abs(upper[0]) < 0.05
     for faces in fronts:
@@ -308,7 +310,8 @@ def test_a_front_that_has_grown_into_the_body_is_cut_out_of_it(
     label = np.unique(label, return_inverse=True)[1]
     told = []
     for share in (0.6, 0.0):
-        monkeypatch.setattr(fronts_module, "CARVED", share)
+        changed = replace(fronts_module.FRONTS, carved=share)
+        monkeypatch.setattr(fronts_module, "FRONTS", changed)
         out, _, body = divide(topo, label, int(label.max()) + 1)
         told.append(len(fronts_module.fronts(topo, out, body)))
     assert told == [2, 0]

@@ -7,6 +7,7 @@ and about which line? Call it once per plausible grouping (about 0.1 s).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from mam_pipeline.joints.features import (
     part_features,
     remeasured,
 )
-from mam_pipeline.joints.flush import runs_into_skin
+from mam_pipeline.joints.panel_slides import slides_into_material
 from mam_pipeline.joints.ranker import (
     KINDS,
     agreed,
@@ -31,9 +32,20 @@ from mam_pipeline.joints.ranker import (
 from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.types import FloatArray, IntArray, JointCandidate, JointSubtype, Mesh
 
-# a part is sampled so often and the rankings are averaged, so that no single draw decides: the
-# right joint came first for 89 % of 339 parts with one, for 91 % with three (170 others: 82, 81)
-SAMPLINGS = 3
+
+@dataclass(frozen=True)
+class RankingSettings:
+    """How hypotheses are ranked.
+
+    Attributes:
+        samplings: how often a part is sampled, so that no single draw decides: the right joint came
+            first for 89 % of 339 parts with one, for 91 % with three.
+    """
+
+    samplings: int = 3
+
+
+RANKING = RankingSettings()
 
 
 def rank_hypotheses(
@@ -58,7 +70,7 @@ def rank_hypotheses(
             that stays at rest. parent_faces: where contact is looked for (default: static).
         frame: `estimate_frame(mesh)`; pass it when asking for several parts.
         others: faces of each of the other movable parts, where a grouping is already known: rows of
-            like fronts, leaves that overlap and what covers what tell of the type.
+            like fronts, panels that overlap and what covers what tell of the type.
         top: how many candidates to return; the fixed one is always among them.
         hand_scores: use the hand-set scores instead of the learned model.
         fused: whether the mesh is one fused surface, of which a model of its own knows more.
@@ -75,7 +87,7 @@ def rank_hypotheses(
     contexts = [
         part_context(mesh, part_faces, static_faces, frame, parent_faces=parent_faces,
                      others=others, seed=seed + k * SEED_STEP)
-        for k in range(SAMPLINGS)
+        for k in range(RANKING.samplings)
     ]  # fmt: skip
     parts = [part_features(c) for c in contexts]
     hypotheses = enumerate_hypotheses(contexts[0])
@@ -87,7 +99,7 @@ def rank_hypotheses(
     slides = [h for h in hypotheses if not h.revolute]
     if fused and slides and rules.sunken_slide:
         axes = np.array([h.axis for h in slides])
-        ranking = without_slides(ranking, runs_into_skin(mesh, part_faces, axes, seed))
+        ranking = without_slides(ranking, slides_into_material(mesh, part_faces, axes, seed))
     p_fixed, p_slide, p_turn = (float(p) for p in ranking.kind)
     line = ranking.line
     if rules.near_lines:

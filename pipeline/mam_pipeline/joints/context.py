@@ -14,8 +14,21 @@ from mam_pipeline.geometry.sampling import thin_out, unit
 from mam_pipeline.geometry.sweep import ContactSet, SweepScene
 from mam_pipeline.types import FloatArray, IntArray, Mesh
 
-_OFF = np.deg2rad(6.0)  # directions closer than this are the same
-MOST = 9  # directions looked at
+
+@dataclass(frozen=True)
+class DirectionThresholds:
+    """Directions that are looked at around a part.
+
+    Attributes:
+        same: radians: directions closer than this are the same.
+        most: directions looked at.
+    """
+
+    same: float = float(np.deg2rad(6.0))
+    most: int = 9
+
+
+NEAR_DIRECTIONS = DirectionThresholds()
 
 
 @dataclass(frozen=True)
@@ -235,9 +248,9 @@ def directions_of(context: PartContext) -> list[FloatArray]:
     if spread[1] > 1.5 * spread[2]:
         extra.append(part_axes[2])
     for axis in extra:
-        if all(abs(float(unit(axis) @ a)) < np.cos(_OFF) for a in found):
+        if all(abs(float(unit(axis) @ a)) < np.cos(NEAR_DIRECTIONS.same) for a in found):
             found.append(unit(axis))
-    return found[:MOST]
+    return found[: NEAR_DIRECTIONS.most]
 
 
 def _between_pins(context: PartContext) -> list[FloatArray]:
@@ -254,7 +267,7 @@ def _between_pins(context: PartContext) -> list[FloatArray]:
 def revolute_lines(context: PartContext, axis: FloatArray) -> list[FloatArray]:
     """Points (3,) where a line along `axis` may pierce the part: box grid, contact, centres."""
     base = context.box.axes if any(
-        abs(float(axis @ a)) > np.cos(_OFF) for a in context.box.axes
+        abs(float(axis @ a)) > np.cos(NEAR_DIRECTIONS.same) for a in context.box.axes
     ) else _plane_axes(axis, context.frame.axes)  # fmt: skip
     cross = [a for a in base if abs(float(axis @ a)) < 0.5][:2]
     points = context.scene.points

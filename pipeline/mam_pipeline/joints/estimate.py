@@ -33,16 +33,39 @@ from mam_pipeline.types import (
     Primitives,
 )
 
-FALLBACKS = 12  # hypotheses, best first, that may be tried when the best one leaves a part stuck
-TIED = 0.3  # log odds between two that are as probable
-LINES = 40  # hinge lines, best first, that are tried on both bodies
-NEARLY = 1.6  # log odds below the best line at which one on both bodies may take its place
-NEARLY_PARALLEL = 3.0  # the same for parallel ones
-PARALLEL = 0.99  # cosine between lines that run the same way
-SAME_WAY = 0.995  # cosine between axes that mean the same joint
-CLOSE, CLOSE_OWN = 0.03, 0.1  # how far apart such lines may lie: of the object, of the part
-ON_LINE = 0.9  # share of the check's tolerance that a line may stray from them
-REMEMBERED = 64  # estimates
+
+@dataclass(frozen=True)
+class EstimateThresholds:
+    """When a hypothesis gives way to another, and which mean the same joint.
+
+    Attributes:
+        fallbacks: hypotheses, best first, that may be tried when the best one leaves a part stuck.
+        tied: log odds between two that are as probable.
+        lines: hinge lines, best first, that are tried on both bodies.
+        nearly_parallel: log odds below the best line at which a parallel one may take its place.
+        nearly: log odds below the best line at which one that runs another way may take its place.
+        parallel: cosine between lines that run the same way.
+        same_way: cosine between axes that mean the same joint.
+        close: diagonals of the object that such lines may lie apart.
+        close_own: diagonals of the part that such lines may lie apart.
+        on_line: share of the check's tolerance that a line may stray from both bodies.
+        remembered: estimates that are kept for who asks again.
+    """
+
+    fallbacks: int = 12
+    tied: float = 0.3
+    lines: int = 40
+    nearly_parallel: float = 3.0
+    nearly: float = 1.6
+    parallel: float = 0.99
+    same_way: float = 0.995
+    close: float = 0.03
+    close_own: float = 0.1
+    on_line: float = 0.9
+    remembered: int = 64
+
+
+ESTIMATE = EstimateThresholds()
 # hand rules that an estimate depends on
 OF_JOINTS = (
     "on_both_bodies", "when_stuck", "near_lines", "sunken_slide", "siblings", "plain_travel",
@@ -124,7 +147,7 @@ class JointEstimator:
             _REMEMBERED.move_to_end(key)
         else:
             _REMEMBERED[key] = self._estimate(node, faces)
-            while len(_REMEMBERED) > REMEMBERED:
+            while len(_REMEMBERED) > ESTIMATE.remembered:
                 _REMEMBERED.popitem(last=False)
         return _REMEMBERED[key]
 
@@ -155,7 +178,7 @@ class JointEstimator:
             return embedded_limits(around, c.subtype, c.axis, c.origin, alone=alone, given=given,
                                    usual=c.travel, plain=rules.plain_travel)  # fmt: skip
 
-        near = min(CLOSE * mesh.diagonal, CLOSE_OWN * _size(mesh, faces.own))
+        near = min(ESTIMATE.close * mesh.diagonal, ESTIMATE.close_own * _size(mesh, faces.own))
         best, chosen = candidates[0], 0
         limits = limits_of(best)
         stuck = rules.when_stuck and limits.share < MOVES
@@ -163,14 +186,17 @@ class JointEstimator:
             found = limits_of(candidates[k])
             if found.share < MOVES:
                 continue
-            if abs(float(candidates[k].axis @ best.axis)) < PARALLEL:
+            if abs(float(candidates[k].axis @ best.axis)) < ESTIMATE.parallel:
                 # sooner the same line the other way round than one that runs another way
                 back = replace(best, axis=-best.axis)
                 other_way = limits_of(back)
                 if other_way.share >= MOVES:
                     best, limits = back, other_way
                     break
-            if same_joint(candidates[k], best, near) or candidates[k].score >= best.score - TIED:
+            if (
+                same_joint(candidates[k], best, near)
+                or candidates[k].score >= best.score - ESTIMATE.tied
+            ):
                 best, limits, chosen = candidates[k], found, k
                 break
         sure = 1.0 if node.provenance == "user" else agreement(best, ranked, near)
@@ -207,7 +233,7 @@ def faces_around(tree: KinematicTree, primitives: Primitives, index: int) -> Par
     rest = set(range(len(tree.nodes))) - moving
     return PartFaces(
         gather({index}), gather(moving), gather(rest), gather({parent}), gather(trunk | stiff),
-        primitives.one_skin,
+        primitives.is_fused,
     )  # fmt: skip
 
 
@@ -270,7 +296,7 @@ def same_joint(one: JointCandidate, other: JointCandidate, near: float) -> bool:
     """Whether two hypotheses of a kind run the same way, less than `near` apart."""
     apart = np.linalg.norm(np.cross(one.origin - other.origin, other.axis))
     close = one.subtype == "slide" or apart <= near
-    return bool(close and abs(float(one.axis @ other.axis)) > SAME_WAY)
+    return bool(close and abs(float(one.axis @ other.axis)) > ESTIMATE.same_way)
 
 
 def instead(candidates: list[JointCandidate], near: float) -> list[int]:
@@ -281,8 +307,8 @@ def instead(candidates: list[JointCandidate], near: float) -> list[int]:
     is not much less probable, which says that the way back may be free, and is taken in a tie only.
     """
     best = candidates[0]
-    least = best.score - (NEARLY if best.subtype == "slide" else NEARLY_PARALLEL)
-    ranked = range(1, len(candidates[:FALLBACKS]))
+    least = best.score - (ESTIMATE.nearly if best.subtype == "slide" else ESTIMATE.nearly_parallel)
+    ranked = range(1, len(candidates[: ESTIMATE.fallbacks]))
     same = [k for k in ranked if same_joint(candidates[k], best, near)]
     return same + [k for k in ranked if k not in same and candidates[k].score >= least]
 
@@ -293,14 +319,14 @@ def on_both(
     """The candidates whose line stays on both bodies, as the check asks, and is nearly as probable
     as the best or parallel to it; all candidates if there is none."""
     bodies = HingeBodies(mesh, faces.moving, faces.parent if len(faces.parent) else faces.static)
-    most = ON_LINE * THRESHOLDS.gap_share + rest_gap / max(mesh.diagonal, 1e-12)
+    most = ESTIMATE.on_line * THRESHOLDS.gap_share + rest_gap / max(mesh.diagonal, 1e-12)
     best = candidates[0]
 
     def near(c: JointCandidate) -> bool:
-        parallel = abs(float(c.axis @ best.axis)) > PARALLEL
-        return c.score >= best.score - (NEARLY_PARALLEL if parallel else NEARLY)
+        parallel = abs(float(c.axis @ best.axis)) > ESTIMATE.parallel
+        return c.score >= best.score - (ESTIMATE.nearly_parallel if parallel else ESTIMATE.nearly)
 
-    lines = [c for c in candidates[:LINES] if near(c)]
+    lines = [c for c in candidates[: ESTIMATE.lines] if near(c)]
     fits = [c for c in lines if bodies.line_gap(c.axis, c.origin, bodies.encloses) <= most]
     return fits or candidates
 

@@ -29,11 +29,30 @@ from mam_pipeline.types import (
     UsualTravel,
 )
 
-STRICT = 0.0045  # deepest crossing that the paper's rule allows, of the diagonal
-DEEP, WIDE = 0.75, 0.6  # shares of the check's depth and area (sampled) that a range may use up
-HINGE_CAP = np.pi / 2
-SLIDE_CAP = 0.8  # of the part's extent along the slide: drawers keep some of their rails
-BACK_OFF = 0.93  # of the way to a collision: where exactly it begins is within sampling's error
+
+@dataclass(frozen=True)
+class RangeThresholds:
+    """Where a range ends.
+
+    Attributes:
+        strict: diagonals: deepest crossing that the paper's rule allows.
+        deep: share of the check's depth that a range may use up.
+        wide: share of the check's area (sampled) that a range may use up.
+        hinge: radians that a hinge opens where nothing else is known.
+        slide: share of the part's extent that a slide opens: drawers keep some of their rails.
+        back_off: share of the way to a collision: where exactly it begins is within sampling's
+            error.
+    """
+
+    strict: float = 0.0045
+    deep: float = 0.75
+    wide: float = 0.6
+    hinge: float = float(np.pi / 2)
+    slide: float = 0.8
+    back_off: float = 0.93
+
+
+RANGES = RangeThresholds()
 
 
 @dataclass(frozen=True)
@@ -90,12 +109,12 @@ class Surroundings:
     ) -> tuple[float, Crossing]:
         """How far towards `end` (signed) the check would let the part go, and what stops it."""
         limit = THRESHOLDS.penetration_share, THRESHOLDS.penetration_area
-        rule = Rule(DEEP * limit[0] * self.paths.diagonal, WIDE * limit[1])
+        rule = Rule(RANGES.deep * limit[0] * self.paths.diagonal, RANGES.wide * limit[1])
         free, found = self.paths.free_range(motion, axis, origin, end, rule)
         if free != 0.0:  # few samples and, between coincident surfaces, rounding err: ask twice
             free, second = self.again().free_range(motion, axis, origin + self.shift, free, rule)
             found = second if found.value is None else found
-        return free if found.value is None else BACK_OFF * free, found
+        return free if found.value is None else RANGES.back_off * free, found
 
 
 @dataclass(frozen=True)
@@ -103,7 +122,7 @@ class Travel:
     """How far a part goes in one direction (all >= 0, rad or mesh unit).
 
     Attributes:
-        strict: to the first crossing deeper than STRICT.
+        strict: to the first crossing deeper than RANGES.strict.
         contact: until contact is lost (infinite for revolute joints).
         values, depth, blocked: (n,) the curve, for the report.
     """
@@ -124,13 +143,13 @@ def travel(
     slide = motion == "prismatic"
     found = scene.sweep(motion, axis, origin, values, contact=slide)
     step = abs(end) / steps
-    bad = np.flatnonzero(found.depth > STRICT * scene.diagonal)
+    bad = np.flatnonzero(found.depth > RANGES.strict * scene.diagonal)
     strict = abs(end) if not len(bad) else step * int(bad[0])
     if len(bad):  # depth grows steadily with motion: find where it crosses within the step
         k = int(bad[0])
         before = found.depth[k - 1] if k else 0.0
         rise = max(found.depth[k] - before, 1e-12)
-        strict += step * max(0.0, (STRICT * scene.diagonal - before) / rise)
+        strict += step * max(0.0, (RANGES.strict * scene.diagonal - before) / rise)
     lost = np.inf
     if slide and len(found.contact) and scene.rest_gap < 0.02 * scene.diagonal:
         gone = np.flatnonzero(found.gap > scene.rest_gap + 0.015 * scene.diagonal)
@@ -199,7 +218,7 @@ def _open_way(
     """Range towards the opening side, and back where rest is not the closed pose."""
     slide, scene = motion == "prismatic", around.scene
     extent = float(np.ptp(scene.points @ unit(axis))) if slide else 1.0
-    cap, back = (SLIDE_CAP * extent if slide else HINGE_CAP), 0.0
+    cap, back = (RANGES.slide * extent if slide else RANGES.hinge), 0.0
     if usual is not None:
         plain = (0.4, 1.1) if slide else (1.2, 2.2)  # what drawers and doors do: keep to the rule
         if not (keep_plain and plain[0] < usual.open < plain[1]):

@@ -21,8 +21,22 @@ from mam_pipeline.geometry.sweep import Motion, SweepScene, motion_points
 from mam_pipeline.types import FloatArray
 
 Method = Literal["lm", "nelder-mead"]
-CONTACTS = 150  # contact points used by the loss
-EVALUATIONS = 120  # budget of the optimiser
+
+
+@dataclass(frozen=True)
+class OptimiserSettings:
+    """What the paper's optimisation spends.
+
+    Attributes:
+        contacts: contact points used by the loss.
+        evaluations: evaluations of the loss.
+    """
+
+    contacts: int = 150
+    evaluations: int = 120
+
+
+OPTIMISER = OptimiserSettings()
 
 
 @dataclass(frozen=True)
@@ -106,13 +120,15 @@ def minimise(
 
     before = float((fun(start) ** 2).mean())
     if method == "lm":
-        found = least_squares(fun, start, method="lm", max_nfev=EVALUATIONS, diff_step=1e-3)
+        found = least_squares(
+            fun, start, method="lm", max_nfev=OPTIMISER.evaluations, diff_step=1e-3
+        )
         x, after = found.x, float((found.fun**2).mean())
     else:
         simplex = np.vstack([start, start + 0.03 * np.eye(len(start))])
         result = minimize(
             lambda x: float((fun(x) ** 2).mean()), start, method="Nelder-Mead",
-            options={"maxfev": EVALUATIONS, "initial_simplex": simplex, "xatol": 1e-4},
+            options={"maxfev": OPTIMISER.evaluations, "initial_simplex": simplex, "xatol": 1e-4},
         )  # fmt: skip
         x, after = result.x, float(result.fun)
     new_axis, new_origin = unpack(frame, origin, x)
@@ -130,7 +146,7 @@ def refine(
             motion opens. contact: (n, 3) S_contact, asset frame (default: the scene's).
     """
     points = scene.contact().points if contact is None else contact
-    points = points[thin_out(len(points), CONTACTS)]
+    points = points[thin_out(len(points), OPTIMISER.contacts)]
     if len(points) < 3:
         return Refinement(axis, origin, False, 0.0, 0.0, (), "no contact")
     center, d = scene.center, scene.diagonal

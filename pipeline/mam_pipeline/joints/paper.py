@@ -17,12 +17,29 @@ from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import sample_surface, thin_out, unit
 from mam_pipeline.types import FloatArray, IntArray, JointSubtype, Mesh
 
-TAU = 0.01  # contact threshold tau, eq. 2
-DELTA = 0.005  # RANSAC inlier threshold delta, eq. 4
-EPSILON = 0.005  # penetration threshold epsilon_c, eq. 7
-OMEGA = 20.0  # weight of derailment against collision, eq. 6
-STEPS = 10  # |D|: half of them forward, half backward
-REACH = 0.15  # largest |d| of the trial slides, metres; the same steps D for every candidate
+
+@dataclass(frozen=True)
+class PaperConstants:
+    """The paper's constants, lengths in metres.
+
+    Attributes:
+        tau: contact threshold, eq. 2.
+        delta: RANSAC inlier threshold, eq. 4.
+        epsilon: penetration threshold, eq. 7.
+        omega: weight of derailment against collision, eq. 6.
+        steps: trial slides, half of them forward, half backward.
+        reach: largest trial slide; the same steps for every candidate.
+    """
+
+    tau: float = 0.01
+    delta: float = 0.005
+    epsilon: float = 0.005
+    omega: float = 20.0
+    steps: int = 10
+    reach: float = 0.15
+
+
+PAPER = PaperConstants()
 
 
 @dataclass(frozen=True)
@@ -65,7 +82,7 @@ def paper_part(
     points = sample_surface(v, part, samples, seed).points
     scene = RayScene(v, parent)
     distance = scene.distance(points)
-    mask = distance < TAU
+    mask = distance < PAPER.tau
     adaptive = int(mask.sum()) < 8
     if adaptive:
         mask = distance < distance.min() + 0.003
@@ -103,7 +120,7 @@ def spin_line(
     n, b1, b2 = axes[2], axes[0], axes[1]
     mean = contact.mean(axis=0)
     p = np.stack([(contact - mean) @ b1, (contact - mean) @ b2], axis=1)  # eq. 3
-    center, radius, inliers = ransac_circle(p, DELTA, seed)
+    center, radius, inliers = ransac_circle(p, PAPER.delta, seed)
     evidence = {"circle_radius": radius, "circle_inliers": inliers / max(len(p), 1),
                 "flat": float(values[2] / max(values.sum(), 1e-12))}  # fmt: skip
     return n, mean + center[0] * b1 + center[1] * b2, evidence  # eq. 5
@@ -167,14 +184,14 @@ def slide_axis(part: PaperPart) -> tuple[FloatArray, dict[str, float]]:
     contact = part.contact[thin_out(len(part.contact), 200)]
     costs, terms = [], []
     for axis in candidates:
-        d = REACH * np.linspace(-1.0, 1.0, STEPS + 1)
+        d = PAPER.reach * np.linspace(-1.0, 1.0, PAPER.steps + 1)
         d = d[np.abs(d) > 1e-9]
         moved = points[None] + d[:, None, None] * axis
         near = part.parent.distance(moved.reshape(-1, 3))
-        collide = float((near < EPSILON).mean())  # eq. 7
+        collide = float((near < PAPER.epsilon).mean())  # eq. 7
         back = contact[None] - d[:, None, None] * axis  # |p - (x + d v)| = |(p - d v) - x|
         derail = float(part.part.distance(back.reshape(-1, 3)).mean())  # eq. 8
-        costs.append(collide + OMEGA * derail)  # eq. 6
+        costs.append(collide + PAPER.omega * derail)  # eq. 6
         terms.append((collide, derail))
     k = int(np.argmin(costs))
     evidence = {f"cost_{i}": float(c) for i, c in enumerate(costs)}

@@ -243,10 +243,17 @@ def softmax(scores: FloatArray, temperature: float = 1.0) -> FloatArray:
 
 
 def rank(
-    part: FloatArray, hypotheses: Sequence[Hypothesis], *, hand_scores: bool = False,
+    part: FloatArray,
+    hypotheses: Sequence[Hypothesis],
+    *,
+    hand_scores: bool = False,
     fused: bool = False,
 ) -> Ranking:
-    """Rank one part's hypotheses with the learned model (of skins), or with the rules if asked."""
+    """Rank one part's hypotheses with the learned model, or with hand-set scores if asked.
+
+    Args:
+        fused: by the boosters that know parts of fused meshes.
+    """
     lines = np.array([h.features for h in hypotheses if h.revolute]).reshape(-1, len(LINE_NAMES))
     ways = np.array([h.features for h in hypotheses if not h.revolute])
     ways = ways.reshape(-1, len(SLIDE_NAMES))
@@ -302,8 +309,20 @@ def _odds(booster: Any, row: FloatArray, temperature: float) -> float:
     return float(1.0 / (1.0 + np.exp(-margin / temperature)))
 
 
-NEAR = 0.05  # parallel lines closer than this (of the diagonal) are the same answer to the model
-ALIKE = 0.35  # share of the best line's probability that makes another one as good
+@dataclass(frozen=True)
+class LineThresholds:
+    """Which lines are nearly the same.
+
+    Attributes:
+        near: diagonals: parallel lines closer than this are the same answer to the model.
+        as_good: share of the best line's probability that makes another one as good.
+    """
+
+    near: float = 0.05
+    as_good: float = 0.35
+
+
+LINE = LineThresholds()
 
 
 def settle(hypotheses: Sequence[Hypothesis], p: FloatArray, diagonal: float) -> FloatArray:
@@ -324,8 +343,10 @@ def settle(hypotheses: Sequence[Hypothesis], p: FloatArray, diagonal: float) -> 
     for i, h in enumerate(hypotheses):
         offset = h.origin - top.origin
         offset = offset - (offset @ top.axis) * top.axis
-        near = abs(float(h.axis @ top.axis)) > 0.995 and np.linalg.norm(offset) < NEAR * diagonal
-        if h.spin != top.spin or not near or p[i] < ALIKE * p[best]:
+        near = (
+            abs(float(h.axis @ top.axis)) > 0.995 and np.linalg.norm(offset) < LINE.near * diagonal
+        )
+        if h.spin != top.spin or not near or p[i] < LINE.as_good * p[best]:
             continue
         f = h.features
         gap = float(f[names["line_part"]] + f[names["line_static"]])

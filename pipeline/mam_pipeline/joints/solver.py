@@ -100,9 +100,7 @@ class EmbeddedSolver:
         }
         confidence = node.confidence * found.sure
         chosen = found.chosen
-        return _joint(
-            node, index, chosen.axis, chosen.origin, found.limits, confidence, evidence
-        )
+        return _joint(node, index, chosen.axis, chosen.origin, found.limits, confidence, evidence)
 
 
 class PaperInitSolver(EmbeddedSolver):

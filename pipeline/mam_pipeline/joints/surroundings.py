@@ -6,6 +6,8 @@ openness), so they do not depend on the object's yaw or scale.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,8 +26,22 @@ SIBLING_NAMES = (
     "others", "alike", "beside_alike", "above_alike", "behind_alike", "overlap_alike",
     "mirror_gap", "covered", "mounted", "inside_other", "larger_others",
 )  # fmt: skip
-NEAR = 0.04  # a wall closer than this, in diagonals, may guide or cover
-TOUCH = 0.006
+
+
+@dataclass(frozen=True)
+class WallThresholds:
+    """What is near a part; diagonals.
+
+    Attributes:
+        near: a wall closer than this may guide or cover.
+        touch: closer than this is contact.
+    """
+
+    near: float = 0.04
+    touch: float = 0.006
+
+
+WALLS = WallThresholds()
 
 
 def surrounding_features(context: PartContext) -> FloatArray:
@@ -41,7 +57,7 @@ def surrounding_features(context: PartContext) -> FloatArray:
         clear, level = clear[[0, 1, 2, 3, 5, 4]], -level
         escape = escape[[0, 1, 2, 3, 5, 4]]
     rows = np.stack([
-        escape, (clear < TOUCH).mean(axis=1), (clear < NEAR).mean(axis=1),
+        escape, (clear < WALLS.touch).mean(axis=1), (clear < WALLS.near).mean(axis=1),
         np.minimum(np.quantile(np.minimum(clear, 1.0), 0.3, axis=1), 0.6),
     ], axis=1).reshape(-1)  # fmt: skip
     guides = _captured(context, clear, rise, level)
@@ -57,16 +73,16 @@ def _captured(
     local = context.scene.points - context.box.center
     up = local @ rise / context.half_along(rise)
     aside = local @ level / context.half_along(level)
-    groove = (clear[0] < NEAR) & (clear[1] < NEAR)
+    groove = (clear[0] < WALLS.near) & (clear[1] < WALLS.near)
 
     def share(mask: NDArray[np.bool_]) -> float:
         return float(groove[mask].mean()) if mask.any() else 0.0
 
     return np.array([
         groove.mean(), share(up > 0.85), share(up < -0.85), share(aside > 0.85),
-        share(aside < -0.85), ((clear[4] < 0.5 * NEAR) & (clear[5] < 0.5 * NEAR)).mean(),
-        ((clear[2] < 0.5 * NEAR) & (clear[3] < 0.5 * NEAR)).mean(),
-        ((clear[4] < NEAR) & (clear[5] < NEAR) & (clear[2] < NEAR) & (clear[3] < NEAR)).mean(),
+        share(aside < -0.85), (clear[4:6] < 0.5 * WALLS.near).all(axis=0).mean(),
+        (clear[2:4] < 0.5 * WALLS.near).all(axis=0).mean(),
+        (clear[2:6] < WALLS.near).all(axis=0).mean(),
     ])  # fmt: skip
 
 
@@ -84,7 +100,7 @@ def _shape_behind(context: PartContext, clear: FloatArray) -> FloatArray:
     seen = (~np.isfinite(clear)).any(axis=0).mean()
     return np.array([
         float(np.median(behind)), float((behind > 1.5 * along + 0.01).mean()),
-        float((behind < TOUCH).mean()), seen, *(below / width),
+        float((behind < WALLS.touch).mean()), seen, *(below / width),
     ])  # fmt: skip
 
 
@@ -130,7 +146,7 @@ def sibling_features(context: PartContext) -> FloatArray:
     behind = alike & (share[:, 1] > 0.8) & (share[:, 0] < 0.3) & (np.abs(offset[:, 2]) < 2.2)
     flat = share[:, 1] * share[:, 2]
     ahead = sign * offset[:, 0] * half[0] - size[:, 0] > 0.5 * half[0]
-    larger = (size[:, 1:].prod(axis=1) > 1.5 * half[1:].prod())
+    larger = size[:, 1:].prod(axis=1) > 1.5 * half[1:].prod()
     inside = (over > 1.6 * half).all(axis=1)
     near = np.abs(offset[beside, 2]).min(initial=4.0)
     return np.array([

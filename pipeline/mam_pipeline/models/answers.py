@@ -80,7 +80,7 @@ def _with_lines(
         lines = rank_hypotheses(
             mesh, np.flatnonzero(moving), np.flatnonzero(~moving), frame=frame, seed=seed,
             parent_faces=np.flatnonzero(face_node == node.parent), top=1000,
-            fused=primitives.one_skin,
+            fused=primitives.is_fused,
         )  # fmt: skip
         box = mesh.vertices[mesh.faces[face_node == i].reshape(-1)]
         ranked = weigh(lines, mounts[node.name], np.stack([box.min(axis=0), box.max(axis=0)]))

@@ -13,18 +13,36 @@ import numpy as np
 
 from mam_pipeline.parts import solid
 from mam_pipeline.parts.features import Table, table
-from mam_pipeline.parts.graph import TOUCH, Graph
+from mam_pipeline.parts.graph import CONTACT, Graph
 from mam_pipeline.parts.groups import Masks
 from mam_pipeline.parts.select import select_groups
 from mam_pipeline.types import FloatArray, IntArray
 
-THRESHOLDS = (0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85)
-SPREAD = (0.3, 0.5, 0.7)  # the sets of these thresholds are varied
-MOST = 90  # sets looked at
-FURTHER = 0.1  # worth of a further part, times the logarithm of their number
-LEADERS = 6  # candidates that are tried alone with all that is like them
-RIVALS = 3  # replacements tried for a chosen candidate
-NEWCOMERS = 6  # candidates tried as an addition to a set
+
+@dataclass(frozen=True)
+class SetSearch:
+    """How many sets of candidates are looked at.
+
+    Attributes:
+        further: worth of a further part, times the logarithm of their number.
+        leaders: candidates that are tried alone with all that is like them.
+        rivals: replacements tried for a chosen candidate.
+        newcomers: candidates tried as an addition to a set.
+        most: sets looked at.
+        thresholds: expected overlaps above which candidates form a set.
+        spread: the sets of these thresholds are varied.
+    """
+
+    further: float = 0.1
+    leaders: int = 6
+    rivals: int = 3
+    newcomers: int = 6
+    most: int = 90
+    thresholds: tuple[float, ...] = (0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85)
+    spread: tuple[float, ...] = (0.3, 0.5, 0.7)
+
+
+SETS = SetSearch()
 MEASURED = (
     "area", "solid", "revolve", "members", "thin", "hanging", "held", "see", "low", "move",
     "move_low", "inner_low", "cut_high", "weakest", "proud", "free_best", "near_thin_more",
@@ -58,19 +76,19 @@ def enumerate_sets(masks: Masks, groups: Table, value: FloatArray) -> Sets:
     def add(chosen: list[int]) -> None:
         row = np.zeros(count, dtype=bool)
         row[chosen] = True
-        if chosen and len(found) < MOST:
+        if chosen and len(found) < SETS.most:
             found.setdefault(np.packbits(row).tobytes(), row)
 
-    seeds = {t: select_groups(masks, value, t) for t in {*THRESHOLDS, *SPREAD}}
-    for t in THRESHOLDS:
+    seeds = {t: select_groups(masks, value, t) for t in {*SETS.thresholds, *SETS.spread}}
+    for t in SETS.thresholds:
         add(seeds[t])
     best = int(np.argmax(value))
     add([best])
     like = _alike(groups, 0.15) & ~clash
-    for c in np.argsort(-value, kind="stable")[:LEADERS]:
+    for c in np.argsort(-value, kind="stable")[: SETS.leaders]:
         add(_with_twins([int(c)], int(c), like, clash, value))
-    order = np.argsort(-value, kind="stable")[: 4 * NEWCOMERS]
-    for t in SPREAD:
+    order = np.argsort(-value, kind="stable")[: 4 * SETS.newcomers]
+    for t in SETS.spread:
         chosen = seeds[t] or [best]
         for c in chosen:
             add(_with_twins(chosen, c, like, clash, value))
@@ -90,7 +108,7 @@ def promise(sets: Table) -> FloatArray:
     """
     number, total = (sets.column(n).astype(np.float64) for n in ("number", "value_sum"))
     parts = np.maximum(number, max(total.max(initial=0.0), 1.0))
-    out: FloatArray = total / parts + FURTHER * np.log(number)
+    out: FloatArray = total / parts + SETS.further * np.log(number)
     return out
 
 
@@ -124,7 +142,7 @@ def _variants(
         rest = [k for k in chosen if k != c]
         out.append(rest)
         rivals = np.flatnonzero(clash[c] & (np.arange(len(masks)) != c))
-        for r in rivals[np.argsort(-value[rivals], kind="stable")][:RIVALS]:
+        for r in rivals[np.argsort(-value[rivals], kind="stable")][: SETS.rivals]:
             out.append([k for k in chosen if not clash[k, r]] + [int(r)])
     for i, a in enumerate(chosen):
         for b in chosen[i + 1 :]:
@@ -133,7 +151,7 @@ def _variants(
             if len(over):
                 c = int(over[np.argmax(value[over])])
                 out.append([k for k in chosen if not clash[k, c]] + [c])
-    new = [int(c) for c in order if c not in chosen][:NEWCOMERS]
+    new = [int(c) for c in order if c not in chosen][: SETS.newcomers]
     out += [[k for k in chosen if not clash[k, c]] + [c] for c in new]
     return out
 
@@ -213,7 +231,7 @@ def _between(
     i, j = graph.pairs[:, 0], graph.pairs[:, 1]
     size = len(used)
     bond: FloatArray = np.zeros((size, size))
-    close = graph.gap < TOUCH
+    close = graph.gap < CONTACT.touch
     shared = graph.touch[:, 0] * graph.area[i] + graph.touch[:, 1] * graph.area[j]
     a, b = m[:, i].astype(np.float32), m[:, j].astype(np.float32)
     one_way = (a * (shared * close)) @ b.T

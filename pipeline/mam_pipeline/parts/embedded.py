@@ -21,11 +21,11 @@ from mam_pipeline.parts.group_features import joined, measured, with_rivals
 from mam_pipeline.parts.groups import Masks, enumerate_groups, expand_groups
 from mam_pipeline.parts.joint_view import with_joints
 from mam_pipeline.parts.network import Reading, log_odds
+from mam_pipeline.parts.rules.bare_handles import with_boards
 from mam_pipeline.parts.rules.choice import lighter, nearest, with_sure, with_twins
 from mam_pipeline.parts.rules.extent import completed, without_spanning
-from mam_pipeline.parts.rules.pulls import with_boards
 from mam_pipeline.parts.scores import Kind, Scores, load_scores
-from mam_pipeline.parts.select import LEAST_BASE
+from mam_pipeline.parts.select import SELECTION
 from mam_pipeline.parts.settle import settled
 from mam_pipeline.parts.tree import SUBTYPES, Choice, build_tree, clear_from, named, with_base
 from mam_pipeline.prior.embedded import prior_of
@@ -34,13 +34,26 @@ from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import FloatArray, KinematicTree, Mesh, Primitives
 
-# the best candidate must reach this: whoever asks for an articulation mostly has something that
-# moves; the confidence of such a part stays low
-RESCUE = 0.2
-# an object is sampled so often, and the scores are averaged: between single samplings the mIoU of
-# 37 real objects differed by up to 0.05
-SAMPLINGS = 4
-SURE = 0.8  # confidence of a candidate that is taken even where the best set leaves it
+
+@dataclass(frozen=True)
+class ReasonerSettings:
+    """How the reasoner decides beside its learned scores.
+
+    Attributes:
+        rescue: expected overlap that the best candidate must reach; whoever asks for an
+            articulation mostly has something that moves, and the confidence of such a part stays
+            low.
+        samplings: how often an object is sampled; scores are averaged, since between single
+            samplings the mIoU of 37 real objects differed by up to 0.05.
+        sure: confidence of a candidate that is taken even where the best set leaves it.
+    """
+
+    rescue: float = 0.2
+    samplings: int = 4
+    sure: float = 0.8
+
+
+REASONER = ReasonerSettings()
 HINGE = SUBTYPES.index("hinge")
 
 
@@ -71,7 +84,7 @@ class EmbeddedReasoner:
         """Group the primitives into parts; a tree with only the base when nothing may move."""
         mesh, primitives = without_repeats(mesh, primitives)
         views = sampled_views(mesh, primitives, prior, seed, self.rules)
-        kind: Kind = "fused" if primitives.one_skin else "authored"
+        kind: Kind = "fused" if primitives.is_fused else "authored"
         masks, choice = decide(views, self.scores or load_scores(kind), self.rules)
         return tree_of(views[0].graph, masks, choice, mesh, primitives, seed, self.rules)
 
@@ -122,7 +135,7 @@ def sampled_views(
     first = build_graph(mesh, primitives, seed, known, rules)
     again = prior is not None and _alike(prior, prior_of(first.probe))
     views = [View(first, prior)]
-    for k in range(1, SAMPLINGS if primitives.count > 1 else 1):
+    for k in range(1, REASONER.samplings if primitives.count > 1 else 1):
         graph = build_graph(mesh, primitives, seed + k * SEED_STEP, rules=rules)
         views.append(View(graph, prior_of(graph.probe) if again else prior))
     return views
@@ -158,9 +171,7 @@ class Scored:
     least: float
 
 
-def decide(
-    views: Sequence[View], scores: Scores, rules: Rules = ALL_RULES
-) -> tuple[Masks, Choice]:
+def decide(views: Sequence[View], scores: Scores, rules: Rules = ALL_RULES) -> tuple[Masks, Choice]:
     """Candidates and what was chosen of them; every score is the mean over the views."""
     return chosen_parts(scored(views, scores), rules)
 
@@ -186,9 +197,9 @@ def scored(views: Sequence[View], scores: Scores) -> Scored:
         value = _mean([scores.value(t) for t in tables])
     value = _mean([scores.revise(with_rivals(t, masks, value)) for t in tables])
     odds = _mean([scores.subtype(t) for t in tables])
-    value = np.where(masks @ graph.area > 1.0 - LEAST_BASE, 0.0, value)  # something stays
+    value = np.where(masks @ graph.area > 1.0 - SELECTION.least_base, 0.0, value)  # something stays
     best: list[int] = []
-    if value.max() > RESCUE:
+    if value.max() > REASONER.rescue:
         sets = enumerate_sets(masks, tables[0], value)
         quality = _mean([
             scores.choose(set_features(v.graph, masks, t, value, odds, sets, r.same, r.move))
@@ -213,7 +224,7 @@ def chosen_parts(found: Scored, rules: Rules = ALL_RULES) -> tuple[Masks, Choice
     if rules.same_handle:
         chosen = with_twins(graph, masks, value, chosen)
     if rules.sure_joins:
-        sure = confidence >= max(SURE, found.least)
+        sure = confidence >= max(REASONER.sure, found.least)
         chosen = with_sure(graph, masks, value, sure, chosen)
     masks = masks.copy()
     parts = masks[chosen]

@@ -13,7 +13,7 @@ import numpy as np
 
 from mam_pipeline.backends import KinematicPrior
 from mam_pipeline.parts import solid
-from mam_pipeline.parts.graph import TOUCH, Graph
+from mam_pipeline.parts.graph import CONTACT, Graph
 from mam_pipeline.prior.probe import NEAR
 from mam_pipeline.types import FloatArray, IntArray
 
@@ -153,7 +153,7 @@ def primitive_features(graph: Graph, prior: KinematicPrior | None) -> Table:
     columns = shape_columns(graph, graph.area, graph.low, graph.high, graph.size, graph.axes, see)
     shares = normal_shares(graph)
     i, j = graph.pairs[:, 0], graph.pairs[:, 1]
-    touching = graph.gap < TOUCH
+    touching = graph.gap < CONTACT.touch
     degree = np.bincount(i[touching], minlength=p) + np.bincount(j[touching], minlength=p)
     held = np.bincount(i, graph.touch[:, 0], minlength=p) + np.bincount(
         j, graph.touch[:, 1], minlength=p

@@ -19,11 +19,25 @@ from mam_pipeline.parts.rules.handle_feet import Seams, Surface, disjoint, stand
 from mam_pipeline.parts.rules.sheets import sheets, through
 from mam_pipeline.prior.probe import Probe, probe
 from mam_pipeline.rules import ALL_RULES, Rules
-from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives, cut_from_one_skin
+from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives, fused_by_cuts
 
-REACH = 0.04  # pairs farther apart than this (share of the diagonal) are not neighbours
-TOUCH = 0.006  # nearer than this counts as contact
-NEAREST = 4  # every primitive gets at least this many neighbours
+
+@dataclass(frozen=True)
+class ContactThresholds:
+    """Which primitives are neighbours; lengths in bounding-box diagonals.
+
+    Attributes:
+        reach: pairs farther apart than this are no neighbours.
+        touch: nearer than this counts as contact.
+        nearest: neighbours that every primitive gets at least.
+    """
+
+    reach: float = 0.04
+    touch: float = 0.006
+    nearest: int = 4
+
+
+CONTACT = ContactThresholds()
 
 
 @dataclass(frozen=True)
@@ -36,12 +50,12 @@ class Graph:
         axes: (P, 3, 3) rows are the directions of a tight box, longest first; size: (P, 3) its
             extents in that order. revolve: (P,) 0..1 roundness about the tight box's best axis;
             spin_axis: (P, 3) that axis.
-        pairs: (E, 2) i < j. gap: (E,) smallest distance. touch: (E, 2) share of i's area within
-            TOUCH of j, and of j's of i. patch: (E, 3) extents of the contact region's box.
+        pairs: (E, 2) i < j. gap: (E,) smallest distance. touch: (E, 2) share of i's area in
+            contact with j, and of j's of i. patch: (E, 3) extents of the contact region's box.
         border: (E,) length of shared mesh edges; concave, convex: (E,) mean angle over it, rad.
         merges: (M, 2) the segmenter's own merge order, as in `Primitives`.
         rigid: (T, P) what moves as one, see `standing`, `Primitives.fronts`, `sheets`, `through`;
-            of skins only. fronts: (T,) which of it are fronts with handles, each a part of its own.
+            of fused meshes only. fronts: (T,) which of it are fronts with handles, each a part.
     """
 
     probe: Probe
@@ -69,9 +83,9 @@ class Graph:
         return len(self.area)
 
     @property
-    def one_skin(self) -> bool:
-        """See `cut_from_one_skin`."""
-        return cut_from_one_skin(self.merges, self.count)
+    def is_fused(self) -> bool:
+        """See `fused_by_cuts`."""
+        return fused_by_cuts(self.merges, self.count)
 
     @property
     def center(self) -> FloatArray:
@@ -120,7 +134,7 @@ def build_graph(
     surface = Surface(primitives.labels, middle, normals, areas)
     rigid: NDArray[np.bool_] | None = None
     fronts: NDArray[np.bool_] | None = None
-    if primitives.one_skin:
+    if primitives.is_fused:
         rigid, fronts = _rigid(sampled, primitives, seams, surface, low, high, rules)
     return Graph(
         sampled,
@@ -224,33 +238,36 @@ def _contacts(
     found, touch = np.full(len(i), np.inf), np.zeros((len(i), 2))
     patch_low, patch_high = np.full((len(i), 3), np.inf), np.full((len(i), 3), -np.inf)
     for k, faces in enumerate(groups):
-        box = np.all((sampled.points > low[k] - REACH) & (sampled.points < high[k] + REACH), axis=1)
+        box = np.all(
+            (sampled.points > low[k] - CONTACT.reach) & (sampled.points < high[k] + CONTACT.reach),
+            axis=1,
+        )
         rows = np.flatnonzero(box & near[k][sampled.owner])
         if len(rows) == 0 or len(faces) == 0:
             continue
         d = _distances(sampled.vertices, mesh.faces[faces], sampled.points[rows])
         edge = index[k, sampled.owner[rows]]
         np.minimum.at(found, edge, d)
-        close = d < TOUCH
+        close = d < CONTACT.touch
         side = (sampled.owner[rows] > k).astype(np.int64)  # the column of the sampled primitive
         np.add.at(touch, (edge[close], side[close]), sampled.weight[rows[close]])
         np.minimum.at(patch_low, edge[close], sampled.points[rows[close]])
         np.maximum.at(patch_high, edge[close], sampled.points[rows[close]])
-    gap = np.where(np.isfinite(found), found, np.maximum(distance[i, j], REACH))
+    gap = np.where(np.isfinite(found), found, np.maximum(distance[i, j], CONTACT.reach))
     touch /= np.maximum(sampled.area[pairs], 1e-12)
     patch = np.where(np.isfinite(patch_low), patch_high - patch_low, 0.0)
     return pairs, gap, touch, patch
 
 
 def _neighbours(low: FloatArray, high: FloatArray) -> tuple[NDArray[np.bool_], FloatArray]:
-    """(P, P) neighbours by box distance (within REACH, or among the nearest), and distances."""
+    """(P, P) neighbours by box distance (within reach, or among the nearest), and distances."""
     count = len(low)
     apart = np.maximum(low[:, None] - high[None], low[None] - high[:, None])
     distance = np.linalg.norm(np.maximum(apart, 0.0), axis=2)
     np.fill_diagonal(distance, np.inf)
-    near = distance < REACH
+    near = distance < CONTACT.reach
     if count > 1:
-        rank = np.argsort(distance, axis=1, kind="stable")[:, : min(NEAREST, count - 1)]
+        rank = np.argsort(distance, axis=1, kind="stable")[:, : min(CONTACT.nearest, count - 1)]
         near[np.repeat(np.arange(count), rank.shape[1]), rank.reshape(-1)] = True
     return near | near.T, distance
 

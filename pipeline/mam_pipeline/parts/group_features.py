@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mam_pipeline.backends import KinematicPrior
@@ -13,14 +15,27 @@ from mam_pipeline.parts.features import (
     shape_columns,
     table,
 )
-from mam_pipeline.parts.graph import TOUCH, Graph, roundness, tight_box
+from mam_pipeline.parts.graph import CONTACT, Graph, roundness, tight_box
 from mam_pipeline.parts.groups import Masks
 from mam_pipeline.parts.network import Reading
 from mam_pipeline.prior.probe import DIRECTIONS, NEAR
 from mam_pipeline.types import FloatArray
 
-SWING = 0.35  # rad: a hinge that does not turn so far is none
-PROUD = 0.008  # what stands out farther than this before a face is a handle, knob or trim
+
+@dataclass(frozen=True)
+class GroupThresholds:
+    """What is counted of a candidate part.
+
+    Attributes:
+        swing: radians: a hinge that does not turn so far is none.
+        proud: diagonals: what stands out farther than this before a face is a handle, knob or trim.
+    """
+
+    swing: float = 0.35
+    proud: float = 0.008
+
+
+GROUP = GroupThresholds()
 
 
 def group_features(
@@ -148,7 +163,7 @@ def _surroundings(
     shared = graph.touch[:, 0] * graph.area[i] + graph.touch[:, 1] * graph.area[j]
     area = masks @ graph.area
     touching = np.zeros((p, p), dtype=np.float32)
-    close = graph.gap < TOUCH
+    close = graph.gap < CONTACT.touch
     touching[i[close], j[close]] = touching[j[close], i[close]] = 1.0
     to_group = masks.astype(np.float32) @ touching
     to_rest = (~masks).astype(np.float32) @ touching
@@ -203,8 +218,8 @@ def _handles(
         order = np.argsort(depth)
         cumulative = np.cumsum(weight[order])
         plane = depth[order[np.searchsorted(cumulative, 0.5 * cumulative[-1])]]
-        proud = depth > plane + PROUD
-        out["face_flat"][c] = weight[np.abs(depth - plane) < PROUD / 2].sum() / cumulative[-1]
+        proud = depth > plane + GROUP.proud
+        out["face_flat"][c] = weight[np.abs(depth - plane) < GROUP.proud / 2].sum() / cumulative[-1]
         out["proud"][c] = weight[proud].sum() / cumulative[-1]
         if not proud.any():
             continue
@@ -278,7 +293,7 @@ def _swings(
     """How freely a group could swing about the edges of its box, and what holds it there.
 
     Free: the share of the surface whose way ahead, along the main direction of its first motion, is
-    longer than a turn by SWING needs. Held: the share of the edge along which the group is near
+    longer than the least swing needs. Held: the share of the edge along which the group is near
     the rest. Axes are told apart by the box's longest, middle and shortest direction.
 
     Args:
@@ -300,7 +315,7 @@ def _swings(
     motion = np.cross(edge[:, None], arm)  # (12, n, 3)
     main = np.argmax(np.abs(motion), axis=2)
     lever = np.take_along_axis(motion, main[:, :, None], axis=2)[:, :, 0]
-    need = np.abs(lever) * SWING
+    need = np.abs(lever) * GROUP.swing
     row = np.arange(len(x))[None]
     there = ahead[row, 2 * main + (lever < 0)] > need
     back = ahead[row, 2 * main + (lever >= 0)] > need
@@ -322,7 +337,7 @@ def _swings(
 
 
 def with_rivals(groups: Table, masks: Masks, value: FloatArray) -> Table:
-    """The features with what a first look (`value`, (C,)) says of rivals, twins and the rest."""
+    """The features with what a first answer (`value`, (C,)) says of rivals, twins and the rest."""
     share = masks.astype(np.float32) @ masks.T.astype(np.float32)
     size = masks.sum(axis=1).astype(np.float32)
     rival = share > 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -12,11 +13,35 @@ from mam_pipeline.parts.graph import Graph
 from mam_pipeline.types import FloatArray, IntArray
 
 Masks = NDArray[np.bool_]
-LIMIT = 150  # candidates that are looked at closely
-BEST, STEPS, FRESH = 12, 4, 90  # groups varied, primitives tried on each, new groups in all
-BESIDE, FILLS = 0.2, 0.5  # of a front: its box reaches no further beside it, and fills this much
-BEHIND = 0.1  # diagonals: its box is no further from it
-SMALL = 8  # up to this many primitives every connected group is tried
+
+
+@dataclass(frozen=True)
+class GroupSearch:
+    """How many candidate parts are looked at, and what belongs to a front; shares of the front's
+    extent unless said otherwise.
+
+    Attributes:
+        limit: candidates that are looked at closely.
+        best: best candidates that are varied.
+        steps: primitives tried on each of these.
+        fresh: new candidates in all.
+        beside: how far the box behind a front may reach beside it.
+        fills: share of the front that this box fills at least.
+        behind: diagonals between the front and this box, at most.
+        small: up to this many primitives every connected group is tried.
+    """
+
+    limit: int = 150
+    best: int = 12
+    steps: int = 4
+    fresh: int = 90
+    beside: float = 0.2
+    fills: float = 0.5
+    behind: float = 0.1
+    small: int = 8
+
+
+SEARCH = GroupSearch()
 
 
 def enumerate_groups(graph: Graph, same: FloatArray, move: FloatArray) -> Masks:
@@ -45,12 +70,12 @@ def enumerate_groups(graph: Graph, same: FloatArray, move: FloatArray) -> Masks:
             add(mask)
     for mask in segmenter_groups(graph):
         add(mask)
-    if count <= SMALL:
+    if count <= SEARCH.small:
         for mask in _connected(graph):
             add(mask)
     masks: Masks = np.array(list(found.values()), dtype=bool).reshape(-1, count)
-    if len(masks) > LIMIT:
-        keep = np.argsort(-plausibility(graph, masks, same, move), kind="stable")[:LIMIT]
+    if len(masks) > SEARCH.limit:
+        keep = np.argsort(-plausibility(graph, masks, same, move), kind="stable")[: SEARCH.limit]
         masks = masks[np.sort(keep)]
     return masks
 
@@ -59,7 +84,7 @@ def expand_groups(graph: Graph, masks: Masks, value: FloatArray, same: FloatArra
     """(D, P) new groups beside the best ones: one primitive more, one fewer, or two groups joined.
 
     Args:
-        masks: (C, P). value: (C,) what a first look says of them. same: (E,) as above.
+        masks: (C, P). value: (C,) what a first answer says of them. same: (E,) as above.
     """
     known = {np.packbits(m).tobytes() for m in masks}
     fresh: dict[bytes, NDArray[np.bool_]] = {}
@@ -71,25 +96,25 @@ def expand_groups(graph: Graph, masks: Masks, value: FloatArray, same: FloatArra
             fresh.setdefault(key, mask)
 
     i, j = graph.pairs[:, 0], graph.pairs[:, 1]
-    best = [int(c) for c in np.argsort(-value, kind="stable")[:BEST]]
+    best = [int(c) for c in np.argsort(-value, kind="stable")[: SEARCH.best]]
     for rank, c in enumerate(best):
         mask = masks[c]
         bond = np.zeros(graph.count)
         np.maximum.at(bond, i, np.where(mask[j], same, 0.0))
         np.maximum.at(bond, j, np.where(mask[i], same, 0.0))
         outside = np.where(mask, -1.0, bond)
-        for p in np.argsort(-outside, kind="stable")[:STEPS]:
+        for p in np.argsort(-outside, kind="stable")[: SEARCH.steps]:
             if outside[p] > 0.05:
                 add(mask | (np.arange(graph.count) == p))
         if mask.sum() > 1:
             inside = np.where(mask, bond, 2.0)
-            for p in np.argsort(inside, kind="stable")[: min(STEPS, int(mask.sum()))]:
+            for p in np.argsort(inside, kind="stable")[: min(SEARCH.steps, int(mask.sum()))]:
                 add(mask & (np.arange(graph.count) != p))
         for d in best[:rank]:
             across = (mask[i] & masks[d][j]) | (mask[j] & masks[d][i])
             if not (mask & masks[d]).any() and (across * same).max(initial=0.0) > 0.15:
                 add(mask | masks[d])
-    new = list(fresh.values())[:FRESH]
+    new = list(fresh.values())[: SEARCH.fresh]
     return np.array(new, dtype=bool).reshape(-1, graph.count)
 
 
@@ -115,12 +140,14 @@ def _boxed(graph: Graph, body: NDArray[np.bool_], low: FloatArray, high: FloatAr
     across = [1 - thin, 2]
     start, end = graph.low[front, across], graph.high[front, across]
     span = end - start
-    inside = (low[across] > start - BESIDE * span) & (high[across] < end + BESIDE * span)
-    if not inside.all() or (high[across] - low[across] < FILLS * span).any():
+    inside = (low[across] > start - SEARCH.beside * span) & (
+        high[across] < end + SEARCH.beside * span
+    )
+    if not inside.all() or (high[across] - low[across] < SEARCH.fills * span).any():
         return False
     gap = max(low[thin] - graph.high[front, thin], graph.low[front, thin] - high[thin])
     deep = high[thin] - low[thin] > graph.high[front, thin] - graph.low[front, thin]
-    return bool(deep and -BEHIND < gap < BEHIND)
+    return bool(deep and -SEARCH.behind < gap < SEARCH.behind)
 
 
 def plausibility(graph: Graph, masks: Masks, same: FloatArray, move: FloatArray) -> FloatArray:

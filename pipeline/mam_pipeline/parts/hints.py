@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,19 @@ from mam_pipeline.types import (
     Primitives,
 )
 
-INSIDE = 0.6  # share of a primitive's area that must lie in a hint's box
+
+@dataclass(frozen=True)
+class HintThresholds:
+    """How a hint's box finds primitives.
+
+    Attributes:
+        inside: share of a primitive's area that must lie in the box.
+    """
+
+    inside: float = 0.6
+
+
+HINTS = HintThresholds()
 
 
 def apply_hints(
@@ -102,11 +114,11 @@ def part_primitives(part: HintPart, primitives: Primitives, mesh: Mesh) -> IntAr
 
 
 def _mostly(inside: np.ndarray, primitives: Primitives, mesh: Mesh) -> IntArray:
-    """Primitives of whose area at least INSIDE is marked."""
+    """Primitives of whose area at least HINTS.inside is marked."""
     areas = face_geometry(mesh.vertices, mesh.faces)[1] + 1e-15
     total = np.bincount(primitives.labels, areas, minlength=primitives.count)
     part = np.bincount(primitives.labels, areas * inside, minlength=primitives.count)
-    return np.flatnonzero((part >= INSIDE * total) & (total > 0)).astype(np.int64)
+    return np.flatnonzero((part >= HINTS.inside * total) & (total > 0)).astype(np.int64)
 
 
 def _corners(box: HintBox) -> tuple[FloatArray, FloatArray]:

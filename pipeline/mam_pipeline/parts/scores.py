@@ -71,7 +71,7 @@ class RuleScores:
         return rules.part_value(groups)
 
     def revise(self, groups: Table) -> FloatArray:
-        """Rules do not look at rivals."""
+        """Rules know no rivals."""
         return groups.column("value").astype(np.float64)
 
     def subtype(self, groups: Table) -> FloatArray:
@@ -152,7 +152,7 @@ def load_scores(kind: Kind = "authored") -> Scores:
     """The learned scores of this package, or the rules when it was built without weights.
 
     Args:
-        kind: "authored" for meshes of separate pieces, "fused" for one skin (`Graph.one_skin`).
+        kind: "authored" for meshes of separate pieces, "fused" for one surface (`Graph.is_fused`).
     """
     folder = _folder(kind)
     file = folder / "settings.json"

@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mam_pipeline.parts.groups import Masks
 from mam_pipeline.types import FloatArray
 
-EVEN = 5e-3  # added to extents (of the diagonal) before they are compared
-# share of the surface that stays in the base at least: a chandelier's 0.04 is the least of 111 real
-# objects, 0.10 of 1 200 generated ones
-LEAST_BASE = 0.03
+
+@dataclass(frozen=True)
+class SelectionLimits:
+    """What every choice of parts keeps to.
+
+    Attributes:
+        even: diagonals added to extents before they are compared.
+        least_base: share of the surface that stays in the base at least; a chandelier's 0.04 is the
+            least of 111 real objects.
+    """
+
+    even: float = 5e-3
+    least_base: float = 0.03
+
+
+SELECTION = SelectionLimits()
 
 
 def select_groups(masks: Masks, value: FloatArray, threshold: float, sweeps: int = 3) -> list[int]:

@@ -8,17 +8,30 @@ be clear to move by itself, goes with what it hangs on (`rules.fittings`).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from mam_pipeline.joints.estimate import Estimate, JointEstimator, topological_order
 from mam_pipeline.joints.limits import Surroundings
-from mam_pipeline.parts.rules.blockers import STUCK, take_along
+from mam_pipeline.parts.rules.blockers import BLOCKER, take_along
 from mam_pipeline.parts.rules.fittings import carried
 from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.types import KinematicTree, Mesh, Primitives
 
-TRIES = 3  # pieces in a part's way may hide others
-FREER = 1.2  # times the share of its way: as much freer a part runs with what goes along
+
+@dataclass(frozen=True)
+class SettleLimits:
+    """How the parts that are stuck are freed.
+
+    Attributes:
+        tries: rounds: pieces in a part's way may hide others.
+        freer: times the share of its way that a part must go with what goes along.
+    """
+
+    tries: int = 3
+    freer: float = 1.2
+
+
+SETTLE = SettleLimits()
 
 
 def settled(
@@ -52,15 +65,15 @@ def _freed(
     estimator: JointEstimator, tree: KinematicTree, index: int, found: Estimate | None
 ) -> tuple[KinematicTree, Estimate | None]:
     """The tree in which what stops a part goes along with it, as long as that frees it."""
-    for _ in range(TRIES):
-        if found is None or found.share >= STUCK:
+    for _ in range(SETTLE.tries):
+        if found is None or found.share >= BLOCKER.stuck:
             break
         faces = estimator.faces(tree, index)
         around = Surroundings.of(estimator.mesh, faces.moving, faces.static, estimator.seed)
         labels = estimator.primitives.labels
         freed = take_along(estimator.mesh, labels, tree, index, found, around)
         again = None if freed is None else estimator.estimate(freed, index)
-        if freed is None or again is None or again.share < FREER * found.share:
+        if freed is None or again is None or again.share < SETTLE.freer * found.share:
             break
         tree, found = freed, again
     return tree, found

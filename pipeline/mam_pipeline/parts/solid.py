@@ -1,4 +1,4 @@
-"""What lies between the primitives of one closed skin: material or air.
+"""What lies between the primitives of one closed surface: material or air.
 
 On a generated or scanned mesh a ray that leaves a face inwards runs through material until it
 comes out at another: the two sides of a door are one body, however far apart on the surface. What
@@ -9,6 +9,7 @@ this is measured there.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,9 +18,22 @@ from mam_pipeline.parts.groups import Masks
 from mam_pipeline.prior.probe import DIRECTIONS, NEAR, Probe
 from mam_pipeline.types import FloatArray, IntArray
 
-THIN = 0.015  # of the diagonal: what is thinner is a sheet
-REACHES = (("", np.inf), ("_near", NEAR), ("_thin", THIN))
-STEEP = 0.6  # cosine between a ray and a normal from which the way along the normal is known
+
+@dataclass(frozen=True)
+class MediumThresholds:
+    """How rays tell what lies between the primitives of a closed surface.
+
+    Attributes:
+        thin: diagonals: what is thinner is a sheet.
+        steep: cosine between a ray and a normal from which the way along the normal is known.
+    """
+
+    thin: float = 0.015
+    steep: float = 0.6
+
+
+MEDIUM = MediumThresholds()
+REACHES = (("", np.inf), ("_near", NEAR), ("_thin", MEDIUM.thin))
 
 
 def primitive_columns(graph: Graph) -> dict[str, np.ndarray]:
@@ -73,7 +87,7 @@ def between_columns(graph: Graph, masks: Masks, chosen: np.ndarray) -> dict[str,
 
 def _shares(graph: Graph) -> Iterator[tuple[str, FloatArray]]:
     """(P, P) share of i's area that has j behind material, or behind air, within each reach."""
-    if not graph.one_skin:
+    if not graph.is_fused:
         return
     probe, count = graph.probe, graph.count
     ray = probe.hit_sample * len(DIRECTIONS) + probe.hit_direction
@@ -84,7 +98,7 @@ def _shares(graph: Graph) -> Iterator[tuple[str, FloatArray]]:
     distance = probe.hit_distance[first] * np.abs(slope)
     pair = probe.owner[sample] * count + probe.hit_owner[first]
     weight = probe.weight[sample] / np.maximum(probe.area, 1e-12)[probe.owner[sample]]
-    for medium, there in (("material", slope < -STEEP), ("air", slope > STEEP)):
+    for medium, there in (("material", slope < -MEDIUM.steep), ("air", slope > MEDIUM.steep)):
         for tag, reach in REACHES:
             keep = there & (distance < reach)
             share = np.bincount(pair[keep], weight[keep], minlength=count * count)
@@ -95,6 +109,6 @@ def _winding(probe: Probe) -> float:
     """1 if the normals point outwards, which is where rays escape; -1 if inwards."""
     slope = probe.normals @ DIRECTIONS.T
     free = probe.escapes()
-    outwards = probe.weight @ (free & (slope > STEEP)).sum(axis=1)
-    inwards = probe.weight @ (free & (slope < -STEEP)).sum(axis=1)
+    outwards = probe.weight @ (free & (slope > MEDIUM.steep)).sum(axis=1)
+    inwards = probe.weight @ (free & (slope < -MEDIUM.steep)).sum(axis=1)
     return 1.0 if outwards >= inwards else -1.0

@@ -6,16 +6,35 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mam_pipeline.parts.graph import REACH, Graph, tight_box
+from mam_pipeline.parts.graph import CONTACT, Graph, tight_box
 from mam_pipeline.parts.groups import Masks
-from mam_pipeline.parts.rules.fittings import FITTING, UNCLEAR, is_minor, moves_if_above
-from mam_pipeline.parts.select import EVEN, LEAST_BASE
+from mam_pipeline.parts.rules.fittings import FITTINGS, is_minor, moves_if_above
+from mam_pipeline.parts.select import SELECTION
 from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.types import FloatArray, JointSubtype, KinematicTree, PartNode
 
 SUBTYPES: tuple[JointSubtype, ...] = ("hinge", "spin", "slide")
-TWINS = 0.2  # how far the logarithms of the extents of two doors may differ
-ALIKE = 0.8  # share of the largest surface from which parts count as equal
+
+
+@dataclass(frozen=True)
+class TreeThresholds:
+    """Parents and kinds of parts.
+
+    Attributes:
+        twins: how far the logarithms of the extents of two doors may differ.
+        equal_area: share of the largest surface from which parts count as equal.
+        bulk: share of a part's area that its largest primitives, its body, have; the others are its
+            fittings.
+        level: cosine between the upward direction and the thin side of what lies.
+    """
+
+    twins: float = 0.2
+    equal_area: float = 0.8
+    bulk: float = 0.7
+    level: float = 0.7
+
+
+TREE = TreeThresholds()
 
 
 @dataclass(frozen=True)
@@ -107,17 +126,21 @@ def left_out_note(tree: KinematicTree) -> str:
 
 
 def with_base(graph: Graph, masks: Masks, choice: Choice) -> tuple[Masks, Choice]:
-    """Something must stay: what it is where the parts leave less than LEAST_BASE.
+    """Something must stay: what it is where the parts leave less than SELECTION.least_base.
 
     Of parts that are alike each leaves its largest primitive, against which the rest of it moves;
     else the part with the most surface stays.
     """
     chosen = list(choice.chosen)
     left = graph.area[~masks[chosen].any(axis=0)].sum()
-    if not chosen or left >= LEAST_BASE:
+    if not chosen or left >= SELECTION.least_base:
         return masks, choice
     area = [float(graph.area[masks[c]].sum()) for c in chosen]
-    if len(chosen) > 1 and min(area) > ALIKE * max(area) and (masks[chosen].sum(axis=1) > 1).all():
+    if (
+        len(chosen) > 1
+        and min(area) > TREE.equal_area * max(area)
+        and (masks[chosen].sum(axis=1) > 1).all()
+    ):
         masks = masks.copy()
         for c in chosen:
             masks[c, np.argmax(np.where(masks[c], graph.area, 0.0))] = False
@@ -133,7 +156,9 @@ def named(graph: Graph, tree: KinematicTree) -> KinematicTree:
     counts: dict[str, int] = {}
     for i, node in enumerate(tree.nodes[1:], start=1):
         kind = kinds[i]
-        if share[i] < FITTING and moves_if_above(node.subtype, kind, kinds[node.parent], share[i]):
+        if share[i] < FITTINGS.area and moves_if_above(
+            node.subtype, kind, kinds[node.parent], share[i]
+        ):
             kind = "knob" if node.subtype == "spin" else "lever"
         counts[kind] = counts.get(kind, -1) + 1
         nodes.append(replace(node, name=f"{kind}_{counts[kind]}", kind=kind))
@@ -146,8 +171,8 @@ def clear_from(graph: Graph, tree: KinematicTree, rules: Rules = ALL_RULES) -> d
     out = {}
     for i, node in enumerate(tree.nodes[1:], start=1):
         least = moves_if_above(node.subtype, kinds[i], kinds[node.parent], share[i], rules)
-        if rules.minor and is_minor(area[i], area[1:]) and not graph.one_skin:
-            least = max(least, UNCLEAR)
+        if rules.minor and is_minor(area[i], area[1:]) and not graph.is_fused:
+            least = max(least, FITTINGS.minor_above)
         if least:
             out[i] = least
     return out
@@ -188,8 +213,11 @@ def _parents(graph: Graph, parts: list[np.ndarray]) -> list[int]:
             np.minimum.at(nearest, label[b[cut]] + 1, graph.gap[cut])
         best, score = -1, shared[0]
         for m in range(len(parts)):
-            twins = np.abs(np.log((extent[m] + EVEN) / (extent[k] + EVEN))).max() < TWINS
-            if twins and nearest[0] < REACH:
+            twins = (
+                np.abs(np.log((extent[m] + SELECTION.even) / (extent[k] + SELECTION.even))).max()
+                < TREE.twins
+            )
+            if twins and nearest[0] < CONTACT.reach:
                 continue
             closer = nearest[m + 1] < 0.5 * nearest[0] if shared[0] == 0 else False
             if size[m] > size[k] and (
@@ -200,21 +228,15 @@ def _parents(graph: Graph, parts: list[np.ndarray]) -> list[int]:
     return out
 
 
-BULK = 0.7
-"""The largest primitives with this share of a part's area are its body, the others its fittings."""
-LEVEL = 0.7
-"""Cosine between the upward direction and the thin side of what lies."""
-
-
 def part_kind(graph: Graph, mask: np.ndarray, subtype: JointSubtype) -> str:
     """A free word for a part's shape: it names links and helps grasps and reports."""
     extent = graph.high[mask].max(axis=0) - graph.low[mask].min(axis=0)
     top = graph.high[:, 2].max()
     level = int(np.argmin(extent)) == 2
     if subtype == "hinge":  # a handle makes no door less flat, nor does a door that stands ajar
-        body = graph.bulk(mask, BULK)
+        body = graph.bulk(mask, TREE.bulk)
         axes, extent = tight_box(graph.probe.points[body[graph.probe.owner]])
-        level = abs(float(axes[2, 2])) > LEVEL
+        level = abs(float(axes[2, 2])) > TREE.level
     low = graph.low[mask].min(axis=0)
     order = np.sort(extent)
     if subtype == "spin":

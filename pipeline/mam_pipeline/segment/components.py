@@ -7,6 +7,8 @@ and inner walls; so shells are joined over clean edges and open fragments re-joi
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
@@ -15,9 +17,24 @@ from scipy.spatial import cKDTree
 from mam_pipeline.segment.topology import Topology, groups
 from mam_pipeline.types import FloatArray, IntArray
 
-REJOIN_SHARE = 0.4  # of the smaller fragment's faces lie on edges shared with the larger
-SAME_BOX = 0.005  # of the diagonal: how far corners of two shells' boxes may differ
-SPECK = 0.025  # of the diagonal: smaller pieces are nobody's part on their own
+
+@dataclass(frozen=True)
+class PieceThresholds:
+    """When fragments of an authored mesh are one piece; lengths in bounding-box diagonals.
+
+    Attributes:
+        rejoin_share: share of the smaller fragment's faces that lie on edges shared with the
+            larger, at least.
+        same_box: how far the corners of two shells' boxes may differ.
+        speck: box diagonal below which a piece is nobody's part on its own.
+    """
+
+    rejoin_share: float = 0.4
+    same_box: float = 0.005
+    speck: float = 0.025
+
+
+PIECES = PieceThresholds()
 
 
 def components(topo: Topology, frame: FloatArray) -> IntArray:
@@ -35,14 +52,14 @@ def components(topo: Topology, frame: FloatArray) -> IntArray:
 
 
 def specks(topo: Topology, label: IntArray, area: float = 0.0) -> NDArray[np.bool_]:
-    """(F,) the faces of pieces with a box diagonal below SPECK; none if there is nothing else.
+    """(F,) the faces of pieces with too small a box diagonal; none if there is nothing else.
 
     Args:
         area: pieces with less than this share of all area are specks too.
     """
     low, high = boxes(topo.points, topo, label)
     own = np.bincount(label[label >= 0], weights=topo.areas[label >= 0])
-    small = (np.linalg.norm(high - low, axis=1) < SPECK) | (own < area * topo.areas.sum())
+    small = (np.linalg.norm(high - low, axis=1) < PIECES.speck) | (own < area * topo.areas.sum())
     if small.all():
         return np.zeros(len(label), dtype=bool)
     return np.asarray((label >= 0) & small[label])
@@ -142,7 +159,7 @@ def _rejoin_open(topo: Topology, label: IntArray) -> IntArray:
     swap = size[pairs[:, 0]] > size[pairs[:, 1]]
     small, large = np.where(swap[:, None], pairs[:, ::-1], pairs).T
     share = faces_on_rim / size[small]
-    good = share >= REJOIN_SHARE
+    good = share >= PIECES.rejoin_share
     small, large, share = small[good], large[good], share[good]
     # each goes to its one best partner only: a scrap between two bodies must not weld them
     order = np.lexsort((large, -size[large], -share, small))
@@ -153,10 +170,10 @@ def _rejoin_open(topo: Topology, label: IntArray) -> IntArray:
 
 
 def _unite_same_box(topo: Topology, label: IntArray, frame: FloatArray) -> IntArray:
-    """Unite shells that fill the same box: inner and outer skins, caps with their tube."""
+    """Unite shells that fill the same box: inner and outer shells, caps with their tube."""
     low, high = boxes(topo.points @ frame.T, topo, label)
     extent = np.linalg.norm(high - low, axis=1)
-    pairs = cKDTree(np.hstack([low, high])).query_pairs(SAME_BOX, output_type="ndarray")
+    pairs = cKDTree(np.hstack([low, high])).query_pairs(PIECES.same_box, output_type="ndarray")
     if not len(pairs):
         return label
     corners = np.hstack([low, high])

@@ -16,10 +16,25 @@ import numpy as np
 from mam_pipeline.segment.topology import Topology
 from mam_pipeline.types import FloatArray, IntArray
 
-SCALE = 5e-6  # graph segmentation: how readily faces join, times the total area
-SMALLEST = 5e-6  # of the total area: superfaces below it join a neighbour
-CONVEX = 0.15  # weight of a convex crease against a concave one
-AREA_POWER = 0.45  # how much the smaller side's area counts for a merge
+
+@dataclass(frozen=True)
+class MergeWeights:
+    """How faces of a fused mesh join into primitives.
+
+    Attributes:
+        scale: how readily faces join in the graph segmentation, times the total area.
+        smallest: share of the total area: superfaces below it join a neighbour.
+        convex: weight of a convex crease against a concave one.
+        area_power: how much the smaller side's area counts for a merge.
+    """
+
+    scale: float = 5e-6
+    smallest: float = 5e-6
+    convex: float = 0.15
+    area_power: float = 0.45
+
+
+MERGES = MergeWeights()
 
 
 @dataclass(frozen=True)
@@ -58,9 +73,9 @@ def hierarchy(topo: Topology, chosen: IntArray) -> Hierarchy:
     centres = topo.points[topo.faces[chosen]].mean(axis=1)
     angle, concave = _angles(normals, centres, pairs)
     order = np.argsort(angle, kind="stable")
-    super_ = _superfaces(pairs[order], angle[order], share, SCALE, SMALLEST)
+    super_ = _superfaces(pairs[order], angle[order], share, MERGES.scale, MERGES.smallest)
     super_ = np.unique(super_, return_inverse=True)[1].astype(np.int64)
-    weight = length * np.where(concave, angle, CONVEX * angle)
+    weight = length * np.where(concave, angle, MERGES.convex * angle)
     merges, costs, area = _merge(super_, pairs, length, weight, share)
     leaf = np.full(len(topo.faces), -1, dtype=np.int64)
     leaf[chosen] = super_
@@ -155,7 +170,7 @@ def _merge(
 
     def cost(a: int, b: int) -> float:
         s, h = near[a][b]
-        return h / max(s, 1e-30) * min(area[a], area[b]) ** AREA_POWER
+        return h / max(s, 1e-30) * min(area[a], area[b]) ** MERGES.area_power
 
     heap = [(cost(a, b), a, b) for a in range(count) for b in near[a] if a < b]
     heapq.heapify(heap)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,28 +23,50 @@ from mam_pipeline.segment.fused import cut, hierarchy
 from mam_pipeline.segment.topology import Topology, groups, topology
 from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives
 
-DOMINANT = 0.98  # share of all area: a piece beyond it must hold more than the base
-NEARLY = 0.9  # the same of what was split: beside a skin handles may float
-DENSE = 1000  # faces
-EVEN = 0.004  # typical face over its piece's area: authored panels have far larger faces
-CLEAR = 0.02  # merges above this cost are left to the reasoner
-SHRED = 1e-4  # of the area: less than this on a surface of its own is no primitive
-FLAT = 1e-4  # of the diagonal
-FEWEST, MOST = 16, 60  # primitives from splitting
+
+@dataclass(frozen=True)
+class SplitThresholds:
+    """Which pieces hold several parts in one surface, and into how many primitives they are cut.
+
+    Attributes:
+        dominant: share of all area: a piece beyond it must hold more than the base.
+        nearly: share of all area of what is split; beside a fused mesh handles may float.
+        dense_faces: faces of a piece that was meshed anew, at least.
+        even: area of a typical face over its piece's, at most; authored panels have far larger
+            faces.
+        clear: cost above which a merge is left to the reasoner.
+        shred: share of all area: less than this on a surface of its own is no primitive.
+        flat: diagonals that a vertex may lie beyond a face of a convex body.
+        fewest: least number of primitives from splitting.
+        most: largest number of primitives from splitting.
+    """
+
+    dominant: float = 0.98
+    nearly: float = 0.9
+    dense_faces: int = 1000
+    even: float = 0.004
+    clear: float = 0.02
+    shred: float = 1e-4
+    flat: float = 1e-4
+    fewest: int = 16
+    most: int = 60
+
+
+SPLIT = SplitThresholds()
 
 
 class GeometricSegmenter:
     """Primitives from connectivity (authored meshes) and from creases (fused ones).
 
     Deterministic; the partition does not depend on scale, turning about the vertical or the order
-    of faces. Only where handles tell fronts of one skin apart is it asked which way is up.
+    of faces. Only where handles tell fronts of one fused surface apart is it asked which way is up.
 
     Args:
         clear: cost above which pieces of one surface stay apart (`segment.fused`).
         rules: hand rules that are followed.
     """
 
-    def __init__(self, clear: float = CLEAR, rules: Rules = ALL_RULES) -> None:
+    def __init__(self, clear: float = SPLIT.clear, rules: Rules = ALL_RULES) -> None:
         self.clear = clear
         self.rules = rules
 
@@ -75,12 +99,14 @@ class GeometricSegmenter:
             return Primitives(by_area(spread(topo, whole), topo.areas), method="geometric")
         # loose triangles along bad edges would each cost a primitive
         shreds = dense(groups(topo.manifold, len(topo.faces)), inside)
-        loose = specks(topo, shreds, SHRED)
+        loose = specks(topo, shreds, SPLIT.shred)
         tree = hierarchy(topo, np.flatnonzero(inside & ~loose))
         # every surface of its own keeps at least one node, so disjoint ones are never joined
-        alone = topo.areas[inside].sum() >= NEARLY * topo.areas[topo.kept].sum()
-        fewest = FEWEST if alone else 1  # a finely cut panel beside other pieces may stay whole
-        count = int(np.clip(1 + (tree.costs > self.clear).sum(), fewest, MOST))
+        alone = topo.areas[inside].sum() >= SPLIT.nearly * topo.areas[topo.kept].sum()
+        fewest = (
+            SPLIT.fewest if alone else 1
+        )  # a finely cut panel beside other pieces may stay whole
+        count = int(np.clip(1 + (tree.costs > self.clear).sum(), fewest, SPLIT.most))
         split, merges = cut(tree, count)
         others = np.unique(np.where(inside, -1, whole), return_inverse=True)[1] - 1
         label = np.where(inside, split, np.where(whole >= 0, others + 1 + split.max(), -1))
@@ -110,9 +136,9 @@ def _to_split(topo: Topology, label: IntArray) -> NDArray[np.bool_]:
     faces = np.bincount(piece)
     share = area / area.sum()
     typical = square / np.maximum(area, 1e-30) ** 2  # typical face over the piece's area
-    remeshed = (faces >= DENSE) & (typical < EVEN) & (share >= 0.1)
-    most = (share >= DOMINANT) & (faces >= DENSE)
-    for k in np.flatnonzero((share >= DOMINANT) & ~most):
+    remeshed = (faces >= SPLIT.dense_faces) & (typical < SPLIT.even) & (share >= 0.1)
+    most = (share >= SPLIT.dominant) & (faces >= SPLIT.dense_faces)
+    for k in np.flatnonzero((share >= SPLIT.dominant) & ~most):
         most[k] = not _convex(topo, np.flatnonzero(label == k))
     out = np.zeros(len(label), dtype=bool)
     out[kept] = (most | remeshed)[piece]
@@ -124,7 +150,7 @@ def _convex(topo: Topology, faces: IntArray) -> bool:
     points = topo.points[np.unique(topo.faces[faces])]
     origin = topo.points[topo.faces[faces, 0]]
     height = topo.normals[faces] @ points.T - (topo.normals[faces] * origin).sum(axis=1)[:, None]
-    return bool((np.minimum(height.max(axis=1), -height.min(axis=1)) < FLAT).all())
+    return bool((np.minimum(height.max(axis=1), -height.min(axis=1)) < SPLIT.flat).all())
 
 
 def _numbered(

@@ -11,8 +11,22 @@ from scipy.sparse.csgraph import connected_components
 
 from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives
 
-LEAST_FACES = 4  # of a closed shell
-WELD = 1e-5  # of the bounding-box diagonal: twice what single precision loses on a turned mesh
+
+@dataclass(frozen=True)
+class TopologyThresholds:
+    """When vertices are one, and what a closed shell is.
+
+    Attributes:
+        least_faces: faces of a closed shell, at least.
+        weld: diagonals between vertices that are one: twice what single precision loses on a turned
+            mesh.
+    """
+
+    least_faces: int = 4
+    weld: float = 1e-5
+
+
+TOPOLOGY = TopologyThresholds()
 
 
 @dataclass(frozen=True)
@@ -98,7 +112,7 @@ def without_repeats(mesh: Mesh, primitives: Primitives) -> tuple[Mesh, Primitive
 def _welded(mesh: Mesh) -> tuple[FloatArray, IntArray]:
     """(V, 3) vertices in units of the diagonal, and (V,) which of them are one."""
     scaled = (mesh.vertices - mesh.bounds[0]) / (mesh.diagonal or 1.0)
-    return scaled, weld(scaled, WELD)
+    return scaled, weld(scaled, TOPOLOGY.weld)
 
 
 def weld(points: FloatArray, tolerance: float) -> IntArray:
@@ -133,7 +147,7 @@ def solids(faces: IntArray) -> IntArray:
     shell = groups(ends, count)
     key = ends.min(axis=1) * np.int64(count) + ends.max(axis=1)
     _, edge, uses = np.unique(key, return_inverse=True, return_counts=True)
-    closed = np.bincount(shell[corner[:, 0]], minlength=count) >= LEAST_FACES
+    closed = np.bincount(shell[corner[:, 0]], minlength=count) >= TOPOLOGY.least_faces
     closed[shell[ends[uses[edge] != 2, 0]]] = False
     own = shell[faces[:, 0]]
     return np.where(closed[own], own, -1)

@@ -17,7 +17,7 @@ from mam_pipeline.geometry.fuse import fuse_mesh, nearest_faces
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.parts.graph import Graph, build_graph
 from mam_pipeline.prior.embedded import prior_of
-from mam_pipeline.segment.geometric import CLEAR, GeometricSegmenter
+from mam_pipeline.segment.geometric import SPLIT, GeometricSegmenter
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import Articulation, FloatArray, IntArray, Primitives
 from mam_training.curricula.blocks import of_blocks
@@ -154,7 +154,7 @@ def as_met(
     resolution, noise = int(rng.choice(RESOLUTIONS)), float(rng.choice(ROUGHNESS))
     skin = fuse_mesh(truth.mesh, resolution, noise, seed, faces=60_000)
     label = np.asarray(truth.face_link)[nearest_faces(truth.mesh, skin)]
-    segmenter = GeometricSegmenter(CLEAR * np.exp(rng.uniform(*np.log(COARSENESS))))
+    segmenter = GeometricSegmenter(SPLIT.clear * np.exp(rng.uniform(*np.log(COARSENESS))))
     return relabelled(replace(truth, mesh=skin), label), segmenter.segment(skin)
 
 

@@ -388,7 +388,7 @@ def apart(paths: list[Path]) -> tuple[list[Path], list[Path]]:
     plain: list[Path] = []
     skins: list[Path] = []
     for path in paths:
-        one, fused = load_example(path).graph.one_skin, path.stem.endswith(FUSED)
+        one, fused = load_example(path).graph.is_fused, path.stem.endswith(FUSED)
         if one == fused:
             (skins if fused else plain).append(path)
     return plain, skins

@@ -8,7 +8,7 @@ then it belongs to the part.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,16 +19,27 @@ from mam_pipeline.joints.estimate import Estimate
 from mam_pipeline.joints.limits import Surroundings
 from mam_pipeline.types import IntArray, KinematicTree, Mesh
 
-STUCK = 0.75
-"""A part that goes less than this share of its usual way is looked at."""
-SMALL = 0.15
-"""Largest area of a piece that goes along, as a share of the part's own."""
-BELOW = 0.7
-"""Largest area of a link that is carried by the part, as a share of the part's own."""
-_NEAR = 0.004
-"""Nearer than this two pieces touch, as a share of the object's diagonal."""
-_AROUND = 0.02
-"""How far such a piece may reach beyond the part's box, as a share of the object's diagonal."""
+
+@dataclass(frozen=True)
+class BlockerThresholds:
+    """Which pieces that stop a part go along with it.
+
+    Attributes:
+        stuck: a part that goes less than this share of its usual way is looked at.
+        piece: largest area of a piece that goes along, as a share of the part's own.
+        carried: largest area of a part that is carried, as a share of the part's own.
+        near: diagonals: nearer than this two pieces touch.
+        around: diagonals that such a piece may reach beyond the part's box.
+    """
+
+    stuck: float = 0.75
+    piece: float = 0.15
+    carried: float = 0.7
+    near: float = 0.004
+    around: float = 0.02
+
+
+BLOCKER = BlockerThresholds()
 
 
 def take_along(
@@ -50,7 +61,7 @@ def take_along(
     faces = around.paths.obstacles(motion, chosen.axis, chosen.origin, stop)
     node = tree.nodes[index]
     box = _Box(mesh, np.flatnonzero(np.isin(labels, node.primitives)))
-    room = _AROUND * mesh.diagonal
+    room = BLOCKER.around * mesh.diagonal
     nodes = list(tree.nodes)
     moved = False
     static = np.flatnonzero(~np.isin(labels, node.primitives))
@@ -64,7 +75,9 @@ def take_along(
         whole = owner != node.parent and nodes[owner].parent == node.parent
         group = nodes[owner].primitives if whole else (int(piece),)
         small = _Box(mesh, np.flatnonzero(np.isin(labels, group)))
-        if whole and not (small.area <= BELOW * box.area and small.rests_on(scenes[0], trunk)):
+        if whole and not (
+            small.area <= BLOCKER.carried * box.area and small.rests_on(scenes[0], trunk)
+        ):
             continue
         if not whole and not (small.fits(box, room) and small.rests_on(*scenes)):
             continue
@@ -94,11 +107,11 @@ class _Box:
         """Whether this piece is small and lies within a part's box."""
         low, high = part.low - room, part.high + room
         inside = bool((self.low >= low).all() and (self.high <= high).all())
-        return inside and self.area <= SMALL * part.area
+        return inside and self.area <= BLOCKER.piece * part.area
 
     def rests_on(self, part: RayScene, body: RayScene) -> bool:
         """Whether more of this piece's surface touches the part than touches the body."""
         points = sample_surface(self.mesh.vertices, self.mesh.faces[self.faces], 400).points
-        near = _NEAR * self.mesh.diagonal
+        near = BLOCKER.near * self.mesh.diagonal
         held = [int((scene.distance(points) < near).sum()) for scene in (part, body)]
         return held[0] > held[1]

@@ -11,7 +11,7 @@ a button, lamp and rose that is a piece of its own and does not move.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,16 +19,38 @@ from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.types import NEEDS_REVIEW, JointSubtype, KinematicTree
 
 HOSTS = ("door", "drawer", "panel")  # kinds of parts that carry others
-FITTING = 0.05  # of the panel's area, at most: of larger levers on doors some do turn
-# of three small levers on generated doors none was found right, of five knobs all
-MOVES_ABOVE: dict[JointSubtype, float] = {"hinge": 0.9, "spin": NEEDS_REVIEW}
+
+
+@dataclass(frozen=True)
+class FittingThresholds:
+    """Which parts move by themselves only if their joint is clear; areas as shares.
+
+    Attributes:
+        area: of the panel's area: a fitting has no more; of larger levers on doors some do turn.
+        spin_above: confidence from which a knob on a panel turns; of five on generated doors all
+            were found right.
+        hinge_above: confidence from which a lever on a panel turns; of three on generated doors
+            none was found right.
+        pane: of the panel's area: what a pane in it has.
+        pane_above: confidence from which a pane moves by itself.
+        minor: of the largest part's surface: a minor part has less.
+        minor_above: confidence from which a minor part of an authored mesh moves by itself; on
+            fused ones right ones have less as well.
+        repeated: so many parts of one size are no accident, but castors.
+    """
+
+    area: float = 0.05
+    spin_above: float = NEEDS_REVIEW
+    hinge_above: float = 0.9
+    pane: tuple[float, float] = (0.25, 1.0)
+    pane_above: float = 0.5
+    minor: float = 0.3
+    minor_above: float = 0.4
+    repeated: int = 3
+
+
+FITTINGS = FittingThresholds()
 PANES = ("door", "lid")  # kinds of hinged parts that may be one
-PANE = (0.25, 1.0)  # of the panel's area
-UNLIKELY = 0.5  # a pane of less confidence does not move by itself
-MINOR = 0.3  # of the surface of the object's largest part
-# a minor part of less confidence does not move by itself; on skins right ones have less as well
-UNCLEAR = 0.4
-REPEATED = 3  # so many parts of one size are no accident: castors
 
 
 def is_minor(area: float, areas: Sequence[float]) -> bool:
@@ -38,7 +60,7 @@ def is_minor(area: float, areas: Sequence[float]) -> bool:
         area: its surface. areas: of all parts, it among them.
     """
     alike = int(np.isclose(areas, area, rtol=0.1).sum())
-    return area < MINOR * max(areas) and alike < REPEATED
+    return area < FITTINGS.minor * max(areas) and alike < FITTINGS.repeated
 
 
 def moves_if_above(
@@ -51,10 +73,11 @@ def moves_if_above(
     """
     if host not in HOSTS:
         return 0.0
-    if share < FITTING and subtype in MOVES_ABOVE:
-        return MOVES_ABOVE[subtype] if rules.fittings else 0.0
-    pane = subtype == "hinge" and kind in PANES and PANE[0] <= share < PANE[1]
-    return UNLIKELY if pane and rules.panes else 0.0
+    if share < FITTINGS.area and subtype in ("hinge", "spin"):
+        clear = FITTINGS.hinge_above if subtype == "hinge" else FITTINGS.spin_above
+        return clear if rules.fittings else 0.0
+    pane = subtype == "hinge" and kind in PANES and FITTINGS.pane[0] <= share < FITTINGS.pane[1]
+    return FITTINGS.pane_above if pane and rules.panes else 0.0
 
 
 def carried(

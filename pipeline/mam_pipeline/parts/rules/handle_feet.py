@@ -1,9 +1,9 @@
 """What stands on two feet: a handle moves with the flat that it stands on, not by itself.
 
-Parts that can only move together are one part. On a skin a bow handle and its front are pieces of
-one surface, and the handle alone looks like something that could be turned or pulled; but what
-stands on two feet on one flat can do neither. Where a flat carries several of them it may be
-several fronts whose gaps have closed, so that nothing is said.
+Parts that can only move together are one part. On a fused mesh a bow handle and its front are
+pieces of one surface, and the handle alone seems to be something that could be turned or pulled;
+but what stands on two feet on one flat can do neither. Where a flat carries several of them it may
+be several fronts whose gaps have closed, so that nothing is said.
 """
 
 from __future__ import annotations
@@ -17,13 +17,30 @@ from scipy.sparse.csgraph import connected_components
 
 from mam_pipeline.types import FloatArray, IntArray
 
-# share of the flat's area that what stands on it has: less, and the flat may be a wall in which the
-# gaps around the fronts have closed
-SHARE = (0.12, 0.6)
-NARROW = 2.0  # both feet's outlines together, in square roots of the area of what stands on them
-FOOT = 0.08  # share of both outlines that makes a foot
-FLAT = 0.8  # cosine between the mean normals around both feet, each as long as they are alike
-ACROSS = 0.3  # most cosine between a foot's normal and the way from foot to foot
+
+@dataclass(frozen=True)
+class FeetThresholds:
+    """When something stands on a flat on two feet.
+
+    Attributes:
+        share: share of the flat's area that what stands on it has; less, and the flat may be a wall
+            in which the gaps around the fronts have closed.
+        narrow: both feet's outlines together, in square roots of the area of what stands on them,
+            at most.
+        foot: share of both outlines that makes a foot.
+        flat: cosine between the mean normals around both feet, each as long as they are alike, at
+            least.
+        across: most cosine between a foot's normal and the way from foot to foot.
+    """
+
+    share: tuple[float, float] = (0.12, 0.6)
+    narrow: float = 2.0
+    foot: float = 0.08
+    flat: float = 0.8
+    across: float = 0.3
+
+
+FEET = FeetThresholds()
 
 
 @dataclass(frozen=True)
@@ -78,10 +95,10 @@ def standing(seams: Seams, surface: Surface, count: int) -> NDArray[np.bool_]:
         _, island = connected_components(touch & others & others[:, None], directed=False)
         on_it = [
             mask for k in np.unique(island[touch[flat]])
-            if area[mask := (island == k) & others].sum() < SHARE[1] * area[flat]
+            if area[mask := (island == k) & others].sum() < FEET.share[1] * area[flat]
             and _on_two_feet(seams, surface, mask, int(flat), float(area[mask].sum()))
         ]  # fmt: skip
-        if len(on_it) == 1 and area[on_it[0]].sum() > SHARE[0] * area[flat]:
+        if len(on_it) == 1 and area[on_it[0]].sum() > FEET.share[0] * area[flat]:
             found.append(on_it[0] | ~others)
     return disjoint(np.array(found, dtype=bool).reshape(-1, count))
 
@@ -104,8 +121,8 @@ def _on_two_feet(
     links = coo_matrix((np.ones(len(rows)), (local[:, 0], local[:, 1])), shape=(len(used),) * 2)
     outline = connected_components(links, directed=False)[1][local[:, 0]]
     size = np.bincount(outline, length)
-    feet = np.flatnonzero(size > FOOT * size.sum())
-    if len(feet) != 2 or size.sum() > NARROW * np.sqrt(area):
+    feet = np.flatnonzero(size > FEET.foot * size.sum())
+    if len(feet) != 2 or size.sum() > FEET.narrow * np.sqrt(area):
         return False
     ground = np.flatnonzero(surface.labels == flat)
     up, at = [], []
@@ -117,4 +134,4 @@ def _on_two_feet(
         up.append(weight @ surface.normal[near] / max(float(weight.sum()), 1e-12))
         at.append(middle)
     way = (at[1] - at[0]) / max(float(np.linalg.norm(at[1] - at[0])), 1e-12)
-    return float(up[0] @ up[1]) > FLAT and abs(float(way @ up[0])) < ACROSS
+    return float(up[0] @ up[1]) > FEET.flat and abs(float(way @ up[0])) < FEET.across

@@ -1,11 +1,13 @@
 """The two faces of a thin sheet are one body, and so is what stands on both of them at one place.
 
-A door leaf of one skin has a face on either side, cut apart along its edges; seen one by one, one
+A door of a fused mesh has a face on either side, cut apart along its edges; seen one by one, one
 of them could stay while the other opens. A lever or a knob that stands on both faces where the
-other does is one: its spindle goes through the leaf.
+other does is one: its spindle goes through the door.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +17,29 @@ from mam_pipeline.parts.rules.handle_feet import Seams
 from mam_pipeline.prior.probe import DIRECTIONS, Probe
 from mam_pipeline.types import FloatArray, IntArray
 
-ALONG = 0.9  # cosine between a sheet's normal and one of the object's directions
-COVER = 0.8  # share of either face that has the other right behind it
-THIN = 0.1  # a sheet's thickness over its narrower side
-SMALL = 0.25  # of a sheet's face: what stands on it
-SUNK = 0.25  # of the sheet's thickness: so deep it may reach into it
-SAME_PLACE = 0.03  # diagonals between the feet on both faces
+
+@dataclass(frozen=True)
+class SheetThresholds:
+    """When two primitives are the faces of one thin sheet, and what goes through it.
+
+    Attributes:
+        along: cosine between a sheet's normal and one of the object's directions, at least.
+        cover: share of either face that has the other right behind it, at least.
+        thin: a sheet's thickness over its narrower side, at most.
+        standing: share of a sheet's face that what stands on it has, at most.
+        sunk: share of the sheet's thickness that it may reach into it.
+        same_place: diagonals between the feet on both faces, at most.
+    """
+
+    along: float = 0.9
+    cover: float = 0.8
+    thin: float = 0.1
+    standing: float = 0.25
+    sunk: float = 0.25
+    same_place: float = 0.03
+
+
+SHEET = SheetThresholds()
 
 
 def sheets(probe: Probe, low: FloatArray, high: FloatArray) -> IntArray:
@@ -31,7 +50,7 @@ def sheets(probe: Probe, low: FloatArray, high: FloatArray) -> IntArray:
     """
     count = probe.count
     inward = -probe.normals @ DIRECTIONS.T
-    way = np.where(inward.max(axis=1) > ALONG, np.argmax(inward, axis=1), -1)
+    way = np.where(inward.max(axis=1) > SHEET.along, np.argmax(inward, axis=1), -1)
     ahead = probe.hit_direction == way[probe.hit_sample]
     sample, depth = probe.hit_sample[ahead], probe.hit_distance[ahead]
     order = np.lexsort((depth, sample))
@@ -45,8 +64,8 @@ def sheets(probe: Probe, low: FloatArray, high: FloatArray) -> IntArray:
     thick = (thick + thick.T) / np.maximum(cover + cover.T, 1e-12)
     cover /= np.maximum(probe.area, 1e-12)[:, None]
     side = np.sort(high - low, axis=1)[:, 1]
-    pairs = np.minimum(cover, cover.T) > COVER
-    pairs &= thick < THIN * np.minimum(side[:, None], side[None])
+    pairs = np.minimum(cover, cover.T) > SHEET.cover
+    pairs &= thick < SHEET.thin * np.minimum(side[:, None], side[None])
     return np.argwhere(np.triu(pairs, 1))
 
 
@@ -64,12 +83,12 @@ def through(
     for sheet in faces:
         start, end = low[sheet].min(axis=0), high[sheet].max(axis=0)
         thin = int(np.argmin(end - start))
-        deep = SUNK * (end[thin] - start[thin])
+        deep = SHEET.sunk * (end[thin] - start[thin])
         sides = low[:, thin] > end[thin] - deep, high[:, thin] < start[thin] + deep
         (here, feet), (there, others) = (_standing(seams, touch, s, sheet, area) for s in sides)
         for mask, foot in zip(here, feet):
             apart = [float(np.linalg.norm(np.delete(foot - other, thin))) for other in others]
-            if apart and min(apart) < SAME_PLACE:
+            if apart and min(apart) < SHEET.same_place:
                 found.append(mask | there[int(np.argmin(apart))])
     return np.array(found, dtype=bool).reshape(-1, count)
 
@@ -85,7 +104,7 @@ def _standing(
     for k in np.unique(island[touch[sheet].any(axis=0) & side]):
         mask = (island == k) & side
         elsewhere = np.setdiff1d(np.flatnonzero(touch[mask].any(axis=0) & ~mask), sheet)
-        if not len(elsewhere) and area[mask].sum() < SMALL * area[sheet].min():
+        if not len(elsewhere) and area[mask].sum() < SHEET.standing * area[sheet].min():
             masks.append(mask)
             feet.append(_foot(seams, mask, sheet))
     return masks, feet

@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 
 from mam_pipeline.joints.candidates import kind_probabilities, rank_hypotheses
-from mam_pipeline.joints.flush import runs_into_skin
+from mam_pipeline.joints.panel_slides import slides_into_material
 from mam_pipeline.types import IntArray, Mesh
 
 AXES = np.eye(3)
@@ -31,7 +31,7 @@ def within(mesh: Mesh, low: tuple[float, ...], high: tuple[float, ...]) -> IntAr
 def test_a_leaf_in_the_plane_of_its_wall_slides_out_of_it_only() -> None:
     wall = slabs(((0, 0, 0), (3.0, 0.06, 3.0)))
     leaf = within(wall, (-0.5, -1, -0.5), (0.5, 1, 0.5))
-    assert runs_into_skin(wall, leaf, AXES).tolist() == [True, False, True]
+    assert slides_into_material(wall, leaf, AXES).tolist() == [True, False, True]
     static = np.setdiff1d(np.arange(len(wall.faces)), leaf)
     ways = [
         np.abs(c.axis).round(2).tolist()
@@ -44,14 +44,15 @@ def test_a_leaf_in_the_plane_of_its_wall_slides_out_of_it_only() -> None:
 def test_a_leaf_before_another_slides_past_it() -> None:
     pair = slabs(((-0.5, 0, 0), (1.0, 0.06, 2.0)), ((0.45, 0.1, 0), (1.0, 0.06, 2.0)))
     leaf = within(pair, (-2, -0.05, -2), (2, 0.05, 2))
-    assert not runs_into_skin(pair, leaf, AXES).any()
+    assert not slides_into_material(pair, leaf, AXES).any()
 
 
-def test_what_is_no_leaf_is_not_judged() -> None:
+def test_what_is_no_panel_is_not_judged() -> None:
     block = slabs(((0, 0, 0), (1.0, 0.8, 1.0)))
-    assert not runs_into_skin(block, within(block, (-0.2, -1, -0.2), (0.2, 1, 0.2)), AXES).any()
-    assert not runs_into_skin(block, within(block, (-1, -1, -1), (1, -0.39, 1)), AXES).any()
-    assert not runs_into_skin(block, np.zeros(0, dtype=np.int64), AXES).any()
+    inside = within(block, (-0.2, -1, -0.2), (0.2, 1, 0.2))
+    assert not slides_into_material(block, inside, AXES).any()
+    assert not slides_into_material(block, within(block, (-1, -1, -1), (1, -0.39, 1)), AXES).any()
+    assert not slides_into_material(block, np.zeros(0, dtype=np.int64), AXES).any()
 
 
 def test_probabilities_sum_to_one_without_what_is_impossible() -> None:
