@@ -1,0 +1,99 @@
+"""Assets that are made once, and the table that the conformance tests write when asked to."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mam_pipeline.asset.card import Asset
+from tests.conformance.assets import ASSETS
+
+COMMAND = "pytest tests/conformance --conformance-out docs/results"
+PACKAGES = ("sapien", "mujoco", "pybullet", "yourdfpy", "usd-core")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--conformance-out", type=Path, help="folder for conformance.json and .md")
+
+
+@pytest.fixture(scope="session")
+def asset_named(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Asset]:
+    """Make an asset of the table, or return the one that was made."""
+    made: dict[str, Asset] = {}
+
+    def get(name: str) -> Asset:
+        if name not in made:
+            made[name] = ASSETS[name](tmp_path_factory.mktemp("conformance"))
+        return made[name]
+
+    return get
+
+
+@pytest.fixture(scope="session")
+def rows(request: pytest.FixtureRequest) -> Iterator[list[dict[str, Any]]]:
+    """Rows of the table, which is written at the end if `--conformance-out` names a folder."""
+    out: list[dict[str, Any]] = []
+    yield out
+    folder = request.config.getoption("--conformance-out", None)
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        data = {"command": COMMAND, "versions": _versions(), "rows": out}
+        (folder / "conformance.json").write_text(json.dumps(data, indent=1) + "\n")
+        (folder / "conformance.md").write_text(_page(data), encoding="utf-8")
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def _page(data: dict[str, Any]) -> str:
+    columns = {
+        "asset": "asset", "simulator": "opened by", "links": "links", "joints": "joints",
+        "visuals": "visuals", "textured": "textured", "faces": "triangles", "mass": "mass",
+        "limits": "limits", "kinematics": "kinematics", "visual_box": "visual box, mm",
+        "collision_box": "collision box, mm",
+    }  # fmt: skip
+    lines = [
+        "# What other simulators make of the assets",
+        "",
+        f"Written by `{data['command']}`; do not edit.",
+        "",
+        "Counts are found / written. Mass and limits are the largest relative and absolute error.",
+        "Kinematics is the largest error of a link frame over five configurations; a USD file has",
+        "the rest pose only. Boxes are axis-aligned, per link, against those of the files.",
+        "A dash: the simulator cannot say.",
+        "",
+        "Versions: " + ", ".join(f"{k} {v}" for k, v in data["versions"].items()) + ".",
+        "",
+        "| " + " | ".join(columns.values()) + " |",
+        "|" + "---|" * len(columns),
+    ]
+    for row in data["rows"]:
+        lines.append("| " + " | ".join(_cell(row.get(k)) for k in columns) + " |")
+    lines += [
+        "",
+        "PyBullet colours materials without a texture only if it is told to:",
+        "`loadURDF(file, flags=p.URDF_USE_MATERIAL_COLORS_FROM_MTL)`.",
+        "urdf-usd-converter needs an environment of its own: its usd-exchange and usd-core both",
+        "hold the package `pxr`. Isaac Sim, Newton, Genesis, Drake and Gazebo were not run.",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, float):
+        return f"{value:.1e}" if value else "0"
+    return str(value)
