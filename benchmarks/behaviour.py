@@ -9,7 +9,6 @@ friction is taken away and both let it fall for 0.3 s: the difference is a share
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
@@ -17,6 +16,9 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import tyro
+from common import save
+from tyro.conf import Positional
 
 from mam_pipeline.asset.card import Asset, CardJoint
 from mam_pipeline.asset.dynamics import set_joint_friction
@@ -29,21 +31,28 @@ STEP = 1 / 500
 HOLD, FALL = 2.0, 0.3
 
 
-def main() -> None:
-    """Print a line per object, then the totals by kind of joint."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("dataset")
-    parser.add_argument("--only", nargs="*", default=[])
-    parser.add_argument("--limit", type=int, default=None)
-    parser.add_argument("--joints", type=int, default=3, help="of one object at most")
-    args = parser.parse_args()
+def main(
+    dataset: Positional[str],
+    /,
+    only: tuple[str, ...] = (),
+    limit: int | None = None,
+    joints: int = 3,
+    out: Path | None = None,
+) -> None:
+    """Print a line per object, then the totals by kind of joint.
+
+    Args:
+        dataset: folder of ground-truth URDFs, or generated:test.
+        only: these objects. limit: so many objects at most. joints: of one object at most.
+        out: JSON file for the figures.
+    """
     rows: list[tuple[str, float, float, float]] = []
     objects = 0
-    for task in find_tasks(args.dataset, args.only, args.limit):
+    for task in find_tasks(dataset, only, limit):
         with tempfile.TemporaryDirectory() as folder:
             asset = write_asset(task.load().truth_articulation(), Path(folder) / "a", name="a")
             model = str(export_mjcf(asset))
-            chosen = [j for j in asset.card.joints if j.type != "fixed"][: args.joints]
+            chosen = [j for j in asset.card.joints if j.type != "fixed"][:joints]
             mine = [(j.subtype, *_compare(asset, model, j)) for j in chosen]
         rows += mine
         objects += bool(mine)
@@ -59,6 +68,8 @@ def main() -> None:
             f"{np.median(found[:, 2]):.4f} median, {worst[2]:.4f} at most"
         )
     print(f"{objects} objects, {len(rows)} joints")
+    columns = ("kind", "drift_sapien", "drift_mujoco", "fall_difference")
+    save(out, [dict(zip(columns, row)) for row in rows])
 
 
 def _compare(asset: Asset, model: str, joint: CardJoint) -> tuple[float, float, float]:
@@ -107,4 +118,4 @@ def _mujoco(
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

@@ -8,11 +8,14 @@ where there is one, else Mesa's software renderer). State observations alone are
 
 from __future__ import annotations
 
-import argparse
 import multiprocessing
 import time
+from pathlib import Path
 
 import torch
+import tyro
+from common import save
+from tyro.conf import Positional
 
 
 def steps_per_second(job: tuple[str, float, int]) -> float:
@@ -39,23 +42,33 @@ def steps_per_second(job: tuple[str, float, int]) -> float:
     return rate
 
 
-def main() -> None:
-    """Command line; see the module's text."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("asset")
-    parser.add_argument("--processes", type=int, nargs="+", default=[1, 2])
-    parser.add_argument("--seconds", type=float, default=20.0)
-    parser.add_argument("--size", type=int, default=128)
-    args = parser.parse_args()
+def main(
+    asset: Positional[Path],
+    /,
+    processes: tuple[int, ...] = (1, 2),
+    seconds: float = 20.0,
+    size: int = 128,
+    out: Path | None = None,
+) -> None:
+    """Print frames per second for each number of processes.
+
+    Args:
+        asset: asset folder. processes: how many at once. seconds: of each measurement.
+        size: pixels along each side.
+        out: JSON file for the figures.
+    """
     gpu = torch.cuda.get_device_name() if torch.cuda.is_available() else "no GPU"
-    print(f"{args.asset}, {gpu}, {args.size} x {args.size}")
+    print(f"{asset}, {gpu}, {size} x {size}")
+    rows = []
     context = multiprocessing.get_context("spawn")
-    for count, size in [*((n, args.size) for n in args.processes), (1, 0)]:
+    for count, side in [*((n, size) for n in processes), (1, 0)]:
         with context.Pool(count) as pool:
-            rates = pool.map(steps_per_second, [(args.asset, args.seconds, size)] * count, 1)
-        what = "frames" if size else "steps, state only,"
+            rates = pool.map(steps_per_second, [(str(asset), seconds, side)] * count, 1)
+        rows.append({"processes": count, "size": side, "rate": sum(rates), "gpu": gpu})
+        what = "frames" if side else "steps, state only,"
         print(f"{count:3d} processes: {sum(rates):8.1f} {what} a second", flush=True)
+    save(out, rows)
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

@@ -12,11 +12,14 @@ the part hangs on as well, whose contacts simulators leave out.
 
 from __future__ import annotations
 
-import argparse
 import time
+from pathlib import Path
 
 import numpy as np
 import trimesh
+import tyro
+from common import save
+from tyro.conf import Positional
 
 from mam_pipeline.asset.collision import collision_shapes, outside
 from mam_pipeline.geometry.raycast import RayScene
@@ -26,15 +29,22 @@ from mam_pipeline.types import Articulation, CollisionShape, FloatArray, Joint, 
 from mam_sim.bench.runner import find_tasks
 
 
-def main() -> None:
-    """Print a line per object, then the totals."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("dataset")
-    parser.add_argument("--only", nargs="*", default=[])
-    parser.add_argument("--limit", type=int, default=None)
-    args = parser.parse_args()
-    seconds, pieces, shares, worse = [], [], [], [0, 0]
-    for task in find_tasks(args.dataset, args.only, args.limit):
+def main(
+    dataset: Positional[str],
+    /,
+    only: tuple[str, ...] = (),
+    limit: int | None = None,
+    out: Path | None = None,
+) -> None:
+    """Print a line per object, then the totals.
+
+    Args:
+        dataset: folder of ground-truth URDFs, or generated:train.
+        only: these objects. limit: so many objects at most.
+        out: JSON file for the figures.
+    """
+    seconds, pieces, shares, worse, rows = [], [], [], [0, 0], []
+    for task in find_tasks(dataset, only, limit):
         truth = task.load().truth_articulation()
         start = time.process_time()
         shapes = collision_shapes(truth)
@@ -45,6 +55,7 @@ def main() -> None:
         pieces += [len(s) for s in shapes.values()]
         shares.append(share)
         worse = [n + (a > b + 0.005) for n, (a, b) in zip(worse, both)]
+        rows.append({"id": task.id, "seconds": spent, "coverage": share, "overlap": both})
         overlaps = ", ".join(f"{a:.3f} (mesh {b:.3f})" for a, b in both)
         print(f"{task.id}: {spent:.2f} s a link, {max(pieces[-len(shapes):])} pieces at most, "
               f"coverage {share:.3f}, overlap {overlaps}", flush=True)  # fmt: skip
@@ -56,6 +67,7 @@ def main() -> None:
         f"{worse[0]} overlap more than their mesh where links collide, {worse[1]} with the link "
         "that a part hangs on"
     )
+    save(out, rows)
 
 
 def _covered(truth: Articulation, shapes: dict[str, list[CollisionShape]]) -> float:
@@ -152,4 +164,4 @@ def _coverage(points: FloatArray, shapes: list[CollisionShape], reach: float) ->
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

@@ -1,6 +1,6 @@
 """What an exported policy bears: latency, noise, calibration error, and where the camera sits.
 
-    python benchmarks/deployment.py RUN --episodes 24 --json-out FILE
+    python benchmarks/deployment.py RUN --episodes 24 --out FILE
 
 Each episode has another start and another calibration. The policy runs on motor values through the
 same conversion as in LeRobot.
@@ -8,13 +8,13 @@ same conversion as in LeRobot.
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import torch
 import tyro
+from common import save
 
 from mam_policies.evaluate import HELD_OUT
 from mam_policies.lerobot.export import deployment
@@ -55,7 +55,7 @@ def measure(run: Path, faults: Faults, episodes: int) -> dict[str, Any]:
 
 
 def main(
-    run: tyro.conf.Positional[Path], /, episodes: int = 24, json_out: Path | None = None
+    run: tyro.conf.Positional[Path], /, episodes: int = 24, out: Path | None = None
 ) -> None:
     """Measure every case and print a table."""
     torch.set_num_threads(1)
@@ -65,8 +65,7 @@ def main(
         row = rows[name] = measure(run, faults, episodes)
         interval = f"[{100 * row['low']:.0f}, {100 * row['high']:.0f}]"
         print(f"| {name} | {row['successes']}/{episodes} {interval} |", flush=True)
-        if json_out is not None:
-            json_out.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+        save(out, rows)
 
 
 if __name__ == "__main__":

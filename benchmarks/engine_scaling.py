@@ -1,6 +1,6 @@
 """Time and peak memory of the whole engine, mesh to joints, against the number of faces.
 
-    python benchmarks/engine_scaling.py [--category cabinet_two_door] [--seed 9] [--json FILE]
+    python benchmarks/engine_scaling.py [--category cabinet_two_door] [--seed 9] [--out FILE]
 
 One procedural object with its triangles cut ever finer (same surface, same parts), from about ten
 thousand to a million faces; each size runs in a fresh process, which tells its own peak memory.
@@ -9,17 +9,17 @@ Growth is at most linear when seconds per face do not rise.
 
 from __future__ import annotations
 
-import argparse
-import json
 import resource
-import subprocess
-import sys
 import time
 import warnings
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+import tyro
+from common import save
 
 from mam_pipeline.engine import Engine, EngineConfig
 from mam_pipeline.types import Mesh
@@ -78,32 +78,29 @@ def one(category: str, seed: int, target: int) -> dict[str, float]:
     }  # fmt: skip
 
 
-def main() -> None:
-    """Run all sizes, each in its own process."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--category", default="cabinet_two_door")
-    parser.add_argument("--seed", type=int, default=9)
-    parser.add_argument("--sizes", type=int, nargs="*", default=[10_000, 100_000, 1_000_000])
-    parser.add_argument("--one", type=int, help="(used by itself) one size in this process")
-    parser.add_argument("--json", type=Path)
-    args = parser.parse_args()
-    if args.one:
-        print(json.dumps(one(args.category, args.seed, args.one)))
-        return
+def main(
+    category: str = "cabinet_two_door",
+    seed: int = 9,
+    sizes: tuple[int, ...] = (10_000, 100_000, 1_000_000),
+    out: Path | None = None,
+) -> None:
+    """Run all sizes, each in its own process.
+
+    Args:
+        category: of the procedural object. seed: of it. sizes: faces.
+        out: JSON file for the figures.
+    """
     rows = []
-    for size in args.sizes:
-        command = [sys.executable, __file__, "--one", str(size), "--category", args.category,
-                   "--seed", str(args.seed)]  # fmt: skip
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
-        rows.append(json.loads(done.stdout.strip().splitlines()[-1]))
+    for size in sizes:
+        with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+            rows.append(pool.submit(one, category, seed, size).result())
         print({k: round(v, 2) for k, v in rows[-1].items()})
     ratio = (rows[-1]["cpu_seconds"] / rows[0]["cpu_seconds"]) / (
         rows[-1]["faces"] / rows[0]["faces"]
     )
     print(f"growth against linear: {ratio:.2f} (1 is linear, less is better)")
-    if args.json:
-        args.json.write_text(json.dumps(rows, indent=1))
+    save(out, rows)
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

@@ -22,6 +22,7 @@ import mani_skill.envs  # noqa: F401 - registers PickCube
 import numpy as np
 import torch
 import tyro
+from common import save
 from mani_skill.utils.assets.data import DATA_GROUPS, is_data_source_downloaded
 from mani_skill.utils.registration import REGISTERED_ENVS
 
@@ -111,8 +112,9 @@ def main(
     soak_steps: int = 0,
     rounds: int = 3,
     joint: str | None = None,
+    out: Path | None = None,
 ) -> None:
-    """Measure and print JSON; the best of `rounds` alternating rounds counts."""
+    """Measure and print JSON (also to `out`); the best of `rounds` alternating rounds counts."""
     torch.set_num_threads(1)
     rendering = "cpu" if vulkan_ok() else "none"
     makers = {"OperateJoint": lambda: mam_envs.make(asset, joint=joint, control_mode=MODE)}
@@ -142,26 +144,27 @@ def main(
                 continue
             best[name] = max(best.get(name, 0.0), steps_per_second(env, steps))
             env.close()
-    out: dict[str, Any] = {"steps_per_second": {k: round(v, 1) for k, v in best.items()}}
-    out["ratio"] = {
+    found: dict[str, Any] = {"steps_per_second": {k: round(v, 1) for k, v in best.items()}}
+    found["ratio"] = {
         name: round(best["OperateJoint"] / speed, 2)
         for name, speed in best.items()
         if not name.startswith("OperateJoint")
     }
     if FETCH in best:
         both = best[FETCH] / best["OpenCabinetDrawer"]
-        out["ratio"]["OpenCabinetDrawer, both with fetch"] = round(both, 2)
-    out["not_run"] = failed
+        found["ratio"]["OpenCabinetDrawer, both with fetch"] = round(both, 2)
+    found["not_run"] = failed
     if lent:
-        out["OpenCabinetDrawer"] = "its PartNet models are not installed: run on this asset"
+        found["OpenCabinetDrawer"] = "its PartNet models are not installed: run on this asset"
     elif "OpenCabinetDrawer" not in makers:
-        out["OpenCabinetDrawer"] = "not measured: no PartNet models, no drawer in the asset"
+        found["OpenCabinetDrawer"] = "not measured: no PartNet models, no drawer in the asset"
     if resets:
         env = mam_envs.make(asset, joint=joint, control_mode=MODE)
-        out["soak"] = soak(env, resets, soak_steps or 100 * resets)
+        found["soak"] = soak(env, resets, soak_steps or 100 * resets)
         env.close()
     scratch.cleanup()
-    print(json.dumps(out, indent=1, default=lambda v: float(np.asarray(v))))
+    save(out, found)
+    print(json.dumps(found, indent=1, default=lambda v: float(np.asarray(v))))
 
 
 if __name__ == "__main__":

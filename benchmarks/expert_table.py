@@ -1,26 +1,25 @@
 """Expert success over assets x joints x seeds: one row per joint, one line per kind of joint.
 
-    python benchmarks/expert_table.py ASSET [ASSET ...] --seeds 20 --json-out FILE --page PAGE
+    python benchmarks/expert_table.py ASSET [ASSET ...] --seeds 20 --out FILE --page PAGE
     python benchmarks/expert_table.py --world drawer_unit:0-4 cabinet:0-4 --seeds 5
 
 A joint that no placement can serve is "refused" with its reason and counts in no rate. Rows go into
---json-out as they come; the same command goes on from there and runs only what is missing. With
+--out as they come; the same command goes on from there and runs only what is missing. With
 --checked, assets that fail `mam-sim check` are listed as such and not run.
 """
 
 from __future__ import annotations
 
-import json
 import sys
 import tempfile
 import time
 from collections import defaultdict
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
 
 import torch
 import tyro
+from common import load, save
 
 import mam_envs
 from mam_pipeline.asset.card import Asset
@@ -173,7 +172,7 @@ def main(
     joints: int = 3,
     kinds: list[str] = [],  # noqa: B006
     checked: bool = False,
-    json_out: Path | None = None,
+    out: Path | None = None,
     page: Path | None = None,
 ) -> None:
     """Measure and print the table.
@@ -184,13 +183,11 @@ def main(
         joints: at most so many joints of each asset and kind of part.
         kinds: only joints whose "subtype kind" contains one of these words ("hinge door").
         checked: leave out assets that fail `mam-sim check`.
-        json_out: file for the rows, and memory of an interrupted run.
+        out: file for the rows, and memory of an interrupted run.
         page: write a line per joint and the totals as markdown.
     """
     torch.set_num_threads(1)
-    known: dict[tuple[str, str], Row] = {}
-    if json_out and json_out.is_file():
-        known = {(r["asset"], r["joint"]): Row(**r) for r in json.loads(json_out.read_text())}
+    known = {(r["asset"], r["joint"]): Row(**r) for r in load(out) or []}
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as scratch:
         for path in [*assets, *world_assets(world, Path(scratch))]:
@@ -206,18 +203,13 @@ def main(
                     text = row.refused or f"{row.successes}/{row.episodes} {row.reasons or ''}"
                     line = f"{row.asset:24s} {row.joint:22s} {row.seconds:5.1f}s {verdict} {text}"
                     print(line, file=sys.stderr, flush=True)
-                    if json_out:
-                        _save(json_out, known | {(r.asset, r.joint): r for r in rows})
+                    kept = known | {(r.asset, r.joint): r for r in rows}
+                    save(out, [asdict(r) for r in kept.values()])
     print(summary(rows))
     if page:
         head = page.read_text(encoding="utf-8").split("<!-- table -->")[0] if page.is_file() else ""
         text = f"{head}<!-- table -->\n\n{summary(rows)}\n\n{table(rows)}\n"
         page.write_text(text, encoding="utf-8")
-
-
-def _save(file: Path, rows: dict[tuple[str, str], Row]) -> None:
-    data: list[dict[str, Any]] = [asdict(r) for r in rows.values()]
-    file.write_text(json.dumps(data, indent=1), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Does the measure measure? A policy on other assets of its category, and on wrong joints.
 
-    python benchmarks/held_out.py RUN --others ASSET ASSET --mirror --json FILE
+    python benchmarks/held_out.py RUN --others ASSET ASSET --mirror --out FILE
 
 RUN is tried on held-out assets, and on copies of its own whose axis is tilted or whose hinge
 sits on the other side. Arm and object stand where they stood in training, so that the joint is all
@@ -9,7 +9,6 @@ that differs. The expert, which knows the wrong joint, is the control.
 
 from __future__ import annotations
 
-import json
 import shutil
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, replace
@@ -19,6 +18,7 @@ from typing import Any
 import numpy as np
 import torch
 import tyro
+from common import save
 from scipy.spatial.transform import Rotation
 
 from mam_envs.object_model import ObjectModel
@@ -37,6 +37,7 @@ class Settings:
     Attributes:
         others: held-out assets. tilts: degrees. mirror: try the hinge on the other side.
         episodes: of the policy; expert: of the expert (0: not tried).
+        copies: folder for the spoiled assets. out: JSON file for the rows.
     """
 
     others: tuple[Path, ...] = ()
@@ -44,8 +45,8 @@ class Settings:
     mirror: bool = False
     episodes: int = 20
     expert: int = 5
-    out: Path = Path("held_out")
-    json: Path = Path("held_out.json")
+    copies: Path = Path("held_out")
+    out: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -148,15 +149,15 @@ def main(run: tyro.conf.Positional[Path], /, settings: Settings) -> None:
     cases += [("hinge on the other side", 0.0, True)] * settings.mirror
     rows: list[dict[str, Any]] = []
     for name, degrees, mirror in cases:
-        folder = settings.out / f"{asset.name}-{name.replace(' ', '_')}"
+        folder = settings.copies / f"{asset.name}-{name.replace(' ', '_')}"
         wrong_copy(asset, joint, folder, degrees, mirror)
         mine = {**vars(env), "assets": (str(folder),), "joint": joint}
         rows.append(try_on(run, Placed(**mine, as_for=env), settings, name))
-        settings.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+        save(settings.out, rows)
     for other in settings.others:
         choice = replace(env, assets=(str(other),), joint=None)
         rows.append(try_on(run, choice, settings, f"held out: {other.name}"))
-        settings.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+        save(settings.out, rows)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Do joints turn and scale with the object, whatever its triangles? On procedural objects.
 
-    python benchmarks/joint_invariance.py [--objects 24] [--json FILE] [--seed 9]
+    python benchmarks/joint_invariance.py [--objects 24] [--out FILE] [--seed 9]
 
 Each object's true parts and types are given; every joint is solved on the mesh as it is and on
 changed copies: turned about the vertical, tilted, scaled and moved, each triangle cut into four,
@@ -10,8 +10,6 @@ and its line within 1 % of the diagonal. The objects are of the world's test see
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
 import warnings
 from collections.abc import Callable
@@ -19,6 +17,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import tyro
+from common import save
 from scipy.spatial.transform import Rotation
 
 from mam_pipeline.geometry.boxes import angle_between
@@ -107,20 +107,20 @@ def agreement(before: Joint, after: Joint, matrix: FloatArray, mesh: Mesh) -> tu
     return degrees, float(np.linalg.norm(offset)) / (scale * mesh.diagonal)
 
 
-def main() -> None:
-    """Run and print one line per kind of change."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--objects", type=int, default=24)
-    parser.add_argument("--seed", type=int, default=9, help="9, 19, 29 ... are test seeds")
-    parser.add_argument("--json", type=Path)
-    args = parser.parse_args()
+def main(objects: int = 24, seed: int = 9, out: Path | None = None) -> None:
+    """Run and print one line per kind of change.
+
+    Args:
+        objects: how many. seed: of them; 9, 19, 29 ... are test seeds.
+        out: JSON file for the figures.
+    """
     warnings.filterwarnings("ignore")
     names = list(CATEGORIES)
-    chosen = [names[i] for i in np.linspace(0, len(names) - 1, args.objects).astype(int)]
+    chosen = [names[i] for i in np.linspace(0, len(names) - 1, objects).astype(int)]
     found: dict[str, list[tuple[float, float]]] = {name: [] for name in CHANGES}
     begun = time.perf_counter()
     for name in chosen:
-        truth = make_object(name, args.seed, replace(Style(), gap=0.002)).truth()
+        truth = make_object(name, seed, replace(Style(), gap=0.002)).truth()
         label, tree, solver = truth.face_link, tree_of(truth), EmbeddedSolver()
         first = solver.solve(truth.mesh, Primitives(label), tree).joints
         for change, make in CHANGES.items():
@@ -141,9 +141,8 @@ def main() -> None:
         }  # fmt: skip
         print(change, {k: round(x, 3) for k, x in rows[change].items()})
     print(f"{len(chosen)} objects, {time.perf_counter() - begun:.0f} s")
-    if args.json:
-        args.json.write_text(json.dumps(rows, indent=1))
+    save(out, rows)
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

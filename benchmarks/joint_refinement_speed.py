@@ -1,6 +1,6 @@
 """Refinement speed in one run: the paper's recipe (trimesh SDF + Nelder-Mead) against ours.
 
-    python benchmarks/joint_refinement_speed.py [--objects 3] [--contacts 60] [--json FILE]
+    python benchmarks/joint_refinement_speed.py [--objects 3] [--contacts 60] [--out FILE]
 
 Both minimise the same loss (paper eq. 9) from the same start, on the same contact points, states
 and normalised mesh. Loss is compared by one measure (unsigned Open3D distance) for both results.
@@ -8,14 +8,14 @@ and normalised mesh. Loss is compared by one measure (unsigned Open3D distance) 
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
 import warnings
 from pathlib import Path
 
 import numpy as np
 import trimesh
+import tyro
+from common import save
 
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import thin_out, unit
@@ -65,27 +65,26 @@ def compare(truth: Articulation, joint: Joint, contacts: int) -> dict[str, float
     return row
 
 
-def main() -> None:
-    """Run and print one line per joint and the medians."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--objects", type=int, default=3)
-    parser.add_argument("--contacts", type=int, default=60)
-    parser.add_argument("--json", type=Path)
-    args = parser.parse_args()
+def main(objects: int = 3, contacts: int = 60, out: Path | None = None) -> None:
+    """Run and print one line per joint and the medians.
+
+    Args:
+        objects: how many. contacts: points at most.
+        out: JSON file for the figures.
+    """
     warnings.filterwarnings("ignore")
     rows = []
-    for k, name in enumerate(["cabinet_one_door", "chest_of_drawers", "valve"][: args.objects]):
+    for k, name in enumerate(["cabinet_one_door", "chest_of_drawers", "valve"][: objects]):
         truth = make_object(name, 100 + k).truth()
         joint = truth.joints[0]
-        found = compare(truth, joint, args.contacts)
+        found = compare(truth, joint, contacts)
         rows.append({"object": name, "subtype": joint.subtype, **found})
         print({k: round(v, 6) if isinstance(v, float) else v for k, v in rows[-1].items()})
     keys = [k for k in rows[0] if k not in ("object", "subtype")]
     median = {k: float(np.median([r[k] for r in rows])) for k in keys}
     print("median", {k: round(v, 6) for k, v in median.items()})
-    if args.json:
-        args.json.write_text(json.dumps({"rows": rows, "median": median}, indent=1))
+    save(out, {"rows": rows, "median": median})
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

@@ -3,22 +3,24 @@
 For every photo of a folder: `mam-sim make-env` without any hint; where it stops and asks (exit 3),
 the same again with --accept-low-confidence, and the row says so. Then the verdict of `mam-sim
 check`, and the scripted expert on the asset's joints, surest first, until one is opened. Rows are
-appended to a JSON-lines file as they come; assets stay in the output folder with their reports.
+saved as they come; assets stay in --keep with their reports.
 
-    python benchmarks/photo_end_to_end.py PHOTOS OUT [--only NAME ...] [--joints 4] [--episodes 1]
+    python benchmarks/photo_end_to_end.py PHOTOS --keep FOLDER [--only NAME ...] [--out FILE.json]
 """
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
-import json
 import shutil
 import time
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
+
+import tyro
+from common import save
+from tyro.conf import Positional
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import MamSimError
@@ -91,25 +93,31 @@ def run(photo: Path, out: Path, most: int, episodes: int) -> Row:
     return row
 
 
-def main() -> None:
-    """Run and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("photos", type=Path)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--only", nargs="*", default=[])
-    parser.add_argument("--joints", type=int, default=4, help="joints the expert tries at most")
-    parser.add_argument("--episodes", type=int, default=1)
-    args = parser.parse_args()
-    args.out.mkdir(parents=True, exist_ok=True)
-    rows = []
-    photos = sorted(p for p in args.photos.iterdir() if p.suffix.lower() in PICTURES)
-    if args.only:  # in the order asked for
-        photos = [p for word in args.only for p in photos if word in p.name]
-    for photo in photos:
-        row = run(photo, args.out, args.joints, args.episodes)
+def main(
+    photos: Positional[Path],
+    /,
+    keep: Path,
+    only: tuple[str, ...] = (),
+    joints: int = 4,
+    episodes: int = 1,
+    out: Path | None = None,
+) -> None:
+    """Run and print the table.
+
+    Args:
+        photos: folder of photos. keep: folder for the assets. only: names with these words.
+        joints: that the expert tries at most. episodes: of each.
+        out: JSON file for the rows.
+    """
+    keep.mkdir(parents=True, exist_ok=True)
+    rows: list[Row] = []
+    found = sorted(p for p in photos.iterdir() if p.suffix.lower() in PICTURES)
+    if only:  # in the order asked for
+        found = [p for word in only for p in found if word in p.name]
+    for photo in found:
+        row = run(photo, keep, joints, episodes)
         rows.append(row)
-        with (args.out / "rows.jsonl").open("a", encoding="utf-8") as file:
-            file.write(json.dumps(asdict(row)) + "\n")
+        save(out, [asdict(r) for r in rows])
         how = "asked, accepted" if row.accepted else f"exit {row.status}"
         check = "passes" if row.passed else f"fails {row.reasons}" if row.joints else "-"
         print(
@@ -127,4 +135,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

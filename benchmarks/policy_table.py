@@ -1,6 +1,6 @@
 """Task success as the measure of executability: assets x (check verdict, expert, cloned policy).
 
-    python benchmarks/policy_table.py WISH ... --bench DATASET --out FOLDER --json FILE
+    python benchmarks/policy_table.py WISH ... --bench DATASET --keep FOLDER --out FILE
 
 A wish is ID:joint (an object of the dataset, its links merged into one static mesh and given to
 `mam-sim make-env`) or category@seed:joint (a generated object with exact joints). The joint may be
@@ -10,7 +10,6 @@ standard output.
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from typing import Any
 import numpy as np
 import torch
 import tyro
+from common import load, save
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.writer import write_asset
@@ -40,12 +40,13 @@ class Settings:
     """What is measured.
 
     Attributes:
+        bench: ground-truth URDFs. keep: folder for assets and runs. out: JSON file for the rows.
         demonstrations, rounds: of cloning. episodes: of the policy's test.
     """
 
     bench: Path = Path("../shared/bench/dev")
-    out: Path = Path("policy_table")
-    json: Path = Path("policy_table.json")
+    keep: Path = Path("policy_table")
+    out: Path | None = None
     demonstrations: int = 40
     rounds: int = 0
     episodes: int = 50
@@ -54,7 +55,7 @@ class Settings:
 def prepare(wish: str, settings: Settings) -> tuple[Path, str | None]:
     """(asset folder, joint) of a wish; the asset is made once."""
     name, _, joint = wish.partition(":")
-    folder = settings.out / "assets" / name.replace("@", "_")
+    folder = settings.keep / "assets" / name.replace("@", "_")
     if not (folder / "asset.json").is_file():
         folder.parent.mkdir(parents=True, exist_ok=True)
         if "@" in name:
@@ -80,7 +81,7 @@ def measure(wish: str, settings: Settings) -> dict[str, Any]:
     choice = EnvChoice((str(folder),), joint)
     try:
         wall, cpu = time.monotonic(), time.process_time()
-        run = settings.out / "runs" / f"{folder.name}-{joint or 'any'}"
+        run = settings.keep / "runs" / f"{folder.name}-{joint or 'any'}"
         config = BcConfig(episodes=settings.demonstrations, rounds=settings.rounds)
         info = BehaviourCloning().train(choice, config, run)
         row["training"] = {
@@ -92,7 +93,7 @@ def measure(wish: str, settings: Settings) -> dict[str, Any]:
         row["joint"] = row["policy"]["joint"]
     except MamSimError as error:
         row["why"] = str(error)
-    row["expert"] = expert_of(settings.out / "runs" / f"{folder.name}-{joint or 'any'}")
+    row["expert"] = expert_of(settings.keep / "runs" / f"{folder.name}-{joint or 'any'}")
     return row
 
 
@@ -137,13 +138,11 @@ def _share(found: dict[str, Any] | None) -> str:
 def main(wishes: tyro.conf.Positional[list[str]], /, settings: Settings) -> None:
     """Measure what is missing and print the table."""
     torch.set_num_threads(1)
-    rows: list[dict[str, Any]] = []
-    if settings.json.is_file():
-        rows = json.loads(settings.json.read_text(encoding="utf-8"))
+    rows: list[dict[str, Any]] = load(settings.out) or []
     for wish in wishes:
         if all(row["wish"] != wish for row in rows):
             rows.append(measure(wish, settings))
-            settings.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+            save(settings.out, rows)
             print(table(rows[-1:]).splitlines()[-1], file=sys.stderr, flush=True)
     print(table(rows))
 

@@ -1,19 +1,24 @@
 """How good primitives are, and what they cost: bound of a perfect grouping, seconds, memory.
 
-python benchmarks/primitives.py bound ../shared/bench/dev [--fuse] [--noise 0.0005] [--every 3]
-python benchmarks/primitives.py speed
+    python benchmarks/primitives.py DATASET [--fuse] [--noise 0.0005] [--every 3] [--out FILE.json]
+    python benchmarks/primitives.py
+
+Without a dataset: seconds and memory on made-up meshes of 10 thousand to a million faces.
 """
 
 from __future__ import annotations
 
-import argparse
 import resource
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
+import tyro
+from common import save
+from tyro.conf import Positional
 
 from mam_pipeline.geometry.fuse import fuse_mesh
 from mam_pipeline.geometry.sampling import face_geometry
@@ -41,9 +46,11 @@ def bound(labels: IntArray, owner: IntArray, areas: FloatArray, links: int) -> f
     return float(np.mean(out)) if out else 1.0
 
 
-def measure_bound(dataset: Path, fuse: bool, noise: float, resolution: int, every: int) -> None:
-    """Print the bound per object: of the labels as delivered and, if fused, at several cuts."""
-    rows, delivered = [], []
+def measure_bound(
+    dataset: Path, fuse: bool, noise: float, resolution: int, every: int
+) -> list[dict[str, Any]]:
+    """The bound per object: of the labels as delivered and, if fused, at several cuts."""
+    rows, delivered, out = [], [], []
     for name, category, urdf in list_objects(dataset)[::every]:
         truth = read_object(urdf, name, category)
         mesh = fuse_mesh(truth.mesh, resolution, noise) if fuse else truth.mesh
@@ -66,13 +73,16 @@ def measure_bound(dataset: Path, fuse: bool, noise: float, resolution: int, ever
             rows.append(row)
             text += "  at " + " ".join(f"{c}:{v:.2f}" for c, v in zip(CUTS, row))
         print(text, flush=True)
+        out.append({"id": name, "bound": delivered[-1], "seconds": seconds, "count": got.count})
     print(f"mean bound of the delivered labels: {np.mean(delivered):.3f}")
     if rows:
         print("mean at", dict(zip(CUTS, np.mean(rows, axis=0).round(3).tolist())))
+    return out
 
 
-def measure_speed() -> None:
+def measure_speed() -> list[dict[str, Any]]:
     """Seconds and peak memory from 10 k to 1 M faces, for many boxes and for one bumpy sphere."""
+    out = []
     for target in (10_000, 50_000, 200_000, 1_000_000):
         for kind, mesh in (("boxes", _many_boxes(target)), ("fused", _bumpy_sphere(target))):
             began = time.perf_counter()
@@ -84,6 +94,9 @@ def measure_speed() -> None:
                 f"{1e6 * seconds / len(mesh.faces):6.2f} us per face, peak {peak:.2f} GB",
                 flush=True,
             )
+            row = {"kind": kind, "faces": len(mesh.faces), "seconds": seconds, "peak_gb": peak}
+            out.append(row)
+    return out
 
 
 def _owner(truth: GroundTruth, mesh: Mesh, fuse: bool) -> IntArray:
@@ -110,21 +123,27 @@ def _bumpy_sphere(faces: int) -> Mesh:
     return replace(Mesh(v * bump[:, None], ball.faces))
 
 
-def main() -> None:
-    """Read the arguments and measure."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=["bound", "speed"])
-    parser.add_argument("dataset", nargs="?", type=Path)
-    parser.add_argument("--fuse", action="store_true")
-    parser.add_argument("--noise", type=float, default=0.0)
-    parser.add_argument("--resolution", type=int, default=112)
-    parser.add_argument("--every", type=int, default=1)
-    a = parser.parse_args()
-    if a.what == "speed":
-        measure_speed()
+def main(
+    dataset: Positional[Path | None] = None,
+    /,
+    fuse: bool = False,
+    noise: float = 0.0,
+    resolution: int = 112,
+    every: int = 1,
+    out: Path | None = None,
+) -> None:
+    """Measure the bound on a dataset, or speed without one.
+
+    Args:
+        dataset: folder of ground-truth URDFs. every: take every so many of them.
+        fuse: make each mesh one fused surface, of that resolution and noise (metres).
+        out: JSON file for the rows.
+    """
+    if dataset is None:
+        save(out, measure_speed())
     else:
-        measure_bound(a.dataset, a.fuse, a.noise, a.resolution, a.every)
+        save(out, measure_bound(dataset, fuse, noise, resolution, every))
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

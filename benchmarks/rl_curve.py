@@ -1,7 +1,7 @@
 """Learning curves of reinforcement learning: held-out success at every checkpoint, several seeds.
 
-    python benchmarks/rl_curve.py ASSET --joint NAME --seeds 0 1 2 --steps 12288 --out FOLDER
-        --json FILE --picture docs/ppo_drawer.png
+    python benchmarks/rl_curve.py ASSET --joint NAME --seeds 0 1 2 --steps 12288 --keep FOLDER
+        --out FILE --picture docs/ppo_drawer.png
 
 At each checkpoint the actor's mean action is tried at the same unseen poses. Seeds that the JSON
 file already has are not trained again.
@@ -9,7 +9,6 @@ file already has are not trained again.
 
 from __future__ import annotations
 
-import json
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any, Literal
 
 import torch
 import tyro
+from common import load, save
 
 from mam_policies.algorithms.ppo import Ppo
 from mam_policies.algorithms.sac import Sac
@@ -30,6 +30,7 @@ class Settings:
     """What is trained.
 
     Attributes:
+        keep: folder for the runs. out: JSON file for the rows. picture: of the curves.
         warm: expert episodes cloned first. every: steps between tests of `episodes` poses.
     """
 
@@ -41,8 +42,8 @@ class Settings:
     every: int = 4096
     episodes: int = 20
     max_steps: int = 120
-    out: Path = Path("rl_curve")
-    json: Path = Path("rl_curve.json")
+    keep: Path = Path("rl_curve")
+    out: Path | None = None
     picture: Path | None = None
 
 
@@ -72,7 +73,7 @@ def learn(asset: str, seed: int, settings: Settings) -> dict[str, Any]:
         rows.append((steps, found.successes, found.episodes, spent))
         print(f"{settings.algo} seed {seed}: {steps} steps, {spent} s, {found.line()}", flush=True)
 
-    run = settings.out / f"{settings.algo}-{seed}"
+    run = settings.keep / f"{settings.algo}-{seed}"
     info = learner.train(choice, config, run, on_checkpoint=test)
     test(int(info.results["steps"]), MlpPolicy.load(run))
     return {"algo": settings.algo, "seed": seed, "rows": rows, "config": info.config}
@@ -102,13 +103,11 @@ def draw(found: list[dict[str, Any]], file: Path) -> None:
 def main(asset: tyro.conf.Positional[str], /, settings: Settings) -> None:
     """Train what is missing, print rows, draw the picture."""
     torch.set_num_threads(1)
-    found: list[dict[str, Any]] = []
-    if settings.json.is_file():
-        found = json.loads(settings.json.read_text(encoding="utf-8"))
+    found: list[dict[str, Any]] = load(settings.out) or []
     for seed in settings.seeds:
         if not any(f["seed"] == seed and f["algo"] == settings.algo for f in found):
             found.append(learn(asset, seed, settings))
-            settings.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
+            save(settings.out, found)
     if settings.picture is not None:
         draw(found, settings.picture)
 

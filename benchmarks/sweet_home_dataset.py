@@ -15,7 +15,6 @@ shapes: lamps on ball joints, a clasp whose hinge moves with a lid.
 
 from __future__ import annotations
 
-import argparse
 import re
 import subprocess
 import sys
@@ -29,6 +28,8 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import trimesh
+import tyro
+from tyro.conf import Positional
 
 PACKAGES = ("sweethome3d", "sweethome3d-furniture")
 ON = re.compile(r"sweethome3d_(?:opening|window_pane|window_mirror)_on_(hinge|rail)_(\d+)")
@@ -169,15 +170,15 @@ def archives(folder: Path, packages: Path | None) -> list[zipfile.ZipFile]:
             or p.name == "sweethome3d.jar"]  # fmt: skip
 
 
-def main() -> None:
-    """Write the dataset and its MANIFEST.csv."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--packages", type=Path, help="folder with the .deb files (else apt-get)")
-    options = parser.parse_args()
+def main(folder: Positional[Path], /, packages: Path | None = None) -> None:
+    """Write the dataset and its MANIFEST.csv.
+
+    Args:
+        folder: where the objects go. packages: folder with the .deb files (else apt-get).
+    """
     rows = ["id,category"]
     with tempfile.TemporaryDirectory() as scratch:
-        for archive in archives(Path(scratch), options.packages):
+        for archive in archives(Path(scratch), packages):
             names = set(archive.namelist())
             index = next(
                 n for n in names
@@ -191,12 +192,12 @@ def main() -> None:
                 library = Path(archive.filename or "").stem.lower()
                 name = f"{library}__{model.name}"
                 if f"{name},{model.category}" not in rows and write_object(
-                    model, groups, options.out / name
+                    model, groups, folder / name
                 ):
                     rows.append(f"{name},{model.category}")
-    (options.out / "MANIFEST.csv").write_text("\n".join(rows) + "\n")
-    print(f"{len(rows) - 1} objects in {options.out}")
+    (folder / "MANIFEST.csv").write_text("\n".join(rows) + "\n")
+    print(f"{len(rows) - 1} objects in {folder}")
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

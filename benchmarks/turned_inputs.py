@@ -8,10 +8,13 @@ it, and scored against its truth, turned alike. Prints the totals of `mam-sim be
 
 from __future__ import annotations
 
-import argparse
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 
 import numpy as np
+import tyro
+from common import save
+from tyro.conf import Positional
 
 from mam_pipeline.engine import EngineConfig, moved
 from mam_pipeline.ground_truth import GroundTruth
@@ -36,24 +39,33 @@ class Turned(Task):
         return replace(truth, mesh=made.mesh, links=made.links, joints=made.joints)
 
 
-def main() -> None:
-    """Print a line per turn."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("dataset")
-    parser.add_argument("--degrees", nargs="*", type=float, default=[0, 37, 90, 180])
-    parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--seed", type=int, default=0)
-    args = parser.parse_args()
-    tasks = find_tasks(args.dataset)
-    config = BenchConfig(engine=EngineConfig(seed=args.seed), execute=False)
-    for degrees in args.degrees:
-        turned = [Turned(t.id, t.category, t.source, t.seed, degrees) for t in tasks]
-        row = summarise("total", run_bench(turned, config, jobs=args.jobs))
+def main(
+    dataset: Positional[str],
+    /,
+    degrees: tuple[float, ...] = (0, 37, 90, 180),
+    jobs: int = 1,
+    seed: int = 0,
+    out: Path | None = None,
+) -> None:
+    """Print a line per turn.
+
+    Args:
+        dataset: folder of ground-truth URDFs. degrees: turns. jobs: processes. seed: engine's.
+        out: JSON file for the totals.
+    """
+    tasks = find_tasks(dataset)
+    config = BenchConfig(engine=EngineConfig(seed=seed), execute=False)
+    rows = []
+    for angle in degrees:
+        turned = [Turned(t.id, t.category, t.source, t.seed, angle) for t in tasks]
+        row = summarise("total", run_bench(turned, config, jobs=jobs))
+        rows.append({"degrees": angle, **asdict(row)})
         pivot = np.nan if row.pivot is None else row.pivot
-        print(f"turned by {degrees:g} degrees: {row.objects} objects, mIoU {row.miou:.3f}, "
+        print(f"turned by {angle:g} degrees: {row.objects} objects, mIoU {row.miou:.3f}, "
               f"count {row.count:.3f}, type error {row.type_error:.3f}, axis {row.axis:.3f} rad, "
               f"pivot {pivot:.3f}", flush=True)  # fmt: skip
+    save(out, rows)
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

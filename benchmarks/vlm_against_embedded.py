@@ -1,21 +1,24 @@
 """The vision-language path with recorded answers beside the embedded reasoner, object by object.
 
-python benchmarks/vlm_against_embedded.py [--dataset ../shared/bench/dev] [--out FILE.json]
+    python benchmarks/vlm_against_embedded.py DATASET [--out FILE.json]
 
-The answers lie in tests/pipeline/answers, one folder per object: what was asked, what was answered
-from the pictures alone, and the pieces that were shown. Both reasoners get those pieces, the same
-prior and the same solver; `--prior` chooses the prior of both.
+The answers lie in tests/pipeline/answers.zip, one folder per object: what was asked, what was
+answered from the pictures alone, and the pieces that were shown. Both reasoners get those
+pieces, the same prior and the same solver; `--prior` chooses the prior of both.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
+import tempfile
+import zipfile
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
+import tyro
+from common import ROOT, save
+from tyro.conf import Positional
 
 from mam_pipeline.engine import Engine, EngineConfig
 from mam_pipeline.errors import MamSimError
@@ -24,7 +27,7 @@ from mam_pipeline.metrics import Scores, score
 from mam_pipeline.models import settings
 from mam_pipeline.types import Primitives
 
-ANSWERS = Path(__file__).resolve().parent.parent / "tests" / "pipeline" / "answers"
+ANSWERS = ROOT / "tests" / "pipeline" / "answers.zip"
 COLUMNS = ("miou", "count", "type_error", "axis", "pivot")
 
 
@@ -55,31 +58,34 @@ def line(name: str, scores: Sequence[Scores]) -> str:
     return f"| {name} | {len(scores)} | {' | '.join(cells)} |"
 
 
-def main() -> None:
-    """Score every object that has answers and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--dataset", default="../shared/bench/dev")
-    parser.add_argument("--answers", type=Path, default=ANSWERS)
-    parser.add_argument("--prior", default="embedded")
-    parser.add_argument("--out", type=Path)
-    args = parser.parse_args()
+def main(dataset: Positional[str], /, prior: str = "embedded", out: Path | None = None) -> None:
+    """Score every object that has answers and print the table.
+
+    Args:
+        dataset: folder of ground-truth URDFs. prior: of both reasoners.
+        out: JSON file for the scores.
+    """
     rows: dict[str, dict[str, Scores]] = {}
+    scratch = tempfile.TemporaryDirectory()
+    answers = Path(scratch.name)
+    with zipfile.ZipFile(ANSWERS) as archive:
+        archive.extractall(answers)
     print(f"| object, reasoner | n | {' | '.join(COLUMNS)} |\n|---|---|{'---|' * len(COLUMNS)}")
-    for name, category, urdf in list_objects(args.dataset):
-        if not (args.answers / name / "pieces.npz").is_file():
+    for name, category, urdf in list_objects(dataset):
+        if not (answers / name / "pieces.npz").is_file():
             continue
-        rows[name] = compare(args.answers / name, read_object(urdf, name, category), args.prior)
+        rows[name] = compare(answers / name, read_object(urdf, name, category), prior)
         for reasoner, label in (("file", "recorded answers"), ("embedded", "embedded")):
             print(line(f"{name}, {label}", [rows[name][reasoner]]), flush=True)
     for reasoner, label in (("file", "recorded answers"), ("embedded", "embedded")):
         print(line(f"**all, {label}**", [r[reasoner] for r in rows.values()]))
-    if args.out is not None:
-        plain = {
-            name: {k: asdict(replace(s, joints=())) for k, s in row.items()}
-            for name, row in rows.items()
-        }
-        args.out.write_text(json.dumps(plain, indent=1) + "\n", encoding="utf-8")
+    scratch.cleanup()
+    plain = {
+        name: {k: asdict(replace(s, joints=())) for k, s in row.items()}
+        for name, row in rows.items()
+    }
+    save(out, plain)
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

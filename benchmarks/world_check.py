@@ -1,7 +1,7 @@
 """Measures the procedural world: executability of its own truth, category by category.
 
     python benchmarks/world_check.py results.jsonl --count 2000 [--only safe oven] [--no-drive]
-    python benchmarks/world_check.py results.jsonl --table
+    python benchmarks/world_check.py results.jsonl                     (the table of what is there)
 
 Objects are drawn round after round over all categories with fresh seeds and the styles that belong
 to them; each is written as an asset folder to a temporary directory and checked by `mam-sim
@@ -14,7 +14,6 @@ eight times as long; an object whose check takes longer than the limit in CPU ti
 
 from __future__ import annotations
 
-import argparse
 import json
 import tempfile
 import time
@@ -24,6 +23,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tyro
+from common import save
+from tyro.conf import Positional
 
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.check import check
@@ -31,28 +33,36 @@ from mam_pipeline.thresholds import DRIVE_SECONDS, MAX_SECONDS
 from mam_world import CATEGORIES, make_object
 
 
-def main() -> None:
-    """Check objects until `count` are in the file or `minutes` have passed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("results", type=Path)
-    parser.add_argument("--count", type=int, default=0)
-    parser.add_argument("--seed", type=int, default=0, help="which fresh seeds are drawn")
-    parser.add_argument("--seeds", type=int, nargs="*", default=[], help="these seeds instead")
-    parser.add_argument("--only", nargs="*", default=[])
-    parser.add_argument("--no-drive", action="store_true")
-    parser.add_argument("--minutes", type=float, default=1e9)
-    parser.add_argument("--table", action="store_true", help="print the table and stop")
-    parser.add_argument("--patience", type=float, default=1.0, help="times the limits of time")
-    args = parser.parse_args()
-    check.DRIVE_SECONDS = DRIVE_SECONDS * args.patience
-    if not args.table:
-        names = args.only or list(CATEGORIES)
-        plan = product(names, args.seeds) if args.seeds else rounds(names, args.count, args.seed)
-        measure(args.results, plan, not args.no_drive, args.minutes, args.patience)
-    print(table(args.results))
+def main(
+    results: Positional[Path],
+    /,
+    count: int = 0,
+    seed: int = 0,
+    seeds: tuple[int, ...] = (),
+    only: tuple[str, ...] = (),
+    drive: bool = True,
+    minutes: float = 1e9,
+    patience: float = 1.0,
+    out: Path | None = None,
+) -> None:
+    """Check objects until `count` are in the file or `minutes` have passed.
+
+    Args:
+        results: file of JSON lines, gone on with where it exists.
+        count: objects in all. seed: which fresh seeds are drawn. seeds: these seeds instead.
+        only: these categories. drive: in the simulator too.
+        patience: factor on the limits of time.
+        out: JSON file for all rows.
+    """
+    check.DRIVE_SECONDS = DRIVE_SECONDS * patience
+    names = list(only or CATEGORIES)
+    plan = product(names, seeds) if seeds else rounds(names, count, seed)
+    measure(results, plan, drive, minutes, patience)
+    print(table(results))
+    save(out, read(results))
 
 
-def product(names: list[str], seeds: list[int]) -> Iterator[tuple[str, int]]:
+def product(names: list[str], seeds: tuple[int, ...]) -> Iterator[tuple[str, int]]:
     """Every category with every seed."""
     return ((name, seed) for seed in seeds for name in names)
 
@@ -145,4 +155,4 @@ def table(results: Path) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

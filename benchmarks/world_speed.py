@@ -10,40 +10,48 @@ static mesh, as training draws it; with --write, `written` adds what `mam-sim ge
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import tyro
+from common import save
 
 from mam_world import CATEGORIES, draw_style, make_object
 from mam_world.dataset import write_object
 from mam_world.object import generator
 
 
-def main() -> None:
-    """Print one line per category, then the totals."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=4)
-    parser.add_argument("--start", type=int, default=0)
-    parser.add_argument("--only", nargs="*", default=[])
-    parser.add_argument("--write", action="store_true")
-    args = parser.parse_args()
+def main(
+    seeds: int = 4,
+    start: int = 0,
+    only: tuple[str, ...] = (),
+    write: bool = False,
+    out: Path | None = None,
+) -> None:
+    """Print one line per category, then the totals.
+
+    Args:
+        seeds: objects of each category. start: the first seed. only: these categories.
+        write: also write each object to the disk.
+        out: JSON file for the seconds by category.
+    """
     made, written = [], []
+    rows = {}
     make_object("safe", 0)  # imports are not counted
-    for name in args.only or list(CATEGORIES):
-        times = np.array(
-            [one(name, seed, args.write) for seed in range(args.start, args.start + args.seeds)]
-        )
+    for name in only or CATEGORIES:
+        times = np.array([one(name, seed, write) for seed in range(start, start + seeds)])
+        rows[name] = {"made_s": times[:, 0].mean(), "written_s": times[:, 1].mean()}
         made.append(times[:, 0])
         written.append(times[:, 1])
         line = f"{name:<24} {1 / times[:, 0].mean():7.1f} made/s"
-        line += f" {1 / times[:, 1].mean():7.1f} written/s" if args.write else ""
+        line += f" {1 / times[:, 1].mean():7.1f} written/s" if write else ""
         print(line, flush=True)
     text = f"{len(made)} categories, {np.size(made)} objects: {rate(made)}"
-    print(text + (f"; written: {rate(written)}" if args.write else ""))
+    print(text + (f"; written: {rate(written)}" if write else ""))
+    save(out, rows)
 
 
 def one(name: str, seed: int, write: bool) -> tuple[float, float]:
@@ -72,4 +80,4 @@ def rate(times: list[np.ndarray]) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

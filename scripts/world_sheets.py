@@ -1,6 +1,6 @@
 """Contact sheets of the procedural world, one PNG per category: closed above, opened below.
 
-    python benchmarks/world_sheets.py OUT [--only safe oven] [--seeds 40 41 42 43] [--fused]
+    python scripts/world_sheets.py OUT [--only safe oven] [--seeds 40 41 42 43] [--fused]
 
 The pictures show the meshes as a user gets them, in the styles that belong to the seeds, posed by
 their exact joints: a part that is not cut where it should be, or that opens the wrong way, is seen.
@@ -8,13 +8,14 @@ their exact joints: a part that is not cut where it should be, or that opens the
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import tyro
 from numpy.typing import NDArray
 from PIL import Image
+from tyro.conf import Positional
 
 from mam_pipeline.render.mesh_pictures import contact_sheet, posed, render_mesh
 from mam_pipeline.types import Articulation
@@ -25,23 +26,26 @@ TURN = np.pi / 3
 """How far endless joints are turned in the opened picture, radians."""
 
 
-def main() -> None:
-    """Draw the sheets."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--only", nargs="*", default=[])
-    parser.add_argument("--seeds", type=int, nargs="*", default=[40, 41, 42, 43])
-    parser.add_argument("--fused", action="store_true", help="one watertight surface each")
-    parser.add_argument("--size", type=int, default=240, help="of one picture, pixels")
-    args = parser.parse_args()
-    args.out.mkdir(parents=True, exist_ok=True)
-    for name in args.only or list(CATEGORIES):
-        Image.fromarray(sheet(name, args.seeds, args.fused, args.size)).save(
-            args.out / f"{name}.png"
-        )
+def main(
+    out: Positional[Path],
+    /,
+    only: tuple[str, ...] = (),
+    seeds: tuple[int, ...] = (40, 41, 42, 43),
+    fused: bool = False,
+    size: int = 240,
+) -> None:
+    """Draw the sheets.
+
+    Args:
+        out: folder for them. only: these categories. seeds: one column each.
+        fused: one watertight surface each. size: of one picture, pixels.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    for name in only or CATEGORIES:
+        Image.fromarray(sheet(name, seeds, fused, size)).save(out / f"{name}.png")
 
 
-def sheet(name: str, seeds: list[int], fused: bool, size: int) -> NDArray[np.uint8]:
+def sheet(name: str, seeds: tuple[int, ...], fused: bool, size: int) -> NDArray[np.uint8]:
     """One column for every seed: the object closed, and opened below."""
     rows: tuple[list[NDArray[np.uint8]], list[NDArray[np.uint8]]] = ([], [])
     for seed in seeds:
@@ -62,4 +66,4 @@ def pose(articulation: Articulation, opened: bool) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

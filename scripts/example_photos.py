@@ -1,21 +1,22 @@
 """Renders the example pictures in examples/: procedural furniture made by this project.
 
-Usage: python benchmarks/photo_examples.py [--out examples]
+Usage: python scripts/example_photos.py [--out examples]
 """
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 import cv2
 import numpy as np
+import tyro
 
 from mam_world.photos.furniture_scene import build_piece
 from mam_world.photos.photo_renderer import Light, Scene, Surface, render
 from mam_world.photos.synthetic_furniture import WOODS, Cell, Style
 from mam_world.photos.synthetic_photo import frame_camera
 
+EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 OAK = Surface("wood", WOODS[1][0], WOODS[1][1], grain=1, scale=0.8, offset=(3, 1, 2), gloss=0.04)
 SAGE = Surface("plain", (0.30, 0.38, 0.31), gloss=0.05)
 BLACK = Surface("plain", (0.02, 0.02, 0.02), gloss=0.5)
@@ -56,11 +57,12 @@ def picture(
     return render(scene, camera, light, (1.0, 1.0, 1.0), supersample=3, seed=1)
 
 
-def main() -> None:
-    """Write the examples."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent.parent / "examples")
-    out = parser.parse_args().out
+def main(out: Path = EXAMPLES) -> None:
+    """Write the examples.
+
+    Args:
+        out: folder for them.
+    """
     out.mkdir(parents=True, exist_ok=True)
     stack = [Cell("drawer", (0, k / 3, 1, (k + 1) / 3)) for k in range(3)]
     mixed = [
@@ -86,4 +88,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)
