@@ -209,9 +209,9 @@ def test_columns_that_are_new_to_given_weights_have_no_effect_at_first() -> None
 def test_examples_that_meet_the_other_weights_are_left_out(tmp_path: Path) -> None:
     example = seen()[0]
     count = example.graph.count
-    skin = replace(example, graph=replace(example.graph, merges=np.zeros((count, 2), np.int64)))
-    made = {"a_000001": example, "b_000001": skin, "c_200001_f": example, "d_200001_f": skin}
+    one = replace(example, graph=replace(example.graph, merges=np.zeros((count, 2), np.int64)))
+    made = {"a_000001": example, "b_000001": one, "c_200001_f": example, "d_200001_f": one}
     for name, each in made.items():
         save_example(each, tmp_path / f"{name}.ex")
-    plain, skins = apart(sorted(tmp_path.glob("*.ex")))
-    assert [p.stem for p in plain] == ["a_000001"] and [p.stem for p in skins] == ["d_200001_f"]
+    plain, fused = apart(sorted(tmp_path.glob("*.ex")))
+    assert [p.stem for p in plain] == ["a_000001"] and [p.stem for p in fused] == ["d_200001_f"]

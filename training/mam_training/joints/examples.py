@@ -32,7 +32,7 @@ class Example:
     """One part with its hypotheses and what is true of them.
 
     Attributes:
-        name: object; category: its kind; fused: whether the mesh is one skin. variant: "true",
+        name: object; category: its kind; fused: whether the mesh is one surface. variant: "true",
             "less" (pieces lost), "more" (pieces of others swallowed) or "still".
         kind: index into ranker.KINDS. subtype: of the true joint, or "fixed".
         part: row of PART_NAMES. hypotheses: with features.
@@ -282,8 +282,8 @@ def make_examples(
 ) -> list[Example]:
     """Examples of one generated object: a category of the world or an abstract kind.
 
-    Of one skin a reasoner can take only whole primitives, so these are the parts there. `loose`,
-    `blocks`: see `mam_training.parts.corpus.as_met`.
+    Of a fused mesh a reasoner can take only whole primitives, so these are the parts there.
+    `loose`, `blocks`: see `mam_training.parts.corpus.as_met`.
     """
     truth, primitives = as_met(kind, seed, fused, loose, blocks)
     if fused:

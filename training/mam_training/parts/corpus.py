@@ -45,7 +45,7 @@ class Example:
     """One object as the reasoner meets it, with the truth.
 
     Attributes:
-        name, category: of the object. fused: whether the mesh is one skin.
+        name, category: of the object. fused: whether the mesh is one surface.
         graph: its primitives. overlap: (P, L) area share of every primitive in every true link.
         parent: (L,) parent links. subtype: (L,) 0 hinge, 1 spin, 2 slide, -1 base or fixed.
     """
@@ -122,7 +122,7 @@ def make_example(name: str, category: str, truth: Articulation, primitives: Prim
 def generated_example(
     kind: str, seed: int, fused: bool = False, loose: bool = False, blocks: bool = False
 ) -> Example:
-    """One generated object, segmented as in the product, in a style of its own or as one skin."""
+    """One generated object, segmented as in the product, in a style of its own or fused."""
     truth, primitives = as_met(kind, seed, fused, loose, blocks)
     return make_example(object_name(kind, seed, fused, loose, blocks), kind, truth, primitives)
 
@@ -138,10 +138,10 @@ def object_name(
 def as_met(
     kind: str, seed: int, fused: bool, loose: bool = False, blocks: bool = False
 ) -> tuple[Articulation, Primitives]:
-    """A generated object with its truth, and its primitives; as one skin if `fused`.
+    """A generated object with its truth, and its primitives; one surface if `fused`.
 
-    The skin's resolution and roughness are drawn. Of those built of `blocks` (`of_blocks`) and of
-    `loose` ones (`loosened`) the links and types hold; the joints of the latter lie about where
+    That surface's resolution and roughness are drawn. Of those built of `blocks` (`of_blocks`) and
+    of `loose` ones (`loosened`) the links and types hold; the joints of the latter lie about where
     they should.
     """
     made = generated(kind, seed, solids=not fused)
@@ -152,10 +152,10 @@ def as_met(
         return truth, GeometricSegmenter().segment(truth.mesh)
     rng = _draws(kind, seed)
     resolution, noise = int(rng.choice(RESOLUTIONS)), float(rng.choice(ROUGHNESS))
-    skin = fuse_mesh(truth.mesh, resolution, noise, seed, faces=60_000)
-    label = np.asarray(truth.face_link)[nearest_faces(truth.mesh, skin)]
+    surface = fuse_mesh(truth.mesh, resolution, noise, seed, faces=60_000)
+    label = np.asarray(truth.face_link)[nearest_faces(truth.mesh, surface)]
     segmenter = GeometricSegmenter(SPLIT.clear * np.exp(rng.uniform(*np.log(COARSENESS))))
-    return relabelled(replace(truth, mesh=skin), label), segmenter.segment(skin)
+    return relabelled(replace(truth, mesh=surface), label), segmenter.segment(surface)
 
 
 def relabelled(truth: Articulation, label: IntArray) -> Articulation:

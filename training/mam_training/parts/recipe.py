@@ -41,7 +41,7 @@ MIX = (
     "abstract_beam", "abstract_fascia", "abstract_lid", "abstract_fascia", "abstract_beam",
     "abstract_fascia", "abstract_lid", "abstract_fascia", "abstract_beam",
 )  # fmt: skip
-# what stands in homes: large fronts, leaves and lids, which most other kinds do not have
+# what stands in homes: large fronts, doors and lids, which most other kinds do not have
 HOUSEHOLD = frozenset({
     "chest_of_drawers", "cabinet_one_door", "cabinet_two_door", "cabinet_three_door",
     "storage_mixed", "cabinet_nested_drawers", "cabinet_sliding", "sideboard", "tall_cabinet",
@@ -61,7 +61,7 @@ Job = tuple[str, int, bool]  # kind, seed, fused
 
 
 def jobs(split: str, world: int, abstract: int, fused: int, household: int = 0) -> list[Job]:
-    """What a split consists of: the world's categories, abstract kinds, and both as one skin.
+    """What a split consists of: the world's categories, abstract kinds, and both fused.
 
     Args:
         household: how many more of the world's objects are of HOUSEHOLD kinds.
@@ -70,11 +70,11 @@ def jobs(split: str, world: int, abstract: int, fused: int, household: int = 0) 
     more = (job for job in iterate(split, start=HOUSEHOLD_FROM) if job[0] in HOUSEHOLD)
     plain += [(kind, seed, False) for kind, seed in islice(more, household)]
     plain += [(kind, seed, False) for kind, seed in _abstract(split, abstract)]
-    skins: list[Job] = [
+    melted: list[Job] = [
         (kind, seed, True) for kind, seed in iterate(split, 3 * fused // 4, start=FUSED_FROM)
     ]
-    skins += [(k, seed + FUSED_FROM, True) for k, seed in _abstract(split, fused - len(skins))]
-    return plain + skins
+    melted += [(k, seed + FUSED_FROM, True) for k, seed in _abstract(split, fused - len(melted))]
+    return plain + melted
 
 
 def _abstract(split: str, number: int) -> list[tuple[str, int]]:

@@ -46,10 +46,10 @@ from mam_training.parts.corpus import FUSED, load_example
 from mam_training.parts.recipe import FOLDS, fold_of, gather, jobs
 from mam_training.parts.views import (
     COMMON,
-    Look,
+    Candidates,
     Rows,
     add_overlaps,
-    look,
+    candidates_of,
     outcome,
     some_rows,
     widen,
@@ -63,7 +63,7 @@ RANKS: dict[str, Any] = {
     "objective": "lambdarank", "label_gain": list(range(LEVELS + 1)),
     "lambdarank_truncation_level": 15,
 }  # fmt: skip
-SETS, ROUNDS = 28, 250  # sets of one look that train the set model, and its trees
+SETS, ROUNDS = 28, 250  # sets of one example that train the set model, and its trees
 # weight of what the parts promise by themselves, beside the rank of a set, which leaves parts out:
 # most objects have one. Most of all among fused pieces. And the confidence that a part needs: on
 # 220 authored examples of held-back kinds and seeds 0.35 is best, among fused ones none
@@ -102,20 +102,20 @@ def fit_bonds(paths: list[Path]) -> tuple[dict[str, list[lightgbm.Booster]], dic
     return folds, final
 
 
-def fit_first(looks: list[Look]) -> tuple[Any, list[Any]]:
+def fit_first(seen: list[Candidates]) -> tuple[Any, list[Any]]:
     """The model of a candidate's overlap, on its own: on everything, and per fold."""
     rows, rng = Rows.empty(), np.random.default_rng(0)
-    for item in looks:
+    for item in seen:
         add_overlaps(rows, item, item.features, rng)
     return rows.fit(200, **OVERLAP), [rows.fit(200, k, **OVERLAP) for k in range(FOLDS)]
 
 
-def fit_groups(looks: list[Look], first: list[Any]) -> tuple[dict[str, Any], list[Guess]]:
-    """Revise and type models on widened looks, and their cross-fitted answers for each."""
+def fit_groups(seen: list[Candidates], first: list[Any]) -> tuple[dict[str, Any], list[Guess]]:
+    """Revise and type models on widened candidates, and their cross-fitted answers for each."""
     kind, revise = Rows.empty(), Rows.empty()
     rng = np.random.default_rng(1)
     wide = []
-    for item in looks:
+    for item in seen:
         guess = first[item.fold].predict(item.features.values, num_threads=1)
         wide.append(with_rivals(item.features, item.masks, guess))
         add_overlaps(revise, item, wide[-1], rng)
@@ -132,14 +132,14 @@ def fit_groups(looks: list[Look], first: list[Any]) -> tuple[dict[str, Any], lis
             np.asarray(second[item.fold].predict(w.values, num_threads=1)),
             np.asarray(types[item.fold].predict(item.features.values, num_threads=1)),
         )
-        for item, w in zip(looks, wide)
+        for item, w in zip(seen, wide)
     ]
     return {"revise": revise.fit(150, **OVERLAP), "subtype": kind.fit(80, **TYPES)}, guesses
 
 
 @dataclass(frozen=True)
 class Guess:
-    """What the group models say of the candidates of one look."""
+    """What the group models say of the candidates of one example."""
 
     value: FloatArray
     odds: FloatArray
@@ -147,10 +147,10 @@ class Guess:
 
 @dataclass(frozen=True)
 class Options:
-    """The sets of candidates of one look.
+    """The sets of candidates of one example.
 
     Attributes:
-        fold, truth: of the look. features: (M, .) of the sets. result: (M, 2) their mIoU and
+        fold, truth: of the example. features: (M, .) of the sets. result: (M, 2) their mIoU and
             whether the count is right. plain: what candidates above a threshold would reach.
     """
 
@@ -161,10 +161,10 @@ class Options:
     plain: tuple[float, float]
 
 
-def options_of(looks: list[Look], guesses: list[Guess]) -> list[Options]:
-    """The sets that every look offers; looks with nothing to find or choose from are left out."""
+def options_of(seen: list[Candidates], guesses: list[Guess]) -> list[Options]:
+    """The sets that every example offers; those with nothing to choose from are left out."""
     out = []
-    for item, guess in zip(looks, guesses):
+    for item, guess in zip(seen, guesses):
         if item.truth == 0 or len(item.masks) == 0:
             continue
         graph = load_example(item.path).graph
@@ -180,7 +180,7 @@ def options_of(looks: list[Look], guesses: list[Guess]) -> list[Options]:
 
 
 def _sets(tried: list[Options], seed: int) -> Rows:
-    """Training rows of the set model: a draw of the sets of every look, graded by their score."""
+    """Training rows of the set model: a draw of every example's sets, graded by their score."""
     rows, rng = Rows.empty(), np.random.default_rng(seed)
     for item in tried:
         score = item.result @ WORTH
@@ -212,7 +212,7 @@ def fit_choice(tried: list[Options], number: int) -> list[lightgbm.Booster]:
     return [rows.fit(ROUNDS, **RANKS) for rows in draws]
 
 
-def calibrate(answers: list[tuple[Look, FloatArray, list[int]]]) -> list[tuple[float, float]]:
+def calibrate(answers: list[tuple[Candidates, FloatArray, list[int]]]) -> list[tuple[float, float]]:
     """Isotonic curve from a chosen candidate's value to the odds of an overlap above one half."""
     from sklearn.isotonic import IsotonicRegression
 
@@ -231,14 +231,14 @@ def validate(
     networks: Sequence[Network],
     with_prior: bool,
     chosen: Mapping[str, float],
-) -> list[tuple[Look, FloatArray, list[int]]]:
+) -> list[tuple[Candidates, FloatArray, list[int]]]:
     """What the finished models choose on examples that they have not seen."""
     settings = {"calibration": [(0, 0), (1, 1)], "promise": chosen["promise"]}
     scores = LearnedScores(members, settings, networks)
     out = []
     for path in paths:
         example = load_example(path)
-        item = look(path, members[-1]["same"], members[-1]["move"], (), with_prior)
+        item = candidates_of(path, members[-1]["same"], members[-1]["move"], (), with_prior)
         view = View(example.graph, example.prior() if with_prior else None)
         item.masks, choice = decide([view], scores)
         item.overlap = example.part_overlap(item.masks)
@@ -256,20 +256,19 @@ def fit_member(
     """
     folds, models = fit_bonds(train)
     print("pair and primitive models are trained", file=sys.stderr, flush=True)
-    looks = []
+    seen = []
     for n, path in enumerate(train):
         k = fold_of(path.stem)
         for with_prior in (True, False) if n % 4 == 0 else (True,):
-            looks.append(
-                look(path, folds["same"][k], folds["move"][k], networks[k : k + 1], with_prior)
-            )
-    print(f"{len(looks)} looks", file=sys.stderr, flush=True)
-    models["value"], first = fit_first(looks)
-    for item in looks:
+            models_of_fold = folds["same"][k], folds["move"][k], networks[k : k + 1]
+            seen.append(candidates_of(path, *models_of_fold, with_prior))
+    print(f"{len(seen)} examples are seen", file=sys.stderr, flush=True)
+    models["value"], first = fit_first(seen)
+    for item in seen:
         widen(item, first[item.fold])
-    print("looks are widened", file=sys.stderr, flush=True)
-    final, guesses = fit_groups(looks, first)
-    return models | final, options_of(looks, guesses)
+    print("candidates are widened", file=sys.stderr, flush=True)
+    final, guesses = fit_groups(seen, first)
+    return models | final, options_of(seen, guesses)
 
 
 def lean(text: str) -> str:
@@ -382,16 +381,16 @@ def _halves(paths: list[Path]) -> list[list[Path]]:
 def apart(paths: list[Path]) -> tuple[list[Path], list[Path]]:
     """Examples of authored meshes, and of fused ones.
 
-    An authored mesh that is one skin, or a fused one that is several, meets the other weights in
+    An authored mesh that is one surface, or a fused one that is several, meets the other weights in
     use, and has other features: it is left out.
     """
     plain: list[Path] = []
-    skins: list[Path] = []
+    fused: list[Path] = []
     for path in paths:
-        one, fused = load_example(path).graph.is_fused, path.stem.endswith(FUSED)
-        if one == fused:
-            (skins if fused else plain).append(path)
-    return plain, skins
+        cut, made = load_example(path).graph.is_fused, path.stem.endswith(FUSED)
+        if cut == made:
+            (fused if cut else plain).append(path)
+    return plain, fused
 
 
 def fit_members(
@@ -411,7 +410,7 @@ def fit_members(
         members.append(models)
         sizes.append(len(draw))
         tried += options
-    # from the looks of all members: half of them are too few
+    # from the examples of all members: half of them are too few
     for models, choose in zip(members, fit_choice(tried, number)):
         models["choose"] = choose
     finish(members, asked, held, sizes, out, chosen)

@@ -1,4 +1,4 @@
-"""Examples as the reasoner's models meet them in training: feature rows, looks at candidates."""
+"""Examples as the reasoner's models meet them in training: feature rows, candidates."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Rows:
 
 
 @dataclass
-class Look:
+class Candidates:
     """Candidates of one example with their features and their true overlap.
 
     Attributes:
@@ -89,7 +89,9 @@ class Look:
     truth: int
 
 
-def look(path: Path, same: Any, move: Any, networks: Sequence[Network], with_prior: bool) -> Look:
+def candidates_of(
+    path: Path, same: Any, move: Any, networks: Sequence[Network], with_prior: bool
+) -> Candidates:
     """Enumerate and measure the first candidates of one example under given models."""
     example = load_example(path)
     prior = example.prior() if with_prior else None
@@ -100,13 +102,13 @@ def look(path: Path, same: Any, move: Any, networks: Sequence[Network], with_pri
     reading = read(networks, example.graph, unary, pairs, s, m)
     masks = enumerate_groups(example.graph, reading.same, reading.move)
     features = measured(example.graph, masks, reading, prior)
-    return Look(
+    return Candidates(
         path, fold_of(example.name), with_prior, masks, features, reading,
         example.part_overlap(masks), example.subtype, len(example.movable),
     )  # fmt: skip
 
 
-def widen(item: Look, value: Any) -> None:
+def widen(item: Candidates, value: Any) -> None:
     """Add the groups beside the best ones, as the reasoner does."""
     example = load_example(item.path)
     prior = example.prior() if item.prior else None
@@ -119,8 +121,8 @@ def widen(item: Look, value: Any) -> None:
         item.overlap = example.part_overlap(item.masks)
 
 
-def add_overlaps(rows: Rows, item: Look, features: Table, rng: np.random.Generator) -> None:
-    """Append a draw of a look's candidates with their true overlap."""
+def add_overlaps(rows: Rows, item: Candidates, features: Table, rng: np.random.Generator) -> None:
+    """Append a draw of candidates with their true overlap."""
     target = item.overlap.max(axis=1, initial=0.0)
     keep = _sample(target, rng)
     weight = np.full(len(keep), np.sqrt(KEEP / max(len(keep), 1)))
@@ -142,7 +144,7 @@ def some_rows(features: Table, keep: np.ndarray) -> Table:
     return Table(features.names, features.values[keep])
 
 
-def outcome(item: Look, chosen: list[int]) -> tuple[float, float]:
+def outcome(item: Candidates, chosen: list[int]) -> tuple[float, float]:
     """(mIoU, count right) of one set of candidates (design section 6)."""
     number = max(len(chosen), item.truth)
     if number == 0:
