@@ -18,10 +18,11 @@ import os
 import platform
 import subprocess
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import islice, zip_longest
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import tyro
@@ -30,10 +31,17 @@ from compare_bench import interval
 from mam_pipeline.engine import EngineConfig
 from mam_pipeline.geometry.fuse import fuse_mesh
 from mam_pipeline.ground_truth import GroundTruth
-from mam_pipeline.joints.estimate import JointEstimator
+from mam_pipeline.joints.estimate import OF_JOINTS, JointEstimator
 from mam_pipeline.joints.solver import EmbeddedSolver
 from mam_pipeline.metrics import score
-from mam_pipeline.parts.embedded import Scored, chosen_parts, drafted, sampled_views, scored
+from mam_pipeline.parts.embedded import (
+    REASONER,
+    Scored,
+    chosen_parts,
+    drafted,
+    sampled_views,
+    scored,
+)
 from mam_pipeline.parts.scores import load_scores
 from mam_pipeline.parts.settle import settled
 from mam_pipeline.parts.tree import clear_from
@@ -56,6 +64,10 @@ FUSED_ONLY = (
 AUTHORED_ONLY = ("minor",)
 OF_RANKING = ("near_lines", "sunken_slide")  # rules that the joint hypotheses depend on
 SEED = EngineConfig().seed
+STAGE_OF = {
+    rule: "segment" if rule == "closed_fronts" else "joints" if rule in OF_JOINTS else "parts"
+    for rule in Rules.names()
+}
 
 
 @dataclass
@@ -65,7 +77,9 @@ class Settings:
     Attributes:
         authored, fused: objects of either sort. log: results by object, as JSON lines.
         out: the two files that are written, without suffix. only_report: run nothing.
-        part: K/N: run only every N-th object from the K-th on, to share the work out.
+        part: run only every N-th object from the K-th on (K N), to share the work out.
+        stages: whose rules are tried; those of the joints cost most.
+        samplings: how often an object is sampled; the engine's own number is 4.
     """
 
     log: Path
@@ -74,6 +88,8 @@ class Settings:
     out: Path = Path("docs/results/rule_ablation")
     only_report: bool = False
     part: tuple[int, int] = (0, 1)
+    stages: tuple[Literal["segment", "parts", "joints"], ...] = ("segment", "parts", "joints")
+    samplings: int = REASONER.samplings
 
 
 def objects(count: int) -> list[tuple[str, int]]:
@@ -94,8 +110,8 @@ class Case:
         mesh, primitives: as the stages meet them. base: its scores with all rules.
     """
 
-    def __init__(self, truth: GroundTruth, mesh: Mesh) -> None:
-        self.truth, self.whole = truth, mesh
+    def __init__(self, truth: GroundTruth, mesh: Mesh, samplings: int) -> None:
+        self.truth, self.whole, self.samplings = truth, mesh, samplings
         self.primitives = GeometricSegmenter().segment(mesh)
         self.found = self._scored(self.primitives, ALL_RULES)
         self._drafts: dict[str, KinematicTree] = {}
@@ -143,7 +159,7 @@ class Case:
     def _scored(self, primitives: Primitives, rules: Rules) -> Scored:
         prior = EmbeddedPrior().observe(self.whole, primitives, seed=SEED)
         mesh, bare = without_repeats(self.whole, primitives)
-        views = sampled_views(mesh, bare, prior, SEED, rules)
+        views = sampled_views(mesh, bare, prior, SEED, rules, self.samplings)
         if rules != ALL_RULES and primitives is self.primitives:
             rigid = views[0].graph.rigid
             if rigid is not None and np.array_equal(rigid, self.found.graph.rigid):
@@ -188,16 +204,19 @@ def _digest(*arrays: np.ndarray) -> str:
     return digest.hexdigest()
 
 
-def measured(kind: str, seed: int, fused: bool) -> dict[str, Any]:
+def measured(
+    kind: str, seed: int, fused: bool, rules: Sequence[str], samplings: int
+) -> dict[str, Any]:
     """One row of the log."""
     began = time.perf_counter()
     truth = generated_truth(kind, seed)
     mesh = fuse_mesh(truth.mesh, 192, 0.0, faces=60_000) if fused else truth.mesh
-    case = Case(truth, mesh)
-    off = {rule: case.off(rule) for rule in Rules.names()}
+    case = Case(truth, mesh, samplings)
+    off = {rule: case.off(rule) for rule in rules}
     return {
         "kind": kind, "seed": seed, "fused": fused, "held_back_kind": kind in VALIDATION_ONLY,
-        "one_surface": case.primitives.is_fused, "base": case.base,
+        "one_surface": case.primitives.is_fused, "base": case.base, "rules": list(rules),
+        "samplings": samplings,
         "off": {rule: scores for rule, scores in off.items() if scores != case.base},
         "seconds": round(time.perf_counter() - began, 1),
     }  # fmt: skip
@@ -218,12 +237,13 @@ def run(settings: Settings) -> None:
     ]
     done = {(r["kind"], r["seed"], r["fused"]) for r in rows_of(settings.log)}
     first, step = settings.part
+    rules = [rule for rule, stage in STAGE_OF.items() if stage in settings.stages]
     settings.log.parent.mkdir(parents=True, exist_ok=True)
     for job in wanted[first::step]:
         if job in done:
             continue
         try:
-            row = measured(*job)
+            row = measured(*job, rules, settings.samplings)
         except Exception as error:  # one object must not end an hour of work; it is named
             print(f"{job}: {error!r}", flush=True)
             continue
@@ -250,6 +270,7 @@ class Gain:
 
 def gain_of(rule: str, rows: list[dict[str, Any]]) -> Gain:
     """Paired differences of one rule; positive is better with the rule."""
+    rows = [r for r in rows if rule in r["rules"]]
     mean, low, high = {}, {}, {}
     for metric in METRICS:
         sign = 1.0 if metric in MORE_IS_BETTER else -1.0
@@ -263,6 +284,8 @@ def gain_of(rule: str, rows: list[dict[str, Any]]) -> Gain:
 
 def told(rule: str, gains: dict[str, Gain]) -> str:
     """What follows for a rule, in words."""
+    if not any(gains[k].objects for k in ("authored", "fused")):
+        return "not measured yet"
     best = max(gains[k].most for k in ("authored", "fused"))
     if best >= LEAST_GAIN:
         where = [k for k in ("authored", "fused") if gains[k].most >= LEAST_GAIN]
@@ -284,6 +307,7 @@ def report(settings: Settings) -> None:
     about = {
         "command": "python benchmarks/rule_ablation.py", "commit": _commit(),
         "machine": f"{platform.machine()}, {os.cpu_count()} cores",
+        "samplings": ", ".join(sorted({str(r["samplings"]) for r in rows})),
         "objects": {sort: len(own) for sort, own in sorts.items()},
         "held_back_kinds": {s: sum(r["held_back_kind"] for r in own) for s, own in sorts.items()},
         "all_rules": {
@@ -310,7 +334,8 @@ def page(about: dict[str, Any], table: dict[str, dict[str, Gain]]) -> str:
         f"{number['authored']} authored and {number['fused']} fused objects that nothing was "
         f"trained on; {about['held_back_kinds']['authored']} and "
         f"{about['held_back_kinds']['fused']} of them are of kinds that training never saw. "
-        f"Commit {about['commit']}, {about['machine']}.", "",
+        f"Commit {about['commit']}, {about['machine']}; "
+        f"{about['samplings']} sampling(s) of each object.", "",
         "Each cell is what the rule gains in the mean over objects, with its 95 % bootstrap "
         "interval; positive is better with the rule. `n` is the number of objects that it changed. "
         f"With so few objects changed, a gain near {LEAST_GAIN} is within noise.", "",
@@ -332,7 +357,7 @@ def page(about: dict[str, Any], table: dict[str, dict[str, Gain]]) -> str:
 
 def _line(rule: str, gain: Gain) -> str:
     if not gain.changed:
-        return f"| `{rule}` | 0 | | | | | |"
+        return f"| `{rule}` | {'0' if gain.objects else 'not measured'} | | | | | |"
     cells = [
         f"{gain.mean[m]:+.3f} [{gain.low[m]:+.3f}, {gain.high[m]:+.3f}]" if gain.mean[m] else "0"
         for m in METRICS

@@ -123,7 +123,7 @@ class View:
 
 def sampled_views(
     mesh: Mesh, primitives: Primitives, prior: KinematicPrior | None, seed: int,
-    rules: Rules = ALL_RULES,
+    rules: Rules = ALL_RULES, samplings: int = REASONER.samplings,
 ) -> list[View]:  # fmt: skip
     """Several samplings of one object.
 
@@ -135,7 +135,7 @@ def sampled_views(
     first = build_graph(mesh, primitives, seed, known, rules)
     again = prior is not None and _alike(prior, prior_of(first.probe))
     views = [View(first, prior)]
-    for k in range(1, REASONER.samplings if primitives.count > 1 else 1):
+    for k in range(1, samplings if primitives.count > 1 else 1):
         graph = build_graph(mesh, primitives, seed + k * SEED_STEP, rules=rules)
         views.append(View(graph, prior_of(graph.probe) if again else prior))
     return views
