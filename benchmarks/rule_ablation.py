@@ -14,9 +14,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import platform
-import subprocess
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -26,6 +23,7 @@ from typing import Any, Literal
 
 import numpy as np
 import tyro
+from common import save
 from compare_bench import interval
 
 from mam_pipeline.engine import EngineConfig
@@ -304,9 +302,7 @@ def report(settings: Settings) -> None:
     table = {
         rule: {sort: gain_of(rule, own) for sort, own in sorts.items()} for rule in Rules.names()
     }
-    about = {
-        "command": "python benchmarks/rule_ablation.py", "commit": _commit(),
-        "machine": f"{platform.machine()}, {os.cpu_count()} cores",
+    about: dict[str, Any] = {
         "samplings": ", ".join(sorted({str(r["samplings"]) for r in rows})),
         "objects": {sort: len(own) for sort, own in sorts.items()},
         "held_back_kinds": {s: sum(r["held_back_kind"] for r in own) for s, own in sorts.items()},
@@ -320,7 +316,9 @@ def report(settings: Settings) -> None:
         for rule, gains in table.items()
     }}  # fmt: skip
     settings.out.parent.mkdir(parents=True, exist_ok=True)
-    settings.out.with_suffix(".json").write_text(json.dumps(data, indent=1) + "\n")
+    file = settings.out.with_suffix(".json")
+    save(file, data)
+    about |= {k: v for k, v in json.loads(file.read_text()).items() if k in ("commit", "machine")}
     settings.out.with_suffix(".md").write_text(page(about, table))
     print(f"wrote {settings.out}.json and {settings.out}.md")
 
@@ -363,11 +361,6 @@ def _line(rule: str, gain: Gain) -> str:
         for m in METRICS
     ]
     return f"| `{rule}` | {gain.changed} | {' | '.join(cells)} |"
-
-
-def _commit() -> str:
-    out = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True)
-    return out.stdout.strip() or "unknown"
 
 
 def main(settings: Settings) -> None:
