@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from tyro.conf import Positional
 
@@ -27,10 +27,10 @@ class Collect(Verb):
     """Successes wanted."""
     joint: str | None = None
     """Joint to operate; by default the surest one that the arm can do."""
-    task: Literal["open", "close", "turn_to", "push"] | None = None
-    """What to do with it; by default what the joint suggests."""
+    task: str | None = None
+    """open, close, turn_to, push or a plug-in's; by default what the joint suggests."""
     robot: str = "panda"
-    """panda, so100, fetch, xarm6_robotiq."""
+    """panda, so100, fetch, xarm6_robotiq or a plug-in's."""
     seed: int = 0
     """Seed of the first attempt; the others follow."""
     noise: float = 0.0

@@ -29,9 +29,9 @@ class Train(Verb):
     joint: str | None = None
     """Its name; default: the surest joint with a handle."""
     task: str | None = None
-    """open, close, turn_to or push; default: what the joint suggests."""
+    """open, close, turn_to, push or a plug-in's; default: what the joint suggests."""
     robot: str = "panda"
-    """panda, so100, xarm6_robotiq, fetch."""
+    """panda, so100, xarm6_robotiq, fetch or a plug-in's."""
     episodes: int | None = None
     """Demonstrations to clone (bc, and the warm start of ppo and sac; 0: from scratch)."""
     steps: int | None = None

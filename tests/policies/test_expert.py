@@ -89,7 +89,7 @@ def test_a_stuck_joint_is_reported(drawer: Path) -> None:
     expert = Expert(env, attempts=1)
     env.reset(seed=0)
     expert.reset()
-    joint = env.unwrapped._objects[0].active_joints[0]._objs[0]  # type: ignore[attr-defined]
+    joint = env.unwrapped.objects[0].active_joints[0]._objs[0]  # type: ignore[attr-defined]
     joint.set_drive_properties(1e6, 1e4)  # somebody holds the drawer shut
     info = {}
     while expert.phase != "done":
