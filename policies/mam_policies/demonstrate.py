@@ -13,9 +13,6 @@ from mam_envs.scene.video import Camera, Frame, write_strip, write_video
 from mam_envs.scene.vulkan import vulkan_ok
 from mam_policies.expert import Expert, PlanningError
 
-EVERY = 2  # pictures are dear on a CPU: one for every so many control steps
-LINGER = 12  # control steps shown after success
-
 
 @dataclass(frozen=True)
 class DemoResult:
@@ -49,11 +46,17 @@ def demonstrate(
     robot: str = "panda",
     task: str | None = None,
     attempts: int = 3,
+    every: int = 2,
+    linger: int = 12,
 ) -> DemoResult:
     """Let the expert operate one joint and film it into out/demo.mp4 and out/demo.png.
 
     Up to `attempts` episodes with seeds seed, seed + 1, ... are run; the last one is kept, and
     the result says how many there were. Without a Vulkan driver the pictures are ray-cast.
+
+    Args:
+        every: control steps per picture (they are slow on a CPU).
+        linger: control steps shown after success.
 
     Raises:
         PlacementError: no place lets this arm operate the joint; the message says why.
@@ -69,7 +72,9 @@ def demonstrate(
         camera = Camera(env) if video else None
         expert = Expert(env)
         for attempt in range(1, attempts + 1):
-            success, fraction, reason, frames = _film(env, expert, seed + attempt - 1, camera)
+            success, fraction, reason, frames = _film(
+                env, expert, seed + attempt - 1, camera, every, linger
+            )
             if success:
                 break
         goal = env.unwrapped.layout().goals[0]  # type: ignore[attr-defined]
@@ -77,7 +82,7 @@ def demonstrate(
         env.close()
     film = strip = None
     if frames:
-        film = write_video(frames, Path(out) / "demo.mp4", fps=20 // EVERY)
+        film = write_video(frames, Path(out) / "demo.mp4", fps=20 // every)
         strip = write_strip(frames, Path(out) / "demo.png")
     renderer = "none" if not frames else "vulkan" if render else "ray casting"
     return DemoResult(
@@ -86,7 +91,7 @@ def demonstrate(
 
 
 def _film(
-    env: Any, expert: Expert, seed: int, camera: Camera | None
+    env: Any, expert: Expert, seed: int, camera: Camera | None, every: int, linger: int
 ) -> tuple[bool, float, str, list[Frame]]:
     """One episode: success, open fraction at the end, reason, frames."""
     frames: list[Frame] = []
@@ -95,9 +100,9 @@ def _film(
         expert.reset()
     except PlanningError as error:
         return False, float(info["open_fraction"][0]), str(error), frames
-    success, left, k = False, LINGER, 0
+    success, left, k = False, linger, 0
     while True:
-        if camera is not None and k % EVERY == 0:
+        if camera is not None and k % every == 0:
             frames.append(camera.shoot())
         action = expert.act()
         if expert.phase == "done" and not success:

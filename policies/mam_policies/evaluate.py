@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from mani_skill.utils import common
 
+from mam_envs.tasks.success import TOUCH_FORCE
 from mam_policies.algorithms import Actor, algorithm
 from mam_policies.expert import Expert, PlanningError
 from mam_policies.run import EnvChoice, RunInfo, few_objects
@@ -205,7 +206,7 @@ def _why(success: bool, info: dict[str, Any], force: float) -> str:
     if success:
         return ""
     progress = _first(info["progress"])
-    if force < 0.1:
+    if force <= TOUCH_FORCE:
         return "never touched the part"
     if progress < 0.05:
         return "touched but did not move it"

@@ -21,26 +21,7 @@ from mam_envs.planner_state import PlannerState
 from mam_envs.robots import RobotSpec
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.types import FloatArray
-
-TILTS = (0, 15, 30, 45, 60)
-CLOSE_STEPS = 6
-SETTLE_STEPS = 25
-RELEASE_STEPS = 14
-HAND_SPEED = 0.012
-"""Metres per control step (20 Hz) at which the hand drags the part."""
-PUSH_SPEED = 0.007
-"""The same where it only pushes: what is struck runs ahead, and is not moved by contact then."""
-LONGEST = 90
-"""Control steps that a way may take, whatever its length."""
-GIVE = 0.006
-"""Metres that a pulling arm stays behind its target."""
-SHORT = 0.06
-"""Ways of fewer metres than this at the hand may be lost in that give."""
-PAUSE_STEPS = 4
-"""Control steps in which the arm catches up with its target before it closes or pushes: fingers
-that close 5 mm too early close beside a shallow pull."""
-CARD_TRIES = 2
-"""After so many grasps that slipped, those on the part's surface come first."""
+from mam_policies.expert.config import ExpertConfig
 
 _SURFACE: dict[tuple[object, ...], list[Grasp]] = {}
 
@@ -71,7 +52,11 @@ class Plan:
         return len(self.arm)
 
 
-def plan(now: PlannerState, skip: Sequence[Grasp] = ()) -> Plan:
+def plan(
+    now: PlannerState,
+    skip: Sequence[Grasp] = (),
+    config: ExpertConfig = ExpertConfig(),  # noqa: B008
+) -> Plan:
     """Plan from the present state of arm and object.
 
     The grasp and branch of the nominal placement are tried first, so that all episodes look alike
@@ -101,11 +86,11 @@ def plan(now: PlannerState, skip: Sequence[Grasp] = ()) -> Plan:
             seeds=np.stack([nominal.approach[-1], nominal.approach[0]]),
         )
         if found.paths:
-            return time_path(robot, now, found.paths[0])
+            return time_path(robot, now, found.paths[0], config)
     found = Search((), 0, 0, 0)
     refusal: NotPhysicalError | None = None
-    offers = [lambda: card_grasps(model, goal, robot, TILTS), lambda: _surface(now)]
-    for offer in offers if len(skip) < CARD_TRIES else offers[::-1]:
+    offers = [lambda: card_grasps(model, goal, robot, config.tilts), lambda: _surface(now)]
+    for offer in offers if len(skip) < config.card_tries else offers[::-1]:
         try:
             candidates = [h for h in offer() if not _tried(h, skip)]
         except PlacementError as error:
@@ -124,7 +109,7 @@ def plan(now: PlannerState, skip: Sequence[Grasp] = ()) -> Plan:
             keep=1,
         )
         if here.paths:
-            return time_path(robot, now, here.paths[0])
+            return time_path(robot, now, here.paths[0], config)
         found = max(found, here, key=lambda s: (s.followed, s.reached, s.tried))
     if refusal is not None and not found.tried:
         raise PlanningError(str(refusal))
@@ -145,7 +130,7 @@ def _tried(grasp: Grasp, skip: Sequence[Grasp]) -> bool:
     return any(grasp.mode == s.mode and np.allclose(grasp.tool, s.tool, atol=1e-3) for s in skip)
 
 
-def time_path(robot: RobotSpec, now: PlannerState, path: ArmPath) -> Plan:
+def time_path(robot: RobotSpec, now: PlannerState, path: ArmPath, config: ExpertConfig) -> Plan:
     """Put an arm path on the clock: joint speeds below the robot's, the hand slow at the part."""
     opened = grasp_opening(robot, path.grasp)
     closed = robot.closed
@@ -163,20 +148,25 @@ def time_path(robot: RobotSpec, now: PlannerState, path: ArmPath) -> Plan:
         names.extend([name] * len(arm))
         expected.extend(np.broadcast_to(values, (len(arm),)).tolist())
 
-    add(_timed(np.stack([now.arm, path.approach[0]]), 0.8 * robot.step), ready, "move", start)
-    add(_timed(path.approach, 0.35 * robot.step, least=10), ready, "approach", start)
-    add(np.repeat(path.approach[-1:], PAUSE_STEPS, axis=0), ready, "approach", start)
+    add(
+        _timed(np.stack([now.arm, path.approach[0]]), config.move_speed * robot.step),
+        ready,
+        "move",
+        start,
+    )
+    add(_timed(path.approach, config.approach_speed * robot.step, 10), ready, "approach", start)
+    add(np.repeat(path.approach[-1:], config.pause_steps, axis=0), ready, "approach", start)
     if not pushing:
-        hold_still = np.repeat(path.approach[-1:], CLOSE_STEPS, axis=0)
+        hold_still = np.repeat(path.approach[-1:], config.close_steps, axis=0)
         add(hold_still, closed, "close", start)
     hand = tool_path(now.model, now.goal, path.grasp, path.q)[:, :3, 3]
     length = float(np.linalg.norm(np.diff(hand, axis=0), axis=1).sum())
-    slow = int(np.ceil(length / (PUSH_SPEED if pushing else HAND_SPEED)))
-    least = max(12, min(slow, LONGEST))
+    slow = int(np.ceil(length / (config.push_speed if pushing else config.hand_speed)))
+    least = max(12, min(slow, config.longest))
     gentle = 1.0 if pushing else 0.25
-    arm, values = _timed_with(path.follow, path.q, 0.5 * robot.step, least, gentle)
+    arm, values = _timed_with(path.follow, path.q, config.follow_speed * robot.step, least, gentle)
     add(arm, closed, "follow", values)
-    settle = SETTLE_STEPS if now.goal.tolerance == 0.0 else SETTLE_STEPS // 3
+    settle = config.settle_steps if now.goal.tolerance == 0.0 else config.settle_steps // 3
     add(np.repeat(path.follow[-1:], settle, axis=0), closed, "settle", float(path.q[-1]))
     return Plan(path, np.concatenate(rows), np.array(grip), tuple(names), np.array(expected))
 
@@ -188,7 +178,7 @@ def hand_travel(now: PlannerState, path: ArmPath) -> float:
     return float(np.linalg.norm(ends[1] - ends[0])) / max(moved, 1e-9)
 
 
-def correction(now: PlannerState, done: Plan) -> Plan | None:
+def correction(now: PlannerState, done: Plan, config: ExpertConfig) -> Plan | None:
     """The motion that carries the hand on by what the joint still lacks, or None.
 
     A grasp slips and an arm gives: at the end of its way the joint may have stopped short (or, for
@@ -199,14 +189,18 @@ def correction(now: PlannerState, done: Plan) -> Plan | None:
     lacks = goal.q_goal - now.q
     near = abs(lacks) <= 0.7 * goal.tolerance if goal.tolerance else lacks * way <= 0.0
     lever = hand_travel(now, path)
-    short = abs(way) * lever < SHORT  # the arm's own give may be as long
+    short = abs(way) * lever < config.short  # the arm's own give may be as long
     if near:
         return (
-            _release(robot, done) if done.gripper[-1] != grasp_opening(robot, path.grasp) else None
+            _release(robot, done, config)
+            if done.gripper[-1] != grasp_opening(robot, path.grasp)
+            else None
         )
     if not short and (now.q - goal.q_start) * way < 0.1 * way * way:
         return None
-    give = 0.0 if goal.tolerance else max(0.08 * abs(way), GIVE / max(lever, 1e-6))
+    give = (
+        0.0 if goal.tolerance else max(config.give_share * abs(way), config.give / max(lever, 1e-6))
+    )
     extra = lacks + np.sign(way) * give
     begin = float(done.expected[-1])
     values = begin + np.linspace(0.0, 1.0, 7)[1:] * extra
@@ -224,9 +218,9 @@ def correction(now: PlannerState, done: Plan) -> Plan | None:
         return None
     follow = np.stack([done.arm[-1], *rows])
     steps, expected = _timed_with(
-        follow, np.concatenate([[begin], values[: len(rows)]]), 0.5 * robot.step, 10
+        follow, np.concatenate([[begin], values[: len(rows)]]), config.follow_speed * robot.step, 10
     )
-    still = np.repeat(steps[-1:], SETTLE_STEPS // 2, axis=0)
+    still = np.repeat(steps[-1:], config.settle_steps // 2, axis=0)
     count = len(steps) + len(still)
     return Plan(
         path,
@@ -237,16 +231,16 @@ def correction(now: PlannerState, done: Plan) -> Plan | None:
     )
 
 
-def _release(robot: RobotSpec, done: Plan) -> Plan | None:
+def _release(robot: RobotSpec, done: Plan, config: ExpertConfig) -> Plan | None:
     """Open the hand where it is: a squeezed knob trembles, and is still once it is let go."""
     if done.path.grasp.mode == "push":
         return None
     return Plan(
         done.path,
-        np.repeat(done.arm[-1:], RELEASE_STEPS, axis=0),
-        np.full(RELEASE_STEPS, grasp_opening(robot, done.path.grasp)),
-        ("release",) * RELEASE_STEPS,
-        np.repeat(done.expected[-1:], RELEASE_STEPS),
+        np.repeat(done.arm[-1:], config.release_steps, axis=0),
+        np.full(config.release_steps, grasp_opening(robot, done.path.grasp)),
+        ("release",) * config.release_steps,
+        np.repeat(done.expected[-1:], config.release_steps),
     )
 
 

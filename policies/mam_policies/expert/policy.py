@@ -12,16 +12,10 @@ from mam_envs.grasping.candidates import Grasp
 from mam_envs.planner_state import PlannerState
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import FloatArray
+from mam_policies.expert.config import ExpertConfig
 from mam_policies.expert.plan import Plan, PlanningError, correction, hand_travel, plan
 
 MODES = ("pd_joint_pos", "pd_joint_delta_pos", "pd_joint_target_delta_pos")
-RETREAT_STEPS = 14
-CORRECTIONS = 3
-"""Times that a hand which has come to its end goes on by what the joint still lacks."""
-SLIP = 0.3
-"""Share of the whole way that the joint may lag behind the hand before it counts as slipped."""
-SLIP_LENGTH = 0.03
-"""Metres at the hand below which a lag is the arm's give, not a slip."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +49,14 @@ class Expert:
         target: (n,) arm joint target of the last action, radians.
     """
 
-    def __init__(self, env: Any, noise: float = 0.0, seed: int = 0, attempts: int = 3) -> None:
+    def __init__(
+        self,
+        env: Any,
+        noise: float = 0.0,
+        seed: int = 0,
+        attempts: int = 3,
+        config: ExpertConfig | None = None,
+    ) -> None:
         """Bind to an environment.
 
         Args:
@@ -63,6 +64,7 @@ class Expert:
             noise: standard deviation of noise on the arm targets, radians; the plan is kept.
             seed: of that noise.
             attempts: plans per joint before it gives up.
+            config: speeds, waits and tolerances.
 
         Raises:
             ConfigError: a control mode that takes no joint targets, or more than one sub-scene.
@@ -78,6 +80,7 @@ class Expert:
                 f"the expert needs control_mode {' or '.join(MODES)}, not {self.mode!r}"
             )
         self.noise, self.attempts = noise, attempts
+        self.config = config or ExpertConfig()
         self.rng = np.random.default_rng(seed)
         self.plans: list[Plan] = []
         self.reason = ""
@@ -95,7 +98,7 @@ class Expert:
         self._begin(self.env.planner_state())
 
     def _begin(self, now: PlannerState) -> None:
-        self.plan = plan(now, self.skip)
+        self.plan = plan(now, self.skip, self.config)
         self.plans.append(self.plan)
         self.at = self.corrections = 0
         self.retreat: list[FloatArray] = []
@@ -116,8 +119,8 @@ class Expert:
             if not self.retreat:
                 self._again()
             return self._action(now)
-        if self.at >= len(self.plan) and self.corrections < CORRECTIONS:
-            further = correction(now, self.plan)
+        if self.at >= len(self.plan) and self.corrections < self.config.corrections:
+            further = correction(now, self.plan, self.config)
             self.corrections += 1
             if further is not None:
                 self.plan, self.at = further, 0
@@ -141,7 +144,8 @@ class Expert:
         way = now.goal.q_goal - self.plan.path.q[0]
         lag = self.plan.expected[self.at] - now.q
         behind = lag / (way if abs(way) > 1e-9 else 1e-9)
-        return bool(behind > SLIP) and abs(lag) * hand_travel(now, self.plan.path) > SLIP_LENGTH
+        length = abs(lag) * hand_travel(now, self.plan.path)
+        return bool(behind > self.config.slip) and length > self.config.slip_length
 
     def _may_retry(self) -> bool:
         return len(self.plans) < self.attempts
@@ -167,9 +171,9 @@ class Expert:
         rotation, position, _ = chain.forward(now.arm[None])
         goal = np.eye(4)[None].copy()
         goal[0, :3, :3], goal[0, :3, 3] = rotation[0], position[0]
-        goal[0, :3, 3] -= 0.09 * rotation[0, :, 2]
+        goal[0, :3, 3] -= self.config.retreat_length * rotation[0, :, 2]
         back = chain.solve(goal, now.arm[None], robot.rotation_weight, 20).q[0]
-        shares = np.linspace(0, 1, RETREAT_STEPS - 3)
+        shares = np.linspace(0, 1, self.config.retreat_steps - 3)
         wait = [now.arm.copy() for _ in range(4)] if path.grasp.mode == "grip" else []
         self.retreat = [*wait, *((1 - s) * now.arm + s * back for s in shares)]
 

@@ -1,0 +1,52 @@
+"""Settings of the scripted expert: speeds, waits, and when it calls a grasp slipped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExpertConfig:
+    """Steps are control steps, 20 a second; shares of a speed are of the robot's `step`."""
+
+    tilts: tuple[int, ...] = (0, 15, 30, 45, 60)
+    """Angles between the hand and the part's surface that are tried, degrees."""
+    move_speed: float = 0.8
+    """Share of the arm's speed on the way to the part."""
+    approach_speed: float = 0.35
+    """Share of the arm's speed on the last way to the grasp."""
+    follow_speed: float = 0.5
+    """Share of the arm's speed, at most, while the joint moves."""
+    hand_speed: float = 0.012
+    """Metres per step at which the hand drags the part."""
+    push_speed: float = 0.007
+    """Metres per step where it only pushes: what is struck runs ahead, without contact."""
+    longest: int = 90
+    """Steps that the joint's way may take, whatever its length."""
+    pause_steps: int = 4
+    """Steps in which the arm catches up with its target before it closes or pushes: fingers that
+    close 5 mm too early close beside a shallow pull."""
+    close_steps: int = 6
+    """Steps in which the hand closes."""
+    settle_steps: int = 25
+    """Steps at the end of the way; a third of them for turn_to, half after a correction."""
+    release_steps: int = 14
+    """Steps in which the hand opens."""
+    retreat_steps: int = 14
+    """Steps in which the hand backs off before another try."""
+    retreat_length: float = 0.09
+    """Metres that it backs off."""
+    corrections: int = 3
+    """Times that a hand which has come to its end goes on by what the joint still lacks."""
+    give: float = 0.006
+    """Metres that a pulling arm stays behind its target."""
+    give_share: float = 0.08
+    """The same as a share of the whole way; the greater of both is added to a correction."""
+    short: float = 0.06
+    """Ways of fewer metres than this at the hand may be lost in that give."""
+    slip: float = 0.3
+    """Share of the whole way that the joint may lag behind the hand before it counts as slipped."""
+    slip_length: float = 0.03
+    """Metres at the hand below which a lag is the arm's give, not a slip."""
+    card_tries: int = 2
+    """After so many grasps that slipped, those on the part's surface come first."""
