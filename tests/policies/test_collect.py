@@ -93,7 +93,7 @@ def test_kill_9_loses_at_most_the_running_attempt(drawer: Path, tmp_path: Path) 
 def test_videos_go_into_the_dataset(drawer: Path, tmp_path: Path) -> None:
     # slow: every control step is rendered on the CPU
     world = {"cameras": {"front": {"width": 32, "height": 24}}, "wall": False}
-    config = CollectConfig(asset=str(drawer), episodes=1, video=True, env={"world": world})
+    config = CollectConfig(asset=str(drawer), episodes=1, video=True, env={"scene": world})
     made = collect(config, tmp_path / "demos")
     data = load_dataset(made.dataset)
     assert data.features["observation.images.front"]["shape"] == (24, 32, 3)
