@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 from tyro.conf import Positional
 
+from mam_pipeline.check.profiles import ProfileName
+from mam_pipeline.errors import ConfigError
 from mam_sim.options import Verb
 
 if TYPE_CHECKING:
@@ -28,12 +30,23 @@ class Check(Verb):
     """Save the worst frame as a PNG here."""
     drive: bool = True
     """Drive the joints in the simulator too (needs no graphics driver)."""
+    profile: ProfileName | None = None
+    """Say instead what this simulator would refuse or ignore of the URDF; nothing is driven."""
+    fix: bool = False
+    """With --profile: write a mended copy, NAME_PROFILE.urdf, beside the URDF."""
 
     def run(self) -> int:
         """Check, and print or write the report."""
-        from mam_pipeline.check.check import check_asset
+        from mam_pipeline.check.check import check_asset, check_profile
 
-        report = check_asset(self.asset, drive=self.drive, picture=self.picture)
+        if self.fix and self.profile is None:
+            raise ConfigError("--fix needs --profile NAME: what is mended depends on the simulator")
+        if self.profile is not None:
+            report = check_profile(self.asset, self.profile, fix=self.fix)
+        else:
+            report = check_asset(self.asset, drive=self.drive, picture=self.picture)
+        if report.fixed is not None:
+            print(f"mended copy: {report.fixed}, beside the URDF", file=sys.stderr)
         if self.json is not None:
             text = json.dumps(report.as_dict(), indent=1)
             if str(self.json) == "-":

@@ -11,8 +11,9 @@ import numpy as np
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.check.clock import Clock, OutOfTime, limited
-from mam_pipeline.check.lint import lint
+from mam_pipeline.check.lint import Linter, lint
 from mam_pipeline.check.model import CheckModel
+from mam_pipeline.check.profiles import fixed_urdf, profile_findings
 from mam_pipeline.check.report import CLAUSES, CheckReport, Finding, JointReport
 from mam_pipeline.check.sweep import JointSweep, sweep_joint
 from mam_pipeline.errors import InputError, MamSimError
@@ -66,6 +67,40 @@ def check_asset(
         clauses["lint"] = False
         found = (Finding("timeout", target.urdf.name, text),)
         return CheckReport(str(path), False, clauses, (), found, {"all": max_seconds})
+
+
+def check_profile(path: str | Path, profile: str, *, fix: bool = False) -> CheckReport:
+    """What one simulator would refuse or ignore of an asset or of any URDF; nothing is run.
+
+    Args:
+        path: as for `check_asset`.
+        profile: a name of `mam_pipeline.check.profiles.PROFILES`.
+        fix: write a mended copy, NAME_PROFILE.urdf, beside the URDF, whose mesh paths are relative;
+            the report is then about the copy, and `fixed` names it.
+
+    Raises:
+        InputError: there is nothing to check at `path`, or no such profile.
+    """
+    target = _locate(Path(path))
+    linter = Linter(target.urdf)
+    linter.run()
+    findings = profile_findings(linter, profile)
+    fixed = None
+    if fix and linter.links:
+        text, done = fixed_urdf(linter, profile)
+        if done:
+            copy = target.urdf.with_name(f"{target.urdf.stem}_{profile}.urdf")
+            copy.write_text(text, encoding="utf-8")
+            fixed, linter = copy.name, Linter(copy)
+            linter.run()
+            findings = [Finding("fixed", "robot", what, warning=True) for what in done]
+            findings += profile_findings(linter, profile)
+    findings = linter.findings + findings
+    clauses: dict[str, bool | None] = dict.fromkeys(CLAUSES)
+    clauses["lint"] = not any(not f.warning for f in findings)
+    return CheckReport(
+        str(path), bool(clauses["lint"]), clauses, (), tuple(findings), fixed=fixed
+    )
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,21 @@ REASONS: dict[str, str] = {
     "sags": "a joint does not hold its pose under gravity",
     "no_return": "a joint does not come back to its rest pose",
     "timeout": "the check took too long",
+    "name_invalid": "a link or joint name is not one that the simulator takes",
+    "hull_count": "a body has more convex pieces than the simulator takes",
+    "hull_points": "a convex piece has more vertices than the simulator takes; it is simplified",
+    "concave_collision": "a concave collision mesh collides as its convex hull",
+    "inertia_impossible": "an inertia breaks the triangle inequality: no body has it",
+    "inertial_turned": "the rotation of an inertial frame is ignored",
+    "inertial_missing": "a link without an inertial element is dropped",
+    "mesh_format": "the simulator does not read a mesh of this format",
+    "several_objects": "the simulator reads the first object of a mesh file only",
+    "negative_scale": "a mesh is mirrored by a negative scale",
+    "mimic_ignored": "a mimic joint is not coupled",
+    "effort_missing": "a joint has no effort or velocity limit",
+    "friction_ignored": "joint friction is not read",
+    "joint_type": "the simulator has no joint of this type",
+    "fixed": "mended in the copy",
 }
 CLAUSES = ("lint", "loads", "base", "reach", "penetration", "contact", "stable", "hold", "return")
 
@@ -83,6 +98,7 @@ class CheckReport:
     findings: tuple[Finding, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
     picture: str | None = None
+    fixed: str | None = None
 
     @property
     def driven(self) -> bool:

@@ -1,0 +1,343 @@
+"""What one simulator would refuse or ignore of a URDF, and what of that can be mended safely.
+
+What is said of SAPIEN 3.0, MuJoCo 4.0, PyBullet 3.2 and of urdf-usd-converter 0.3, through which
+Isaac Sim and Newton read URDF, was tried; what is said of Isaac's GPU limits and of Gazebo comes
+from their documents.
+"""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from mam_pipeline.check.lint import MOVING, Linter
+from mam_pipeline.check.report import Finding
+from mam_pipeline.errors import InputError, MamSimError
+from mam_pipeline.formats.mesh_files import read_file
+from mam_pipeline.formats.soup import FileContent, join
+
+ProfileName = Literal["sapien", "mujoco", "pybullet", "isaac", "newton", "gazebo"]
+
+
+@dataclass(frozen=True)
+class Profile:
+    """What a simulator takes.
+
+    Attributes:
+        visual_formats: suffixes of visual meshes that it shows.
+        refuses_format: an unknown mesh format makes it refuse the whole file.
+        identifiers: names must be identifiers (letters, digits, _; no digit first).
+        max_hulls: convex pieces of one body, 0 for no limit.
+        max_hull_points: vertices of one convex piece, 0 for no limit.
+        possible_inertia: it refuses an inertia that breaks the triangle inequality.
+        turned_inertia: it reads the rotation of an inertial frame.
+        mimic: it couples mimic joints.
+        needs_effort: without effort and velocity a joint cannot be driven, or is refused.
+        reads_friction: it reads the friction of `<dynamics>`.
+        needs_inertial: it drops a link that has no inertial element.
+        first_object: of an OBJ file with several objects it reads the first alone.
+        any_joint: it takes floating and planar joints.
+    """
+
+    visual_formats: frozenset[str]
+    refuses_format: bool = False
+    identifiers: bool = False
+    max_hulls: int = 0
+    max_hull_points: int = 0
+    possible_inertia: bool = False
+    turned_inertia: bool = True
+    mimic: bool = True
+    needs_effort: bool = False
+    reads_friction: bool = True
+    needs_inertial: bool = False
+    first_object: bool = False
+    any_joint: bool = False
+
+
+_GENERAL = frozenset({".obj", ".stl", ".dae"})
+PROFILES: dict[str, Profile] = {
+    "sapien": Profile(
+        _GENERAL | {".glb", ".gltf", ".ply"}, max_hull_points=64, reads_friction=False
+    ),
+    "mujoco": Profile(
+        frozenset({".obj", ".stl"}), refuses_format=True, possible_inertia=True,
+        needs_effort=True, first_object=True,
+    ),
+    "pybullet": Profile(_GENERAL, refuses_format=True, mimic=False, needs_effort=True),
+    "isaac": Profile(
+        _GENERAL, identifiers=True, max_hulls=64, max_hull_points=60, turned_inertia=False,
+        needs_effort=True,
+    ),
+    "newton": Profile(_GENERAL, identifiers=True, turned_inertia=False, needs_effort=True),
+    "gazebo": Profile(
+        _GENERAL | {".glb", ".gltf"}, needs_effort=True, needs_inertial=True
+    ),
+}  # fmt: skip
+CONCAVE_SHARE = 0.8
+"""A collision mesh that fills less than this share of its convex hull becomes another shape."""
+DEFAULT_EFFORT, DEFAULT_VELOCITY = 100.0, 2.0
+"""N or N m, m/s or rad/s: what `fix` writes where a joint has none, as our own assets do."""
+
+
+def profile_findings(linter: Linter, name: str) -> list[Finding]:
+    """Findings about a URDF for one simulator, beyond those of the lint.
+
+    Args:
+        linter: one that has run.
+        name: of the profile.
+
+    Raises:
+        InputError: no profile of that name.
+    """
+    if name not in PROFILES:
+        raise InputError(f"no profile named {name!r}; available: {', '.join(PROFILES)}")
+    profile = PROFILES[name]
+    rules: list[Callable[[Linter, Profile], Iterator[Finding]]]
+    rules = [_names, _links, _joints, _meshes]
+    return [finding for rule in rules for finding in rule(linter, profile)]
+
+
+def _names(linter: Linter, profile: Profile) -> Iterator[Finding]:
+    if profile.identifiers:
+        for element in (*linter.links.values(), *linter.joints):
+            name = element.get("name") or ""
+            if not _is_identifier(name):
+                text = "a name must begin with a letter and hold letters, digits and _ only"
+                yield Finding("name_invalid", f"{element.tag} {name}", text)
+
+
+def _links(linter: Linter, profile: Profile) -> Iterator[Finding]:
+    moved = {_child(j) for j in linter.joints if j.get("type") in MOVING}
+    for name, link in linter.links.items():
+        hulls = len(link.findall("collision"))
+        if 0 < profile.max_hulls < hulls:
+            text = f"{hulls} collision shapes; the GPU takes {profile.max_hulls} a body"
+            yield Finding("hull_count", name, text)
+        inertial = link.find("inertial")
+        if inertial is None:
+            if profile.needs_inertial and name in moved:
+                text = "a link without <inertial> is dropped, and its joint with it"
+                yield Finding("inertial_missing", name, text)
+            continue
+        tensor = _tensor(inertial)
+        if tensor is not None and profile.possible_inertia and _lack(tensor) > 0.0:
+            text = "its inertia breaks the triangle inequality, and the file is refused"
+            yield Finding("inertia_impossible", name, text)
+        if not profile.turned_inertia and _turn(inertial) is not None:
+            text = "the rotation of its inertial frame is ignored"
+            yield Finding("inertial_turned", name, text)
+
+
+def _joints(linter: Linter, profile: Profile) -> Iterator[Finding]:
+    for joint in linter.joints:
+        name, kind = joint.get("name") or "joint", joint.get("type")
+        if kind in ("floating", "planar") and not profile.any_joint:
+            yield Finding("joint_type", name, f"a {kind} joint is refused or becomes a fixed one")
+        if joint.find("mimic") is not None and not profile.mimic:
+            yield Finding("mimic_ignored", name, "its <mimic> is ignored: it moves freely")
+        if kind not in MOVING:
+            continue
+        limit = joint.find("limit")
+        missing = [
+            k for k in ("effort", "velocity") if limit is None or not _positive(limit.get(k))
+        ]
+        if profile.needs_effort and missing:
+            text = f"it has no {' and no '.join(missing)}: drives get none, or it is refused"
+            yield Finding("effort_missing", name, text)
+        dynamics = joint.find("dynamics")
+        rubs = dynamics is not None and _positive(dynamics.get("friction"))
+        if rubs and not profile.reads_friction:
+            text = "the friction of <dynamics> is ignored; set it after loading"
+            yield Finding("friction_ignored", name, text, warning=True)
+
+
+def _meshes(linter: Linter, profile: Profile) -> Iterator[Finding]:
+    read: dict[Path, FileContent | None] = {}
+    for name, link in linter.links.items():
+        for kind in ("visual", "collision"):
+            for mesh in link.findall(f"{kind}/geometry/mesh"):
+                file = linter.locate(mesh.get("filename") or "")
+                if file is None or not file.is_file():
+                    continue  # the lint has said so
+                if file not in read:
+                    read[file] = _content(file)
+                yield from _mesh(f"{name}, {kind} {file.name}", kind, mesh, file, read[file],
+                                 profile)  # fmt: skip
+
+
+def _mesh(
+    where: str, kind: str, mesh: ET.Element, file: Path, content: FileContent | None,
+    profile: Profile,
+) -> Iterator[Finding]:  # fmt: skip
+    suffix = file.suffix.lower()
+    if suffix not in profile.visual_formats:
+        what = "the whole file is refused" if profile.refuses_format else "the shape is dropped"
+        yield Finding("mesh_format", where, f"{suffix} is not read: {what}")
+    scale = [float(w) for w in (mesh.get("scale") or "1").split()]
+    if min(scale) < 0:
+        text = "a negative scale turns faces inside out, or is refused"
+        yield Finding("negative_scale", where, text)
+    if content is None:
+        return
+    objects = len({p.group for p in content.pieces})
+    if profile.first_object and suffix == ".obj" and objects > 1:
+        text = f"only the first of its {objects} objects is read"
+        yield Finding("several_objects", where, text)
+    if kind == "visual":
+        return
+    whole = join(content.pieces, content.materials)
+    points = np.unique(whole.vertices, axis=0)
+    try:
+        hull = trimesh.convex.convex_hull(points)
+    except Exception:  # flat or worse: the lint and the simulators say what they think of it
+        return
+    solid = trimesh.Trimesh(whole.vertices, whole.faces, process=True)
+    if solid.is_watertight and abs(solid.volume) < CONCAVE_SHARE * hull.volume:
+        share = 100.0 * abs(solid.volume) / hull.volume
+        text = f"it fills {share:.0f} % of its convex hull, which is what will collide"
+        yield Finding("concave_collision", where, text, warning=True)
+    if 0 < profile.max_hull_points < len(hull.vertices):
+        most, count = profile.max_hull_points, len(hull.vertices)
+        text = f"its hull has {count} vertices; the GPU takes {most}"
+        yield Finding("hull_points", where, text, warning=True)
+
+
+def fixed_urdf(linter: Linter, name: str) -> tuple[str, list[str]]:
+    """The URDF with what can be mended without changing the object, and what was done in words.
+
+    Names become identifiers, rotations of inertial frames go into the tensor, an inertia that
+    breaks the triangle inequality grows by the least that mends it, missing effort and velocity
+    are set. Meshes are left alone.
+
+    Args:
+        linter: one that has run and found a tree.
+        name: of the profile.
+    """
+    profile, root = PROFILES[name], ET.fromstring(linter.urdf.read_bytes())
+    done: list[str] = []
+    if profile.identifiers:
+        done += _rename(root)
+    for link in root.findall("link"):
+        inertial = link.find("inertial")
+        tensor = None if inertial is None else _tensor(inertial)
+        if inertial is None or tensor is None:
+            continue
+        where, turn, lack = link.get("name"), _turn(inertial), _lack(tensor)
+        before = len(done)
+        if not profile.turned_inertia and turn is not None:
+            tensor = turn @ tensor @ turn.T
+            done.append(f"{where}: the inertial frame's rotation is in the tensor now")
+            origin = inertial.find("origin")
+            assert origin is not None
+            origin.set("rpy", "0 0 0")
+        if profile.possible_inertia and lack > 0.0:
+            values, axes = np.linalg.eigh(tensor)
+            values[:2] += 0.5001 * lack
+            tensor = axes @ np.diag(values) @ axes.T
+            done.append(f"{where}: its inertia grew to one that a body can have")
+        element = inertial.find("inertia")
+        if element is not None and len(done) > before:
+            for key, (i, k) in _ENTRIES.items():
+                element.set(key, repr(float(tensor[i, k])))
+    for joint in root.findall("joint"):
+        if not profile.needs_effort or joint.get("type") not in MOVING:
+            continue
+        limit = joint.find("limit")
+        if limit is None:
+            limit = ET.SubElement(joint, "limit")
+        for key, value in (("effort", DEFAULT_EFFORT), ("velocity", DEFAULT_VELOCITY)):
+            if not _positive(limit.get(key)):
+                limit.set(key, repr(value))
+                done.append(f"{joint.get('name')}: {key} {value:g}")
+    return '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n", done
+
+
+def _rename(root: ET.Element) -> list[str]:
+    """Make link and joint names identifiers, everywhere they are named; returns what was done."""
+    done = []
+    for tag in ("link", "joint"):
+        elements = [e for e in root.findall(tag) if e.get("name")]
+        taken = {str(e.get("name")) for e in elements}
+        for element in elements:
+            old = str(element.get("name"))
+            if _is_identifier(old):
+                continue
+            base = re.sub(r"\W", "_", old, flags=re.ASCII)
+            base = base if _is_identifier(base) else f"{tag}_{base}"
+            new, k = base, 1
+            while new in taken:
+                new, k = f"{base}_{k}", k + 1
+            taken.add(new)
+            element.set("name", new)
+            for other in root.iter():
+                # <parent link=…>, <child link=…>, <mimic joint=…>; <joint name=…> of transmissions
+                if other.get(tag) == old:
+                    other.set(tag, new)
+                if other is not element and other.tag == tag and other.get("name") == old:
+                    other.set("name", new)
+            done.append(f"{tag} {old!r} is {new!r} now")
+    return done
+
+
+_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2),
+            "izz": (2, 2)}  # fmt: skip
+
+
+def _tensor(inertial: ET.Element) -> np.ndarray | None:
+    """(3, 3) inertia as written; None if it is missing or not finite."""
+    element = inertial.find("inertia")
+    if element is None:
+        return None
+    out = np.zeros((3, 3))
+    try:
+        for key, (i, k) in _ENTRIES.items():
+            out[i, k] = out[k, i] = float(element.get(key) or 0)
+    except ValueError:
+        return None
+    return out if np.isfinite(out).all() else None
+
+
+def _lack(tensor: np.ndarray) -> float:
+    """By how much the largest moment exceeds the sum of the others; 0 within rounding."""
+    low, middle, high = np.linalg.eigvalsh(tensor)
+    lack = float(high - low - middle)
+    return lack if lack > 1e-9 * high else 0.0
+
+
+def _turn(inertial: ET.Element) -> np.ndarray | None:
+    """(3, 3) rotation of an inertial frame, None if it is not turned."""
+    origin = inertial.find("origin")
+    rpy = [float(w) for w in ((origin is not None and origin.get("rpy")) or "0 0 0").split()]
+    turn = Rotation.from_euler("xyz", rpy).as_matrix()
+    return None if np.allclose(turn, np.eye(3), atol=1e-9) else np.asarray(turn)
+
+
+def _positive(text: str | None) -> bool:
+    try:
+        return text is not None and float(text) > 0
+    except ValueError:
+        return False
+
+
+def _is_identifier(name: str) -> bool:
+    return re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name) is not None
+
+
+def _child(joint: ET.Element) -> str:
+    found = joint.find("child")
+    return "" if found is None else found.get("link") or ""
+
+
+def _content(file: Path) -> FileContent | None:
+    try:
+        return read_file(file)
+    except MamSimError:
+        return None

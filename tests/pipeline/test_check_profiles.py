@@ -1,0 +1,155 @@
+"""What a profile says of a URDF is what its simulator does, and what it mends is mended."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+import trimesh
+
+from mam_pipeline.check.check import check_profile
+from mam_pipeline.check.profiles import PROFILES, ProfileName
+from mam_pipeline.errors import InputError
+
+GOOD = """<robot name="r">
+ <link name="body"><visual><geometry><mesh filename="box.obj"/></geometry></visual>
+  <collision><geometry><mesh filename="box.obj"/></geometry></collision>
+  <inertial><mass value="2"/>
+   <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>
+ <link name="door"><visual><geometry><mesh filename="box.obj"/></geometry></visual>
+  <collision><geometry><mesh filename="box.obj"/></geometry></collision>
+  <inertial><origin xyz="0 0 0" rpy="0 0 0"/><mass value="1"/>
+   <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.015" iyz="0" izz="0.02"/></inertial></link>
+ <joint name="hinge" type="revolute"><parent link="body"/><child link="door"/>
+  <axis xyz="0 0 1"/><limit lower="0" upper="1.5" effort="10" velocity="1"/></joint>
+</robot>"""
+
+
+def written(folder: Path, *changes: tuple[str, str]) -> Path:
+    """GOOD with regular expressions replaced, beside its mesh."""
+    text = GOOD
+    for pattern, new in changes:
+        text, count = re.subn(pattern, new, text)
+        assert count, pattern
+    trimesh.creation.box((0.2, 0.2, 0.2)).export(folder / "box.obj")
+    (folder / "r.urdf").write_text(text)
+    return folder / "r.urdf"
+
+
+def test_every_name_of_the_command_line_has_a_profile() -> None:
+    assert set(get_args(ProfileName)) == set(PROFILES)
+
+
+@pytest.mark.parametrize("name", list(PROFILES))
+def test_a_sound_urdf_passes_every_profile(tmp_path: Path, name: str) -> None:
+    report = check_profile(written(tmp_path), name)
+    assert report.passed and report.reasons == (), report.findings
+
+
+TURNED = (r'rpy="0 0 0"/><mass value="1"', 'rpy="0 0 0.7"/><mass value="1"')
+HEAVY = ('izz="0.02"/></inertial></link>\n <joint', 'izz="0.09"/></inertial></link>\n <joint')
+MIMIC = ("</joint>\n</robot>", """</joint><link name="flap"><collision><geometry>
+<box size="1 1 1"/></geometry></collision><inertial><mass value="1"/><inertia ixx="1" ixy="0"
+ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link><joint name="second" type="revolute"><parent
+link="door"/><child link="flap"/><axis xyz="0 0 1"/><limit lower="0" upper="1" effort="1"
+velocity="1"/><mimic joint="hinge"/></joint></robot>""")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "names"),
+    [
+        (("door", "2nd door"), "name_invalid", {"isaac", "newton"}),
+        (TURNED, "inertial_turned", {"isaac", "newton"}),
+        ((' effort="10" velocity="1"', ""), "effort_missing",
+         {"mujoco", "pybullet", "isaac", "newton", "gazebo"}),
+        (MIMIC, "mimic_ignored", {"pybullet"}),
+        ((r'box.obj"/></geom', r'box.obj" scale="-1 1 1"/></geom'), "negative_scale",
+         set(PROFILES)),
+        (("revolute", "floating"), "joint_type", set(PROFILES)),
+    ],
+)  # fmt: skip
+def test_a_fault_is_told_to_those_whom_it_concerns(
+    tmp_path: Path, change: tuple[str, str], code: str, names: set[str]
+) -> None:
+    urdf = written(tmp_path, change)
+    assert {n for n in PROFILES if code in check_profile(urdf, n).reasons} == names
+
+
+def test_hulls_that_are_too_many_or_too_fine_are_told(tmp_path: Path) -> None:
+    many = '<collision><geometry><box size="1 1 1"/></geometry></collision>' * 65
+    urdf = written(tmp_path, ('<link name="door">', f'<link name="door">{many}'))
+    assert check_profile(urdf, "isaac").reasons == ("hull_count",)
+    trimesh.creation.icosphere(2, 0.1).export(tmp_path / "box.obj")
+    codes = {f.code for f in check_profile(urdf, "isaac").findings}
+    assert codes == {"hull_count", "hull_points"}
+
+
+def test_a_cabinet_in_one_concave_mesh_is_told(tmp_path: Path) -> None:
+    urdf = written(tmp_path)
+    trimesh.creation.annulus(0.08, 0.1, 0.2).export(tmp_path / "box.obj")
+    found = check_profile(urdf, "sapien").findings
+    assert {f.code for f in found if f.warning} >= {"concave_collision"}
+
+
+def test_pybullet_refuses_what_its_profile_names(tmp_path: Path) -> None:
+    pybullet = pytest.importorskip("pybullet")
+    urdf = written(tmp_path, (r"box\.obj", "box.glb"))
+    trimesh.creation.box((0.2, 0.2, 0.2)).export(tmp_path / "box.glb")
+    assert "mesh_format" in check_profile(urdf, "pybullet").reasons
+    assert "mesh_format" not in check_profile(urdf, "sapien").reasons
+    client = pybullet.connect(pybullet.DIRECT)
+    with pytest.raises(pybullet.error):
+        pybullet.loadURDF(str(urdf))
+    pybullet.disconnect(client)
+
+
+def test_mujoco_refuses_an_impossible_inertia_and_takes_the_mended_file(tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    urdf = written(tmp_path, HEAVY)
+    with pytest.raises(ValueError, match="inertia must satisfy"):
+        mujoco.MjModel.from_xml_path(str(urdf))
+    report = check_profile(urdf, "mujoco", fix=True)
+    assert report.fixed is not None and report.passed
+    model = mujoco.MjModel.from_xml_path(str(urdf.parent / report.fixed))
+    assert model.njnt == 1 and urdf.read_text().count("0.09") == 1  # the source is not touched
+
+
+def test_a_turned_inertial_frame_goes_into_the_tensor(tmp_path: Path) -> None:
+    yourdfpy: Any = pytest.importorskip("yourdfpy")
+    urdf = written(tmp_path, TURNED)
+    report = check_profile(urdf, "newton", fix=True)
+    assert report.passed and report.fixed is not None
+    tensors = []
+    for file in (urdf, urdf.parent / report.fixed):
+        link = yourdfpy.URDF.load(str(file), load_meshes=False).robot.links[1]
+        turn = link.inertial.origin[:3, :3]
+        tensors.append(turn @ link.inertial.inertia @ turn.T)
+    np.testing.assert_allclose(tensors[0], tensors[1], atol=1e-12)
+
+
+def test_names_are_mended_everywhere(tmp_path: Path) -> None:
+    urdf = written(tmp_path, MIMIC, ("door", "2nd door"), ("hinge", "hinge-1"))
+    report = check_profile(urdf, "isaac", fix=True)
+    assert report.passed and report.fixed is not None
+    text = (urdf.parent / report.fixed).read_text()
+    assert '<child link="link_2nd_door"' in text and '<parent link="link_2nd_door"' in text
+    assert '<mimic joint="hinge_1"' in text and '<joint name="hinge_1"' in text
+
+
+def test_an_unknown_profile_names_those_that_exist(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no profile named 'unity'; available: sapien, mujoco"):
+        check_profile(written(tmp_path), "unity")
+
+
+def test_the_verb_takes_a_profile(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from mam_sim.cli import main
+
+    urdf = str(written(tmp_path, (' effort="10" velocity="1"', "")))
+    assert main(["check", urdf, "--profile", "mujoco"]) == 1
+    assert "effort_missing: hinge" in capsys.readouterr().out
+    assert main(["check", urdf, "--profile", "mujoco", "--fix"]) == 0
+    assert "mended copy: r_mujoco.urdf" in capsys.readouterr().err
+    assert main(["check", urdf, "--fix"]) == 2
