@@ -1,1 +1,1 @@
-"""An example plug-in of mam-sim: a robot (arm), a task (task) and a segmenter (segmenter)."""
+"""An example plug-in of mam-sim: a robot, a task, a segmenter and an algorithm."""
