@@ -17,7 +17,6 @@ from mam_pipeline.parts.network import Network, Reading, normalised, read, toget
 from mam_pipeline.parts.scores import load_scores
 from mam_training.parts.corpus import (
     Example,
-    abstract_kinds,
     generated_example,
     load_example,
     object_name,
@@ -37,9 +36,6 @@ from mam_training.parts.train_network import (
     train,
     weights_of,
 )
-
-SEVERAL = ("tracks", "sash", "leaf", "board", "machine", "rolling", "boom")
-NEW = [k for k in abstract_kinds() if k.split("_")[1] in SEVERAL]
 
 
 @lru_cache(maxsize=2)
@@ -139,15 +135,6 @@ def test_two_opinions_meet_in_the_middle() -> None:
     a = together(np.array([0.9, 0.5, 0.2]), np.array([0.1, 0.9, 0.2]))
     assert a == pytest.approx([0.5, 0.75, 0.2])
     assert together(np.zeros(1), np.ones(1)) == pytest.approx([0.5])
-
-
-@pytest.mark.parametrize("kind", NEW)
-def test_what_slides_and_what_turns_both_occur(kind: str) -> None:
-    types = set()
-    for seed in range(12):
-        subtype = generated_example(kind, seed).subtype
-        types |= set(subtype[subtype >= 0].tolist())
-    assert len(types) >= 2
 
 
 def test_the_shipped_scores_read_with_networks() -> None:

@@ -230,18 +230,3 @@ def test_a_share_of_the_examples_is_built_of_blocks(tmp_path: Path) -> None:
     assert 0 < sum(BLOCKS in p.stem for p in found) < 10
     assert manners <= {"b", "l", "b_l"} and len(manners) > 1
     assert len({fold_of(p.stem) for p in found[:-1]}) == 1
-
-
-def test_rows_of_machines_move_mostly_and_wheels_stand_on_one_level() -> None:
-    moving = [len(generated("abstract_machine", s, solids=False).articulation.joints) > 0
-              for s in range(20)]  # fmt: skip
-    assert np.mean(moving) > 0.8
-    for seed in range(12):
-        made = generated("abstract_rolling", seed, solids=False)
-        wheels = [j for j in made.articulation.joints if "wheel" in j.name]
-        assert wheels and all(j.subtype == "spin" and abs(j.axis[2]) < 1e-9 for j in wheels)
-        lowest = [
-            made.soup.vertices[made.soup.faces[made.soup.face_link == j.child]][..., 2].min()
-            for j in wheels
-        ]
-        assert np.ptp(lowest) < 0.01 * made.articulation.mesh.diagonal
