@@ -16,7 +16,7 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from mam_pipeline.parts import hand_scores as rules
+from mam_pipeline.parts import hand_scores
 from mam_pipeline.parts.configurations import promise
 from mam_pipeline.parts.features import Table
 from mam_pipeline.parts.graph import Graph
@@ -56,27 +56,27 @@ class Scores(Protocol):
         """(C,) calibrated probability that a chosen candidate is a true part."""
 
 
-class RuleScores:
+class HandScores:
     """The hand-set rules as scores."""
 
     threshold = 0.55
     least = 0.0
 
     def read(self, graph: Graph, unary: Table, pairs: Table) -> Reading:
-        """See `rules.same_part` and `rules.may_move`."""
-        return Reading(rules.same_part(pairs), rules.may_move(unary))
+        """See `hand_scores.same_part` and `hand_scores.may_move`."""
+        return Reading(hand_scores.same_part(pairs), hand_scores.may_move(unary))
 
     def value(self, groups: Table) -> FloatArray:
-        """See `rules.part_value`."""
-        return rules.part_value(groups)
+        """See `hand_scores.part_value`."""
+        return hand_scores.part_value(groups)
 
     def revise(self, groups: Table) -> FloatArray:
         """Rules know no rivals."""
         return groups.column("value").astype(np.float64)
 
     def subtype(self, groups: Table) -> FloatArray:
-        """See `rules.subtype_odds`."""
-        return rules.subtype_odds(groups)
+        """See `hand_scores.subtype_odds`."""
+        return hand_scores.subtype_odds(groups)
 
     def choose(self, sets: Table) -> FloatArray:
         """What the set gains over the threshold."""
@@ -157,7 +157,7 @@ def load_scores(kind: Kind = "authored") -> Scores:
     folder = _folder(kind)
     file = folder / "settings.json"
     if not file.is_file():
-        return RuleScores()
+        return HandScores()
     import lightgbm
 
     settings = json.loads(file.read_text(encoding="utf-8"))

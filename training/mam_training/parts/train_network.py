@@ -26,7 +26,7 @@ from torch.nn import functional
 from mam_pipeline.parts.features import pair_features, primitive_features
 from mam_pipeline.parts.groups import Masks, enumerate_groups
 from mam_pipeline.parts.network import Network, normalised
-from mam_pipeline.parts.scores import RuleScores
+from mam_pipeline.parts.scores import HandScores
 from mam_training.parts.corpus import load_example
 from mam_training.parts.recipe import fold_of
 
@@ -89,7 +89,7 @@ def item_of(
     prior = example.prior()
     unary = primitive_features(graph, prior)
     pairs = pair_features(graph, unary, prior)
-    guess = guide.encode(graph, unary, pairs) if guide else RuleScores().read(graph, unary, pairs)
+    guess = guide.encode(graph, unary, pairs) if guide else HandScores().read(graph, unary, pairs)
     masks = enumerate_groups(graph, guess.same, guess.move)
     if len(masks) == 0:
         return None

@@ -1,1 +1,1 @@
-"""Hand-written rules on parts: what geometry alone says about bodies that move together."""
+"""Hand rules of the parts stage, one concern a file; their switches are in `mam_pipeline.rules`."""
