@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "benchmarks"))
+sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT / "docs")]
 
-import results_page  # noqa: E402 - benchmarks/ is no package
+import generate_reference  # noqa: E402 - docs/ is no package
+import results_page  # noqa: E402 - nor is benchmarks/
 
 MARK = re.compile(r"\{\{ (\w+)(?:: (\w+))? \}\}")
 
@@ -68,6 +69,8 @@ def _category_count() -> str:
 
 MAKERS: dict[str, Callable[..., str]] = {
     "results": _results,
+    "cli": generate_reference.cli,
+    "config": generate_reference.config,
     "reasons": _reasons,
     "thresholds": _thresholds,
     "category_count": _category_count,

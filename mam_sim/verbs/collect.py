@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from tyro.conf import Positional
+from tyro.conf import OmitArgPrefixes, Positional
 
+from mam_envs.config import EnvConfig
+from mam_policies.collection import CollectConfig
+from mam_policies.run import task_settings
 from mam_sim.console import Screen
-from mam_sim.options import Verb
+from mam_sim.options import Verb, defaults, last_value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,24 +27,17 @@ class Collect(Verb):
     """Asset folder (from mam-sim make-env or articulate)."""
     out: Path
     """Folder for demos.h5, demos.json, lerobot/ and attempts/."""
-    episodes: int = 20
-    """Successes wanted."""
-    joint: str | None = None
-    """Joint to operate; by default the surest one that the arm can do."""
-    task: str | None = None
-    """open, close, turn_to, push or a plug-in's; by default what the joint suggests."""
-    robot: str = "panda"
-    """panda, so100, fetch, xarm6_robotiq or a plug-in's."""
-    seed: int = 0
-    """Seed of the first attempt; the others follow."""
-    noise: float = 0.0
-    """Noise on the arm's targets, radians (labels stay clean)."""
-    video: bool = False
-    """Record camera pictures into the LeRobot dataset (needs a Vulkan driver)."""
-    keep_failures: bool = False
-    """Keep failed attempts in the data as well."""
+    collect: Annotated[CollectConfig, OmitArgPrefixes] = field(default_factory=CollectConfig)
+    env: EnvConfig = field(default_factory=EnvConfig)
     json: bool = False
     """Print the result as JSON."""
+
+    @classmethod
+    def start(cls, args: Sequence[str], values: Mapping[str, Any]) -> Verb:
+        """Defaults with the settings of the task that flags or the file name."""
+        section = values.get("collect")
+        named = section.get("task") if isinstance(section, Mapping) else None
+        return replace(defaults(cls), env=task_settings(last_value(args, "--task") or named))
 
     def run(self) -> int:
         """Collect; print how many attempts it took and where the data is."""
@@ -52,23 +49,18 @@ class Collect(Verb):
             TimeElapsedColumn,
         )
 
-        from mam_policies.collect import CollectConfig, collect
+        from mam_policies.collect import collect
 
-        config = CollectConfig(
-            asset=str(self.asset.resolve()), episodes=self.episodes, joint=self.joint,
-            task=self.task, robot=self.robot, seed=self.seed, noise=self.noise, video=self.video,
-            keep_failures=self.keep_failures,
-        )  # fmt: skip
         screen = Screen(quiet=self.quiet or self.json)
         columns: Any = (BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn())
         text = TextColumn("{task.description}")
         with Progress(*columns, text, console=screen.err, disable=self.quiet) as bar:
-            line = bar.add_task("starting the environment", total=self.episodes)
+            line = bar.add_task("starting the environment", total=self.collect.episodes)
 
             def show(got: int, wanted: int, words: str) -> None:
                 bar.update(line, completed=got, total=wanted, description=words)
 
-            result = collect(config, self.out.resolve(), show)
+            result = collect(self.asset, self.collect, self.out.resolve(), show, self.env)
         if self.json:
             screen.json(asdict(result))
             return 0

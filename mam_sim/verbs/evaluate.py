@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from tyro.conf import Positional
 
+from mam_envs.config import EnvConfig
 from mam_pipeline.errors import ConfigError
 from mam_sim.console import PhaseBar, Screen
 from mam_sim.options import Verb
@@ -36,8 +37,17 @@ class Evaluate(Verb):
     """Control mode that such a zip was trained with."""
     robot: str = "panda"
     """Robot that such a zip was trained with."""
+    env: EnvConfig = field(default_factory=EnvConfig)
     json: Path | None = None
     """Write the result to this file."""
+
+    def home(self) -> Evaluate:
+        """A run is tested in the environment that it was trained in, unless told otherwise."""
+        from mam_policies.run import RunInfo
+
+        if self.policy.suffix == ".zip":
+            return self
+        return replace(self, env=RunInfo.load(self.policy).env.config)
 
     def run(self) -> int:
         """Evaluate on every asset, a line for each."""
@@ -52,9 +62,9 @@ class Evaluate(Verb):
         screen = Screen(self.quiet)
         named = tuple(str(Asset.load(a).folder) for a in self.asset)
         if foreign:
-            home = EnvChoice(named, self.joint, None, self.robot, self.control)
+            home = EnvChoice(named, self.joint, None, self.robot, self.control, config=self.env)
         else:
-            home = RunInfo.load(self.policy).env
+            home = replace(RunInfo.load(self.policy).env, config=self.env)
         screen.say(f"{'asset':<28} {'joint':<22} {'check':<7} {'expert':<20} policy")
         rows: list[dict[str, Any]] = []
         for folder in named or home.assets:
@@ -86,7 +96,7 @@ class Evaluate(Verb):
             else:
                 found = evaluate_run(
                     self.policy, self.episodes, (folder,), choice.joint, video=video,
-                    on_episode=tell,
+                    on_episode=tell, env_config=self.env,
                 )  # fmt: skip
             best = None
             if self.expert:

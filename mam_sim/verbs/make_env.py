@@ -21,7 +21,10 @@ from mam_sim.verbs.articulate import describe, make, tell_cost
 
 @dataclass(frozen=True, kw_only=True)
 class MakeEnv(Verb):
-    """Turn a photo, a static mesh or a URDF into an environment in which a robot arm acts."""
+    """Turn a photo, a static mesh or a URDF into an environment in which a robot arm acts.
+
+    Exit status 1 when the asset was made but the arm can operate none of its joints.
+    """
 
     source: Positional[Path]
     """The photo (jpg, png ...), mesh (glb, gltf, obj, ply, stl, dae) or URDF."""
@@ -61,10 +64,11 @@ class MakeEnv(Verb):
                 f'env:    gymnasium.make("{ENV_ID}", asset="{out}", joint="{tried["joint"]}", '
                 f'robot_uids="{self.robot}")'
             )
-        else:
-            screen.say(f"env:    {tried['why']}")
-        screen.say(f"next:   mam-sim collect {out} --episodes 20 --out {out.name}-demos")
-        return 0
+            screen.say(f"next:   mam-sim collect {out} --episodes 20 --out {out.name}-demos")
+            return 0
+        screen.say(f"env:    none: {tried['why']}")
+        screen.say(f"next:   mam-sim view {out}")
+        return 1
 
 
 def _noted(asset: Asset, more: dict[str, Any]) -> Asset:

@@ -19,12 +19,15 @@ import torch
 from mani_skill.utils import common
 
 import mam_envs
+from mam_envs.config import EnvConfig
 from mam_envs.env import OperateJointEnv
+from mam_pipeline import config_file
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import ConfigError, InputError, NotPhysicalError
 from mam_policies.collection import CollectConfig, Collection, Names, finished
 from mam_policies.expert import Expert, PlanningError
 from mam_policies.lerobot.dataset import write_dataset
+from mam_policies.run import task_settings
 
 
 @dataclass(frozen=True)
@@ -48,12 +51,21 @@ class Collected:
 Progress = Callable[[int, int, str], None]
 
 
-def collect(config: CollectConfig, out: Path, progress: Progress | None = None) -> Collected:
+def collect(
+    asset: str | Path,
+    config: CollectConfig,
+    out: Path,
+    progress: Progress | None = None,
+    env_config: EnvConfig | None = None,
+) -> Collected:
     """Run the expert until enough attempts have succeeded, and write the data.
 
     Args:
+        asset: folder of the asset.
+        config: what is collected.
         out: folder; attempts/ in it is the memory that a resumed run starts from.
         progress: called with (successes, wanted, message) after every attempt.
+        env_config: settings of the environment.
 
     Raises:
         PlacementError: the arm cannot do this joint; the message says why.
@@ -64,7 +76,9 @@ def collect(config: CollectConfig, out: Path, progress: Progress | None = None) 
     if config.episodes < 1:
         raise ConfigError(f"episodes must be at least 1, not {config.episodes}")
     attempts = out / "attempts"
-    _claim(config, out)
+    asset = str(Path(asset).resolve())
+    settings = task_settings(config.task) if env_config is None else env_config
+    _claim({"asset": asset, "collect": config, "env": settings}, out)
     done = finished(attempts)
     resumed = len(done)
     said = progress or (lambda _got, _want, _text: None)
@@ -74,7 +88,7 @@ def collect(config: CollectConfig, out: Path, progress: Progress | None = None) 
             k = len(done)
             _not_hopeless(done, config)
             if env is None:
-                env = _make(config)
+                env = _make(asset, config, settings)
             outcome = _attempt(env, config, config.seed + k, attempts / f"{k:06d}.npz")
             done.append(outcome)
             text = "success" if outcome["success"] else str(outcome["reason"])
@@ -85,7 +99,7 @@ def collect(config: CollectConfig, out: Path, progress: Progress | None = None) 
         if env is not None:
             env.close()
     said(config.episodes, config.episodes, "writing h5 and LeRobot dataset")
-    found = Collection(out, config, done)
+    found = Collection(out, asset, config, settings, done)
     h5 = _write_h5(found)
     root = write_dataset(found.tracks(), found.names, config.robot, out / "lerobot")
     reasons: dict[str, int] = {}
@@ -95,23 +109,32 @@ def collect(config: CollectConfig, out: Path, progress: Progress | None = None) 
     return Collected(out, len(found.kept), len(done), reasons, h5, root, resumed)
 
 
-def _claim(config: CollectConfig, out: Path) -> None:
+def _claim(wish: dict[str, Any], out: Path) -> None:
     """Write collect.json, or check that the one there asks for the same data."""
     file = out / "collect.json"
-    mine = json.loads(json.dumps(asdict(config)))
+    mine = config_file.plain(wish)
     if file.is_file():
         theirs = json.loads(file.read_text(encoding="utf-8"))
-        differ = [k for k in mine if k != "episodes" and mine[k] != theirs.get(k)]
+        now, then = _flat(mine), _flat(theirs)
+        differ = [k for k in now if k != "collect.episodes" and now[k] != then.get(k)]
         if differ:
             key = differ[0]
             raise InputError(
-                f"{out} holds a collection with {key}={theirs.get(key)!r}, not {mine[key]!r}; "
+                f"{out} holds a collection with {key}={then.get(key)!r}, not {now[key]!r}; "
                 "take another --out or delete it"
             )
     elif out.exists() and any(out.iterdir()):
         raise InputError(f"{out} is not empty and holds no collection; take another --out")
     (out / "attempts").mkdir(parents=True, exist_ok=True)
     _replace(file, lambda p: p.write_text(json.dumps(mine, indent=1) + "\n", encoding="utf-8"))
+
+
+def _flat(values: dict[str, Any], above: str = "") -> dict[str, Any]:
+    """Nested values by their dotted names."""
+    out: dict[str, Any] = {}
+    for key, value in values.items():
+        out |= _flat(value, f"{above}{key}.") if isinstance(value, dict) else {above + key: value}
+    return out
 
 
 def _replace(file: Path, write: Callable[[Path], Any]) -> None:
@@ -135,9 +158,9 @@ def _not_hopeless(done: list[dict[str, Any]], config: CollectConfig) -> None:
         )
 
 
-def _make(config: CollectConfig) -> Any:
+def _make(asset: str, config: CollectConfig, env_config: EnvConfig) -> Any:
     return mam_envs.make(
-        config.asset,
+        asset,
         joint=config.joint,
         task=config.task,
         robot_uids=config.robot,
@@ -145,7 +168,7 @@ def _make(config: CollectConfig) -> Any:
         obs_mode="rgb+state" if config.video else "state",
         reward_mode="normalized_dense",
         max_episode_steps=config.max_steps,
-        **config.env,
+        config=env_config,
     )
 
 
@@ -263,13 +286,13 @@ def _write_h5(found: Collection) -> Path:
     """ManiSkill's trajectory layout: demos.h5 with traj_i groups, demos.json with the episodes."""
     config, out = found.config, found.folder
     kwargs = {
-        "asset": str(Asset.load(config.asset).folder),
+        "asset": str(Asset.load(found.asset).folder),
         "joint": config.joint,
         "task": config.task,
         "robot_uids": config.robot,
         "obs_mode": "state",
         "control_mode": "pd_joint_pos",
-        **config.env,
+        "config": config_file.plain(found.env_config),
     }
     listing: dict[str, Any] = {
         "env_info": {

@@ -1,6 +1,6 @@
 """The folder that `mam-sim collect` writes, one file per attempt, and how it is read back.
 
-collect.json            what was asked for
+collect.json            what was asked for: a file that `mam-sim collect --config` reads
 attempts/000000.npz     frames of an attempt; 000000.json its outcome, written last
 attempts/names.json     names of the entries of the vectors
 """
@@ -9,14 +9,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mam_envs.config import EnvConfig
+from mam_pipeline import config_file
 from mam_pipeline.errors import InputError
+from mam_policies.run import task_settings
 
 
 @dataclass(frozen=True)
@@ -48,34 +51,31 @@ class Names:
     environment: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CollectConfig:
-    """What to collect; saved beside the result and compared when a run is resumed."""
+    """Which demonstrations of the scripted expert are collected."""
 
-    asset: str
-    """Asset folder."""
     episodes: int = 20
     """Successes that are wanted."""
     joint: str | None = None
-    """Joint to operate; None: the surest one that the arm can do."""
+    """Joint to operate; by default the surest one that the arm can do."""
     task: str | None = None
-    """What to do with it; None: what the joint suggests."""
+    """What to do with it: open, close, turn_to, push or a plug-in's; by default what the joint
+    suggests."""
     robot: str = "panda"
-    """The arm."""
+    """Name of the arm: panda, so100, fetch, xarm6_robotiq, or that of a plug-in."""
     seed: int = 0
-    """Of the first attempt; attempt k uses seed + k."""
+    """Seed of the first attempt; attempt k uses seed + k."""
     noise: float = 0.0
     """Standard deviation of noise on the arm's targets, radians; labels stay clean."""
     video: bool = False
-    """Whether the cameras are recorded too (slow on a CPU)."""
+    """Record the cameras into the LeRobot dataset (needs a Vulkan driver)."""
     keep_failures: bool = False
-    """Whether failed attempts go into the data as well."""
+    """Keep failed attempts in the data as well."""
     settle: int = 5
-    """Control steps recorded after success."""
+    """Control steps that are recorded after success."""
     max_steps: int = 220
-    """Control steps per attempt."""
-    env: dict[str, Any] = field(default_factory=dict)
-    """Further keyword arguments of the environment (config, randomisation ...)."""
+    """Control steps of one attempt."""
 
 
 @dataclass(frozen=True)
@@ -83,11 +83,15 @@ class Collection:
     """A collection on disk, as far as it has come.
 
     Attributes:
+        asset: folder of the asset.
+        config: what was asked for; env_config: settings of the environment.
         outcomes: of the finished attempts, in order, without gaps.
     """
 
     folder: Path
+    asset: str
     config: CollectConfig
+    env_config: EnvConfig
     outcomes: list[dict[str, Any]]
 
     @staticmethod
@@ -100,8 +104,11 @@ class Collection:
         file = folder / "collect.json"
         if not file.is_file() or not (folder / "attempts" / "names.json").is_file():
             raise InputError(f"{folder} holds no collection; make one with: mam-sim collect")
-        config = CollectConfig(**json.loads(file.read_text(encoding="utf-8")))
-        return Collection(folder, config, finished(folder / "attempts"))
+        data = config_file.read(file)
+        config = config_file.fill(CollectConfig(), data["collect"], file)
+        settings = config_file.fill(task_settings(config.task), data["env"], file)
+        outcomes = finished(folder / "attempts")
+        return Collection(folder, str(data["asset"]), config, settings, outcomes)
 
     @property
     def names(self) -> Names:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from mani_skill.utils import common
 
+from mam_envs.config import EnvConfig
 from mam_envs.tasks.success import TOUCH_FORCE
 from mam_policies.algorithms import Actor, algorithm
 from mam_policies.expert import Expert, PlanningError
@@ -71,8 +72,19 @@ def evaluate_run(
     seed: int = HELD_OUT,
     video: Path | None = None,
     on_episode: Callable[[int, int], None] = lambda *_: None,
+    env_config: EnvConfig | None = None,
 ) -> Evaluation:
     """Evaluate a run on its own asset, or on others (held-out assets), at unseen seeds.
+
+    Args:
+        run: the run folder.
+        episodes: how many.
+        assets: other asset folders; default: the run's own.
+        joint: the joint on them.
+        seed: of the first episode; the others follow.
+        video: where a grid of episodes is written.
+        on_episode: called with (episodes done, successes).
+        env_config: settings of the environment; default: those of the training.
 
     Raises:
         InputError: no run, no policy, no asset.
@@ -84,6 +96,8 @@ def evaluate_run(
         choice = replace(choice, assets=tuple(assets), joint=joint)
     elif joint is not None:
         choice = replace(choice, joint=joint)
+    if env_config is not None:
+        choice = replace(choice, config=env_config)
     learned = algorithm(info.algo)
     actor: Actor | None = None
 

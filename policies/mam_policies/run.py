@@ -10,7 +10,7 @@ from __future__ import annotations
 import gc
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -20,6 +20,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from mam_envs.config import EnvConfig
+from mam_pipeline import config_file
 from mam_pipeline.errors import ConfigError, InputError, MamSimError
 
 ENV_ID = "mam_envs:OperateJoint-v1"
@@ -32,7 +34,7 @@ class EnvChoice:
 
     Attributes:
         assets: asset folders (one or several; several are drawn anew at every reset).
-        randomisation: overrides of mam_envs.config.RandomisationConfig.
+        config: settings of success, reward, randomisation and scene.
     """
 
     assets: tuple[str, ...]
@@ -41,7 +43,7 @@ class EnvChoice:
     robot: str = "panda"
     control_mode: str = "pd_joint_pos"
     max_steps: int = 200
-    randomisation: Mapping[str, Any] = field(default_factory=dict)
+    config: EnvConfig = field(default_factory=EnvConfig)
 
     def make(self, **more: Any) -> Any:
         """The gym environment (one sub-scene, flat state observations unless told otherwise)."""
@@ -53,7 +55,7 @@ class EnvChoice:
             "task": self.task,
             "robot_uids": self.robot,
             "control_mode": self.control_mode,
-            "randomisation": dict(self.randomisation),
+            "config": self.config,
             "obs_mode": "state",
             "max_episode_steps": self.max_steps,
         }
@@ -94,11 +96,21 @@ class RunInfo:
             data = json.loads(file.read_text())
             if data.get("schema") != SCHEMA:
                 raise InputError(f"{file} has schema {data.get('schema')!r}; this is {SCHEMA}")
-            data["env"] = EnvChoice(**{**data["env"], "assets": tuple(data["env"]["assets"])})
+            start = EnvChoice((), config=task_settings(data["env"].get("task")))
+            data["env"] = config_file.fill(start, data["env"], file)
             data["observation"] = [tuple(row) for row in data["observation"]]
             return RunInfo(**data)
         except (ValueError, TypeError, KeyError) as error:
             raise InputError(f"{file} is not a run of mam-sim: {error}") from error
+
+
+def task_settings(task: str | None) -> EnvConfig:
+    """Defaults of the environment; a task may have settings of its own."""
+    if task is None:
+        return EnvConfig()
+    from mam_envs.tasks import task_class
+
+    return task_class([task]).defaults()
 
 
 def claim(out: Path, choice: EnvChoice, settings: str) -> None:

@@ -9,10 +9,14 @@ import pytest
 import yaml
 
 from mam_envs.config import EnvConfig, RewardConfig
+from mam_pipeline import config_file
+from mam_pipeline.errors import ConfigError
 from mam_pipeline.run import MakeConfig
+from mam_policies.algorithms.ppo import Ppo
+from mam_policies.run import EnvChoice, RunInfo
 from mam_sim.bench.config import BenchConfig
 from mam_sim.cli import main, verb_class
-from mam_sim.options import Verb, defaults, from_file, parse, sections
+from mam_sim.options import Verb, defaults, fill, parse, settings
 
 ROOT = Path(__file__).resolve().parents[2]
 PRESETS = {"pipeline": "articulate", "env": "make-env"}
@@ -28,9 +32,49 @@ def options(verb: str, *args: str | Path) -> Verb:
 )  # fmt: skip
 def test_presets_say_what_differs_from_the_defaults(file: Path) -> None:
     plain = defaults(verb_class(PRESETS[file.parent.name]))
-    read = from_file(plain, file)
-    assert sections(read) != sections(plain)
-    assert list(yaml.safe_load(file.read_text())) == [file.parent.name]
+    values = config_file.read(file)
+    assert settings(fill(plain, values, file)) != settings(plain)
+    assert list(values) == [file.parent.name]
+
+
+@pytest.mark.parametrize(
+    "file", sorted((ROOT / "configs" / "policies").glob("*.yaml")), ids=lambda f: f.stem
+)
+def test_presets_of_training_name_an_algorithm_and_its_settings(file: Path) -> None:
+    got = options("train", "cabinet", "--out", "run", "--config", file)
+    plain = options("train", "cabinet", "--out", "run", "--algo", config_file.read(file)["algo"])
+    assert settings(got) != settings(plain) and set(settings(got)) == set(settings(plain))
+
+
+def test_a_run_is_configured_by_its_algorithm(tmp_path: Path) -> None:
+    given = options(
+        "train", "cabinet", "--out", "run", "--algo", "ppo", "--steps", "7", "--clip-range", "0.3",
+        "--env.success.fraction", "0.5", "--joint", "drawer",
+    )  # fmt: skip
+    file = tmp_path / "saved.yaml"
+    file.write_text(yaml.safe_dump(settings(given)))
+    again = options("train", "cabinet", "--out", "run", "--config", file)
+    assert settings(again) == settings(given)
+    assert again.train == Ppo.Config(steps=7, clip_range=0.3)  # type: ignore[attr-defined]
+    file.write_text("algo: ppo\ntrain: {epochs: 3}\n")
+    with pytest.raises(ConfigError, match="no setting 'epochs' in train; did you mean"):
+        options("train", "cabinet", "--out", "run", "--config", file)
+
+
+def test_an_evaluation_keeps_the_environment_of_the_training(tmp_path: Path) -> None:
+    env = EnvConfig(reward=RewardConfig(reach=5.0))
+    info = RunInfo("bc", EnvChoice(("a",), config=env), [], 1, 1)
+    info.save(tmp_path)
+    assert RunInfo.load(tmp_path) == info
+    got = options("eval", tmp_path, "--env.reward.contact", "3").env  # type: ignore[attr-defined]
+    assert got == EnvConfig(reward=RewardConfig(reach=5.0, contact=3.0))
+
+
+def test_what_was_collected_says_how(tmp_path: Path) -> None:
+    given = options("collect", "a", "--out", "b", "--episodes", "3", "--env.reward.reach", "2")
+    file = tmp_path / "collect.json"
+    config_file.save(settings(given), file)
+    assert settings(options("collect", "a", "--out", "b", "--config", file)) == settings(given)
 
 
 def test_flags_go_over_the_file_and_the_file_over_the_defaults(tmp_path: Path) -> None:
@@ -51,9 +95,9 @@ def test_what_is_saved_is_read_again(tmp_path: Path) -> None:
         "--hints", "h.yaml",
     )  # fmt: skip
     file = tmp_path / "saved.yaml"
-    file.write_text(yaml.safe_dump(sections(given)))
+    file.write_text(yaml.safe_dump(settings(given)))
     again = options("make-env", "x.glb", "--config", file)
-    assert sections(again) == sections(given)
+    assert settings(again) == settings(given)
     env = again.env  # type: ignore[attr-defined]
     assert isinstance(env, EnvConfig) and env.randomisation.start == (0.1, 0.2)
     assert EnvConfig.make(file) == env

@@ -1,11 +1,14 @@
-"""report.html: complete, offline, and safe against what names and notes may hold."""
+"""What is shown of an asset: report.html, offline and safe against names; and make-env's lines."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 from mam_pipeline.asset.card import Asset
+from mam_sim.cli import main
 from mam_sim.report import write_report
 from mam_world.dataset import write_dataset
 
@@ -22,3 +25,19 @@ def test_a_page_shows_joints_and_pictures_and_escapes_what_it_is_given(tmp_path:
     assert "<img src=x>" not in page and "loss: 0.5 to 3" in page and "<polyline" in page
     assert page.count('src="data:image/png') == 5  # as read, links, and three of the motion
     assert "://" not in page and joint.name in page
+
+
+def test_an_asset_that_no_arm_can_operate_is_told_and_no_success(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_dataset("station_button", 1, 0, tmp_path)
+    made = Asset.load(tmp_path / "station_button_000000")
+    verdict = {"passed": True, "driven": True, "reasons": []}
+    made = Asset(made.folder, replace(made.card, checks={"executability": verdict}))
+    refused = {"ok": False, "joint": None, "robot": "panda", "why": "it is out of reach"}
+    monkeypatch.setattr("mam_sim.verbs.make_env.make", lambda *_args: made)
+    monkeypatch.setattr("mam_envs.trial.try_environment", lambda *_args: refused)
+    assert main(["make-env", "button.glb", "--out", str(made.folder)]) == 1
+    said = capsys.readouterr().out
+    assert "env:    none: it is out of reach" in said and "collect" not in said
+    assert Asset.load(made.folder).card.checks["environment"] == refused

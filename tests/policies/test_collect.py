@@ -12,24 +12,24 @@ import h5py
 import numpy as np
 import pytest
 
+from mam_envs.config import EnvConfig
 from mam_envs.scene.vulkan import vulkan_ok
 from mam_pipeline.errors import InputError
-from mam_policies.collect import CollectConfig, collect
+from mam_policies.collect import collect
+from mam_policies.collection import CollectConfig
 from mam_policies.lerobot.dataset import load_dataset
 
 
 def test_data_reload_and_resume(drawer: Path, tmp_path: Path) -> None:
     out = tmp_path / "demos"
-    first = collect(CollectConfig(asset=str(drawer), episodes=2), out)
+    first = collect(drawer, CollectConfig(episodes=2), out)
     assert first.episodes == 2 and first.resumed == 0
 
     # a killed run: the third attempt's frames are there, its outcome is not
     before = (out / "attempts" / "000001.npz").read_bytes()
     (out / "attempts" / f"{first.attempts:06d}.npz").write_bytes(b"half")
     said: list[str] = []
-    more = collect(
-        CollectConfig(asset=str(drawer), episodes=3), out, lambda *row: said.append(row[2])
-    )
+    more = collect(drawer, CollectConfig(episodes=3), out, lambda *row: said.append(row[2]))
     assert more.episodes == 3 and more.resumed == first.attempts
     assert (out / "attempts" / "000001.npz").read_bytes() == before
     assert said[-1].startswith("writing")
@@ -55,13 +55,13 @@ def test_data_reload_and_resume(drawer: Path, tmp_path: Path) -> None:
         assert np.asarray(file["traj_0/success"])[-1]
 
     with pytest.raises(InputError, match="another --out"):
-        collect(CollectConfig(asset=str(drawer), episodes=3, seed=5), out)
+        collect(drawer, CollectConfig(episodes=3, seed=5), out)
 
 
 def test_a_foreign_folder_is_left_alone(drawer: Path, tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").write_text("mine")
     with pytest.raises(InputError, match="is not empty"):
-        collect(CollectConfig(asset=str(drawer), episodes=1), tmp_path)
+        collect(drawer, CollectConfig(episodes=1), tmp_path)
     assert (tmp_path / "thesis.txt").read_text() == "mine"
 
 
@@ -81,7 +81,7 @@ def test_kill_9_loses_at_most_the_running_attempt(drawer: Path, tmp_path: Path) 
     finished = sorted(attempts.glob("0*.json"))
     before = [f.read_bytes() for f in finished]
     wanted = 1 + sum(json.loads(text)["success"] for text in before)
-    more = collect(CollectConfig(asset=str(drawer), episodes=wanted), out)
+    more = collect(drawer, CollectConfig(episodes=wanted), out)
     assert more.resumed == len(finished) and more.episodes == wanted
     assert [f.read_bytes() for f in finished] == before
     assert load_dataset(more.dataset).num_episodes == wanted
@@ -93,8 +93,9 @@ def test_kill_9_loses_at_most_the_running_attempt(drawer: Path, tmp_path: Path) 
 def test_videos_go_into_the_dataset(drawer: Path, tmp_path: Path) -> None:
     # slow: every control step is rendered on the CPU
     world = {"cameras": {"front": {"width": 32, "height": 24}}, "wall": False}
-    config = CollectConfig(asset=str(drawer), episodes=1, video=True, env={"scene": world})
-    made = collect(config, tmp_path / "demos")
+    config = CollectConfig(episodes=1, video=True)
+    settings = EnvConfig.make({"scene": world})
+    made = collect(drawer, config, tmp_path / "demos", env_config=settings)
     data = load_dataset(made.dataset)
     assert data.features["observation.images.front"]["shape"] == (24, 32, 3)
     assert data[len(data) // 2]["observation.images.front"].shape == (3, 24, 32)

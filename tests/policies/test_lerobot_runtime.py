@@ -215,7 +215,7 @@ def test_dataset_export_and_a_few_steps_of_training(
     from mam_policies.collection import CollectConfig
     from mam_policies.lerobot.export import export_dataset
 
-    collect(CollectConfig(str(drawer), episodes=1), tmp_path / "demos")
+    collect(drawer, CollectConfig(episodes=1), tmp_path / "demos")
     out = tmp_path / "out"
     export_dataset(tmp_path / "demos", out)
     root = out / "dataset"

@@ -100,13 +100,14 @@ class LeRobotAlgorithm(Algorithm[LeRobotConfig]):
             raise ConfigError(f"{self.name} is trained on one asset at a time")
         out.mkdir(parents=True, exist_ok=True)
         demos = CollectConfig(
-            choice.assets[0], config.episodes, choice.joint, choice.task, choice.robot,
+            episodes=config.episodes, joint=choice.joint, task=choice.task, robot=choice.robot,
             seed=seed_of(config.seed, 0), noise=config.noise, video=config.cameras,
             max_steps=choice.max_steps,
         )  # fmt: skip
         found = collect(
-            demos, out / "demos", lambda n, of, words: update("demonstrations", n / of, words)
-        )
+            choice.assets[0], demos, out / "demos",
+            lambda n, of, words: update("demonstrations", n / of, words), choice.config,
+        )  # fmt: skip
         export_dataset(out / "demos", out / "data", config.mapping)
         tell = partial(update, self.name)
         policy = train_policy(out / "data" / "dataset", wanted, out / "lerobot", tell)
