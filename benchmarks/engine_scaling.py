@@ -21,7 +21,7 @@ import numpy as np
 import tyro
 from common import save
 
-from mam_pipeline.engine import Engine, EngineConfig
+from mam_pipeline.run import EngineConfig, Stages
 from mam_pipeline.types import Mesh
 from mam_world import make_object
 from mam_world.style import Style
@@ -64,7 +64,7 @@ def one(category: str, seed: int, target: int) -> dict[str, float]:
     warnings.filterwarnings("ignore")
     truth = make_object(category, seed, replace(Style(), gap=0.002)).truth()
     mesh = refined(truth.mesh, target)
-    engine = Engine(EngineConfig())
+    engine = Stages(EngineConfig())
     begun = time.perf_counter()
     cpu = time.process_time()
     primitives = engine.segment(mesh)

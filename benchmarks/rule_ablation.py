@@ -26,7 +26,6 @@ import tyro
 from common import save
 from compare_bench import interval
 
-from mam_pipeline.engine import EngineConfig
 from mam_pipeline.geometry.fuse import fuse_mesh
 from mam_pipeline.ground_truth import GroundTruth
 from mam_pipeline.joints.estimate import OF_JOINTS, JointEstimator
@@ -45,6 +44,7 @@ from mam_pipeline.parts.settle import settled
 from mam_pipeline.parts.tree import clear_from
 from mam_pipeline.prior.embedded import EmbeddedPrior
 from mam_pipeline.rules import ALL_RULES, Rules
+from mam_pipeline.run import EngineConfig
 from mam_pipeline.segment.geometric import GeometricSegmenter
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import KinematicTree, Mesh, Primitives

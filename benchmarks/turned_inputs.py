@@ -16,8 +16,9 @@ import tyro
 from common import save
 from tyro.conf import Positional
 
-from mam_pipeline.engine import EngineConfig, moved
+from mam_pipeline.geometry.front import moved
 from mam_pipeline.ground_truth import GroundTruth
+from mam_pipeline.run import EngineConfig
 from mam_sim.bench.config import BenchConfig
 from mam_sim.bench.runner import Task, find_tasks, run_bench
 from mam_sim.bench.table import summarise

@@ -20,11 +20,11 @@ import tyro
 from common import ROOT, save
 from tyro.conf import Positional
 
-from mam_pipeline.engine import Engine, EngineConfig
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.metrics import Scores, score
 from mam_pipeline.models import settings
+from mam_pipeline.run import EngineConfig, Stages
 from mam_pipeline.types import Primitives
 
 ANSWERS = ROOT / "tests" / "pipeline" / "answers.zip"
@@ -37,7 +37,7 @@ def compare(folder: Path, truth: GroundTruth, prior: str) -> dict[str, Scores]:
         primitives = Primitives(data["labels"].astype(np.int64))
     out = {}
     for reasoner in ("file", "embedded"):
-        engine = Engine(EngineConfig("geometric", prior, reasoner, "embedded"))
+        engine = Stages(EngineConfig("geometric", prior, reasoner, "embedded"))
         with settings.given({"MAM_SIM_QUESTIONS": str(folder.parent), settings.SUBJECT: truth.id}):
             try:
                 found = engine.observe(truth.mesh, primitives)

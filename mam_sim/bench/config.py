@@ -7,8 +7,8 @@ from typing import Annotated
 
 import tyro
 
-from mam_pipeline.engine import EngineConfig
 from mam_pipeline.models.settings import ModelConfig
+from mam_pipeline.run import EngineConfig
 
 
 @dataclass(frozen=True)

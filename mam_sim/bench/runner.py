@@ -18,11 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from mam_pipeline.engine import articulate_mesh, moved
+from mam_pipeline import backends
 from mam_pipeline.errors import ConfigError, HintNeeded, MamSimError, NotPhysicalError
+from mam_pipeline.geometry.front import moved
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.metrics import FoundJoint, JointScore, Scores, score
 from mam_pipeline.models import settings
+from mam_pipeline.run import articulate_mesh
 from mam_pipeline.types import Articulation
 from mam_sim.bench.config import BenchConfig
 
@@ -270,7 +272,8 @@ def task_key(task: Task, config: BenchConfig) -> str:
     digest.update(engine_digest().encode())
     with settings.given({**config.models.settings(), settings.SUBJECT: task.id}):
         for role in ("prior", "reasoner"):
-            digest.update(settings.identity(role, getattr(config.engine, role)).encode())
+            name = backends.resolved(role, getattr(config.engine, role))
+            digest.update(repr(backends.maker(role, name)).encode())
     path = Path(task.source)
     if task.seed < 0 and path.is_file():
         digest.update(path.read_bytes())

@@ -7,8 +7,12 @@ in the entry-point groups `mam_sim.reconstructor`, `.segmenter`, `.prior`, `.rea
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
+from importlib import metadata
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -23,7 +27,10 @@ from mam_pipeline.types import Articulation, IntArray, KinematicTree, Mesh, Prim
 
 @dataclass(frozen=True)
 class Availability:
-    """Whether a backend can run here; `why` says what is missing and how to get it."""
+    """Whether a backend can run here; `why` says what is missing and how to get it.
+
+    `version` is its own, or where the model behind it answers: a URL or a command.
+    """
 
     ok: bool
     why: str = ""
@@ -78,7 +85,10 @@ class KinematicPrior:
 
 @runtime_checkable
 class Backend(Protocol):
-    """What every backend has: it can say whether it may run here."""
+    """What every backend has: it can say whether it may run here.
+
+    It may say more of itself, for the keys of stages and the asset card: see `maker`.
+    """
 
     @classmethod
     def available(cls) -> Availability: ...
@@ -171,6 +181,44 @@ def names(role: str) -> dict[str, str]:
     return Registry(role, BUILTIN[role]).targets()
 
 
+@dataclass(frozen=True)
+class Maker:
+    """Who made a stage: part of the stage's key, and what the asset card says.
+
+    Attributes:
+        name: of the backend, resolved ("auto" never is one); "hints" or "urdf" where none was used.
+        version: of its code: the package's version, and for ours a digest of the sources.
+        weights: digest of what it has learned; "" where it has learned nothing.
+        options: what else decides its answers: the model behind it, the files that it reads.
+        edited: whether a person changed what it made.
+    """
+
+    name: str
+    version: str = ""
+    weights: str = ""
+    options: str = ""
+    edited: bool = False
+
+
+def resolved(role: str, name: str = "auto") -> str:
+    """The name of the backend that plays a role; "auto" is the best one available.
+
+    A backend that is named need not be available: what it made before can still be used.
+
+    Raises:
+        ConfigError: no such name. BackendError: "auto", and none is available.
+    """
+    table = names(role)
+    if name != "auto":
+        if name not in table:
+            raise unknown_name(role, name, ["auto", *table])
+        return name
+    for candidate in PREFERENCE[role]:
+        if candidate in table and resolve(table[candidate]).available().ok:
+            return candidate
+    raise BackendError(f"no {role} is available here; run: mam-sim doctor")
+
+
 def load(role: str, name: str = "auto") -> tuple[str, Any]:
     """Return (name, instance) of a backend; "auto" takes the best one available.
 
@@ -178,18 +226,71 @@ def load(role: str, name: str = "auto") -> tuple[str, Any]:
         ConfigError: no such name.
         BackendError: named explicitly but not available here; nothing is substituted.
     """
-    table = names(role)
-    if name != "auto":
-        if name not in table:
-            raise unknown_name(role, name, ["auto", *table])
-        cls = Registry(role, BUILTIN[role]).load(name)
-        state: Availability = cls.available()
-        if not state.ok:
-            raise BackendError(f"the {role} {name!r} cannot run here: {state.why}")
-        return name, cls()
-    for candidate in PREFERENCE[role]:
-        if candidate in table:
-            cls = resolve(table[candidate])
-            if cls.available().ok:
-                return candidate, cls()
-    raise BackendError(f"no {role} is available here; run: mam-sim doctor")
+    name = resolved(role, name)
+    cls = Registry(role, BUILTIN[role]).load(name)
+    state: Availability = cls.available()
+    if not state.ok:
+        raise BackendError(f"the {role} {name!r} cannot run here: {state.why}")
+    return name, cls()
+
+
+def maker(role: str, name: str) -> Maker:
+    """Who a (resolved) backend is, by its class methods `version`, `weights` and `options`.
+
+    All three are optional. `version` gives text; the default is that of the package that it comes
+    from. `weights` gives the files or folders that hold what it has learned. `options` gives text.
+    """
+    cls = Registry(role, BUILTIN[role]).load(name)
+    version = getattr(cls, "version", None)
+    behind = cls.available().version
+    said = [f"at {_digest(behind)}"] if behind.startswith(("http", "/")) or " " in behind else []
+    if hasattr(cls, "options"):
+        said.append(cls.options())
+    return Maker(
+        name,
+        _package_version(role, name, cls) if version is None else version(),
+        _content_digest(tuple(cls.weights())) if hasattr(cls, "weights") else "",
+        "; ".join(said),
+    )
+
+
+def _package_version(role: str, name: str, cls: type) -> str:
+    if name in BUILTIN[role]:
+        try:
+            release = metadata.version("mam-sim")
+        except metadata.PackageNotFoundError:  # run from its sources
+            release = "0"
+        return f"{release}+{_code_digest()}"
+    entries = metadata.entry_points(group=f"mam_sim.{role}", name=name)
+    return next((entry.dist.version for entry in entries if entry.dist is not None), "")
+
+
+@cache
+def _code_digest() -> str:
+    """Of all our sources: a stage that other code made is made anew."""
+    root = Path(__file__).parent
+    digest = hashlib.sha256()
+    for file in sorted(root.rglob("*.py")):
+        digest.update(file.relative_to(root).as_posix().encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+@cache
+def _content_digest(places: tuple[Traversable, ...]) -> str:
+    if not places:
+        return ""
+    digest = hashlib.sha256()
+    for place in places:
+        for file in _files(place):
+            digest.update(file.name.encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def _files(place: Traversable) -> list[Traversable]:
+    if place.is_file():
+        return [place]
+    return [f for entry in sorted(place.iterdir(), key=lambda p: p.name) for f in _files(entry)]
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:12]

@@ -1,41 +1,86 @@
-"""From an input file to an asset folder on disk: stages kept, reused, and open to a person's edits.
+"""From an input file to an asset folder: the stages in order, computed or found on disk.
 
-Each stage leaves `stages/<n>_<name>/` with its artefact and a stage.json that holds the key it was
-made under (stage version, backend, config, seed, digests of what went in) and the artefact's own
-digest. A stage with the same key is reused; an artefact that a person has edited is kept, and what
-follows it is computed again because its digest is part of the next keys.
+A photo is reconstructed, a mesh is read; then mesh -> primitives -> prior -> parts -> joints, the
+object is turned to the front, gets interiors, and is written and checked. `make_asset` is the whole
+way; `articulate_mesh` is the engine alone, in memory. What a stage leaves in `stages/`, and when it
+is used again, is the business of `stage_store`.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from mam_pipeline import backends, config_file, stage_files
+from mam_pipeline import backends, config_file
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.engine import Engine, EngineConfig, OnStage, front_yaw, moved
-from mam_pipeline.errors import ConfigError, InputError
-from mam_pipeline.hints import Hints, load_hints, save_hints
+from mam_pipeline.backends import KinematicPrior, Maker, Reconstruction
+from mam_pipeline.errors import ConfigError, InputError, NotPhysicalError
+from mam_pipeline.geometry.front import front_yaw, moved
+from mam_pipeline.hints import Hints, load_hints
 from mam_pipeline.models import settings
 from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.models.settings import ModelConfig
-from mam_pipeline.parts.hints import along_nodes
+from mam_pipeline.parts.hints import along_nodes, apply_hints
 from mam_pipeline.photo.options import PhotoConfig
-from mam_pipeline.types import Articulation, FloatArray, Mesh
+from mam_pipeline.rules import ALL_RULES, Ruled, Rules
+from mam_pipeline.stage_store import (
+    PHOTO,
+    PRIMITIVES,
+    PRIOR,
+    Codec,
+    StageStore,
+    articulation_codec,
+    file_digest,
+    mesh_digest,
+    save_geometry,
+    text_digest,
+    tree_codec,
+)
+from mam_pipeline.types import (
+    Articulation,
+    FloatArray,
+    KinematicTree,
+    Mesh,
+    PartNode,
+    Primitives,
+)
 
+T = TypeVar("T")
+OnStage = Callable[[str], None]
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".off")
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".gif", ".heic")
-STAGE_VERSION = 18
+FOLDERS = {
+    "reconstructor": "0_photo", "segmenter": "1_primitives", "prior": "2_prior",
+    "reasoner": "3_parts", "solver": "4_joints",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class EngineConfig:
+    """Which backend plays each role ("auto" takes the best one available and says which)."""
+
+    segmenter: str = "auto"
+    """Cuts the mesh into primitives: geometric, p3sam."""
+    prior: str = "auto"
+    """Probes which primitives may move: embedded, sp4d, file, none."""
+    reasoner: str = "auto"
+    """Finds parts, tree and joint types: embedded, vlm, file."""
+    solver: str = "auto"
+    """Estimates joints: embedded, or the paper's init, lm, nelder-mead."""
+    seed: int = 0
+    """Seed of everything random."""
+    rules: Rules = ALL_RULES
+    """Hand rules that are followed."""
 
 
 @dataclass(frozen=True)
@@ -124,70 +169,90 @@ def make_asset(
     Raises:
         MamSimError: one of its subclasses; `out` is then as it was before.
     """
-    kind = kind_of(source)
+    kind, out = kind_of(source), out.resolve()
     config.check()
-    with settings.given(config.models.settings()), one_ledger():
-        return _make_asset(source, out.resolve(), kind, config, on_stage)
-
-
-def _make_asset(
-    source: Path, out: Path, kind: str, config: MakeConfig, on_stage: OnStage | None
-) -> Asset:
-    from mam_pipeline.asset.interiors import add_interiors
-    from mam_pipeline.asset.writer import replace_folder, write_asset
-    from mam_pipeline.check.shorten import written_and_checked
-    from mam_pipeline.models.retexture import repainted
-
     refuse_foreign(out)
     given = None if config.hints is None else load_hints(config.hints)
-    tell = on_stage or (lambda _name: None)
+    with settings.given(config.models.settings()), one_ledger(), _work_folder(out) as work:
+        store = StageStore(work / "stages")
+        stages = Stages(config.engine, on_stage, store)
+        read = _read(source, kind, config, stages)
+        if read.articulation is None:
+            save_geometry(read.mesh, store.folder / "0_mesh")
+            run = stages.articulate(read.mesh, given if given is not None else read.hints)
+            articulation, notes = run.articulation, list(run.notes)
+        else:
+            articulation, notes = read.articulation, []
+            stages.makers["articulation"] = Maker("urdf")
+        yaw = front_yaw(articulation) if kind == "mesh" else np.eye(4)
+        (store.folder / "frame.json").write_text(json.dumps({"asset_T_engine": yaw.tolist()}))
+        stages.tell("asset")
+        articulation, assumed = _finished(moved(articulation, yaw), read, config, stages)
+        asset = _written(
+            articulation, work, out, source, read, config, stages,
+            yaw @ read.source_to_asset, [read.summary, *read.notes, *store.notes, *notes, *assumed],
+        )  # fmt: skip
+    return Asset(out, asset.card)
+
+
+def _finished(
+    articulation: Articulation, read: Source, config: MakeConfig, stages: Stages
+) -> tuple[Articulation, list[str]]:
+    """Repainted, and with interiors where the source has none; notes on what was assumed."""
+    from mam_pipeline.asset.interiors import add_interiors
+    from mam_pipeline.models.retexture import repainted
+
+    if config.retexture:
+        articulation, name = repainted(articulation, config.retexture)
+        stages.makers["retexturer"] = backends.maker("retexturer", name)
+    if config.interiors and read.shell:
+        return add_interiors(articulation)
+    return articulation, []
+
+
+def _written(
+    articulation: Articulation, work: Path, out: Path, source: Path, read: Source,
+    config: MakeConfig, stages: Stages, source_to_asset: FloatArray, notes: list[str],
+) -> Asset:  # fmt: skip
+    """Write and check the asset in the work folder, and put it in its place."""
+    from mam_pipeline.asset.writer import replace_folder, write_asset
+    from mam_pipeline.check.shorten import written_and_checked
+
+    write = partial(
+        write_asset,
+        out=work / "asset",
+        name=out.name,
+        source={"path": source.name, "sha256": file_digest(source), "kind": read.kind},
+        source_to_asset=source_to_asset,
+        metres_per_unit=read.metres_per_unit,
+        metres_per_unit_source=read.metres_per_unit_source,
+        backends={role: asdict(maker) for role, maker in stages.makers.items()},
+        seconds=stages.seconds,
+        notes=[note for note in notes if note],
+        visuals=config.visuals,
+    )
+    asset = written_and_checked(
+        articulation, write, read.kind != "urdf", lambda: stages.tell("check")
+    )
+    (work / "stages" / "config.json").unlink(missing_ok=True)
+    config_file.save({"pipeline": config}, work / "stages" / "config.yaml")
+    (work / "stages").rename(work / "asset" / "stages")
+    replace_folder(work / "asset", out)
+    return asset
+
+
+@contextmanager
+def _work_folder(out: Path) -> Iterator[Path]:
+    """A folder beside `out` with a copy of its stages; it is gone afterwards."""
     work = out.parent / f".{out.name}.partial-{os.getpid()}"
     shutil.rmtree(work, ignore_errors=True)
-    stages = work / "stages"
-    stages.mkdir(parents=True)
     try:
+        (work / "stages").mkdir(parents=True)
         if (out / "stages").is_dir():
-            shutil.copytree(out / "stages", stages, dirs_exist_ok=True)
-        started = time.perf_counter()
-        tell("read" if kind != "photo" else "photo")
-        read = _read(source, kind, config, stages)
-        hints = given if given is not None else read.hints
-        seconds = {"read": round(time.perf_counter() - started, 3)}
-        if read.articulation is not None:
-            articulation, used, told = read.articulation, {"articulation": "urdf"}, []
-        else:
-            articulation, used, more, told = _engine(read, hints, config, stages, tell)
-            seconds |= more
-        yaw = front_yaw(articulation) if kind == "mesh" else np.eye(4)
-        articulation = moved(articulation, yaw)
-        tell("asset")
-        if config.retexture:
-            articulation, used["retexturer"] = repainted(articulation, config.retexture)
-        assumed: list[str] = []
-        if config.interiors and read.shell:
-            articulation, assumed = add_interiors(articulation)
-        write = partial(
-            write_asset,
-            out=work / "asset",
-            name=out.name,
-            source={"path": source.name, "sha256": file_digest(source), "kind": kind},
-            source_to_asset=yaw @ read.source_to_asset,
-            metres_per_unit=read.metres_per_unit,
-            metres_per_unit_source=read.metres_per_unit_source,
-            backends=used,
-            seconds=seconds,
-            notes=[n for n in (read.summary, *read.notes, *told, *assumed) if n],
-            visuals=config.visuals,
-        )
-        asset = written_and_checked(articulation, write, kind != "urdf", lambda: tell("check"))
-        (stages / "frame.json").write_text(json.dumps({"asset_T_engine": yaw.tolist()}))
-        (stages / "config.json").unlink(missing_ok=True)
-        config_file.save({"pipeline": config}, stages / "config.yaml")
-        stages.rename(work / "asset" / "stages")
-        replace_folder(work / "asset", out)
+            shutil.copytree(out / "stages", work / "stages", dirs_exist_ok=True)
+        yield work
     finally:
         shutil.rmtree(work, ignore_errors=True)
-    return Asset(out, asset.card)
 
 
 def refuse_foreign(out: Path) -> None:
@@ -196,18 +261,20 @@ def refuse_foreign(out: Path) -> None:
         raise ConfigError(f"{out} exists and is no asset folder; name another --out")
 
 
-def file_digest(path: Path) -> str:
-    """SHA-256 of a file, hex."""
-    with path.open("rb") as handle:
-        return hashlib.file_digest(handle, "sha256").hexdigest()
-
-
 def _empty(folder: Path) -> bool:
     return folder.is_dir() and not any(folder.iterdir())
 
 
-def _read(source: Path, kind: str, config: MakeConfig, stages: Path) -> Source:
-    if kind == "mesh":
+def _read(source: Path, kind: str, config: MakeConfig, stages: Stages) -> Source:
+    """The source as the engine takes it; a photo is reconstructed first."""
+    if kind == "photo":
+        return _read_photo(source, config, stages)
+    with stages.timed("read"):
+        if kind == "urdf":
+            from mam_pipeline.formats.urdf.read import read_urdf
+
+            made = read_urdf(source)
+            return Source(kind, made.mesh, np.eye(4), 1.0, "urdf", articulation=made)
         from mam_pipeline.formats.mesh_files import load_mesh
 
         got = load_mesh(source, up=config.up, height=config.height, scale=config.scale)
@@ -215,123 +282,221 @@ def _read(source: Path, kind: str, config: MakeConfig, stages: Path) -> Source:
             kind, got.mesh, got.source_to_asset, got.metres_per_unit, got.metres_per_unit_source,
             shell=True,
         )  # fmt: skip
-    if kind == "urdf":
-        from mam_pipeline.formats.urdf.read import read_urdf
-
-        made = read_urdf(source)
-        return Source(kind, made.mesh, np.eye(4), 1.0, "urdf", articulation=made)
-    return _read_photo(source, config, stages)
 
 
-def _read_photo(source: Path, config: MakeConfig, stages: Path) -> Source:
-    from PIL import Image
-
-    name, reconstructor = backends.load("reconstructor", config.reconstructor)
+def _read_photo(source: Path, config: MakeConfig, stages: Stages) -> Source:
     options = config.photo.given()
     if config.height is not None:
         options["height"] = config.height
     if config.hints is not None and load_hints(config.hints).photo_front:
         options["hints"] = config.hints  # marked by hand on the photo: build exactly that
-    made = reconstructor.reconstruct(source, options)
-    folder = stages / "0_photo"
-    folder.mkdir(exist_ok=True)
-    save_hints(made.hints, folder / "hints.yaml")
-    for label, picture in made.pictures.items():
-        Image.fromarray(picture).save(folder / f"{label}.png")
-    report = {"backend": name, "confidence": dict(made.confidence), "summary": made.summary}
-    report |= {"assumed": list(made.assumed), "details": dict(made.details)}
-    (folder / "report.json").write_text(json.dumps(report, indent=1, default=str))
+    made = stages.reconstruct(source, options, config.reconstructor)
     scale_from = "assumed" if "scale" in made.assumed else "user"
     return Source(
         "photo", made.mesh, np.eye(4), 1.0, scale_from, hints=made.hints, summary=made.summary,
-        shell=name != "embedded",  # its parts are built hollow
+        shell=stages.makers["reconstructor"].name != "embedded",  # its parts are built hollow
     )  # fmt: skip
 
 
-def _engine(
-    read: Source, hints: Hints | None, config: MakeConfig, stages: Path, tell: OnStage
-) -> tuple[Articulation, dict[str, str], dict[str, float], list[str]]:
-    """Run or reuse segment, prior, reason and joints.
+@dataclass(frozen=True)
+class EngineRun:
+    """All that one run of the engine produced, stage by stage, with what it used.
 
-    Returns:
-        The articulation, what was used, the seconds, and notes on what became no part.
+    Attributes:
+        used: backend by role. seconds: by stage. notes: on what may move and became no part.
     """
-    from mam_pipeline.parts.rules.fittings import carried_notes
-    from mam_pipeline.parts.tree import left_out_note
 
-    engine = Engine(config.engine, tell)
-    keeper = _Keeper(stages)
-    mesh = read.mesh
-    stage_files.save_geometry(mesh, stages / "0_mesh")
-    names = config.engine
-    seed, rules = names.seed, repr(names.rules)
-    mesh_key = stage_files.mesh_digest(mesh)
-    hints_key = stage_files.text_digest(repr(hints))
-
-    primitives, key = keeper.run(
-        "1_primitives",
-        [mesh_key, names.segmenter, seed, rules],
-        lambda: engine.segment(mesh),
-        stage_files.PRIMITIVES,
-    )
-    primitives = along_nodes(primitives, mesh, hints)
-    prior, key_prior = keeper.run(
-        "2_prior",
-        [key, names.prior, settings.identity("prior", names.prior), seed, hints_key],
-        lambda: engine.observe(mesh, primitives, hints),
-        stage_files.PRIOR,
-    )
-    if prior is not None and len(prior.masks):
-        from mam_pipeline.prior.masks import save_masks
-
-        save_masks(prior, mesh, stages / "2_prior" / "masks.npz")
-    tree, key = keeper.run(
-        "3_parts",
-        [
-            *(key, key_prior, names.reasoner, settings.identity("reasoner", names.reasoner)),
-            *(seed, hints_key, rules),
-        ],
-        lambda: engine.reason(mesh, primitives, prior, hints),
-        stage_files.TREE,
-    )
-    codec = stage_files.articulation_codec(mesh, primitives, tree)
-    articulation, _ = keeper.run(
-        "4_joints",
-        [key, names.solver, seed, rules],
-        lambda: engine.solve(mesh, primitives, tree),
-        codec,
-    )
-    used = {**keeper.reused, **engine.used}
-    return articulation, used, engine.seconds, [left_out_note(tree), *carried_notes(tree)]
+    primitives: Primitives
+    prior: KinematicPrior | None
+    tree: KinematicTree
+    articulation: Articulation
+    used: dict[str, str] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
 
-class _Keeper:
-    """Runs a stage, or takes its artefact from disk when the key allows."""
+def articulate_mesh(
+    mesh: Mesh,
+    hints: Hints | None = None,
+    config: EngineConfig = EngineConfig(),
+    on_stage: OnStage | None = None,
+) -> EngineRun:
+    """Run the engine in memory on a mesh in the asset frame (metres, Z up).
 
-    def __init__(self, stages: Path) -> None:
-        self.stages = stages
-        self.reused: dict[str, str] = {}
+    Raises:
+        NotPhysicalError: nothing movable was found.
+        BackendError: a backend named in the config cannot run.
+    """
+    return Stages(config, on_stage).articulate(mesh, hints)
 
-    def run(
+
+class Stages:
+    """The stages one by one.
+
+    Attributes:
+        makers: who made each stage's result, by role, now or in a former run.
+        seconds: what was computed took, by stage.
+    """
+
+    def __init__(
         self,
-        name: str,
-        inputs: list[Any],
-        compute: Callable[[], Any],
-        codec: stage_files.Codec,
-    ) -> tuple[Any, str]:
-        folder = self.stages / name
-        artefact, note = folder / codec.filename, folder / "stage.json"
-        key = stage_files.text_digest(json.dumps([STAGE_VERSION, name, *inputs], default=str))
-        if artefact.is_file() and note.is_file():
-            made = json.loads(note.read_text())
-            if made.get("key") == key:
-                digest = file_digest(artefact)
-                self.reused[name] = "edited" if digest != made.get("digest") else "reused"
-                return codec.load(artefact), digest
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir(parents=True)
-        value = compute()
-        codec.save(value, artefact)
-        digest = file_digest(artefact)
-        note.write_text(json.dumps({"key": key, "digest": digest, "inputs": inputs}, default=str))
-        return value, digest
+        config: EngineConfig = EngineConfig(),
+        on_stage: OnStage | None = None,
+        store: StageStore | None = None,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            config: backends, seed and rules. on_stage: told the name of a stage as it begins.
+            store: where results are kept and found; without it all is computed.
+        """
+        self.config = config
+        self.makers: dict[str, Maker] = {}
+        self.seconds: dict[str, float] = {}
+        self.tell = on_stage or (lambda _name: None)
+        self._store = store
+        self._digests: dict[str, str] = {}  # of the results, by role
+
+    def articulate(self, mesh: Mesh, hints: Hints | None = None) -> EngineRun:
+        """From a mesh (metres, Z up) to joints."""
+        from mam_pipeline.parts.rules.fittings import carried_notes
+        from mam_pipeline.parts.tree import left_out_note
+
+        primitives = along_nodes(self.segment(mesh), mesh, hints)
+        prior = self.observe(mesh, primitives, hints)
+        tree = self.reason(mesh, primitives, prior, hints)
+        articulation = self.solve(mesh, primitives, tree, hints)
+        used = {role: maker.name for role, maker in self.makers.items()}
+        notes = (left_out_note(tree), *carried_notes(tree))
+        return EngineRun(primitives, prior, tree, articulation, used, self.seconds, notes)
+
+    def reconstruct(
+        self, photo: Path, options: Mapping[str, Any], name: str = "auto"
+    ) -> Reconstruction:
+        """Photo to mesh."""
+        files = {k: v for k, v in options.items() if isinstance(v, Path)}
+        plain = {k: v for k, v in options.items() if k not in files}
+        return self._stage(
+            "reconstructor", name, "photo", PHOTO,
+            lambda backend: backend.reconstruct(photo, options),
+            lambda: {k: file_digest(v) for k, v in {"photo": photo, **files}.items()},
+            {"options": config_file.plain(plain)},
+        )  # fmt: skip
+
+    def segment(self, mesh: Mesh) -> Primitives:
+        """Faces to primitives (paper 3.2)."""
+        return self._stage(
+            "segmenter", self.config.segmenter, "segment", PRIMITIVES,
+            lambda backend: backend.segment(mesh, seed=self.config.seed),
+            lambda: {"mesh": mesh_digest(mesh)},
+        )  # fmt: skip
+
+    def observe(
+        self, mesh: Mesh, primitives: Primitives, hints: Hints | None = None
+    ) -> KinematicPrior | None:
+        """Primitives to kinematic priors; None when hints settle every part anyway."""
+
+        def observed(backend: Any) -> KinematicPrior | None:
+            found = None if backend is None else backend.observe(
+                mesh, primitives, seed=self.config.seed
+            )  # fmt: skip
+            return None if self.makers["prior"].name == "none" else found
+
+        prior = self._stage(
+            "prior", "hints" if _settled(hints) else self.config.prior, "prior", PRIOR, observed,
+            lambda: self._inputs(mesh, hints, "segmenter"),
+        )  # fmt: skip
+        if self._store is not None and prior is not None and len(prior.masks):
+            from mam_pipeline.prior.masks import save_masks
+
+            save_masks(prior, mesh, self._store.folder / FOLDERS["prior"] / "masks.npz")
+        return prior
+
+    def reason(
+        self,
+        mesh: Mesh,
+        primitives: Primitives,
+        prior: KinematicPrior | None,
+        hints: Hints | None = None,
+    ) -> KinematicTree:
+        """Primitives and priors to parts, tree and joint subtypes; hints have the last word."""
+
+        def reasoned(backend: Any) -> KinematicTree:
+            if backend is None:
+                whole = PartNode("body", "body", tuple(range(primitives.count)), -1, "fixed")
+                tree = KinematicTree((whole,))
+            else:
+                tree = backend.reason(mesh, primitives, prior, seed=self.config.seed)
+            return tree if hints is None else apply_hints(tree, primitives, mesh, hints)
+
+        return self._stage(
+            "reasoner", "hints" if _settled(hints) else self.config.reasoner, "reason",
+            tree_codec(primitives.count), reasoned,
+            lambda: self._inputs(mesh, hints, "segmenter", "prior"),
+        )  # fmt: skip
+
+    def solve(
+        self, mesh: Mesh, primitives: Primitives, tree: KinematicTree, hints: Hints | None = None
+    ) -> Articulation:
+        """Tree to joints with axes, origins and limits (paper 3.3, 3.4).
+
+        Args:
+            hints: those that the tree was made with.
+        """
+        if all(node.subtype == "fixed" for node in tree.nodes):
+            why = str(tree.nodes[0].evidence.get("nothing_movable", "every part is fixed"))
+            raise NotPhysicalError(
+                f"nothing movable was found in this mesh ({why}); "
+                "a hints file can name a part: --hints FILE"
+            )
+        return self._stage(
+            "solver", self.config.solver, "joints", articulation_codec(mesh),
+            lambda backend: backend.solve(mesh, primitives, tree, seed=self.config.seed),
+            lambda: self._inputs(mesh, hints, "segmenter", "reasoner"),
+        )  # fmt: skip
+
+    def _inputs(self, mesh: Mesh, hints: Hints | None, *roles: str) -> dict[str, str]:
+        """Digests of the mesh, the hints and what the stages of some roles made."""
+        digests = {"mesh": mesh_digest(mesh), "hints": text_digest(repr(hints))}
+        return digests | {role: self._digests[role] for role in roles}
+
+    def _stage(
+        self, role: str, name: str, stage: str, codec: Codec[T], compute: Callable[[Any], T],
+        inputs: Callable[[], Mapping[str, str]], more: Mapping[str, Any] | None = None,
+    ) -> T:  # fmt: skip
+        """Compute the result of one stage, or take it from the store.
+
+        Args:
+            role, name: of the backend; "hints" where none is needed: it is None then.
+            stage: its name for those who listen. compute: makes the result with the backend.
+            inputs: digests of what goes in. more: settings beside seed and rules.
+        """
+        chosen = name if name == "hints" else backends.resolved(role, name)
+        self.makers[role] = Maker(name) if name == "hints" else backends.maker(role, chosen)
+
+        def made() -> T:
+            with self.timed(stage):
+                backend = None if chosen == "hints" else backends.load(role, chosen)[1]
+                if isinstance(backend, Ruled):
+                    backend = backend.with_rules(self.config.rules)
+                return compute(backend)
+
+        if self._store is None:
+            return made()
+        how = {"seed": self.config.seed, "rules": asdict(self.config.rules), **(more or {})}
+        kept = self._store.stage(FOLDERS[role], self.makers[role], how, inputs(), codec, made)
+        self.makers[role], self._digests[role] = kept.maker, kept.digest
+        return kept.value
+
+    @contextmanager
+    def timed(self, stage: str) -> Iterator[None]:
+        """Tell the listener that a stage begins, and note its seconds."""
+        self.tell(stage)
+        began = time.perf_counter()
+        yield
+        self.seconds[stage] = round(time.perf_counter() - began, 3)
+
+
+def _settled(hints: Hints | None) -> bool:
+    """Hints that place every part themselves (a photo's) need no reasoning about parts."""
+    return hints is not None and bool(hints.parts) and all(p.nodes for p in hints.parts)

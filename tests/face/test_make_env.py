@@ -72,8 +72,11 @@ def test_an_edited_stage_is_kept_and_what_follows_is_computed_again(
     capsys.readouterr()
     assert main([*command, "--json"]) == 0
     card = json.loads(capsys.readouterr().out)
-    assert card["backends"]["4_joints"] == "edited"
-    assert card["backends"]["1_primitives"] == "reused"
+    assert card["backends"]["solver"]["name"] == "embedded"
+    assert card["backends"]["solver"]["edited"]
+    assert card["backends"]["segmenter"]["name"] == "geometric"
+    assert not card["backends"]["segmenter"]["edited"] and "segment" not in card["seconds"]
+    assert card["joints"][0]["provenance"] == "user"
     assert card["joints"][0]["upper"] == pytest.approx(wanted, abs=1e-6)
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from mam_pipeline.engine import EngineConfig
 from mam_pipeline.models import settings
 from mam_pipeline.models.catalogue import ENDPOINT, MODELS, find
 from mam_pipeline.models.settings import ModelConfig
+from mam_pipeline.run import EngineConfig
 from mam_sim.bench.config import BenchConfig
 from mam_sim.bench.runner import Task, run_bench, task_key
 from mam_sim.cli import main

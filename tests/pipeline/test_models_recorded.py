@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mam_pipeline.engine import Engine, EngineConfig
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.metrics import score
 from mam_pipeline.models import questions, settings
+from mam_pipeline.run import EngineConfig, Stages
 from mam_pipeline.types import KinematicTree, Primitives
 
 ARCHIVE = Path(__file__).resolve().parent / "answers.zip"
@@ -36,14 +36,14 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def _replayed(
     name: str, dataset: Path, answers: Path
-) -> tuple[Engine, GroundTruth, Primitives, KinematicTree]:
+) -> tuple[Stages, GroundTruth, Primitives, KinematicTree]:
     urdf = {n: (kind, path) for n, kind, path in list_objects(dataset)}
     if name not in urdf:
         pytest.skip(f"{name} is not among the real objects on this machine")
     truth = read_object(urdf[name][1], name, urdf[name][0])
     with np.load(answers / name / "pieces.npz") as data:
         primitives = Primitives(data["labels"].astype(np.int64))
-    engine = Engine(EngineConfig("geometric", "embedded", "file", "embedded"))
+    engine = Stages(EngineConfig("geometric", "embedded", "file", "embedded"))
     with settings.given({"MAM_SIM_QUESTIONS": str(answers), settings.SUBJECT: name}):
         prior = engine.observe(truth.mesh, primitives)
         return engine, truth, primitives, engine.reason(truth.mesh, primitives, prior)

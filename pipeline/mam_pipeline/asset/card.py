@@ -59,7 +59,8 @@ class CardJoint:
         """Why somebody should look at the joint, in words; empty if nobody need."""
         if self.basis.share < MOVES:
             return f"needs review: stuck after {100 * self.basis.share:.0f} % of the usual way"
-        return "needs review" if self.confidence < NEEDS_REVIEW else ""
+        unsure = self.confidence < NEEDS_REVIEW and self.provenance != "user"
+        return "needs review" if unsure else ""
 
 
 @dataclass(frozen=True)

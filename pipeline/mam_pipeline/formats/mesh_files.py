@@ -1,7 +1,7 @@
 """Reading mesh files into the asset frame, and writing them, with appearance untouched.
 
 A loaded mesh is in metres, Z up, its floor at z = 0 and its middle over the origin; where the
-front is, only the articulation can tell (see `mam_pipeline.engine.front_yaw`).
+front is, only the articulation can tell (see `mam_pipeline.geometry.front`).
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from importlib import resources
+from importlib.resources.abc import Traversable
 from typing import Any
 
 import numpy as np
@@ -162,6 +163,11 @@ class Model:
     endless: Any
 
 
+def ranker_weights() -> Traversable:
+    """The file that holds the packaged models."""
+    return resources.files("mam_pipeline.joints") / WEIGHTS
+
+
 @lru_cache(maxsize=2)
 def learned(fused: bool = False) -> Model | None:
     """The packaged model, or None when the package was built without weights.
@@ -172,7 +178,7 @@ def learned(fused: bool = False) -> Model | None:
     Raises:
         ConfigError: the weights were made for other features than the code computes.
     """
-    file = resources.files("mam_pipeline.joints") / WEIGHTS
+    file = ranker_weights()
     if not file.is_file():
         return None
     return unpack(json.loads(lzma.decompress(file.read_bytes())), fused)

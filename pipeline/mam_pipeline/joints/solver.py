@@ -6,6 +6,7 @@ A solver estimates the joints of the tree that it is given; the tree it never ch
 from __future__ import annotations
 
 from dataclasses import asdict
+from importlib.resources.abc import Traversable
 from typing import Any, Self
 
 import numpy as np
@@ -24,6 +25,7 @@ from mam_pipeline.joints.estimate import (
 from mam_pipeline.joints.limits import Limits, Surroundings, embedded_limits, paper_limits
 from mam_pipeline.joints.optimise import Method, refine
 from mam_pipeline.joints.paper import initialise, paper_part
+from mam_pipeline.joints.ranker import ranker_weights
 from mam_pipeline.joints.straight import turned_joint
 from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.segment.topology import without_repeats
@@ -57,6 +59,11 @@ class EmbeddedSolver:
     def available(cls) -> Availability:
         """Always: it needs nothing but the package."""
         return Availability(True, version="1")
+
+    @classmethod
+    def weights(cls) -> list[Traversable]:
+        """Those of the joint ranker."""
+        return [ranker_weights()]
 
     def with_rules(self, rules: Rules) -> Self:
         """See `rules.Ruled`."""
@@ -107,6 +114,11 @@ class PaperInitSolver(EmbeddedSolver):
     """The paper's initialisation (eq. 2-8) and limits, without its optimisation."""
 
     method: Method | None = None
+
+    @classmethod
+    def weights(cls) -> list[Traversable]:
+        """None: the paper's formulas have learned nothing."""
+        return []
 
     def _joint(self, estimator: JointEstimator, tree: KinematicTree, index: int) -> Joint:
         mesh, node, seed = estimator.mesh, tree.nodes[index], estimator.seed

@@ -96,17 +96,10 @@ def text(variable: str, default: str = "") -> str:
     return ((_GIVEN.get() or {}).get(variable) or os.environ.get(variable, "")).strip() or default
 
 
-def identity(role: str, name: str) -> str:
-    """What besides its name decides a backend's answers: the model, or the files it reads."""
-    if (role, name) == ("reasoner", "vlm"):
-        return f"{text('MAM_SIM_VLM_MODEL', 'gpt-4o')} {text('OPENAI_BASE_URL')}"
-    where = {("reasoner", "file"): "MAM_SIM_QUESTIONS", ("prior", "file"): "MAM_SIM_PRIOR_FILE"}
-    place = folder(where[role, name]) if (role, name) in where else None
-    if place is None:
-        return ""
-    names = ("answer.json", "masks.npz")
+def content_digest(place: Path | None, name: str) -> str:
+    """SHA-256 of all files of a name in a folder that was set (of this subject's, if one is)."""
     digest = hashlib.sha256()
-    for file in sorted(p for p in (place / text(SUBJECT)).rglob("*") if p.name in names):
+    for file in [] if place is None else sorted((place / text(SUBJECT)).rglob(name)):
         digest.update(file.read_bytes())
     return digest.hexdigest()
 

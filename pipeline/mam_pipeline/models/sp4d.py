@@ -72,6 +72,12 @@ class FilePrior:
         there = settings.folder("MAM_SIM_PRIOR_FILE") is not None
         return Availability(there, "" if there else "set MAM_SIM_PRIOR_FILE to a folder")
 
+    @classmethod
+    def options(cls) -> str:
+        """The masks that are there."""
+        found = settings.content_digest(settings.folder("MAM_SIM_PRIOR_FILE"), "masks.npz")
+        return f"masks {found[:12]}"
+
     def observe(self, mesh: Mesh, primitives: Primitives, seed: int = 0) -> KinematicPrior:
         """Read the masks and vote.
 

@@ -37,6 +37,11 @@ class VlmReasoner:
     """Asks an OpenAI-compatible endpoint (OPENAI_API_KEY, OPENAI_BASE_URL)."""
 
     @classmethod
+    def options(cls) -> str:
+        """The model, and where it answers."""
+        return f"{settings.text('MAM_SIM_VLM_MODEL', 'gpt-4o')} {settings.text('OPENAI_BASE_URL')}"
+
+    @classmethod
     def available(cls) -> Availability:
         """Whether the openai package and a key or a base URL are there."""
         if not has("openai"):
@@ -60,6 +65,12 @@ class FileReasoner:
     def available(cls) -> Availability:
         """Always; the folder is asked for when it is used."""
         return Availability(True)
+
+    @classmethod
+    def options(cls) -> str:
+        """The answers that are there."""
+        found = settings.content_digest(settings.folder("MAM_SIM_QUESTIONS"), "answer.json")
+        return f"answers {found[:12]}"
 
     def reason(
         self, mesh: Mesh, primitives: Primitives, prior: KinematicPrior | None, seed: int = 0

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from importlib import resources
+from importlib.resources.abc import Traversable
 
 import numpy as np
 from scipy.special import expit
 
 from mam_pipeline.backends import Availability, KinematicPrior
 from mam_pipeline.geometry.sampling import SEED_STEP
+from mam_pipeline.joints.ranker import ranker_weights
 from mam_pipeline.parts.configurations import enumerate_sets, set_features
 from mam_pipeline.parts.features import pair_features, primitive_features
 from mam_pipeline.parts.graph import Graph, build_graph
@@ -73,6 +76,11 @@ class EmbeddedReasoner:
     def available(cls) -> Availability:
         """Always available."""
         return Availability(True, "learned on procedural objects; CPU", version="1")
+
+    @classmethod
+    def weights(cls) -> list[Traversable]:
+        """Its own scores, and the joint ranker's, whom it asks."""
+        return [resources.files("mam_pipeline.parts") / "weights", ranker_weights()]
 
     def with_rules(self, rules: Rules) -> EmbeddedReasoner:
         """See `rules.Ruled`."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +51,12 @@ class EmbeddedReconstructor:
     def available(cls) -> Availability:
         """Always available; OpenCV and SciPy are dependencies of the package."""
         return Availability(True, version=VERSION, licence="Apache-2.0")
+
+    @classmethod
+    def weights(cls) -> list[Traversable]:
+        """What was learned of handles, and how sure its answers are."""
+        room = resources.files("mam_pipeline.photo")
+        return [room / n for n in ("handle_model.txt", "handle_context.txt", "confidence.json")]
 
     def reconstruct(self, photo: Path, options: Mapping[str, Any]) -> Reconstruction:
         """Reconstruct the object in a photo.

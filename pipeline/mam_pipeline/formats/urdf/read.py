@@ -72,7 +72,7 @@ def _shape_pieces(
             return []
         materials.append(Material(base_color=_color(shape)))
         found: tuple[Piece, ...] = (Piece(own[0], own[1], name),)
-        scale = np.ones(3)
+        scale: FloatArray = np.ones(3)
     else:
         target = resolve(geometry.mesh.filename, file.parent)
         if target is None:

@@ -1,0 +1,486 @@
+"""Results of stages on disk: reused where nothing has changed, and open to a person's edits.
+
+Each stage has a folder with its artefact and a stage.json: who made it, digests of what went in,
+and the digest of the artefact. A stage is reused when all of these are the same. An artefact whose
+digest is another than that in stage.json was edited: it is kept as long as what went in is the
+same, what differs from the generated one is the person's (provenance `user`), and what follows is
+made anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any, Generic, TypeVar, get_args
+
+import numpy as np
+import yaml
+from PIL import Image
+
+from mam_pipeline.backends import KinematicPrior, Maker, Reconstruction
+from mam_pipeline.errors import ConfigError
+from mam_pipeline.hints import load_hints, save_hints
+from mam_pipeline.types import (
+    Articulation,
+    Joint,
+    JointCandidate,
+    JointSubtype,
+    KinematicTree,
+    Link,
+    Material,
+    Mesh,
+    PartNode,
+    Primitives,
+    RangeBasis,
+    UsualTravel,
+)
+
+T = TypeVar("T")
+Prints = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Codec(Generic[T]):
+    """How the result of a stage is kept.
+
+    Attributes:
+        filename: of the artefact that a person may edit; `save` may write more beside it.
+        save, load: write and read it; `load` raises ConfigError for what cannot be used.
+        prints: what is remembered of the generated result, to find out what was edited.
+        marked: the edited result with what differs from those prints marked as a person's.
+    """
+
+    filename: str
+    save: Callable[[T, Path], None]
+    load: Callable[[Path], T]
+    prints: Callable[[T], Prints] = lambda _value: {}
+    marked: Callable[[T, Prints], T] = lambda value, _prints: value
+
+
+@dataclass(frozen=True)
+class Kept(Generic[T]):
+    """The result of a stage, the digest of its artefact, and who made it."""
+
+    value: T
+    digest: str
+    maker: Maker
+
+
+class StageStore:
+    """The folder `stages/` of an asset.
+
+    Attributes:
+        notes: sentences on edits that could not be used any more, for the card.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.notes: list[str] = []
+
+    def stage(
+        self,
+        name: str,
+        maker: Maker,
+        settings: Mapping[str, Any],
+        inputs: Mapping[str, str],
+        codec: Codec[T],
+        compute: Callable[[], T],
+    ) -> Kept[T]:
+        """The result of a stage, from disk where it can be reused, else computed and kept.
+
+        Args:
+            name: of the stage and its folder.
+            maker, settings: who makes it and how. inputs: digests of what goes in.
+            codec: how it is kept. compute: makes it.
+
+        Raises:
+            ConfigError: the artefact was edited into something that cannot be used.
+        """
+        folder = self.folder / name
+        artefact, note = folder / codec.filename, folder / "stage.json"
+        made_by = asdict(maker)
+        key = text_digest(json.dumps([name, made_by, settings, inputs], default=str))
+        before = json.loads(note.read_text()) if artefact.is_file() and note.is_file() else {}
+        if before:
+            digest = file_digest(artefact)
+            edited = digest != before["digest"]
+            if edited and before["inputs"] == inputs:
+                value = codec.marked(codec.load(artefact), before["prints"])
+                return Kept(value, digest, replace(Maker(**before["made_by"]), edited=True))
+            if not edited and before["key"] == key:
+                return Kept(codec.load(artefact), digest, maker)
+            if edited:
+                self._set_aside(name, artefact)
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        value = compute()
+        codec.save(value, artefact)
+        digest = file_digest(artefact)
+        record = {"key": key, "digest": digest, "made_by": made_by, "settings": settings}
+        record |= {"inputs": inputs, "prints": codec.prints(value)}
+        note.write_text(json.dumps(record, default=str))
+        return Kept(value, digest, maker)
+
+    def _set_aside(self, name: str, artefact: Path) -> None:
+        kept = self.folder / f"{name}.edited{artefact.suffix}"
+        shutil.copyfile(artefact, kept)
+        self.notes.append(
+            f"stages/{name}/{artefact.name} was edited for another input: it is not used, "
+            f"and kept as stages/{kept.name}"
+        )
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file, hex."""
+    with path.open("rb") as handle:
+        return hashlib.file_digest(handle, "sha256").hexdigest()
+
+
+def text_digest(text: str) -> str:
+    """SHA-256 of a text, hex."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def mesh_digest(mesh: Mesh) -> str:
+    """SHA-256 of a mesh's geometry, hex; appearance does not enter."""
+    digest = hashlib.sha256()
+    for array in (mesh.vertices, mesh.faces):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    digest.update("|".join(mesh.group_names).encode())
+    return digest.hexdigest()
+
+
+def save_geometry(mesh: Mesh, folder: Path) -> None:
+    """Keep the engine's input as <folder>/mesh.npz, for looking at later stages."""
+    folder.mkdir(exist_ok=True)
+    np.savez_compressed(
+        folder / "mesh.npz",
+        vertices=mesh.vertices.astype(np.float32),
+        faces=mesh.faces.astype(np.int32),
+    )
+
+
+def load_geometry(folder: Path) -> Mesh:
+    """Read back what `save_geometry` kept."""
+    with np.load(folder / "mesh.npz") as data:
+        return Mesh(data["vertices"], data["faces"])
+
+
+def _save_primitives(value: Primitives, path: Path) -> None:
+    kept = {name: getattr(value, name) for name in ("labels", "merges", "method", "fronts")}
+    np.savez_compressed(path, **kept)
+
+
+def _load_primitives(path: Path) -> Primitives:
+    with np.load(path) as data:
+        fronts = data["fronts"] if "fronts" in data else np.zeros((0, 0), dtype=bool)
+        return Primitives(data["labels"], data["merges"], str(data["method"]), fronts)
+
+
+def _save_prior(value: KinematicPrior | None, path: Path) -> None:
+    if value is None:
+        np.savez_compressed(path, source="none")
+        return
+    np.savez_compressed(
+        path,
+        mobility=value.mobility,
+        affinity=value.affinity,
+        masks=value.masks.astype(np.int16),
+        views=value.views,
+        source=value.source,
+        labels=value.labels,
+        fov=value.fov,
+    )
+
+
+def _load_prior(path: Path) -> KinematicPrior | None:
+    with np.load(path) as data:
+        if "mobility" not in data:
+            return None
+        return KinematicPrior(
+            data["mobility"],
+            data["affinity"],
+            data["masks"].astype(np.int64),
+            data["views"],
+            str(data["source"]),
+            labels=data["labels"],
+            fov=float(data["fov"]),
+        )
+
+
+def tree_codec(count: int) -> Codec[KinematicTree]:
+    """Parts as YAML.
+
+    Args:
+        count: of the primitives; an edited tree must give each to one part.
+    """
+
+    def load(path: Path) -> KinematicTree:
+        rows = _yaml(path)
+        try:
+            tree = KinematicTree(tuple(_node(row) for row in rows))
+            _check_tree(tree, count)
+            return tree
+        except (TypeError, ValueError, KeyError, AttributeError) as error:
+            raise ConfigError(f"{path} was edited into something unusable: {error}") from error
+
+    return Codec("parts.yaml", _save_tree, load, _tree_prints, _marked_tree)
+
+
+def _save_tree(tree: KinematicTree, path: Path) -> None:
+    rows = [_node_row(node) for node in tree.nodes]
+    header = "# Parts and joint types. Edit and run again: only what follows is computed anew.\n"
+    path.write_text(header + yaml.safe_dump(rows, sort_keys=False, default_flow_style=None))
+
+
+def _node_row(node: PartNode) -> dict[str, Any]:
+    row: dict[str, Any] = _fields(node)
+    row["confidence"] = round(float(node.confidence), 4)
+    row["candidates"] = [_candidate_row(c) for c in node.candidates]
+    row["evidence"] = row.pop("evidence")  # last: it is the longest
+    return {k: v for k, v in row.items() if k != "limits" or v is not None}
+
+
+def _candidate_row(candidate: JointCandidate) -> dict[str, Any]:
+    return {k: v for k, v in _fields(candidate).items() if v is not None}
+
+
+def _node(row: Mapping[str, Any]) -> PartNode:
+    data = dict(row)
+    data["primitives"] = tuple(data["primitives"])
+    data["candidates"] = tuple(_candidate(c) for c in data.get("candidates", ()))
+    if data.get("limits") is not None:
+        lower, upper = data["limits"]
+        data["limits"] = (float(lower), float(upper))
+    return PartNode(**data)
+
+
+def _candidate(row: dict[str, Any]) -> JointCandidate:
+    travel = row.get("travel")
+    return JointCandidate(**{**row, "travel": None if travel is None else UsualTravel(**travel)})
+
+
+def _check_tree(tree: KinematicTree, count: int) -> None:
+    """Raise ValueError, in words for who edited the tree, where it is none."""
+    owner: dict[int, str] = {}
+    names = [node.name for node in tree.nodes]
+    for node in tree.nodes:
+        if names.count(node.name) > 1:
+            raise ValueError(f"two parts are named {node.name!r}")
+        if node.subtype not in get_args(JointSubtype):
+            raise ValueError(f"part {node.name!r} moves by {node.subtype!r}, which is no joint")
+        for piece in node.primitives:
+            if piece not in range(count):
+                raise ValueError(f"part {node.name!r}: no primitive {piece} (0 to {count - 1})")
+            if piece in owner:
+                raise ValueError(f"primitive {piece} is in {owner[piece]!r} and in {node.name!r}")
+            owner[piece] = node.name
+    missing = sorted(set(range(count)) - set(owner))
+    if missing:
+        raise ValueError(f"primitives {missing} are in no part; what does not move is the base's")
+    for i, node in enumerate(tree.nodes):
+        seen = {i}
+        while (i := tree.nodes[i].parent) != -1:
+            if i in seen:
+                raise ValueError(f"part {node.name!r} hangs on itself")
+            seen.add(i)
+
+
+def _tree_prints(tree: KinematicTree) -> Prints:
+    rows = [_node_row(node) for node in tree.nodes]
+    return {
+        "parts": {row["name"]: _print(row) for row in rows},
+        "candidates": sorted({_print(row["candidates"]) for row in rows}),
+    }
+
+
+def _marked_tree(tree: KinematicTree, prints: Prints) -> KinematicTree:
+    """Parts that a person edited are the person's; hypotheses for the former part go.
+
+    Candidates that the person wrote stay: they are obeyed.
+    """
+    nodes = []
+    for node in tree.nodes:
+        row = _node_row(node)
+        if prints["parts"].get(node.name) != _print(row):
+            own = () if _print(row["candidates"]) in prints["candidates"] else node.candidates
+            node = replace(node, provenance="user", candidates=own)
+        nodes.append(node)
+    return replace(tree, nodes=tuple(nodes))
+
+
+def articulation_codec(mesh: Mesh) -> Codec[Articulation]:
+    """Joints as YAML, in the engine's frame; which face is whose lies beside it."""
+
+    def save(value: Articulation, path: Path) -> None:
+        names = [link.name for link in value.links]
+        rows = [_joint_row(joint, names) for joint in value.joints]
+        np.savez_compressed(path.with_name("links.npz"), face_link=value.face_link)
+        links = [
+            {"name": l.name, "kind": l.kind, "primitives": [int(p) for p in l.primitives]}
+            for l in value.links
+        ]
+        text = yaml.safe_dump(
+            {"links": links, "joints": rows}, sort_keys=False, default_flow_style=None
+        )
+        path.write_text("# Joints in the engine's frame (metres, radians). Edit freely.\n" + text)
+
+    def load(path: Path) -> Articulation:
+        data = _yaml(path)
+        with np.load(path.with_name("links.npz")) as kept:
+            face_link = kept["face_link"]
+        try:
+            links = tuple(
+                Link(r["name"], r["kind"], np.flatnonzero(face_link == i), tuple(r["primitives"]))
+                for i, r in enumerate(data["links"])
+            )
+            index = {link.name: i for i, link in enumerate(links)}
+            joints = []
+            for row in data["joints"]:
+                row = dict(row, parent=index[row["parent"]], child=index[row["child"]])
+                row["basis"] = RangeBasis(**row.get("basis", {}))
+                joints.append(Joint(**{k: _finite(v) for k, v in row.items()}))
+            return Articulation(mesh, links, tuple(joints))
+        except (TypeError, ValueError, KeyError) as error:
+            raise ConfigError(f"{path} was edited into something unusable: {error!r}") from error
+
+    return Codec("joints.yaml", save, load, _joint_prints, _marked_joints)
+
+
+def _joint_row(joint: Joint, links: Sequence[str]) -> dict[str, Any]:
+    row = _fields(joint)
+    return {**row, "parent": links[joint.parent], "child": links[joint.child]}
+
+
+def _joint_prints(value: Articulation) -> Prints:
+    names = [link.name for link in value.links]
+    return {joint.name: _print(_joint_row(joint, names)) for joint in value.joints}
+
+
+def _marked_joints(value: Articulation, prints: Prints) -> Articulation:
+    """Joints that a person edited are the person's, range included."""
+    now = _joint_prints(value)
+    return replace(value, joints=tuple(
+        joint if prints.get(joint.name) == now[joint.name]
+        else replace(joint, provenance="user", basis=RangeBasis("given"))
+        for joint in value.joints
+    ))  # fmt: skip
+
+
+def _save_photo(made: Reconstruction, path: Path) -> None:
+    save_hints(made.hints, path)
+    save_mesh(made.mesh, path.with_name("mesh.npz"))
+    for label, picture in made.pictures.items():
+        Image.fromarray(picture).save(path.with_name(f"{label}.png"))
+    told = {"confidence": dict(made.confidence), "summary": made.summary}
+    told |= {"assumed": list(made.assumed), "details": dict(made.details)}
+    path.with_name("report.json").write_text(json.dumps(told, indent=1, default=str))
+
+
+def _load_photo(path: Path) -> Reconstruction:
+    told = json.loads(path.with_name("report.json").read_text())
+    pictures = {p.stem: np.asarray(Image.open(p)) for p in sorted(path.parent.glob("*.png"))}
+    return Reconstruction(
+        load_mesh(path.with_name("mesh.npz")), load_hints(path), told["confidence"],
+        told["summary"], tuple(told["assumed"]), pictures, told["details"],
+    )  # fmt: skip
+
+
+def _photo_prints(made: Reconstruction) -> Prints:
+    def numbers(value: Any) -> Any:  # a file does not tell 1 from 1.0
+        if isinstance(value, dict):
+            return {k: numbers(v) for k, v in value.items()}
+        if isinstance(value, list):
+            return [numbers(v) for v in value]
+        return float(value) if isinstance(value, int) else value
+
+    return {part.name: _print(numbers(_fields(part))) for part in made.hints.parts}
+
+
+def _marked_photo(made: Reconstruction, prints: Prints) -> Reconstruction:
+    """Parts of the hints that a person edited are the person's."""
+    now = _photo_prints(made)
+    parts = tuple(
+        part if prints.get(part.name) == now[part.name] else replace(part, provenance="user")
+        for part in made.hints.parts
+    )
+    return replace(made, hints=replace(made.hints, parts=parts))
+
+
+def save_mesh(mesh: Mesh, path: Path) -> None:
+    """Keep a mesh exactly, with materials and pictures, as one .npz."""
+    arrays: dict[str, Any] = {"vertices": mesh.vertices, "faces": mesh.faces}
+    arrays |= {"face_material": mesh.face_material, "face_group": mesh.face_group}
+    arrays |= {k: v for k in ("uv", "colors") if (v := getattr(mesh, k)) is not None}
+    arrays["group_names"] = np.array(mesh.group_names)
+    for i, material in enumerate(mesh.materials):
+        if material.image is not None:
+            arrays[f"image_{i}"] = np.frombuffer(material.image, dtype=np.uint8)
+    rows = [{**_fields(replace(m, image=None))} for m in mesh.materials]
+    np.savez_compressed(path, materials=json.dumps(rows), **arrays)
+
+
+def load_mesh(path: Path) -> Mesh:
+    """Read back what `save_mesh` kept."""
+    with np.load(path) as data:
+        materials = []
+        for i, row in enumerate(json.loads(str(data["materials"]))):
+            image = data[f"image_{i}"].tobytes() if f"image_{i}" in data else None
+            row["base_color"] = tuple(row["base_color"])
+            materials.append(Material(**{**row, "image": image}))
+        given = {k: data[k] for k in ("face_material", "face_group", "uv", "colors") if k in data}
+        names = tuple(str(n) for n in data["group_names"])
+        return Mesh(
+            data["vertices"], data["faces"], tuple(materials), group_names=names, **given
+        )
+
+
+def _fields(value: Any) -> dict[str, Any]:
+    """A dataclass as YAML and JSON hold it; dataclasses within it are mappings."""
+
+    def held(inner: Any) -> Any:
+        return _fields(inner) if is_dataclass(inner) else plain(inner)
+
+    return {f.name: held(getattr(value, f.name)) for f in fields(value)}
+
+
+def _print(value: Any) -> str:
+    return text_digest(json.dumps(value))[:16]
+
+
+def plain(value: Any) -> Any:
+    """Numpy values and tuples as what YAML and JSON hold; infinities become strings."""
+    if isinstance(value, dict) or hasattr(value, "items"):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple | set):
+        return [plain(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return str(value)
+
+
+def _finite(value: Any) -> Any:
+    return float(value) if value in ("inf", "-inf", "nan") else value
+
+
+def _yaml(path: Path) -> Any:
+    try:
+        return yaml.safe_load(path.read_text())
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{path} is not YAML any more: {str(error).splitlines()[0]}") from error
+
+
+PRIMITIVES = Codec("primitives.npz", _save_primitives, _load_primitives)
+PRIOR = Codec("prior.npz", _save_prior, _load_prior)
+PHOTO = Codec("hints.yaml", _save_photo, _load_photo, _photo_prints, _marked_photo)
