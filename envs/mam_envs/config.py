@@ -26,7 +26,10 @@ class SuccessConfig:
         tolerance: of turn_to; None = a tenth of the turn, at least 0.05 rad or 2 mm.
         still_speed: greatest joint speed at success, m/s (slides) and rad/s (others).
         driven: least share of the joint's motion that must have happened while the robot touched
-            the moving part (or at most 0.25 s after): what springs open by itself is no success.
+            the moving part or just after: what springs open by itself is no success.
+        touch_force: newtons between robot and part above which they touch.
+        grace_steps: control steps (20 a second) after a touch for which motion counts as the
+            robot's.
         max_steps: control steps of one episode (used by the verbs; gym.make takes its own).
     """
 
@@ -37,6 +40,8 @@ class SuccessConfig:
     tolerance: float | None = None
     still_speed: tuple[float, float] = (0.1, 0.5)
     driven: float = 0.5
+    touch_force: float = 0.1
+    grace_steps: int = 5
     max_steps: int = 200
 
 
@@ -110,12 +115,14 @@ class SceneConfig:
 
     Attributes:
         surface: table | floor | auto (table for objects lower than 0.6 m).
+        table_height: of the table above the ground, metres.
         wall: whether a wall stands behind the object.
         background: picture file shown to cameras where neither robot nor object is seen.
         cameras: observation cameras by name; render: the camera of videos.
     """
 
     surface: Literal["auto", "table", "floor"] = "auto"
+    table_height: float = 0.75
     wall: bool = True
     background: str | None = None
     cameras: Mapping[str, CameraSpec] = field(default_factory=lambda: {"front": CameraSpec()})

@@ -17,8 +17,6 @@ import yourdfpy
 from mam_pipeline.errors import InputError
 from mam_pipeline.types import FloatArray
 
-ARM = 0.3
-"""Metres that one radian is worth to the solver."""
 MOVABLE = ("revolute", "continuous", "prismatic")
 
 
@@ -168,12 +166,14 @@ class Chain:
         active: names of the joints that inverse kinematics may move, in order.
         locked: values of the other movable joints.
         tool: (4, 4) tip_T_tool.
+        radian: metres that one radian of error is worth to the solver.
     """
 
     joints: tuple[TreeJoint, ...]
     active: tuple[str, ...]
     locked: Mapping[str, float]
     tool: FloatArray
+    radian: float = 0.3
 
     @cached_property
     def limits(self) -> FloatArray:
@@ -236,6 +236,7 @@ class Chain:
             gain: strength of that pull per iteration.
         """
         weight = np.asarray(rotation_weight, dtype=float)
+        scale = self.radian * weight
         lower, upper = self.limits[:, 0], self.limits[:, 1]
         q: FloatArray = np.clip(np.array(start, dtype=float), lower, upper)
         pull = np.zeros_like(q) if posture is None else np.broadcast_to(posture, q.shape)
@@ -251,7 +252,7 @@ class Chain:
             if step == iterations:
                 break
             if step >= 8 and step % 4 == 0:  # leave what has arrived, and what stays far away
-                size = position_error[live] + ARM * (np.abs(dr * weight)).sum(axis=1)
+                size = position_error[live] + self.radian * (np.abs(dr * weight)).sum(axis=1)
                 on = (size > 2e-4) & ((step < 20) | (size < 0.25))
                 live, rotation, jacobian = live[on], rotation[on], jacobian[on]
                 dp, dr = dp[on], dr[on]
@@ -259,7 +260,7 @@ class Chain:
                     break
             settle = posture is None or step >= iterations - 10
             towards = np.zeros((len(live), q.shape[1])) if settle else gain * (pull - q)[live]
-            delta = _step(q[live], lower, upper, rotation, jacobian, dp, dr, weight, towards)
+            delta = _step(q[live], lower, upper, rotation, jacobian, dp, dr, scale, towards)
             q[live] = np.clip(q[live] + delta, lower, upper)
         return Solution(q, position_error, rotation_error)
 
@@ -272,13 +273,16 @@ def _step(
     jacobian: FloatArray,
     dp: FloatArray,
     dr: FloatArray,
-    weight: FloatArray,
+    scale: FloatArray,
     pull: FloatArray,
 ) -> FloatArray:
-    """One damped least-squares step (N, n), without the joints that press on their limits."""
+    """One damped least-squares step (N, n), without the joints that press on their limits.
+
+    `scale`: (3,) metres that one radian about each tool axis is worth.
+    """
     turning = rotation.transpose(0, 2, 1) @ jacobian[:, 3:]
-    j = np.concatenate([jacobian[:, :3], ARM * weight[:, None] * turning], axis=1)
-    e = np.concatenate([dp, ARM * weight * dr], axis=1)
+    j = np.concatenate([jacobian[:, :3], scale[:, None] * turning], axis=1)
+    e = np.concatenate([dp, scale * dr], axis=1)
     free = np.ones_like(q, dtype=bool)
     damping = (1e-6 + 1e-3 * (e * e).sum(axis=1))[:, None, None] * np.eye(6)
     delta = pull

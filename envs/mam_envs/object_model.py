@@ -17,16 +17,30 @@ from mam_pipeline.asset.card import Asset, CardGrasp, CardJoint
 from mam_pipeline.errors import InputError, NotPhysicalError, unknown_name
 from mam_pipeline.types import FloatArray, IntArray
 
-GRAVITY = 9.81
-WALL, WALL_STEP = 0.008, 0.003
-"""Metres: pieces thinner than the first are walls, sampled at the second."""
-MOST_SAMPLES = 4000
-THIN = 0.25
-"""Share of a piece's thickness that a dip may not exceed: what runs through a thin wall is never
-deep in it."""
-
+GRAVITY = 9.81  # m/s^2
 Hull = tuple[FloatArray, FloatArray]
 """A convex shape: its box (2, 3) and planes (M, 4), inside where n . x + d <= 0."""
+
+
+@dataclass(frozen=True)
+class ThinPieces:
+    """How pieces too thin for a hand's sample points are treated.
+
+    Attributes:
+        wall: pieces thinner than this (metres) are walls, which get sample points of their own.
+        step: distance of those points, metres.
+        most: at most so many on one piece.
+        dip: share of a piece's thickness that nothing may dip into; what runs through a thin wall
+            is never deep in it.
+    """
+
+    wall: float = 0.008
+    step: float = 0.003
+    most: int = 4000
+    dip: float = 0.25
+
+
+THIN = ThinPieces()
 
 
 @dataclass(frozen=True)
@@ -232,7 +246,7 @@ class ObjectModel:
         """Whether any of the points (N, 3), asset frame, is deeper inside the object than `slack`
         (m), or than a share of a thin piece's thickness."""
         return any(
-            bool((depth > min(slack, THIN * piece.thickness)).any())
+            bool((depth > min(slack, THIN.dip * piece.thickness)).any())
             for _, depth, piece in self._dips(points, q, skip)
         )
 
@@ -244,9 +258,9 @@ class ObjectModel:
         for name, pieces in self.pieces.items():
             rows = []
             for piece in pieces:
-                if piece.thickness < WALL:
+                if piece.thickness < THIN.wall:
                     hull = trimesh.convex.convex_hull(piece.points)
-                    count = min(int(hull.area / WALL_STEP**2), MOST_SAMPLES)
+                    count = min(int(hull.area / THIN.step**2), THIN.most)
                     rows += [trimesh.sample.sample_surface(hull, count, seed=0)[0], piece.points]
             if rows:
                 out[name] = np.concatenate(rows)

@@ -13,7 +13,6 @@ import numpy as np
 from mani_skill.utils import common
 
 from mam_envs.config import EnvConfig
-from mam_envs.tasks.success import TOUCH_FORCE
 from mam_policies.algorithms import Actor, algorithm
 from mam_policies.expert import Expert, PlanningError
 from mam_policies.run import EnvChoice, RunInfo, few_objects
@@ -213,14 +212,15 @@ def _episode(
         if success or bool(_first(truncated)):
             break
     fraction = _first(info["open_fraction"])
-    return EpisodeResult(seed, success, steps, fraction, force, _why(success, info, force))
+    touched = force > env.unwrapped.config.success.touch_force
+    return EpisodeResult(seed, success, steps, fraction, force, _why(success, info, touched))
 
 
-def _why(success: bool, info: dict[str, Any], force: float) -> str:
+def _why(success: bool, info: dict[str, Any], touched: bool) -> str:
     if success:
         return ""
     progress = _first(info["progress"])
-    if force <= TOUCH_FORCE:
+    if not touched:
         return "never touched the part"
     if progress < 0.05:
         return "touched but did not move it"

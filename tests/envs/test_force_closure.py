@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from mam_envs.grasping.force_closure import FRICTION, first_hit, hits, pull_capacity
+from mam_envs.grasping.force_closure import first_hit, hits, pull_capacity
+from mam_envs.grasping.limits import LIMITS
 from mam_envs.object_model import ConvexPiece, ObjectModel
 from mam_envs.robots import robot_spec
 from mam_pipeline.asset.card import Asset
@@ -39,7 +40,7 @@ def test_a_bar_bears_the_friction_of_both_fingers(drawer: Path) -> None:
     tool[:3, :3] = np.stack([np.cross(closing, approach), closing, approach], axis=1)
     # level faces: the pull is carried by friction alone, at each finger
     share = pull_capacity(model, robot, tool, 0.04, pull, moving, q)
-    assert share == pytest.approx(2 * FRICTION, abs=0.21)
+    assert share == pytest.approx(2 * LIMITS.friction, abs=0.21)
     tool[:3, 3] = [-0.5, 0.0, 0.2]  # in the air
     assert pull_capacity(model, robot, tool, 0.04, pull, moving, q) == 0.0
     # from above, closing along the pull: the finger behind carries it without slipping

@@ -5,10 +5,12 @@ from __future__ import annotations
 import pytest
 import torch
 
+from mam_envs.config import SuccessConfig
 from mam_envs.tasks.base import JointGoal
-from mam_envs.tasks.success import GRACE_STEPS, SuccessTracker
+from mam_envs.tasks.success import SuccessTracker
 
 CPU = torch.device("cpu")
+CONFIG = SuccessConfig()
 
 
 def goal(**changes: float) -> JointGoal:
@@ -25,17 +27,17 @@ def t(*values: float) -> torch.Tensor:
 
 
 def test_progress_and_fraction_of_two_goals() -> None:
-    tracker = SuccessTracker([[goal()], [goal(q_start=0.4, q_goal=0.1)]], 0.5, CPU)
+    tracker = SuccessTracker([[goal()], [goal(q_start=0.4, q_goal=0.1)]], CONFIG, CPU)
     torch.testing.assert_close(tracker.progress(t(0.15, 0.25)), t(0.5, 0.5))
     torch.testing.assert_close(tracker.open_fraction(t(0.1, 0.1)), t(0.25, 0.25))
 
 
 def test_only_motion_with_contact_or_just_after_it_counts() -> None:
-    tracker = SuccessTracker([[goal()]], 0.5, CPU)
+    tracker = SuccessTracker([[goal()]], CONFIG, CPU)
     tracker.reset(torch.tensor([0]), torch.zeros(1, 1))
     tracker.update(t(0.1), t(5.0))
     assert bool(tracker.by_contact[0]) and bool(tracker.touching[0])
-    for k in range(GRACE_STEPS):
+    for k in range(CONFIG.grace_steps):
         tracker.update(t(0.1 + 0.01 * (k + 1)), t(0.0))
     assert float(tracker.untouched[0]) == 0.0
     tracker.update(t(0.35), t(0.0))  # 0.15 of it by contact, 0.2 by itself
@@ -49,14 +51,14 @@ def test_only_motion_with_contact_or_just_after_it_counts() -> None:
 
 
 def test_a_value_is_met_within_its_tolerance_only() -> None:
-    tracker = SuccessTracker([[goal(tolerance=0.02)]], 0.5, CPU)
+    tracker = SuccessTracker([[goal(tolerance=0.02)]], CONFIG, CPU)
     tracker.update(t(0.29), t(1.0))
     assert bool(tracker.evaluate(t(0.29), t(0.0))[0][0])
     assert not bool(tracker.evaluate(t(0.33), t(0.0))[0][0])
 
 
 def test_sequences_succeed_with_their_last_joint() -> None:
-    tracker = SuccessTracker([[goal(), goal(q_goal=0.2)]], 0.5, CPU)
+    tracker = SuccessTracker([[goal(), goal(q_goal=0.2)]], CONFIG, CPU)
     tracker.update(t(0.3), t(1.0))
     success, done = tracker.evaluate(t(0.3), t(0.0))
     assert not bool(success[0]) and bool(done[0])

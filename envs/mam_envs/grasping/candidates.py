@@ -9,25 +9,13 @@ from typing import Literal
 import numpy as np
 
 from mam_envs.grasping.force_closure import pull_capacity
+from mam_envs.grasping.limits import LIMITS
 from mam_envs.object_model import ObjectModel
 from mam_envs.robots import RobotSpec
 from mam_envs.tasks.base import JointGoal
 from mam_pipeline.asset.card import CardGrasp
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.types import FloatArray
-
-WAYPOINTS = 14
-BACK_OFF = 0.10
-SLACK = 0.003
-"""Metres that the hand's surface points may dip into the object where it grasps."""
-SHALLOW = 0.006
-"""Least depth (m) of a recessed pull or rim that fingers can hook."""
-BOARD_TILT = 25
-"""Degrees that the fingers may be tilted against a board's faces."""
-LEAST_CAPACITY = 0.5
-"""Least pull that fingers on a rim or board must bear, over the squeeze (a hand squeezes with
-40 N)."""
-LAGS = (1.0, 0.6, 0.25)
 
 
 class PlacementError(NotPhysicalError):
@@ -87,7 +75,7 @@ def card_grasps(
             continue
         narrowest = min(narrowest, g.width)
         # fingers need something to close on: the deeper, the wider the thing is
-        flat = g.kind == "rim" and g.depth < min(SHALLOW, 0.5 * g.width)
+        flat = g.kind == "rim" and g.depth < min(LIMITS.shallow, 0.5 * g.width)
         shallow += flat
         if g.width <= robot.max_width - 0.004 and not flat:
             out += _variants(robot, g, "grip", tilts)
@@ -141,34 +129,34 @@ def fit_to_hand(
     before = {goal.joint: float(q[0])}
     moving = model.moving_links(goal.joint)
     hulls = robot.hand_hulls(opened)
-    for distance in (BACK_OFF, 0.5 * BACK_OFF, 0.0):
+    for distance in (LIMITS.back_off, 0.5 * LIMITS.back_off, 0.0):
         pose = backed(start[None], distance)[0]
         if grasp.card.kind == "push" and distance == 0.0:  # a tilted fingertip's corner goes in
             tips = fingers @ pose[:3, :3].T + pose[:3, 3]
-            if (model.depth(tips, before) > SLACK + robot.tip_ahead).any():
+            if (model.depth(tips, before) > LIMITS.dip + robot.tip_ahead).any():
                 return None
-            if _touches(model, palm, pose, before, SLACK):
+            if _touches(model, palm, pose, before, LIMITS.dip):
                 return None
             continue
-        slack = SLACK if distance == 0.0 else 0.0
+        slack = LIMITS.dip if distance == 0.0 else 0.0
         if _touches(model, np.concatenate([fingers, palm]), pose, before, slack):
             return None
-        if model.cuts_into(hulls, pose, before, 0.5 * SLACK):
+        if model.cuts_into(hulls, pose, before, 0.5 * LIMITS.dip):
             return None
     if not pushing and not _grasps_something(model, grasp, start, before, moving, robot):
         return None
     if not pushing and grasp.card.kind in ("rim", "edge"):  # nothing for the fingers to hook on
         width = min(robot.max_width, grasp.card.width + grasp.room)
         pull = _direction(model, goal, np.array(grasp.card.position))
-        if pull_capacity(model, robot, start, width, pull, moving, before) < LEAST_CAPACITY:
+        if pull_capacity(model, robot, start, width, pull, moving, before) < LIMITS.capacity:
             return None
     free = []
     for lag in lags:
         poses = tool_path(model, goal, replace(grasp, lag=lag), q)
         now = [{goal.joint: float(v)} for v in q]
         if not any(
-            _touches(model, palm, pose, at, SLACK)
-            or _touches(model, fingers, pose, at, SLACK, moving)
+            _touches(model, palm, pose, at, LIMITS.dip)
+            or _touches(model, fingers, pose, at, LIMITS.dip, moving)
             for pose, at in zip(poses[1:], now[1:])
         ):
             free.append(lag)
@@ -258,7 +246,7 @@ def _variants(
     turns += [(closing, t) for t in signs]
     if mode == "push" or g.kind in ("handle", "edge", "rim"):
         # a board between the fingers bears little of this; a round bar does
-        most = BOARD_TILT if g.kind in ("edge", "rim") else 90
+        most = LIMITS.board_tilt if g.kind in ("edge", "rim") else 90
         turns += [(bar, t) for t in signs if abs(t) <= most]
     rolls = (0, 180) if mode == "grip" else (0, 90, 180, 270)
     ahead = robot.tip_ahead if mode == "push" else max(0.0, robot.tip_ahead - g.depth)
@@ -273,7 +261,7 @@ def _variants(
             tool[:3, 3] = np.array(g.position) - a * ahead
             cost = 0.6 * np.deg2rad(abs(degrees)) + 0.5 * (1 - g.confidence) + extra
             pivots = mode == "push" or g.kind in ("handle", "rim", "edge")
-            out.append(Grasp(g, mode, tool, 1.0, cost, LAGS if pivots else (1.0,)))
+            out.append(Grasp(g, mode, tool, 1.0, cost, LIMITS.lags if pivots else (1.0,)))
     return out
 
 
@@ -292,7 +280,9 @@ def tool_path(model: ObjectModel, goal: JointGoal, grasp: Grasp, q: FloatArray) 
     return out
 
 
-def goal_values(goal: JointGoal, count: int = WAYPOINTS, q_now: float | None = None) -> FloatArray:
+def goal_values(
+    goal: JointGoal, count: int = LIMITS.waypoints, q_now: float | None = None
+) -> FloatArray:
     """(count,) joint values from the start past the goal: a grasp slips a few per cent, so the
     hand aims a tenth of the way further where the range allows."""
     start = goal.q_start if q_now is None else q_now

@@ -4,17 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from mam_envs.grasping.limits import LIMITS
 from mam_envs.object_model import ConvexPiece, ObjectModel
 from mam_envs.robots import RobotSpec
 from mam_pipeline.types import FloatArray
-
-FRICTION = 1.0
-"""Between fingertip and part: a little less than the mean of ManiSkill's rubber (2.0) and SAPIEN's
-default (0.3), which is what the simulator uses."""
-PATCH = 0.0015
-"""Metres by which a soft fingertip's contacts may differ in height."""
-PAD = 0.007
-"""Half the width of a fingertip that counts, metres."""
 
 
 def hits(
@@ -56,7 +49,7 @@ def pull_capacity(
         pull: (3,) unit vector in which the part sets out, asset frame.
         moving: links of the part. q: joint values of the object.
     """
-    across = np.linspace(-PAD, PAD, 3)
+    across = np.linspace(-LIMITS.pad, LIMITS.pad, 3)
     along = np.linspace(-0.008, robot.tip_ahead - 0.001, 6)
     total = 0.0
     for side in (1.0, -1.0):
@@ -68,7 +61,7 @@ def pull_capacity(
         far = np.where(far <= width, far, np.inf)
         if not np.isfinite(far).any():
             return 0.0
-        met = normal[far <= far.min() + PATCH].mean(axis=0)
+        met = normal[far <= far.min() + LIMITS.patch].mean(axis=0)
         size = float(np.linalg.norm(met))
         total += _share(inwards, pull, met / size) if size > 1e-6 else 0.0
     return total
@@ -103,5 +96,5 @@ def _share(squeeze: FloatArray, pull: FloatArray, normal: FloatArray) -> float:
     force = squeeze + shares[:, None] * pull
     pressed = -(force @ normal)
     along = np.sqrt(np.maximum((force**2).sum(axis=1) - pressed**2, 0.0))
-    holds = (pressed > 0.0) & (along <= FRICTION * pressed)
-    return float(shares[holds].max(initial=0.0)) if holds[0] else 0.0
+    within = (pressed > 0.0) & (along <= LIMITS.friction * pressed)
+    return float(shares[within].max(initial=0.0)) if within[0] else 0.0

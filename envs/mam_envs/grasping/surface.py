@@ -14,29 +14,14 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-from mam_envs.grasping.candidates import BACK_OFF, Grasp, fit_to_hand, push_variants, turn
+from mam_envs.grasping.candidates import Grasp, fit_to_hand, push_variants, turn
 from mam_envs.grasping.force_closure import first_hit
+from mam_envs.grasping.limits import LIMITS, SEARCH
 from mam_envs.object_model import ObjectModel
 from mam_envs.robots import RobotSpec
 from mam_envs.tasks.base import JointGoal
 from mam_pipeline.asset.card import CardGrasp
 from mam_pipeline.types import FloatArray
-
-SAMPLES = 600
-GRIP = 0.012
-"""How far behind a free edge the fingertips come to lie, metres."""
-ROOM = 0.008
-"""Metres by which fingers open wider than what they grasp."""
-DIRECTIONS = 8
-KEEP = {"pinch": 18, "hook": 12, "push": 8}
-"""Grasps of each kind that are kept."""
-LEANS = ((0.0, 0.0), (0.3, 0.01), (0.6, 0.01), (0.6, 0.025))
-"""Radians by which hooked fingers lean away from the face that they drag, since a palm is wide, and
-how far (m) before the face's point they then begin."""
-CATCH = 0.03
-"""Metres from the middle of the fingers within which they meet what they are to drag."""
-TRIES = 400
-"""So many are tried: of the cheapest few, all may stand too close to a corner."""
 
 
 @dataclass(frozen=True)
@@ -77,17 +62,18 @@ def surface_grasps(model: ObjectModel, goal: JointGoal, robot: RobotSpec) -> lis
         return []
     rest = np.linalg.inv(model.motion(goal.joint, np.array([goal.q_start]), {})[0])
     found: list[Grasp] = []
-    for kind, make in (("pinch", _pinches), ("hook", _hooks), ("push", _pushes)):
+    kinds = ((_pinches, SEARCH.pinches), (_hooks, SEARCH.hooks), (_pushes, SEARCH.pushes))
+    for make, keep in kinds:
         rows = make(model, goal, robot, surface)
-        if kind == "hook":
+        if make is _hooks:
             rows = _catching(model, robot, surface, rows)
         rows = sorted(_roomy(model, robot, surface, rows), key=lambda h: h.cost)
         kept: list[Grasp] = []
-        for grasp in _spread(rows, TRIES):
+        for grasp in _spread(rows, SEARCH.tries):
             fits = fit_to_hand(model, goal, robot, _moved(grasp, rest))
             if fits is not None:
                 kept.append(fits)
-            if len(kept) >= KEEP[kind]:
+            if len(kept) >= keep:
                 break
         found += kept
     return sorted(found, key=lambda h: h.cost)
@@ -107,7 +93,7 @@ def _sample_surface(model: ObjectModel, goal: JointGoal) -> SurfaceSamples:
     total = sum(m.area for m, _ in meshes) or 1.0
     for mesh, pose in meshes:
         # by area, and some on each piece: handles are small
-        count = int(SAMPLES * (0.6 * mesh.area / total + 0.4 / len(meshes))) + 4
+        count = int(SEARCH.samples * (0.6 * mesh.area / total + 0.4 / len(meshes))) + 4
         where, face = trimesh.sample.sample_surface(mesh, count, seed=0)
         points.append(where @ pose[:3, :3].T + pose[:3, 3])
         normals.append(mesh.face_normals[face] @ pose[:3, :3].T)
@@ -122,12 +108,14 @@ def _sample_surface(model: ObjectModel, goal: JointGoal) -> SurfaceSamples:
 
 
 def _round(axis: FloatArray) -> FloatArray:
-    """(DIRECTIONS, 3) unit directions across `axis`, the first as level as possible."""
+    """(SEARCH.directions, 3) unit directions across `axis`, the first as level as possible."""
     level = np.cross([0.0, 0.0, 1.0], axis)
     if np.linalg.norm(level) < 0.2:
         level = np.array([1.0, 0.0, 0.0]) - axis[0] * axis
     level = level / np.linalg.norm(level)
-    return np.stack([turn(axis, 2 * np.pi * k / DIRECTIONS) @ level for k in range(DIRECTIONS)])
+    return np.stack(
+        [turn(axis, 2 * np.pi * k / SEARCH.directions) @ level for k in range(SEARCH.directions)]
+    )
 
 
 def _frame(approach: FloatArray, closing: FloatArray, position: FloatArray) -> FloatArray:
@@ -156,7 +144,7 @@ def _march(
 def _pinches(
     model: ObjectModel, goal: JointGoal, robot: RobotSpec, surface: SurfaceSamples
 ) -> list[Grasp]:
-    widest = robot.max_width - ROOM
+    widest = robot.max_width - SEARCH.room
     thick = _march(model, surface, surface.points, -surface.normals, widest + 0.006)
     good = np.flatnonzero((thick < widest) & (surface.lever > 0.25))
     along = np.abs((surface.heading * surface.normals).sum(axis=1))
@@ -168,15 +156,17 @@ def _pinches(
         for a, edge in zip(across, free):
             if edge >= 0.25:
                 continue
-            spot = middle - a * max(edge - GRIP, 0.0)
-            card = _card(goal, model, "edge", spot, a, surface.normals[i], float(thick[i]) + ROOM)
-            ahead = max(0.0, robot.tip_ahead - GRIP)
+            spot = middle - a * max(edge - SEARCH.depth, 0.0)
+            card = _card(
+                goal, model, "edge", spot, a, surface.normals[i], float(thick[i]) + SEARCH.room
+            )
+            ahead = max(0.0, robot.tip_ahead - SEARCH.depth)
             tool = _frame(a, surface.normals[i], spot - a * ahead)
             # a grip in line with the motion cannot slip; a far one needs the least force
             cost = 0.5 + 0.4 * (1 - along[i]) + 0.8 * (1 - surface.lever[i]) + 0.3 * max(0.0, a[2])
             for flipped in (tool, tool @ np.diag([-1.0, -1.0, 1.0, 1.0])):
                 lags = (1.0, 0.6, 0.25)
-                out.append(Grasp(card, "grip", flipped, 1.0, float(cost), lags, room=ROOM))
+                out.append(Grasp(card, "grip", flipped, 1.0, float(cost), lags, room=SEARCH.room))
     return out
 
 
@@ -186,18 +176,18 @@ def _hooks(
     """Closed fingers behind a face, along it, or slanting over its edge with the hand outside."""
     behind = -(surface.heading * surface.normals).sum(axis=1)
     fingers, _ = robot.hand_surface(robot.closed)
-    tips = fingers[fingers[:, 2] > fingers[:, 2].max() - GRIP - ROOM]
+    tips = fingers[fingers[:, 2] > fingers[:, 2].max() - SEARCH.depth - SEARCH.room]
     half = np.abs(tips[:, :2]).max(axis=0)  # across and along the closing direction
     out: list[Grasp] = []
     for i in np.flatnonzero((behind > 0.6) & (surface.lever > 0.35)):
         normal = surface.normals[i]
         for a in _round(normal):
-            for slant, down in LEANS:
+            for slant, down in SEARCH.leans:
                 c, s = np.cos(slant), np.sin(slant)
                 into, off = c * a + s * normal, c * normal - s * a
                 start = surface.points[i] - a * down
                 for closing, gap in ((off, half[1]), (np.cross(off, into), half[0])):
-                    spot = start + off * (gap + 0.001) + into * (GRIP - robot.tip_ahead)
+                    spot = start + off * (gap + 0.001) + into * (SEARCH.depth - robot.tip_ahead)
                     card = _card(goal, model, "hook", start, into, closing, 0.0)
                     cost = 0.7 + 0.6 * (1 - behind[i]) + 0.8 * (1 - surface.lever[i]) + 0.3 * slant
                     cost += 0.3 * max(0.0, float(into[2]))
@@ -213,13 +203,13 @@ def _catching(
     and of the finger behind it."""
     if not rows:
         return []
-    along = np.linspace(robot.tip_ahead - 0.002, robot.tip_ahead - GRIP, 4)
+    along = np.linspace(robot.tip_ahead - 0.002, robot.tip_ahead - SEARCH.depth, 4)
     tools = np.stack([h.tool for h in rows])
     origins = tools[:, None, :3, 3] + along[:, None] * tools[:, None, :3, 2]
     _, nearest = cKDTree(surface.points).query(tools[:, :3, 3])
     ways = np.repeat(surface.heading[nearest], len(along), axis=0)
     ahead, _ = first_hit(model, origins.reshape(-1, 3), ways, surface.moving, surface.start)
-    caught = (ahead.reshape(len(rows), -1) < CATCH).sum(axis=1) >= 2
+    caught = (ahead.reshape(len(rows), -1) < SEARCH.catch).sum(axis=1) >= 2
     return [h for h, ok in zip(rows, caught) if ok]
 
 
@@ -255,7 +245,7 @@ def _roomy(
     # the way in, close enough together to notice a thin wall: no hand from inside a closed body
     size = float(np.linalg.norm(np.diff(model.footprint, axis=0)))
     way_in = np.outer(np.arange(0.015, max(0.5, size), 0.008), [0.0, 0.0, -1.0])
-    backs = [shape - [0.0, 0.0, d] for d in (0.5 * BACK_OFF, BACK_OFF)]
+    backs = [shape - [0.0, 0.0, d] for d in (0.5 * LIMITS.back_off, LIMITS.back_off)]
     for points, most in ((shape, 0.006), (np.concatenate([way_in, *backs]), 0.0)):
         tools = np.stack([h.tool for h in rows])
         at = np.einsum("nij,pj->npi", tools[:, :3, :3], points) + tools[:, None, :3, 3]
@@ -273,8 +263,8 @@ def _card(
 ) -> CardGrasp:  # fmt: skip
     link = model.kinematics.joint(goal.joint).child
     return CardGrasp(
-        goal.joint, link, kind, position.tolist(), approach.tolist(), closing.tolist(), width, GRIP,
-        0.5,
+        goal.joint, link, kind, position.tolist(), approach.tolist(), closing.tolist(), width,
+        depth=SEARCH.depth, confidence=0.5,
     )  # fmt: skip
 
 

@@ -8,21 +8,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mam_envs.grasping.candidates import (
-    BACK_OFF,
-    SLACK,
     Grasp,
     backed,
     grasp_opening,
     tool_path,
 )
+from mam_envs.grasping.limits import LIMITS
 from mam_envs.kinematics import Solution
 from mam_envs.object_model import ObjectModel
+from mam_envs.placement.settings import PLACEMENT
 from mam_envs.robots import RobotSpec
 from mam_envs.tasks.base import JointGoal
 from mam_pipeline.types import FloatArray
-
-POSITION_TOLERANCE = 0.004
-SEED = 20240601
 
 
 @dataclass(frozen=True)
@@ -109,7 +106,7 @@ def search(
     if not len(base_index):
         return Search((), 0, 0, b * h)
     reached = _solve(robot, targets[near], seeds[seed_index], 40, posture=begin)
-    ok = reached.good(POSITION_TOLERANCE, robot.rotation_tolerance)
+    ok = reached.good(PLACEMENT.position_tolerance, robot.rotation_tolerance)
     rows = [(int(i), int(j), k) for i, j, k in zip(base_index[ok], grasp_index[ok], reached.q[ok])]
     rows = _distinct(rows)
     if not rows:
@@ -127,7 +124,7 @@ def search(
 
 def _seeds(robot: RobotSpec, begin: FloatArray) -> FloatArray:
     """Fixed first guesses: the present posture, and two others of the same family."""
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(PLACEMENT.seed)
     spread: FloatArray = rng.uniform(-0.7, 0.7, size=(2, len(begin)))
     spread[0, 0] = spread[1, 0] = 0.0
     out: FloatArray = np.concatenate([begin[None], begin + spread])
@@ -177,7 +174,9 @@ def _follow(
     base = np.stack([bases[i] for i, _, _ in lagged])
     into = (np.linalg.inv(base) @ world_asset)[:, None]
     targets = into @ tools
-    back = np.stack([backed(tools[:, 0], d) for d in (0.0, 0.4 * BACK_OFF, BACK_OFF)], axis=1)
+    back = np.stack(
+        [backed(tools[:, 0], d) for d in (0.0, 0.4 * LIMITS.back_off, LIMITS.back_off)], axis=1
+    )
     back_targets = into @ back
     arm = np.stack([a for _, _, a in lagged])
     alive = np.ones(len(arm), dtype=bool)
@@ -192,7 +191,7 @@ def _follow(
                 return []
             found = _solve(robot, goals[live, k], store[live, k - 1], 12)
             jump = np.abs(found.q - store[live, k - 1]).max(axis=1)
-            fine = found.good(1.5 * POSITION_TOLERANCE, 1.5 * robot.rotation_tolerance)
+            fine = found.good(1.5 * PLACEMENT.position_tolerance, 1.5 * robot.rotation_tolerance)
             alive[live] = fine & (jump < 0.7)
             store[live, k] = found.q
     limits = robot.chain.limits
@@ -235,7 +234,7 @@ def clear(
             return False
     if not _free(
         model, robot, path.approach[-1], opened, path.base, world_asset, before, pressing, ground,
-        SLACK, pressed,
+        LIMITS.dip, pressed,
     ):  # fmt: skip
         return False
     touching = robot.finger_links
@@ -243,7 +242,17 @@ def clear(
         now = {**others, goal.joint: float(path.q[k])}
         arm = path.follow[k]
         if not _free(
-            model, robot, arm, opened, path.base, world_asset, now, touching, ground, SLACK, moving
+            model,
+            robot,
+            arm,
+            opened,
+            path.base,
+            world_asset,
+            now,
+            touching,
+            ground,
+            LIMITS.dip,
+            moving,
         ):
             return False
     return True

@@ -13,21 +13,10 @@ from mam_envs.grasping.candidates import Grasp, PlacementError, card_grasps, goa
 from mam_envs.grasping.surface import surface_grasps
 from mam_envs.object_model import ObjectModel
 from mam_envs.placement.arm_path import ArmPath, Search, search
+from mam_envs.placement.settings import PLACEMENT
 from mam_envs.robots import RobotSpec
 from mam_envs.tasks.base import JointGoal
 from mam_pipeline.types import FloatArray
-
-TABLE_LIFTS = (0.0, 0.15, -0.15, 0.3, -0.3, 0.5, -0.5, 0.75, 1.0, 1.3)
-FLOOR_LIFTS = (0.0, -0.3, -0.6)
-ENOUGH = 0.5
-"""Share of displaced poses at which a grasp is taken without looking for others."""
-FLOOR = 0.06
-"""Metres: a wide slab at the object's foot that is thinner than this is a floor to stand on."""
-TIGHT = 10.0
-"""Cost of a metre by which a stand is too near to where a displaced object's parts pass."""
-GROUPS = 3
-"""Places on the part's surface that are tried in turn."""
-ANGLES = (0.0, 25.0, -25.0, 50.0, -50.0, 75.0, -75.0)
 
 
 @dataclass(frozen=True)
@@ -99,7 +88,7 @@ def place(
             continue
         if best is None or found.robust > best.robust:
             best = found
-        if best.robust >= ENOUGH:
+        if best.robust >= PLACEMENT.enough:
             break
     if best is None:
         raise refusal or PlacementError(f"{name}: joint {goal.joint!r} cannot be held or pushed")
@@ -119,7 +108,7 @@ def _offers(
         yield PlacementError(
             f"{model.asset.card.name}: nothing of {goal.joint!r} can be held or pushed from outside"
         )
-    for _ in range(GROUPS):
+    for _ in range(PLACEMENT.groups):
         if not left:
             return
         lead = left[0]
@@ -165,7 +154,7 @@ def _stand(
     furthest = Search((), 0, 0, 0)
     handle = np.mean([h.tool[:3, 3] for h in candidates], axis=0)
     floor = _floor(model)
-    for lift in FLOOR_LIFTS if robot.floor_only else TABLE_LIFTS:
+    for lift in PLACEMENT.floor_lifts if robot.floor_only else PLACEMENT.table_lifts:
         rise = max(0.0, -lift)
         world_asset = object_pose(model, rise, (0.0, 0.0), 0.0)
         level = max(lift, 0.0 if rise else floor)
@@ -238,10 +227,10 @@ def _bases(
     rows, costs = [], []
     start = np.arctan2(facing[1], facing[0])
     rise = abs(handle[2] - height - robot.shoulder)
-    for share in (0.78, 0.62, 0.92, 0.48):
+    for share in PLACEMENT.shares:
         flat = np.sqrt(max((share * robot.reach) ** 2 - min(rise, 0.6 * robot.reach) ** 2, 0.0))
         flat = max(flat, 0.3 * robot.reach)
-        for angle in ANGLES:
+        for angle in PLACEMENT.angles:
             a = start + np.deg2rad(angle)
             at = handle[:2] + flat * np.array([np.cos(a), np.sin(a)])
             # a base under the object's moving part is fine only if that part passes overhead
@@ -255,7 +244,7 @@ def _bases(
             spare = chance.position + np.sin(np.deg2rad(chance.yaw)) * flat
             tight = max(0.0, spare - min(room)) if room else 0.0
             rows.append(base_pose(robot, at, height, handle[:2]))
-            costs.append(0.008 * abs(angle) + TIGHT * tight)
+            costs.append(0.008 * abs(angle) + PLACEMENT.tight * tight)
     return (np.stack(rows) if rows else np.zeros((0, 4, 4))), np.array(costs)
 
 
@@ -266,8 +255,8 @@ def _floor(model: ObjectModel) -> float:
     """
     base = model.footprint[0][2]
     points = [p.points for pieces in model.pieces.values() for p in pieces]
-    flat = [p for p in points if p[:, 2].max() - base < FLOOR]
-    rest = [p for p in points if p[:, 2].max() - base >= FLOOR]
+    flat = [p for p in points if p[:, 2].max() - base < PLACEMENT.floor]
+    rest = [p for p in points if p[:, 2].max() - base >= PLACEMENT.floor]
     taken = np.prod(np.ptp(np.concatenate(rest)[:, :2], axis=0)) if rest else np.inf
     wide = [p for p in flat if np.prod(np.ptp(p[:, :2], axis=0)) > 1.5 * taken]
     return max((float(p[:, 2].max() - base) + 0.001 for p in wide), default=0.0)

@@ -20,7 +20,6 @@ from mam_pipeline.types import FloatArray
 if TYPE_CHECKING:
     from mani_skill.envs.scene import ManiSkillScene
 
-TABLE_HEIGHT = 0.75
 OBJECT_BIT = 28
 """Bodies that share this bit do not collide: the object's own links (whose fit is checked offline
 by `mam-sim check`; convex pieces that graze each other would jam it) and what it stands on (a door
@@ -70,7 +69,7 @@ def build_world(scene: ManiSkillScene, config: SceneConfig, layouts: list[Layout
     """Ground (z = 0 carries robot and object), stands, wall. `layouts`: one per sub-scene."""
     table = surface_of(config, layouts[0]) == "table"
     if table:
-        build_ground(scene, altitude=-TABLE_HEIGHT, floor_width=40)
+        build_ground(scene, altitude=-config.table_height, floor_width=40)
         _box(scene, "table", (-0.3, 0.0, -0.02), (2.4, 2.4, 0.04), WOOD, None)
     else:
         ground = build_ground(scene, floor_width=40)
@@ -78,7 +77,7 @@ def build_world(scene: ManiSkillScene, config: SceneConfig, layouts: list[Layout
     for i, layout in enumerate(layouts):
         _stands(scene, layout, i)
         if config.wall and scene.can_render():
-            _walls(scene, layout, -TABLE_HEIGHT if table else 0.0, i)
+            _walls(scene, layout, -config.table_height if table else 0.0, i)
 
 
 def _walls(scene: ManiSkillScene, layout: Layout, floor: float, i: int) -> None:

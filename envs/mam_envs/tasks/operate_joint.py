@@ -31,7 +31,7 @@ class OperateJoint(Task):
         self, goals: Sequence[Sequence[JointGoal]], config: EnvConfig, device: torch.device
     ) -> None:
         super().__init__(goals, config, device)
-        self.tracker = SuccessTracker(goals, config.success.driven, device)
+        self.tracker = SuccessTracker(goals, config.success, device)
         self.stage = self.tracker.stage
 
     @classmethod

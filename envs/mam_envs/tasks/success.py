@@ -6,10 +6,9 @@ from collections.abc import Sequence
 
 import torch
 
+from mam_envs.config import SuccessConfig
 from mam_envs.tasks.base import JointGoal
 
-TOUCH_FORCE = 0.1  # newtons
-GRACE_STEPS = 5  # control steps for which motion after a touch still counts as driven
 _CONSTANTS = ("q_start", "q_goal", "tolerance", "closed", "open", "still_speed")
 
 
@@ -26,10 +25,10 @@ class SuccessTracker:
     """
 
     def __init__(
-        self, goals: Sequence[Sequence[JointGoal]], driven: float, device: torch.device
+        self, goals: Sequence[Sequence[JointGoal]], config: SuccessConfig, device: torch.device
     ) -> None:
-        """`goals`: per sub-scene, one per stage; `driven`: least share of motion by contact."""
-        self._least = driven
+        """`goals`: per sub-scene, one per stage."""
+        self._config = config
         self._goal = {
             key: torch.tensor(
                 [[float(getattr(g, key)) for g in row] for row in goals], device=device
@@ -67,13 +66,13 @@ class SuccessTracker:
     @property
     def touching(self) -> torch.Tensor:
         """(b,) whether the robot touched the moving part in the last control step."""
-        return self.force > TOUCH_FORCE
+        return self.force > self._config.touch_force
 
     @property
     def by_contact(self) -> torch.Tensor:
         """(b,) whether enough of the motion of this stage happened by contact."""
         share = self._driven / self._moved.clamp(min=1e-9)
-        return (share >= self._least) & (self._moved > 0)
+        return (share >= self._config.driven) & (self._moved > 0)
 
     # -- memory ----------------------------------------------------------------------------
     def reset(self, env_idx: torch.Tensor, begin: torch.Tensor) -> None:
@@ -96,7 +95,7 @@ class SuccessTracker:
             self.touching, torch.zeros_like(self._since_touch), self._since_touch + 1
         )
         step = (q - self._last).abs()
-        recent = self._since_touch <= GRACE_STEPS
+        recent = self._since_touch <= self._config.grace_steps
         self._driven = self._driven + step * recent
         self._moved = self._moved + step
         width = (self.now("open") - self.now("closed")).abs()

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mam_envs.tasks.success import TOUCH_FORCE
 from mam_policies.lerobot.joint_mapping import JointMapping, identity, load_mapping
 from mam_policies.lerobot.policy import PERCEIVED
 from mam_policies.run import EnvChoice
@@ -114,7 +113,8 @@ class RobotInterface:
             handle = self._by_hand(handle, told)
         handle = handle + self._rng.normal(0.0, 1.0, 3) * self.faults.handle_noise
         value = float(base.joint_value()[0])
-        touch = float(base.get_info()["contact_force"][0] > TOUCH_FORCE)
+        force = float(base.get_info()["contact_force"][0])
+        touch = float(force > base.config.success.touch_force)
         return np.concatenate([motors, handle, [value, touch]]).astype(np.float32)
 
     def step(self, target: NDArray[Any]) -> NDArray[np.float32]:
