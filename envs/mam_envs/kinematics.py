@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import yourdfpy
+from scipy.spatial.transform import Rotation
 
 from mam_pipeline.errors import InputError
 from mam_pipeline.types import FloatArray
@@ -32,14 +33,6 @@ class TreeJoint:
     axis: FloatArray
     lower: float
     upper: float
-
-    @cached_property
-    def rotation_terms(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(A, AK, AKK) with origin rotation A and axis cross matrix K (Rodrigues' formula)."""
-        x, y, z = self.axis
-        k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        a = self.origin[:3, :3]
-        return a, a @ k, a @ k @ k
 
 
 @dataclass(frozen=True)
@@ -303,30 +296,16 @@ def _step(
 
 def rotation_vector(target: FloatArray, current: FloatArray) -> FloatArray:
     """(N, 3) rotation vector, root frame, that turns `current` (N, 3, 3) into `target`."""
-    r = target @ current.transpose(0, 2, 1)
-    skew = 0.5 * np.stack(
-        [r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], axis=1
-    )
-    sine = np.linalg.norm(skew, axis=1)
-    angle = np.arctan2(sine, 0.5 * (np.trace(r, axis1=1, axis2=2) - 1.0))
-    # at half a turn the skew part vanishes; any axis of the symmetric part will do
-    half = (sine < 1e-6) & (angle > 1.0)
-    out = skew * (angle / np.maximum(sine, 1e-12))[:, None]
-    if half.any():
-        column = np.argmax(np.diagonal(r[half], axis1=1, axis2=2), axis=1)
-        axis = (r[half] + np.eye(3))[np.arange(half.sum()), :, column]
-        out[half] = np.pi * axis / np.linalg.norm(axis, axis=1, keepdims=True)
-    return out
+    return np.asarray(Rotation.from_matrix(target @ current.transpose(0, 2, 1)).as_rotvec())
 
 
 def _local(joint: TreeJoint, value: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Rotation (N, 3, 3) and shift (N, 3) of parent_T_child at joint values (N,)."""
     n = len(value)
-    a, ak, akk = joint.rotation_terms
+    a = joint.origin[:3, :3]
     shift = np.tile(joint.origin[:3, 3], (n, 1))
     if joint.type in ("revolute", "continuous"):
-        s, c = np.sin(value)[:, None, None], np.cos(value)[:, None, None]
-        return a + s * ak + (1 - c) * akk, shift
+        return a @ Rotation.from_rotvec(value[:, None] * joint.axis).as_matrix(), shift
     if joint.type == "prismatic":
         shift = shift + value[:, None] * (a @ joint.axis)
     return np.broadcast_to(a, (n, 3, 3)), shift

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -452,8 +453,7 @@ def joint_motion(
     if type_ == "prismatic":
         out[:3, 3] = a * value
     elif type_ in ("revolute", "continuous"):
-        k = np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
-        out[:3, :3] = np.eye(3) + np.sin(value) * k + (1 - np.cos(value)) * k @ k
+        out[:3, :3] = Rotation.from_rotvec(value * a).as_matrix()
         o = np.asarray(origin, dtype=np.float64)
         out[:3, 3] = o - out[:3, :3] @ o
     return out

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mam_envs.grasping.force_closure import pull_capacity
 from mam_envs.grasping.limits import LIMITS
@@ -47,9 +48,7 @@ class Grasp:
 
 def turn(axis: FloatArray, angle: float) -> FloatArray:
     """(3, 3) rotation about a unit axis."""
-    x, y, z = axis
-    k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
+    return np.asarray(Rotation.from_rotvec(angle * np.asarray(axis)).as_matrix())
 
 
 def card_grasps(

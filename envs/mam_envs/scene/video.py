@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import open3d as o3d
 import trimesh
 import yourdfpy
 from mani_skill.utils import common
 from numpy.typing import NDArray
 
 from mam_envs.scene.layout import Layout
+from mam_pipeline.render.scene_pictures import render_scene
 from mam_pipeline.types import FloatArray
 
 Frame = NDArray[np.uint8]
@@ -84,7 +84,7 @@ class Camera:
         points.append(ground)
         faces.append(ground_faces + count)
         colours.append(np.tile([0.72, 0.66, 0.58], (len(ground_faces), 1)))
-        return _picture(
+        return render_scene(
             np.concatenate(points), np.concatenate(faces), np.concatenate(colours),
             *default_view(self.env.layout(0)), self.size,
         )  # fmt: skip
@@ -151,38 +151,3 @@ def _tints(mesh: trimesh.Trimesh) -> FloatArray:
     except (AttributeError, ValueError, IndexError, TypeError):
         colours = np.full((len(mesh.faces), 3), 0.7)
     return colours if len(colours) == len(mesh.faces) else np.full((len(mesh.faces), 3), 0.7)
-
-
-def _picture(
-    points: FloatArray,
-    faces: FloatArray,
-    colours: FloatArray,
-    eye: FloatArray,
-    target: FloatArray,
-    size: tuple[int, int],
-) -> Frame:
-    """Ray-cast a coloured triangle soup: Lambert light with a shadow ray."""
-    width, height = size
-    scene: Any = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(points.astype(np.float32), faces.astype(np.uint32))
-    rays = scene.create_rays_pinhole(
-        50.0, target.astype(np.float32), eye.astype(np.float32),
-        np.array([0, 0, 1], dtype=np.float32), width, height,
-    )  # fmt: skip
-    hit = scene.cast_rays(rays)
-    distance = hit["t_hit"].numpy().reshape(-1)
-    seen = np.isfinite(distance)
-    normals = hit["primitive_normals"].numpy().reshape(-1, 3)[seen]
-    bundle = rays.numpy().reshape(-1, 6)[seen]
-    normals *= -np.sign(np.einsum("ij,ij->i", normals, bundle[:, 3:]))[:, None]
-    lamp = np.array([-0.5, -0.35, 0.9])
-    lamp /= np.linalg.norm(lamp)
-    at = bundle[:, :3] + distance[seen, None] * bundle[:, 3:] + 2e-3 * normals
-    shadow_rays = np.concatenate([at, np.tile(lamp, (len(at), 1))], axis=1).astype(np.float32)
-    dark = scene.test_occlusions(shadow_rays).numpy()
-    light = 0.45 + 0.55 * np.clip(normals @ lamp, 0, 1) * np.where(dark, 0.15, 1.0)
-    image = np.full((width * height, 3), 0.96)
-    ids = hit["primitive_ids"].numpy().reshape(-1)[seen].astype(int)
-    image[seen] = np.clip(colours[ids] * light[:, None], 0, 1)
-    # Open3D's rows run from the bottom of the picture to its top
-    return (255 * image.reshape(height, width, 3)[::-1]).astype(np.uint8)

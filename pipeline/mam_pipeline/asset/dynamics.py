@@ -14,8 +14,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from mam_pipeline.types import Articulation, FloatArray, Inertial, Joint
+from mam_pipeline.types import Articulation, Inertial, Joint
 
 GRAVITY = 9.81
 HAND_FORCE = 1.5
@@ -84,7 +85,7 @@ def gravity_load(
     down = np.array([0.0, 0.0, -GRAVITY])
     load = 0.0
     for q in np.linspace(low, high, 25):
-        turned_moment = _rotate(joint.axis, float(q), moment)
+        turned_moment = Rotation.from_rotvec(float(q) * joint.axis).apply(moment)
         load = max(load, abs(float(joint.axis @ np.cross(turned_moment, down))))
     return load, inertia, _arm(articulation, joint, links)
 
@@ -124,9 +125,3 @@ def _arm(articulation: Articulation, joint: Joint, links: Sequence[int]) -> floa
         across = r - (r @ joint.axis)[:, None] * joint.axis
         far = max(far, float(np.linalg.norm(across, axis=1).max()))
     return max(far, 0.005)
-
-
-def _rotate(axis: FloatArray, angle: float, v: FloatArray) -> FloatArray:
-    along = (v @ axis) * axis
-    side = v - along
-    return np.asarray(along + np.cos(angle) * side + np.sin(angle) * np.cross(axis, side))

@@ -16,6 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from mam_pipeline.geometry.raycast import RayScene, faces_near
 from mam_pipeline.geometry.sampling import sample_surface, thin_out, unit
@@ -87,21 +88,10 @@ def motion_points(
     """Positions (n, S, 3) of points (S, 3) at the joint values (n,)."""
     if motion == "prismatic":
         return points[None] + values[:, None, None] * axis
-    x, y, z = axis
-    k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    cos, sin = np.cos(values)[:, None, None], np.sin(values)[:, None, None]
-    turn = cos * np.eye(3) + sin * k + (1.0 - cos) * np.outer(axis, axis)  # Rodrigues
+    turn = Rotation.from_rotvec(values[:, None] * axis).as_matrix()
     out = (points - origin) @ turn.transpose(0, 2, 1)
     out += origin
     return np.asarray(out)
-
-
-def _cross_matrices(axes: FloatArray) -> FloatArray:
-    """Matrices (L, 3, 3) that multiply by the vector product with each axis."""
-    out = np.zeros((len(axes), 3, 3))
-    for i, j, k, sign in ((0, 1, 2, -1), (0, 2, 1, 1), (1, 2, 0, -1)):
-        out[:, i, j], out[:, j, i] = sign * axes[:, k], -sign * axes[:, k]
-    return out
 
 
 def _overlap(scene: RayScene, points: FloatArray) -> IntArray:
@@ -118,7 +108,7 @@ def _circles(
     arm = points - origins[:, None]
     along = np.einsum("lsk,lk->ls", arm, axes)[..., None] * axes[:, None]
     radial = arm - along
-    tangent = np.einsum("lij,lsj->lsi", _cross_matrices(axes), radial)
+    tangent = np.cross(axes[:, None], radial)
     middle = origins[:, None] + along
     cos, sin = np.cos(angles)[:, None, None, None], np.sin(angles)[:, None, None, None]
     out = cos * radial

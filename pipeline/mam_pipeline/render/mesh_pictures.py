@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from io import BytesIO
-from typing import Any
 
 import numpy as np
-import open3d as o3d
 from numpy.typing import ArrayLike, NDArray
 
+from mam_pipeline.render.tracer import Tracer, camera_rays
 from mam_pipeline.types import Articulation, FloatArray, IntArray, Material, Mesh
 
 Image = NDArray[np.uint8]
 BACKGROUND = 255
-_tensor: Any = o3d.core.Tensor  # its stubs know no NumPy
 
 
 def render_mesh(
@@ -40,21 +38,12 @@ def render_mesh(
     fov = np.radians(30.0)
     far = distance or 0.54 * mesh.diagonal / np.sin(fov / 2)
     eye_direction = _eye(azimuth, elevation)
-    origin, rays = _rays((low + high) / 2, eye_direction, far, fov, width, height)
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(
-        _tensor(mesh.vertices.astype(np.float32)),
-        _tensor(mesh.faces.astype(np.uint32)),
-    )
-    bundle = np.concatenate([np.broadcast_to(origin, rays.shape), rays], axis=1).astype(np.float32)
-    answer = scene.cast_rays(_tensor(bundle))
-    hit = np.isfinite(answer["t_hit"].numpy())
-    face = answer["primitive_ids"].numpy()[hit].astype(np.int64)
-    normal = answer["primitive_normals"].numpy()[hit].astype(np.float64)
-    normal *= -np.sign(np.einsum("ij,ij->i", normal, rays[hit]))[:, None]
-    color = _surface_color(mesh, face, answer["primitive_uvs"].numpy()[hit], face_colors)
+    half = float(np.tan(fov / 2)) / min(width, height)
+    rays = camera_rays(-eye_direction, half, width, height)
+    seen = Tracer(mesh.vertices, mesh.faces).cast((low + high) / 2 + eye_direction * far, rays)
+    color = _surface_color(mesh, seen.face, seen.uv, face_colors)
     picture = np.full((height * width, 3), float(BACKGROUND))
-    picture[hit] = color * _light(normal, eye_direction)[:, None]
+    picture[seen.hit] = color * _light(seen.normal, eye_direction)[:, None]
     blocks = picture.reshape(size[1], supersample, size[0], supersample, 3)
     return np.clip(blocks.mean(axis=(1, 3)), 0, 255).astype(np.uint8)
 
@@ -98,24 +87,6 @@ def _eye(azimuth: float, elevation: float) -> FloatArray:
     """Unit vector from the object to the camera."""
     a, e = np.radians(azimuth), np.radians(elevation)
     return np.array([-np.cos(a) * np.cos(e), -np.sin(a) * np.cos(e), np.sin(e)])
-
-
-def _rays(
-    middle: FloatArray, eye: FloatArray, distance: float, fov: float, width: int, height: int
-) -> tuple[FloatArray, FloatArray]:
-    """Pinhole camera: its position (3,) and unit rays (H * W, 3), row by row from the top."""
-    forward = -eye
-    right = np.cross(forward, [0, 0, 1.0])
-    right = (
-        right / np.linalg.norm(right) if np.linalg.norm(right) > 1e-6 else np.array([0, -1.0, 0])
-    )
-    up = np.cross(right, forward)
-    half = np.tan(fov / 2) / min(width, height)
-    x = (2 * np.arange(width) + 1 - width) * half
-    y = (height - 1 - 2 * np.arange(height)) * half
-    rays = forward + x[None, :, None] * right + y[:, None, None] * up
-    rays = rays.reshape(-1, 3)
-    return middle + eye * distance, rays / np.linalg.norm(rays, axis=1, keepdims=True)
 
 
 def _light(normal: FloatArray, eye: FloatArray) -> FloatArray:

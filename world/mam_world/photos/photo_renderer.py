@@ -8,7 +8,6 @@ light with occlusion: enough realism to have shadows in gaps, gloss and grain.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import open3d as o3d  # its stubs know few overloads
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from mam_pipeline.photo.camera import Camera
+from mam_pipeline.render.tracer import Tracer
 
 Array = NDArray[np.float64]
 
@@ -174,11 +174,8 @@ def render(
 ) -> NDArray[np.uint8]:
     """Render (H, W, 3) uint8 sRGB."""
     rng = np.random.default_rng(seed)
-    tracer = o3d.t.geometry.RaycastingScene(nthreads=1)
-    vertices = np.concatenate(scene.vertices)
-    faces = np.concatenate(scene.faces)
+    tracer = Tracer(np.concatenate(scene.vertices), np.concatenate(scene.faces))
     owner = np.concatenate(scene.surface_of)
-    tracer.add_triangles(_tensor(vertices.astype(np.float32)), _tensor(faces.astype(np.uint32)))
     h, w = camera.height, camera.width
     sky = np.asarray(background, dtype=float)
     y, x = np.mgrid[0:h, 0:w]
@@ -220,23 +217,19 @@ def _edges(color: Array, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
     return step
 
 
-def _shade(scene, tracer, owner, camera, light, pixel, sky, rng, shadows, skies):  # type: ignore[no-untyped-def]
+def _shade(
+    scene: Scene, tracer: Tracer, owner: NDArray[np.int64], camera: Camera, light: Light,
+    pixel: Array, sky: Array, rng: np.random.Generator, shadows: int, skies: int,
+) -> tuple[Array, NDArray[np.int64]]:  # fmt: skip
     """((n, 3) linear colour, (n,) which surface and orientation) at (n, 2) pixel positions."""
     origin, direction = camera.rays(pixel)
     out = np.tile(sky, (len(pixel), 1))
     ids = np.full(len(pixel), -1)
-    hit = tracer.cast_rays(
-        _tensor(np.hstack([np.tile(origin, (len(pixel), 1)), direction]).astype(np.float32))
-    )
-    t = hit["t_hit"].numpy().astype(np.float64)
-    seen = np.isfinite(t)
+    found = tracer.cast(origin, direction)
+    seen, d, p, normal = found.hit, found.rays, found.at, found.normal
     if not seen.any():
         return out, ids
-    d = direction[seen]
-    p = origin + d * t[seen, None]
-    normal = hit["primitive_normals"].numpy().astype(np.float64)[seen]
-    normal *= -np.sign((normal * d).sum(1))[:, None]
-    which = owner[hit["primitive_ids"].numpy()[seen].astype(np.int64)]
+    which = owner[found.face]
     ids[seen] = which * 27 + (np.round(normal) + 1).astype(int) @ [9, 3, 1]
     color = np.zeros((len(p), 3))
     gloss = np.zeros(len(p))
@@ -252,7 +245,7 @@ def _shade(scene, tracer, owner, camera, light, pixel, sky, rng, shadows, skies)
         sun = to_light + light.softness * rng.standard_normal(p.shape)
         sun /= np.linalg.norm(sun, axis=1)[:, None]
         lambert = np.clip((normal * sun).sum(1), 0, None)
-        lit = ~_blocked(tracer, start, sun, 6.0)
+        lit = ~tracer.blocked(start, sun, 6.0)
         half = sun - d
         half /= np.linalg.norm(half, axis=1)[:, None] + 1e-9
         key += lambert * lit / shadows
@@ -261,27 +254,12 @@ def _shade(scene, tracer, owner, camera, light, pixel, sky, rng, shadows, skies)
     for _ in range(skies):
         around = normal + _sphere(rng, len(p))
         around /= np.linalg.norm(around, axis=1)[:, None] + 1e-9
-        open_sky += np.clip(_distance(tracer, start, around) / 0.35, 0.12, 1.0) ** 0.5 / skies
+        open_sky += np.clip(tracer.distance(start, around) / 0.35, 0.12, 1.0) ** 0.5 / skies
     shade = light.key * key + light.ambient * open_sky * (0.85 + 0.15 * normal[:, 2])
     out[seen] = color * shade[:, None] * np.asarray(light.tint) + (gloss * spark)[:, None]
     return out, ids
 
 
-def _tensor(array: Any) -> Any:
-    make: Any = o3d.core.Tensor
-    return make(array)
-
-
 def _sphere(rng: np.random.Generator, n: int) -> Array:
     v = rng.standard_normal((n, 3))
     return v / (np.linalg.norm(v, axis=1)[:, None] + 1e-9)
-
-
-def _distance(tracer, start: Array, direction: Array) -> Array:  # type: ignore[no-untyped-def]
-    rays = np.hstack([start, direction]).astype(np.float32)
-    return tracer.cast_rays(_tensor(rays))["t_hit"].numpy().astype(np.float64)
-
-
-def _blocked(tracer, start: Array, direction: Array, reach: float) -> NDArray[np.bool_]:  # type: ignore[no-untyped-def]
-    rays = _tensor(np.hstack([start, direction]).astype(np.float32))
-    return tracer.test_occlusions(rays, tfar=reach).numpy()
