@@ -16,6 +16,7 @@ import yourdfpy
 from PIL import Image
 
 from mam_pipeline.asset.card import Asset, CardJoint
+from mam_pipeline.asset.inertia import link_inertials
 from mam_pipeline.asset.read import read_asset
 from mam_pipeline.asset.visuals import baked
 from mam_pipeline.asset.writer import write_asset
@@ -313,8 +314,45 @@ def test_inertia_is_possible_and_mass_is_that_of_boards(tmp_path: Path) -> None:
         values = np.linalg.eigvalsh(link.inertial.inertia)
         assert values[0] > 0 and values[0] + values[1] > values[2]
     door = robot.link_map["door"] if hasattr(robot, "link_map") else robot.links[1]
-    board = 720 * 0.019 * 0.6 * 0.5
+    board = 680 * 0.019 * 0.6 * 0.5
     assert door.inertial.mass == pytest.approx(board, rel=0.05)
+
+
+@pytest.mark.parametrize("open_end", [False, True])
+def test_both_faces_of_a_board_are_one_board(open_end: bool) -> None:
+    """A box of 12 mm walls weighs the same whether its surface is closed or its rim is open."""
+    outer = box([0, 0, 0], [0.4, 0.3, 0.1])
+    inner = box([0.012, 0.012, 0.012], [0.388, 0.288, 0.088])
+    inner.invert()
+    shell: Any = trimesh.util.concatenate([outer, inner])
+    faces = shell.faces
+    if open_end:  # the outer face at x = 0 is missing, as where a front is a part of its own
+        faces = faces[~np.isclose(shell.vertices[faces][:, :, 0], 0.0).all(axis=1)]
+    moving = Joint("j", "prismatic", "slide", 0, 1, np.array([-1.0, 0, 0]), np.zeros(3), 0, 0.1)
+    base = box([0.5, 0, 0], [0.6, 0.3, 0.1])
+    vertices = np.concatenate([base.vertices, shell.vertices])
+    mesh = Mesh(vertices, np.concatenate([base.faces, faces + len(base.vertices)]))
+    links = (
+        Link("body", "body", np.arange(12)),
+        Link("drawer", "drawer", np.arange(12, 12 + len(faces))),
+    )
+    found = link_inertials(Articulation(mesh, links, (moving,)))[1]
+    volume = 0.4 * 0.3 * 0.1 - 0.376 * 0.276 * 0.076
+    # edges are counted in both walls, and the face that is missing leaves its board half a board
+    assert found.mass == pytest.approx(680 * volume, rel=0.12)
+
+
+def test_sheet_metal_is_hollow_and_a_casting_is_not() -> None:
+    """A fridge door of 40 mm is two sheets; a zinc bar of 8 mm is solid."""
+    door, bar = box([0, 0, 0], [0.04, 0.6, 1.0]), box([-0.03, 0.5, 0.4], [-0.022, 0.508, 0.6])
+    whole: Any = trimesh.util.concatenate([door, bar])
+    links = (Link("d", "fridge_door", np.arange(12)), Link("h", "handle", np.arange(12, 24)))
+    fixed = Joint("j", "fixed", "fixed", 0, 1, np.array([0, 0, 1.0]), np.zeros(3), 0, 0)
+    made = Articulation(Mesh(whole.vertices, whole.faces), links, (fixed,))
+    metal, zinc = link_inertials(made)
+    assert metal.mass == pytest.approx(7850 * 0.0008 * door.area, rel=0.01)
+    assert zinc.mass == pytest.approx(6600 * bar.volume, rel=0.01)
+    assert "zinc casting, 6600 kg/m3" in zinc.material
 
 
 def test_a_second_write_replaces_and_leaves_nothing_behind(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ READABLE = (1, 2)
 
 @dataclass(frozen=True)
 class CardPart:
-    """A link: its kind, source primitives, mass (kg) and handle visuals."""
+    """A link: its kind, source primitives, mass (kg), handle visuals, and assumed material."""
 
     link: str
     name: str
@@ -28,6 +28,7 @@ class CardPart:
     primitives: list[int] = field(default_factory=list)
     mass: float = 0.0
     handles: list[str] = field(default_factory=list)
+    material: str = ""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """Mass and inertia of links from their geometry and a material prior.
 
-A closed piece is solid where it is thin (boards, bars) and a shell where it is thick (housings);
-an open piece is a shell. Densities are handbook values for the usual material of each kind.
+Furniture is made of boards and housings of sheet, not of solids. A face whose other side is near
+is one side of a board and carries half of its thickness; a face without one is a sheet or a thick
+body's wall, of the usual thickness for the material. Densities are handbook values.
 """
 
 from __future__ import annotations
@@ -10,25 +11,52 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mam_pipeline.geometry.boxes import minimal_box
-from mam_pipeline.geometry.surface import Component, link_components, triangle_areas
+from mam_pipeline.geometry.raycast import RayScene
+from mam_pipeline.geometry.surface import (
+    Component,
+    concatenate,
+    link_components,
+    triangle_areas,
+)
 from mam_pipeline.types import Articulation, FloatArray, Inertial
 
 
 @dataclass(frozen=True)
 class MaterialPrior:
-    """What a part is made of when nobody says: `density` kg/m3, wall of a shell in metres."""
+    """What a part is made of when nobody says.
+
+    Attributes:
+        density: kg/m3.
+        wall: thickness of a housing's wall, and of a sheet without a back, metres.
+        solid: pieces up to this thick are solid, thicker ones hollow, metres.
+        source: where the density comes from.
+    """
 
     name: str
     density: float
     wall: float
+    solid: float
     source: str
 
+    @property
+    def words(self) -> str:
+        """The assumption in words, for the card."""
+        return (
+            f"{self.name}, {self.density:.0f} kg/m3, solid up to {1e3 * self.solid:g} mm, "
+            f"else walls of {1e3 * self.wall:g} mm"
+        )
 
-_WOOD = MaterialPrior("MDF board", 720.0, 0.016, "MDF, 680 to 760 kg/m3 (EN 622-5 datasheets)")
-_STEEL = MaterialPrior("steel sheet", 7850.0, 0.0008, "mild steel (EN 1993-1-1: 7850 kg/m3)")
-_PLASTIC = MaterialPrior("ABS", 1050.0, 0.0025, "ABS, 1040 to 1070 kg/m3 (datasheets)")
-_METAL = MaterialPrior("zinc casting", 6600.0, 0.002, "zinc alloy ZA-3 (ASTM B86: 6600 kg/m3)")
+
+_WOOD = MaterialPrior(
+    "particle board", 680.0, 0.016, 0.045, "EN 312 boards, 600 to 750 kg/m3 (datasheets)"
+)
+_STEEL = MaterialPrior(
+    "steel sheet", 7850.0, 0.0008, 0.002, "mild steel (EN 1993-1-1: 7850 kg/m3)"
+)
+_PLASTIC = MaterialPrior("ABS", 1050.0, 0.0025, 0.006, "ABS, 1040 to 1070 kg/m3 (datasheets)")
+_METAL = MaterialPrior(
+    "zinc casting", 6600.0, 0.002, 0.012, "zinc alloy ZA-3 (ASTM B86: 6600 kg/m3)"
+)
 
 KIND_MATERIALS: dict[str, MaterialPrior] = {
     **dict.fromkeys(("handle", "knob", "faucet", "tap", "valve", "latch"), _METAL),
@@ -37,8 +65,8 @@ KIND_MATERIALS: dict[str, MaterialPrior] = {
     **dict.fromkeys(("oven_door", "fridge_door", "drum", "pot"), _STEEL),
 }
 MIN_MASS = 0.005
-SOLID_UP_TO = 0.045
-"""Closed pieces whose mean thickness (2 V / A) is at most this many metres are solid."""
+TOUCHING = 1e-4
+"""Metres: a surface this near behind a face is the same sheet drawn twice, not a board."""
 
 
 def link_inertials(articulation: Articulation) -> list[Inertial]:
@@ -46,48 +74,73 @@ def link_inertials(articulation: Articulation) -> list[Inertial]:
     return [_link_inertial(articulation, i) for i in range(len(articulation.links))]
 
 
+def material_of(kind: str) -> MaterialPrior:
+    """What a link of a kind is assumed to be made of."""
+    return KIND_MATERIALS.get(kind.lower(), _WOOD)
+
+
 def _link_inertial(articulation: Articulation, index: int) -> Inertial:
-    link = articulation.links[index]
-    prior = KIND_MATERIALS.get(link.kind.lower(), _WOOD)
+    prior = material_of(articulation.links[index].kind)
     mass = 0.0
     first: FloatArray = np.zeros(3)
     second: FloatArray = np.zeros((3, 3))
-    for component in link_components(articulation, index):
-        m, s, c = _component_moments(component, prior)
+    parts = link_components(articulation, index)
+    scene = None
+    if parts:
+        scene = RayScene(*concatenate([(c.vertices, c.faces) for c in parts]))
+    for component in parts:
+        assert scene is not None
+        m, s, c = _component_moments(component, prior, scene)
         mass, first, second = mass + m, first + s, second + c
     if mass <= 0.0:
         joint = articulation.joint_of(index)
         at = np.zeros(3) if joint is None else joint.origin
-        return Inertial(MIN_MASS, at, np.eye(3) * MIN_MASS * 1e-4, prior.name, prior.source)
+        return Inertial(MIN_MASS, at, np.eye(3) * MIN_MASS * 1e-4, prior.words, prior.source)
     center = first / mass
     covariance = second / mass - np.outer(center, center)
     # no body is thinner than a millimetre: keeps a flat sheet's tensor strictly possible
     covariance = covariance + np.eye(3) * 1e-3**2
     mass = max(mass, MIN_MASS)
     inertia = mass * (np.trace(covariance) * np.eye(3) - covariance)
-    return Inertial(mass, center, (inertia + inertia.T) / 2, prior.name, prior.source)
+    return Inertial(mass, center, (inertia + inertia.T) / 2, prior.words, prior.source)
 
 
 def _component_moments(
-    component: Component, prior: MaterialPrior
+    component: Component, prior: MaterialPrior, scene: RayScene
 ) -> tuple[float, FloatArray, FloatArray]:
     """Mass, first moment (3,) and second moment (3, 3) of one piece about the asset origin."""
     triangles = component.triangles
-    area = float(triangle_areas(triangles).sum())
     if component.closed:
+        area = float(triangle_areas(triangles).sum())
         volume, first, second = _solid_moments(triangles)
-        thickness = 2.0 * volume / max(area, 1e-12)
-        if volume > 0.0 and thickness <= SOLID_UP_TO:
+        outward = _signed_volume(triangles) > 0.0
+        if outward and 2.0 * volume / max(area, 1e-12) <= prior.solid:
             return prior.density * volume, prior.density * first, prior.density * second
-    area, first, second = _shell_moments(triangles)
-    wall = prior.wall
-    if len(component.faces) > 2:
-        # both faces of a board that was cut open are there: its wall is half its thickness
-        thin = 2.0 * float(minimal_box(component.vertices, 12).half.min())
-        if thin > 1e-4:
-            wall = min(wall, max(thin / 2.0, 1e-4))
-    scale = prior.density * wall
-    return scale * area, scale * first, scale * second
+    walls = _walls(component, prior, scene)
+    mass, first, second = _shell_moments(triangles, walls)
+    return prior.density * mass, prior.density * first, prior.density * second
+
+
+def _walls(component: Component, prior: MaterialPrior, scene: RayScene) -> FloatArray:
+    """(F,) thickness of the matter that belongs to each face, metres."""
+    triangles = component.triangles
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    normals: FloatArray = np.asarray(np.cross(b - a, c - a), dtype=np.float64)
+    normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    middles: FloatArray = np.asarray(triangles.mean(axis=1), dtype=np.float64)
+    through = scene.first_hits(middles - TOUCHING * normals, -normals).t + TOUCHING
+    if component.closed and _signed_volume(triangles) < 0.0:
+        # the inside of a box, or a board that is inside out: its matter is on either side
+        other = scene.first_hits(middles + TOUCHING * normals, normals).t + TOUCHING
+        through = np.minimum(through, other)
+    # both faces of a board are there, and each has half of it
+    board = through <= prior.solid
+    return np.where(board, through / 2, np.minimum(prior.wall, through / 2))
+
+
+def _signed_volume(triangles: FloatArray) -> float:
+    p = triangles - triangles.mean(axis=(0, 1))
+    return float(np.einsum("ij,ij->i", p[:, 0], np.cross(p[:, 1], p[:, 2])).sum() / 6.0)
 
 
 def _solid_moments(triangles: FloatArray) -> tuple[float, FloatArray, FloatArray]:
@@ -105,9 +158,11 @@ def _solid_moments(triangles: FloatArray) -> tuple[float, FloatArray, FloatArray
     return _shift(volume, first, second, origin)
 
 
-def _shell_moments(triangles: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-    """Area and moments of a surface (exact for flat triangles)."""
-    areas = triangle_areas(triangles)
+def _shell_moments(
+    triangles: FloatArray, walls: FloatArray
+) -> tuple[float, FloatArray, FloatArray]:
+    """Volume and moments of a surface (exact for flat triangles) of thickness walls (F,)."""
+    areas = triangle_areas(triangles) * walls
     s = triangles.sum(axis=1)
     first = (areas[:, None] * s).sum(axis=0) / 3.0
     outer = np.einsum("fki,fkj->fij", triangles, triangles) + np.einsum("fi,fj->fij", s, s)
