@@ -13,6 +13,7 @@ demo: setup
 
 test: setup
 	@$(VENV)/python -m ruff check .
+	@$(VENV)/lint-imports
 	@$(VENV)/python -m mypy
 	@$(VENV)/python benchmarks/results_page.py --check
 	@$(VENV)/python -m mkdocs build --strict --quiet
@@ -20,6 +21,7 @@ test: setup
 
 lint: setup
 	$(VENV)/python -m ruff check .
+	$(VENV)/lint-imports
 	$(VENV)/python -m mypy
 
 docs: setup

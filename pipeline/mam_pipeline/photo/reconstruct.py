@@ -55,8 +55,7 @@ class EmbeddedReconstructor:
     @classmethod
     def weights(cls) -> list[Traversable]:
         """What was learned of handles, and how sure its answers are."""
-        room = resources.files("mam_pipeline.photo")
-        return [room / n for n in ("handle_model.txt", "handle_context.txt", "confidence.json")]
+        return [resources.files("mam_pipeline.photo") / "weights"]
 
     def reconstruct(self, photo: Path, options: Mapping[str, Any]) -> Reconstruction:
         """Reconstruct the object in a photo.
