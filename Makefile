@@ -1,6 +1,7 @@
 # make demo: set up and run the main job.  make test: set up and pass the tests.
+# make test-fast: the tests that need neither the simulator nor training.
 # make docs: build the documentation into site/; a warning is an error.
-.PHONY: setup demo test lint docs clean
+.PHONY: setup demo test test-fast lint docs clean
 VENV := .venv/bin
 export HF_HUB_OFFLINE ?= 1
 export NO_MKDOCS_2_WARNING = 1
@@ -18,6 +19,9 @@ test: setup
 	@$(VENV)/python benchmarks/results_page.py --check
 	@$(VENV)/python -m mkdocs build --strict --quiet
 	@$(VENV)/python -m pytest -n 2 --dist loadfile
+
+test-fast: setup
+	@$(VENV)/python -m pytest -n 2 --dist loadfile -m "not sim and not slow"
 
 lint: setup
 	$(VENV)/python -m ruff check .

@@ -1,4 +1,4 @@
-"""Shared by all tests: no network, one thread, and where the real benchmark objects may lie."""
+"""Shared by all tests: no network, two tiers by folder, and where the real objects may lie."""
 
 from __future__ import annotations
 
@@ -11,6 +11,31 @@ os.environ.setdefault("HF_HUB_OFFLINE", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "2")
 
 ROOT = Path(__file__).resolve().parent.parent
+FOLDER_MARKS = {"envs": "sim", "policies": "sim", "conformance": "sim", "training": "slow"}
+"""What every test of a folder needs; `make test-fast` leaves `sim` and `slow` out."""
+
+
+def _folder(path: Path) -> str:
+    """The first folder below tests/ on the way to a file."""
+    return path.relative_to(ROOT / "tests").parts[0]
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Do not even import what is left out: it imports the simulator or torch."""
+    if not collection_path.is_relative_to(ROOT / "tests") or collection_path == ROOT / "tests":
+        return None
+    mark = FOLDER_MARKS.get(_folder(collection_path))
+    return True if mark and f"not {mark}" in config.option.markexpr else None
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark every test by its folder, and by the real objects that it asks for."""
+    for item in items:
+        mark = FOLDER_MARKS.get(_folder(item.path))
+        if mark:
+            item.add_marker(getattr(pytest.mark, mark))
+        if {"bench_dev", "bench_photos"} & set(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.bench_data)
 
 
 @pytest.fixture(scope="session")

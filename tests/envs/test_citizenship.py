@@ -61,7 +61,7 @@ def _maker(asset: str) -> Callable[[], Any]:
 def test_sb3_takes_it_without_a_wrapper(drawer: Path) -> None:
     from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
-    vector = VecMonitor(DummyVecEnv([_maker(str(drawer))]), info_keywords=("success",))
+    vector: Any = VecMonitor(DummyVecEnv([_maker(str(drawer))]), info_keywords=("success",))
     vector.seed(0)
     assert vector.reset().dtype == np.float32
     _, reward, _, _ = vector.step(np.stack([vector.action_space.sample()]))
@@ -74,7 +74,7 @@ def test_sb3_runs_different_assets_in_different_processes(drawer: Path, door: Pa
     # slow: every worker imports the simulator
     from stable_baselines3.common.vec_env import SubprocVecEnv
 
-    vector = SubprocVecEnv([_maker(str(drawer)), _maker(str(door))], start_method="forkserver")
+    vector: Any = SubprocVecEnv([_maker(str(drawer)), _maker(str(door))], start_method="forkserver")
     vector.seed(3)
     first = vector.reset()
     assert first.shape[0] == 2 and not np.array_equal(first[0], first[1])

@@ -18,6 +18,8 @@ from mam_pipeline.formats.mesh_files import save_glb
 from mam_sim.cli import verb_class
 from mam_sim.options import parse
 
+pytestmark = pytest.mark.sim
+
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Asset:

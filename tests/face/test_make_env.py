@@ -14,6 +14,8 @@ from mam_pipeline.asset.card import Asset
 from mam_pipeline.formats.mesh_files import save_glb
 from mam_sim.cli import main
 
+pytestmark = pytest.mark.sim
+
 ROOT = Path(__file__).resolve().parent.parent.parent
 
 

@@ -79,7 +79,7 @@ def test_the_wheel_makes_an_asset_in_an_empty_environment(
     assert [joint["type"] for joint in card["joints"]] == ["revolute"]
     assert card["checks"]["executability"] == {"passed": True, "driven": False, "reasons": []}
 
-    command = [bin_folder / "mam-sim", "make-env", "box.glb", "--out", "env"]
+    command: list[str | Path] = [bin_folder / "mam-sim", "make-env", "box.glb", "--out", "env"]
     refused = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert refused.returncode == 2 and "mam-sim[sim]" in refused.stderr
     assert not (tmp_path / "env").exists()

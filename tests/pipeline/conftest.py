@@ -34,7 +34,7 @@ def boxes() -> tuple[Mesh, Primitives]:
         for size, at in places
     ]
     labels = np.concatenate([np.full(len(p.faces), i) for i, p in enumerate(parts)])
-    joined = trimesh.util.concatenate(parts)
+    joined: Any = trimesh.util.concatenate(parts)
     return Mesh(joined.vertices, joined.faces), Primitives(labels)
 
 

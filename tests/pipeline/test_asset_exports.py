@@ -160,6 +160,7 @@ def test_usd_has_the_same_poses_and_masses(asset: Asset) -> None:
         np.testing.assert_allclose(rest[:3, 3], joint_origin, atol=1e-9)
 
 
+@pytest.mark.sim
 def test_a_lid_behaves_alike_in_sapien_and_mujoco(asset: Asset) -> None:
     """Held by its friction in both; falls in both, alike, once friction is taken away."""
     mujoco = pytest.importorskip("mujoco")

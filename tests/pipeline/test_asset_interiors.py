@@ -17,6 +17,8 @@ from mam_pipeline.geometry.fuse import fuse_mesh
 from mam_pipeline.run import MakeConfig, make_asset
 from mam_pipeline.types import Articulation, Joint, Link, Mesh, RangeBasis, RangeRule
 
+pytestmark = pytest.mark.sim
+
 
 def fused(kind: str) -> Articulation:
     """A closed block of 0.5 x 0.6 x 0.7 m whose front's middle square is the moving part."""

@@ -369,6 +369,7 @@ def test_a_failed_write_leaves_the_old_asset(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["a"]
 
 
+@pytest.mark.sim
 def test_sapien_loads_it_without_a_graphics_driver(tmp_path: Path) -> None:
     from mam_pipeline.check.simulate import load_physics, physics_scene
 

@@ -22,6 +22,8 @@ from mam_pipeline.check.shorten import written_and_checked
 from mam_pipeline.errors import InputError
 from mam_pipeline.types import Articulation, CollisionShape, Joint, Link, Mesh, joint_motion
 
+pytestmark = pytest.mark.sim
+
 Z = np.array([0.0, 0.0, 1.0])
 
 

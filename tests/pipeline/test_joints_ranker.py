@@ -174,6 +174,7 @@ def test_samplings_agree_on_odds_and_vote_on_the_sense() -> None:
     assert ranker.agreed([here, here], [sure, unsure]).kind[1] == pytest.approx(0.75, abs=0.01)
 
 
+@pytest.mark.slow
 def test_fused_examples_are_parts_of_whole_primitives() -> None:
     truth, primitives = as_met("nightstand", 200_001, fused=True)
     whole = of_whole_primitives(truth, primitives.labels)

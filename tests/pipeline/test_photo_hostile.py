@@ -24,6 +24,8 @@ from mam_pipeline.photo.options import PhotoOptions
 from mam_pipeline.photo.reconstruct import reconstruct_photo
 from mam_sim.cli import main
 
+pytestmark = pytest.mark.sim
+
 ROOT = Path(__file__).resolve().parents[2]
 
 

@@ -40,7 +40,7 @@ def test_revolute_motion_keeps_the_axis_and_turns_right_handed() -> None:
 
 def test_forward_kinematics_of_a_chain() -> None:
     z = np.array([0.0, 0, 1])
-    links = tuple(Link(n, n, np.zeros(0)) for n in "abc")
+    links = tuple(Link(n, n, np.zeros(0, int)) for n in "abc")
     joints = (
         Joint("ab", "revolute", "hinge", 0, 1, z, np.zeros(3), 0, 1),
         Joint("bc", "prismatic", "slide", 1, 2, np.array([1.0, 0, 0]), np.zeros(3), 0, 1),
