@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import trimesh
@@ -27,8 +29,9 @@ def as_mesh(shape: CollisionShape) -> trimesh.Trimesh:
 
 
 def open_box(wall: float = 0.02) -> trimesh.Trimesh:
-    outer = trimesh.creation.box(bounds=[[0, 0, 0], [0.6, 0.4, 0.5]])
-    inner = trimesh.creation.box(bounds=[[wall, wall, wall], [0.6 - wall, 0.4 - wall, 0.6]])
+    outer = trimesh.creation.box(bounds=np.array([[0, 0, 0], [0.6, 0.4, 0.5]]))
+    ends = np.array([[wall, wall, wall], [0.6 - wall, 0.4 - wall, 0.6]])
+    inner = trimesh.creation.box(bounds=ends)
     return trimesh.boolean.difference([outer, inner], engine="manifold")
 
 
@@ -74,7 +77,7 @@ def test_an_open_box_keeps_its_cavity() -> None:
 
 @pytest.mark.parametrize("turn", [0.0, 0.4])
 def test_pieces_cover_the_surface(turn: float) -> None:
-    solid = trimesh.util.concatenate([open_box(), trimesh.creation.torus(0.15, 0.03, 24, 12)])
+    solid: Any = trimesh.util.concatenate([open_box(), trimesh.creation.torus(0.15, 0.03, 24, 12)])
     solid.apply_transform(trimesh.transformations.rotation_matrix(turn, [0, 0, 1]))
     articulation = single(solid)
     pieces = collision_shapes(articulation)["a"]
@@ -121,10 +124,10 @@ def test_a_bent_tube_is_covered() -> None:
 def test_unconnected_neighbours_do_not_overlap() -> None:
     """Two drawers' hulls meet between them; a knob's piece is planed off at the carcass."""
     blocks = [
-        trimesh.creation.box(bounds=b)
+        trimesh.creation.box(bounds=np.array(b))
         for b in ([[0, 0, 0], [1, 1, 0.1]], [[0, 0, 0.2], [1, 1, 0.4]], [[0, 0, 0.4], [1, 1, 0.6]])
     ]
-    whole = trimesh.util.concatenate(blocks)
+    whole: Any = trimesh.util.concatenate(blocks)
     links = tuple(Link(f"l{i}", "part", np.arange(12 * i, 12 * i + 12)) for i in range(3))
     axis = np.array([1.0, 0, 0])
     joints = tuple(
@@ -148,9 +151,9 @@ def test_unconnected_neighbours_do_not_overlap() -> None:
 def test_a_planed_hull_does_not_grow_again() -> None:
     """A many-cornered piece is simplified after it was cut: never beyond the cut."""
     ball = trimesh.creation.icosphere(3, radius=0.5)
-    box = trimesh.creation.box(bounds=[[-0.5, -0.5, 0.45], [0.5, 0.5, 0.6]])
-    whole = trimesh.util.concatenate([trimesh.creation.box(bounds=[[-1, -1, -1], [1, 1, -0.9]]),
-                                      ball, box])  # fmt: skip
+    box = trimesh.creation.box(bounds=np.array([[-0.5, -0.5, 0.45], [0.5, 0.5, 0.6]]))
+    floor = trimesh.creation.box(bounds=np.array([[-1, -1, -1], [1, 1, -0.9]]))
+    whole: Any = trimesh.util.concatenate([floor, ball, box])
     ends = np.cumsum([12, len(ball.faces), 12])
     links = tuple(
         Link(f"l{i}", "part", np.arange(end - n, end))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import trimesh
@@ -16,7 +18,7 @@ X, Y, Z = np.eye(3)
 def assemble(
     base: list[trimesh.Trimesh], part: list[trimesh.Trimesh], joint: Joint, kind: str
 ) -> Articulation:
-    whole = trimesh.util.concatenate([*base, *part])
+    whole: Any = trimesh.util.concatenate([*base, *part])
     count = sum(len(s.faces) for s in base)
     links = (
         Link("base", "body", np.arange(count)),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -72,7 +73,7 @@ def test_a_body_too_shallow_for_a_drawer_gets_no_box() -> None:
 def test_a_skin_gets_them_unless_told_not_to(tmp_path: Path, interiors: bool) -> None:
     body = trimesh.creation.box(bounds=[[-0.5, -0.5, 0], [0.5, 0.5, 1]])
     knob = trimesh.creation.box(bounds=[[-0.25, -0.7, 0.25], [0.25, -0.5, 0.75]])
-    both = trimesh.util.concatenate([body, knob])
+    both: Any = trimesh.util.concatenate([body, knob])
     save_glb(fuse_mesh(Mesh(both.vertices, both.faces), 48), tmp_path / "skin.glb")
     made = make_asset(tmp_path / "skin.glb", tmp_path / "a", MakeConfig(interiors=interiors))
     assert made.card.joints
@@ -99,7 +100,7 @@ def test_a_drawer_comes_out_by_its_box_and_the_check_agrees(tmp_path: Path) -> N
 def test_something_before_a_drawer_stops_it() -> None:
     source = short(fused("drawer"), "contact_loss")
     wall = trimesh.creation.box(bounds=[[-0.2, -0.3, 0], [-0.15, 0.3, 0.7]])
-    whole = trimesh.util.concatenate(
+    whole: Any = trimesh.util.concatenate(
         [trimesh.Trimesh(source.mesh.vertices, source.mesh.faces, process=False), wall]
     )
     faces = np.arange(len(whole.faces) - 12, len(whole.faces))
@@ -145,7 +146,7 @@ def test_a_door_that_is_thick_already_gets_no_second_thickness() -> None:
 def test_parts_that_are_bodies_of_their_own_stay_as_they_are() -> None:
     one = trimesh.creation.box(bounds=[[0, 0, 0], [1, 1, 1]])
     two = trimesh.creation.box(bounds=[[-0.1, 0, 0], [0, 1, 1]])  # touches, but was never cut
-    whole = trimesh.util.concatenate([one, two])
+    whole: Any = trimesh.util.concatenate([one, two])
     links = (Link("a", "body", np.arange(12)), Link("b", "door", np.arange(12, 24)))
     joint = Joint(
         "j", "prismatic", "slide", 0, 1, np.array([-1.0, 0, 0]), np.zeros(3), 0, 0.2, 0, 0.2

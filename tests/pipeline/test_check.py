@@ -8,6 +8,7 @@ import signal
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -52,7 +53,7 @@ def cabinet() -> Articulation:
         box((0.018, 0.348), (-0.278, 0.278), (0.53, 0.54)),
     ]
     solids = (body, door, drawer)
-    whole = trimesh.util.concatenate([s for group in solids for s in group])
+    whole: Any = trimesh.util.concatenate([s for group in solids for s in group])
     label = np.repeat([0, 1, 2], [12 * len(s) for s in solids])
     links = tuple(
         Link(n, n, np.flatnonzero(label == i)) for i, n in enumerate(("body", "door", "drawer"))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import trimesh
 
@@ -19,7 +21,7 @@ def slabs(*boxes: tuple[tuple[float, ...], tuple[float, ...]]) -> Mesh:
         box = trimesh.creation.box(size)
         box.apply_translation(middle)
         made.append(box.subdivide_to_size(0.08))
-    whole = trimesh.util.concatenate(made)
+    whole: Any = trimesh.util.concatenate(made)
     return Mesh(np.asarray(whole.vertices, dtype=float), np.asarray(whole.faces))
 
 

@@ -6,6 +6,7 @@ import base64
 import json
 from io import BytesIO
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -54,6 +55,7 @@ def test_glb_round_trip_keeps_uv_bits_and_image_bytes(tmp_path: Path) -> None:
     save_glb(mesh, tmp_path / "a.glb")
     loaded = load_mesh(tmp_path / "a.glb")
     back = loaded.mesh
+    assert back.uv is not None and mesh.uv is not None
     np.testing.assert_array_equal(back.uv[back.faces], mesh.uv[mesh.faces])
     assert [m.image for m in back.materials[:2]] == [m.image for m in mesh.materials]
     assert back.materials[1].base_color == (0.5, 0.25, 0.75, 1.0)
@@ -67,6 +69,7 @@ def test_obj_round_trip_keeps_uv_bits_and_image_bytes(tmp_path: Path) -> None:
     mesh = textured_box()
     save_obj(mesh, tmp_path / "a.obj")
     back = load_mesh(tmp_path / "a.obj", up="z").mesh
+    assert back.uv is not None and mesh.uv is not None
     np.testing.assert_array_equal(back.uv[back.faces], mesh.uv[mesh.faces])
     assert {m.image for m in back.materials} == {m.image for m in mesh.materials}
     assert back.group_names == ("body", "knob")
@@ -101,7 +104,7 @@ def test_every_format_gives_the_same_box_standing_on_the_floor(tmp_path: Path, s
     np.testing.assert_allclose(low, [-0.15, -0.25, 0.0], atol=1e-6)
     np.testing.assert_allclose(high, [0.15, 0.25, 0.9], atol=1e-6)
     assert len(loaded.mesh.faces) == 12
-    source = trimesh.load(file, process=False, force="mesh").vertices
+    source = cast(trimesh.Trimesh, trimesh.load(file, process=False, force="mesh")).vertices
     m = loaded.source_to_asset
     moved = source @ m[:3, :3].T + m[:3, 3]
     target = box.triangles.reshape(-1, 3) + np.array([0, 0, 0.45])
@@ -157,7 +160,7 @@ def test_up_axis_is_seen_from_where_the_floor_is(tmp_path: Path) -> None:
         leg.apply_translation([x, y, 0.35])
     top = trimesh.creation.box(extents=[0.9, 0.7, 0.03])
     top.apply_translation([0, 0, 0.715])
-    table = trimesh.util.concatenate([*legs, top])
+    table: Any = trimesh.util.concatenate([*legs, top])
     table.export(tmp_path / "z.obj")
     table.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))
     table.export(tmp_path / "y.stl")

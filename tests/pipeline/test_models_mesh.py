@@ -168,7 +168,7 @@ def test_painted_parts_keep_their_triangles(boxes: Boxes) -> None:
     painted = Mesh(
         mesh.vertices[corners] * 3 + 1,
         np.arange(len(corners)).reshape(-1, 3),
-        uv=np.random.default_rng(0).random((len(corners), 2)),
+        uv=np.random.default_rng(0).random((len(corners), 2)).astype(np.float32),
     )
     result = adopt(mesh, painted)
     np.testing.assert_array_equal(result.vertices[result.faces], mesh.vertices[mesh.faces])
@@ -200,7 +200,7 @@ class Painter:
             assert request["texture"] and set(request) == {"mesh", "image", "texture", "seed"}
             sent = base64.b64decode(request["mesh"])
             self.painted.append(base64.b64decode(request["image"]))
-            part = trimesh.load(io.BytesIO(sent), file_type="glb", force="mesh", process=False)
+            part: Any = trimesh.load(io.BytesIO(sent), file_type="glb", force="mesh", process=False)
             self.bounds = part.bounds
             part.unmerge_vertices()  # as an unwrapping painter does
             uv = np.random.default_rng(0).random((len(part.vertices), 2))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import trimesh
@@ -29,7 +31,7 @@ def crowd() -> Boxes:
     ]
     parts = [shell, ball, *studs]
     labels = np.concatenate([np.full(len(p.faces), i) for i, p in enumerate(parts)])
-    joined = trimesh.util.concatenate(parts)
+    joined: Any = trimesh.util.concatenate(parts)
     return Mesh(joined.vertices, joined.faces), Primitives(labels)
 
 

@@ -143,7 +143,7 @@ def test_a_stage_keeps_the_prior_whole(tmp_path: Path, boxes: Boxes) -> None:
     again = stage_store.PRIOR.load(tmp_path / "prior.npz")
     for name in ("mobility", "affinity", "masks", "views", "labels"):
         np.testing.assert_array_equal(getattr(again, name), getattr(prior, name))
-    assert again.fov == pytest.approx(prior.fov)
+    assert again is not None and again.fov == pytest.approx(prior.fov)
 
 
 def test_groups_by_affinity() -> None:

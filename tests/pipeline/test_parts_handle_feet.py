@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -37,7 +38,7 @@ def mesh_of(*boxes: Box, beside: trimesh.Trimesh | None = None) -> Mesh:
         box = trimesh.creation.box(size)
         box.apply_translation(middle)
         made.append(box)
-    whole = trimesh.util.concatenate(made)
+    whole: Any = trimesh.util.concatenate(made)
     return Mesh(np.asarray(whole.vertices, dtype=float), np.asarray(whole.faces))
 
 
@@ -126,7 +127,7 @@ def test_no_candidate_parts_a_handle_from_its_front_or_has_two_fronts() -> None:
     # nor does a part take one of their primitives from the base
     part = ~graph.rigid.any(axis=0)
     filled = completed(graph, part[None], np.full(len(same), 0.9), np.full(graph.count, 0.9))
-    assert not filled[0][~part].any()
+    assert not np.asarray(filled)[0, ~part].any()
 
 
 @pytest.mark.parametrize("high", [0.7, 0.5])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -240,7 +241,7 @@ def graph_of(*pieces: list[Box]) -> Graph:
             box.apply_translation(middle)
             made.append(box)
             labels += [k] * len(box.faces)
-    whole = trimesh.util.concatenate(made)
+    whole: Any = trimesh.util.concatenate(made)
     mesh = Mesh(np.asarray(whole.vertices, dtype=float), np.asarray(whole.faces))
     return build_graph(mesh, Primitives(np.array(labels)))
 

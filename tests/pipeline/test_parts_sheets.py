@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import trimesh
@@ -24,7 +26,7 @@ def graph_of(*items: Box) -> Graph:
         box = trimesh.creation.box(size)
         box.apply_translation(middle)
         made.append(box)
-    whole = trimesh.util.concatenate(made)
+    whole: Any = trimesh.util.concatenate(made)
     skin = fuse_mesh(Mesh(np.asarray(whole.vertices, dtype=float), np.asarray(whole.faces)), 128)
     return build_graph(skin, GeometricSegmenter().segment(skin))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import trimesh
@@ -22,7 +24,7 @@ def sheet_and_knob(inside_out: bool = False, merges: bool = True) -> Graph:
     labels = np.concatenate([
         np.select([side < -0.5, side > 0.5], [FRONT, BACK], REST), np.full(len(knob.faces), KNOB)
     ])  # fmt: skip
-    both = trimesh.util.concatenate([sheet, knob])
+    both: Any = trimesh.util.concatenate([sheet, knob])
     mesh = Mesh(both.vertices, both.faces[:, ::-1] if inside_out else both.faces)
     order = np.array([[0, 1], [4, 2], [5, 3]]) if merges else np.zeros((0, 2), dtype=np.int64)
     return build_graph(mesh, Primitives(labels, order))

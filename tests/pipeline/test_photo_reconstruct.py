@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from mam_pipeline.backends import load
 from mam_pipeline.hints import load_hints, save_hints
@@ -148,7 +150,7 @@ def test_depth_is_measured_only_where_the_picture_holds_it(seed: int, depth: str
 
 
 def test_an_edge_of_hue_alone_is_a_segment() -> None:
-    image = np.full((240, 240, 3), (150, 120, 120), np.uint8)
+    image: NDArray[Any] = np.full((240, 240, 3), (150, 120, 120), np.uint8)
     image[60:180, 60:180] = (104, 138, 120)  # as light as its surroundings
     image = np.clip(image + np.random.default_rng(0).normal(0, 4, image.shape), 0, 255)
     found = find_segments(image.astype(np.uint8))
@@ -159,7 +161,7 @@ def test_an_edge_of_hue_alone_is_a_segment() -> None:
 
 def test_the_colours_of_the_middle_are_the_object() -> None:
     rng = np.random.default_rng(1)
-    image = np.full((240, 320, 3), (60, 90, 120), np.uint8)
+    image: NDArray[Any] = np.full((240, 320, 3), (60, 90, 120), np.uint8)
     image[150:] = (160, 60, 50)
     image[50:190, 90:240] = (190, 160, 110)
     image = np.clip(image + rng.normal(0, 6, image.shape), 0, 255).astype(np.uint8)

@@ -362,7 +362,3 @@ def test_errors_name_the_way_out() -> None:
         make_object("sefe", 0)
     with pytest.raises(ConfigError, match="no split named 'tset'; did you mean 'test'"):
         next(iterate("tset"))
-
-
-def test_there_are_two_hundred_categories() -> None:
-    assert len(CATEGORIES) >= 200
