@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from mam_sim.cli import VERBS, verb_class
+from mam_sim.flags import REGISTRY
 from mam_sim.options import Verb, defaults
 
 SECTIONS = {
@@ -83,7 +84,7 @@ def parser_of(base: Verb) -> Any:
 
     with warnings.catch_warnings():  # there is no other way to the parser yet
         warnings.simplefilter("ignore", DeprecationWarning)
-        return tyro.extras.get_parser(type(base), default=base)
+        return tyro.extras.get_parser(type(base), default=base, registry=REGISTRY)
 
 
 def _flags(parser: Any) -> list[tuple[str, str, str]]:

@@ -67,7 +67,9 @@ def parse(kind: type[Verb], prog: str, args: Sequence[str]) -> Verb:
 
 
 def _parsed(base: Verb, prog: str, args: Sequence[str]) -> Verb:
-    return tyro.cli(type(base), prog=prog, args=list(args), default=base)
+    from mam_sim.flags import REGISTRY
+
+    return tyro.cli(type(base), prog=prog, args=list(args), default=base, registry=REGISTRY)
 
 
 def fill(base: V, values: Mapping[str, Any], source: str | Path = "") -> V:

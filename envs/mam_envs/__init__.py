@@ -60,4 +60,5 @@ def make(asset: _Any, **kwargs: _Any) -> _Any:
     try:
         return _gym.make("OperateJoint-v1", asset=asset, **kwargs)
     except MamSimError as error:  # gymnasium appends all arguments to the message
-        raise (error.__cause__ or error) from None
+        cause = error.__cause__
+        raise (cause if isinstance(cause, MamSimError) else error) from None

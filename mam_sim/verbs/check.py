@@ -6,11 +6,11 @@ import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+import tyro
 from tyro.conf import Positional
 
-from mam_pipeline.check.profiles import ProfileName
 from mam_pipeline.errors import ConfigError
 from mam_sim.options import Verb
 
@@ -30,8 +30,9 @@ class Check(Verb):
     """Save the worst frame as a PNG here."""
     drive: bool = True
     """Drive the joints in the simulator too (needs no graphics driver)."""
-    profile: ProfileName | None = None
-    """Say instead what this simulator would refuse or ignore of the URDF; nothing is driven."""
+    profile: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    """Say instead what a simulator would refuse or ignore of the URDF: sapien, mujoco, pybullet,
+    isaac, newton or gazebo; nothing is driven."""
     fix: bool = False
     """With --profile: write a mended copy, NAME_PROFILE.urdf, beside the URDF."""
 

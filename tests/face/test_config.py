@@ -109,6 +109,14 @@ def test_every_scale_of_the_reward_has_a_flag() -> None:
     assert set(vars(reward).values()) == {7.0}
 
 
+def test_help_says_each_sentence_in_one_piece(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["make-env", "--help"]) == 0
+    said = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "PART PICTURE, or PART and words, of which an image endpoint" in said
+    assert "--height FLOAT Height of the object, metres." in said and "{None}" not in said
+    assert "--env.randomisation.damping FLOAT FLOAT factors on the joint's values." in said
+
+
 def test_the_bench_is_configured_in_the_same_way(tmp_path: Path) -> None:
     file = tmp_path / "a.yaml"
     file.write_text("bench: {fuse: true, engine: {prior: none}, models: {questions: asked}}\n")

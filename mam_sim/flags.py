@@ -1,0 +1,93 @@
+"""How dataclasses become flags: a rule for tyro, with sentences and values as people read them.
+
+tyro keeps the line breaks and the indentation of a field's sentence, knows no sentence for several
+names ("lower, upper: ..."), and writes the value of an optional number as {None}|FLOAT.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+import textwrap
+import types
+import typing
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Annotated, Any, Union
+
+import tyro
+from tyro.constructors import (
+    ConstructorRegistry,
+    StructConstructorSpec,
+    StructFieldSpec,
+    StructTypeInfo,
+)
+
+WORDS = {int: "INT", float: "FLOAT", str: "TEXT", Path: "PATH"}
+REGISTRY = ConstructorRegistry()
+
+
+@REGISTRY.struct_rule
+def _dataclass(info: StructTypeInfo) -> StructConstructorSpec | None:
+    """The fields of a dataclass that has a default instance; None leaves it to tyro."""
+    if not is_dataclass(info.type) or not isinstance(info.default, info.type):
+        return None
+    hints = typing.get_type_hints(info.type, include_extras=True)
+    said = sentences(info.type)
+    specs = [
+        StructFieldSpec(
+            name=f.name,
+            type=_with_word(hints[f.name]),
+            default=getattr(info.default, f.name),
+            helptext=said.get(f.name),
+        )
+        for f in fields(info.type)
+    ]
+    return StructConstructorSpec(instantiate=info.type, fields=tuple(specs))
+
+
+def sentences(kind: type) -> dict[str, str]:
+    """What is said of each field of a dataclass: a string below it, or a line of "Attributes:"."""
+    out: dict[str, str] = {}
+    for cls in reversed(kind.__mro__[:-1]):
+        if "__annotations__" not in vars(cls):
+            continue
+        try:
+            body = ast.parse(textwrap.dedent(inspect.getsource(cls))).body[0]
+        except (OSError, TypeError, SyntaxError):  # made at run time: its fields are sections
+            continue
+        assert isinstance(body, ast.ClassDef)
+        out |= _listed(ast.get_docstring(body) or "")
+        for field, text in zip(body.body, body.body[1:]):
+            if (
+                isinstance(field, ast.AnnAssign)
+                and isinstance(field.target, ast.Name)
+                and isinstance(text, ast.Expr)
+                and isinstance(text.value, ast.Constant)
+            ):
+                out[field.target.id] = " ".join(str(text.value.value).split())
+    return out
+
+
+def _listed(doc: str) -> dict[str, str]:
+    """Sentences of the section "Attributes:" of a docstring, by name."""
+    body = doc.partition("Attributes:\n")[2].partition("\n\n")[0]
+    joined = re.sub(r"\n {8,}", " ", body)
+    found = re.findall(r"^ *([a-z_]+(?:, [a-z_]+)*): (.+)$", joined, re.MULTILINE)
+    return {name: text for names, text in found for name in names.split(", ")}
+
+
+def _with_word(kind: Any) -> Any:
+    """The type of text or of an optional value, with the word for it in the help."""
+    if kind is str:
+        return Annotated[str, tyro.conf.arg(metavar=WORDS[str])]
+    if typing.get_origin(kind) not in (Union, types.UnionType):
+        return kind
+    wanted = [k for k in typing.get_args(kind) if k is not type(None)]
+    if len(wanted) != 1 or len(typing.get_args(kind)) != 2:
+        return kind
+    many = typing.get_args(wanted[0]) if typing.get_origin(wanted[0]) is tuple else wanted
+    if not all(k in WORDS for k in many):
+        return kind
+    return Annotated[kind, tyro.conf.arg(metavar=" ".join(WORDS[k] for k in many))]
