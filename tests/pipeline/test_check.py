@@ -118,6 +118,26 @@ def test_wrong_joints_are_rejected(
     assert code in reasons(report, joint), report.joints
 
 
+@pytest.mark.parametrize(("travel", "said"), [(0.35, ()), (0.9, ("detached",))])
+def test_a_bare_front_goes_no_farther_than_its_body_is_deep(
+    tmp_path: Path, travel: float, said: tuple[str, ...]
+) -> None:
+    """A front without a box touches nothing and is short, but rails of 0.9 m would not fit."""
+    body, front = (
+        trimesh.creation.box(bounds=b)
+        for b in ([[0, -0.3, 0], [0.4, 0.3, 0.8]], [[-0.04, -0.3, 0.5], [-0.02, 0.3, 0.8]])
+    )
+    vertices = np.concatenate([body.vertices, front.vertices])
+    faces = np.concatenate([body.faces, front.faces + len(body.vertices)])
+    links = (Link("body", "body", np.arange(12)), Link("front", "drawer", np.arange(12, 24)))
+    slide = Joint("slide", "prismatic", "slide", 0, 1, np.array([-1.0, 0, 0]), np.zeros(3),
+                  0.0, travel, 0.0, travel)  # fmt: skip
+    asset = write_asset(Articulation(Mesh(vertices, faces), links, (slide,)), tmp_path / "a",
+                        name="a")  # fmt: skip
+    report = check_asset(asset.folder, drive=False)
+    assert reasons(report, "slide") == said
+
+
 @pytest.mark.parametrize("may", [True, False])
 def test_a_way_that_ends_in_a_wall_is_cut_and_said_so(tmp_path: Path, may: bool) -> None:
     truth = cabinet()

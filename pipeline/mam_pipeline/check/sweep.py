@@ -27,8 +27,9 @@ class JointSweep:
     Attributes:
         penetration: depth beyond rest reached by more than a few samples; at which joint value.
         area: share of the part's area that is deeper than the sweep's own small tolerance.
-        gap: largest distance between part and rest beyond that at rest (slides); None where a
-            part is too short to keep contact by itself.
+        gap: largest distance between part and rest beyond that at rest (slides); of a part too
+            short to keep contact by itself, the travel beyond the length of what it slides in;
+            None where that is not exceeded.
         line_gap: distance of the hinge line from either body, or twice its stray (hinges), beyond
             the distance of the bodies at rest.
         filled: share of the part's area inside other links' collision pieces where their mesh is
@@ -93,7 +94,19 @@ class _Sweep:
             if slides:
                 gaps = paths.gaps(self.motion, joint.axis, joint.origin, values)
                 gap = max(gap, float(gaps.max() - paths.rest_gap) / self.diagonal)
+        if self.motion == "prismatic" and not slides:
+            unguided = self._unguided()
+            return depth, at, area, unguided if unguided > 0.0 else None
         return depth, at, area, gap if slides else None
+
+    def _unguided(self) -> float:
+        """How much farther a slide goes than anything that stands still reaches along its axis.
+
+        No rail is longer than what it is mounted in, however short the part that rides on it.
+        """
+        points = self.mesh.vertices[self.mesh.faces[self.static].reshape(-1)]
+        travel = max(abs(self.low), abs(self.high))
+        return (travel - float(np.ptp(points @ self.joint.axis))) / self.diagonal
 
     def _keeps_contact(self) -> bool:
         """Whether the part is long enough along its slide to be guided over the whole range.
