@@ -54,7 +54,7 @@ class Doctor(Verb):
     def run(self) -> int:
         """Look at everything and print a line for each."""
         findings = [*_python(), *_packages(), *_system(), *_gpu(), *_backends(), *_models()]
-        findings += _keys()
+        findings += [*_plugins(), *_keys()]
         if self.json:
             Screen().json([asdict(f) for f in findings])
         else:
@@ -199,6 +199,23 @@ def _backends() -> list[Finding]:
             except Exception as error:  # a third party's plug-in may be broken
                 state = f"broken: {error}"
             out.append(Finding("backends", f"{role} {name}", state, ok, fix=fix))
+    return out
+
+
+def _plugins() -> list[Finding]:
+    """What other packages add beside backends."""
+    from mam_pipeline.registry import Registry
+
+    out = []
+    for kind in ("robot", "task", "algorithm"):
+        added = Registry(kind, {})
+        for name, target in added.targets().items():
+            state, ok = target, True
+            try:
+                added.load(name)
+            except Exception as error:  # it may fail at anything
+                state, ok = f"broken: {error}", False
+            out.append(Finding("plug-ins", f"{kind} {name}", state, ok))
     return out
 
 

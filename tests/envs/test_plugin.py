@@ -25,6 +25,7 @@ from mam_policies.algorithms import algorithm
 from mam_policies.evaluate import evaluate_run
 from mam_policies.expert import Expert, run_episode
 from mam_policies.run import EnvChoice
+from mam_sim.verbs.doctor import _plugins
 from mam_world import make_object
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -65,6 +66,15 @@ def test_its_names_are_listed_with_the_built_in_ones() -> None:
     assert "connected" in backends.names("segmenter")
     with pytest.raises(ConfigError, match="did you mean 'open_and_keep'"):
         task_class(["open_and_kep"])
+
+
+def test_doctor_lists_it_and_says_what_is_broken(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = {f.name: f for f in _plugins()}
+    assert {"robot koch", "task open_and_keep"} <= set(found)
+    assert all(f.ok for f in found.values())
+    monkeypatch.setitem(sys.modules, "example_plugin.task", None)  # as if its import failed
+    broken = {f.name: f for f in _plugins()}["task open_and_keep"]
+    assert not broken.ok and broken.state.startswith("broken: the task 'open_and_keep'")
 
 
 def test_its_robot_fits_its_urdf_and_reaches_what_it_says() -> None:
