@@ -16,6 +16,7 @@ import yourdfpy
 from scipy.spatial.transform import Rotation
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.formats.urdf.tree import parse_urdf
 from mam_pipeline.types import FloatArray
 
 MOVABLE = ("revolute", "continuous", "prismatic")
@@ -51,12 +52,7 @@ class KinematicModel:
         Raises:
             InputError: the file is missing or is no URDF, or its links form no tree.
         """
-        try:
-            robot = yourdfpy.URDF.load(
-                str(path), build_scene_graph=False, load_meshes=False, load_collision_meshes=False
-            ).robot
-        except Exception as error:
-            raise InputError(f"{path} cannot be read as a URDF: {error}") from error
+        robot = parse_urdf(Path(path))
         children = {j.child for j in robot.joints}
         order = [link.name for link in robot.links if link.name not in children]
         if len(order) != 1:

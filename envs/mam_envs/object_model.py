@@ -15,6 +15,7 @@ from scipy.spatial import ConvexHull, QhullError
 from mam_envs.kinematics import KinematicModel
 from mam_pipeline.asset.card import Asset, CardGrasp, CardJoint
 from mam_pipeline.errors import InputError, NotPhysicalError, unknown_name
+from mam_pipeline.formats.urdf.geometry import origin_of, resolve, shape_triangles
 from mam_pipeline.types import FloatArray, IntArray
 
 GRAVITY = 9.81  # m/s^2
@@ -312,29 +313,16 @@ class ObjectModel:
                     yield near[rows][within], -distance[within], piece
 
 
-def _pieces(collision: object, urdf: Path, scale: float) -> list[ConvexPiece]:
+def _pieces(collision: Any, urdf: Path, scale: float) -> list[ConvexPiece]:
     """The convex pieces of one URDF collision element, scaled."""
-    g = collision.geometry  # type: ignore[attr-defined]
-    if g.mesh is not None:
-        file = urdf.parent / g.mesh.filename.replace("package://", "")
-        if not file.is_file():
-            raise InputError(f"{urdf} names the mesh {g.mesh.filename}, which does not exist")
-        mesh: Any = trimesh.load(file, force="mesh", process=False)
-        if g.mesh.scale is not None:
-            mesh.apply_scale(g.mesh.scale)
-    elif g.box is not None:
-        mesh = trimesh.creation.box(g.box.size)
-    elif g.cylinder is not None:
-        mesh = trimesh.creation.cylinder(g.cylinder.radius, g.cylinder.length, sections=16)
-    elif g.sphere is not None:
-        mesh = trimesh.creation.icosphere(1, g.sphere.radius)
-    else:
+    geometry = collision.geometry
+    if geometry.mesh is not None and resolve(geometry.mesh.filename, urdf.parent) is None:
+        raise InputError(f"{urdf} names the mesh {geometry.mesh.filename}, which does not exist")
+    surface = shape_triangles(geometry, urdf.parent, sections=16, subdivisions=1)
+    if surface is None:
         return []
-    origin = collision.origin  # type: ignore[attr-defined]
-    points = np.asarray(mesh.vertices)
-    if origin is not None:
-        points = points @ origin[:3, :3].T + origin[:3, 3]
-    points = points * scale
+    origin = origin_of(collision)
+    points = (surface[0] @ origin[:3, :3].T + origin[:3, 3]) * scale
     try:
         hull = ConvexHull(points)
     except QhullError:  # flat: no volume to run into

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trimesh
@@ -19,6 +18,7 @@ import yourdfpy
 from mam_envs.kinematics import Chain, KinematicModel
 from mam_envs.object_model import Hull
 from mam_pipeline.errors import ConfigError, unknown_name
+from mam_pipeline.formats.urdf.geometry import shape_triangles
 from mam_pipeline.types import FloatArray
 
 
@@ -243,24 +243,10 @@ class RobotSpec:
 
 def _hull(collision: yourdfpy.Collision, folder: Path) -> trimesh.Trimesh | None:
     """Convex hull of one collision shape in its link's frame; None where its file is missing."""
-    g = collision.geometry
-    if g.mesh is not None:
-        name = g.mesh.filename.replace("package://", "")
-        file = next((p / name for p in (folder, *folder.parents) if (p / name).is_file()), None)
-        if file is None:
-            return None
-        mesh: Any = trimesh.load(file, force="mesh")
-        if g.mesh.scale is not None:
-            mesh.apply_scale(g.mesh.scale)
-    elif g.box is not None:
-        mesh = trimesh.creation.box(g.box.size)
-    elif g.cylinder is not None:
-        mesh = trimesh.creation.cylinder(g.cylinder.radius, g.cylinder.length, sections=12)
-    elif g.sphere is not None:
-        mesh = trimesh.creation.icosphere(1, g.sphere.radius)
-    else:
+    surface = shape_triangles(collision.geometry, folder, sections=12, subdivisions=1)
+    if surface is None:
         return None
-    hull: trimesh.Trimesh = mesh.convex_hull
+    hull: trimesh.Trimesh = trimesh.Trimesh(*surface).convex_hull
     if collision.origin is not None:
         hull.apply_transform(np.asarray(collision.origin))
     return hull

@@ -14,6 +14,7 @@ from mani_skill.utils import common
 from numpy.typing import NDArray
 
 from mam_envs.scene.layout import Layout
+from mam_pipeline.formats.urdf.geometry import resolve, shape_triangles
 from mam_pipeline.render.scene_pictures import render_scene
 from mam_pipeline.types import FloatArray
 
@@ -124,21 +125,15 @@ def _visuals(
 
 def _load(geometry: yourdfpy.Geometry, folder: Path) -> Any:
     if geometry.mesh is not None:
-        name = geometry.mesh.filename.replace("package://", "")
-        file = next((p / name for p in (folder, *folder.parents) if (p / name).is_file()), None)
+        file = resolve(geometry.mesh.filename, folder)
         if file is None:
             return None
         mesh = trimesh.load(file, force="mesh")
         if geometry.mesh.scale is not None:
             mesh.apply_scale(geometry.mesh.scale)
         return mesh
-    if geometry.box is not None:
-        return trimesh.creation.box(geometry.box.size)
-    if geometry.cylinder is not None:
-        return trimesh.creation.cylinder(geometry.cylinder.radius, geometry.cylinder.length)
-    if geometry.sphere is not None:
-        return trimesh.creation.icosphere(2, geometry.sphere.radius)
-    return None
+    surface = shape_triangles(geometry, folder)
+    return None if surface is None else trimesh.Trimesh(*surface, process=False)
 
 
 def _tints(mesh: trimesh.Trimesh) -> FloatArray:
