@@ -55,6 +55,7 @@ METRICS = ("miou", "count", "type_error", "axis", "limits")
 MORE_IS_BETTER = ("miou", "count", "limits")
 DECIDING = ("miou", "count", "type_error", "axis")  # by these a rule stays or goes
 LEAST_GAIN = 0.005
+ENOUGH = {"authored": 60, "fused": 30}  # objects from which a verdict is given
 FUSED_ONLY = (
     "closed_fronts", "handle_on_panel", "two_sided_sheet", "through_sheet", "same_handle",
     "sunken_slide",
@@ -282,8 +283,8 @@ def gain_of(rule: str, rows: list[dict[str, Any]]) -> Gain:
 
 def told(rule: str, gains: dict[str, Gain]) -> str:
     """What follows for a rule, in words."""
-    if not any(gains[k].objects for k in ("authored", "fused")):
-        return "not measured yet"
+    if any(gains[k].objects < least for k, least in ENOUGH.items() if _acts_on(rule, k)):
+        return "not decided: too few objects were measured"
     best = max(gains[k].most for k in ("authored", "fused"))
     if best >= LEAST_GAIN:
         where = [k for k in ("authored", "fused") if gains[k].most >= LEAST_GAIN]
@@ -293,6 +294,10 @@ def told(rule: str, gains: dict[str, Gain]) -> str:
     if not any(gains[k].changed for k in ("authored", "fused")):
         return "changed nothing here"
     return f"gains less than {LEAST_GAIN} here"
+
+
+def _acts_on(rule: str, sort: str) -> bool:
+    return rule not in (FUSED_ONLY if sort == "authored" else AUTHORED_ONLY)
 
 
 def report(settings: Settings) -> None:

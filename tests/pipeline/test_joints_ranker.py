@@ -81,7 +81,7 @@ def test_a_renamed_feature_is_an_error() -> None:
         ranker.unpack(data)
 
 
-def test_skins_ask_the_boosters_that_know_them() -> None:
+def test_parts_of_fused_meshes_ask_the_boosters_that_know_them() -> None:
     file = resources.files("mam_pipeline.joints") / ranker.WEIGHTS
     data = json.loads(lzma.decompress(file.read_bytes()))
     every, few = ranker.learned(), ranker.learned(fused=True)
