@@ -79,7 +79,8 @@ def test_doctor_lists_it_and_says_what_is_broken(monkeypatch: pytest.MonkeyPatch
 
 def test_its_robot_fits_its_urdf_and_reaches_what_it_says() -> None:
     spec = robot_spec("koch")
-    q = np.random.default_rng(0).uniform(*spec.chain.limits.T, size=(4000, 5))
+    low, high = spec.chain.limits.T
+    q = np.random.default_rng(0).uniform(low, high, (4000, 5))
     _, position, _ = spec.chain.forward(q)
     farthest = float(np.linalg.norm(position[:, :2], axis=1).max())
     assert 0.9 * farthest < spec.reach * 1.35 and spec.reach < farthest

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.sim
 
 def fused(kind: str) -> Articulation:
     """A closed block of 0.5 x 0.6 x 0.7 m whose front's middle square is the moving part."""
-    block = trimesh.creation.box(bounds=[[0, -0.3, 0], [0.5, 0.3, 0.7]])
+    block = trimesh.creation.box(bounds=np.array([[0, -0.3, 0], [0.5, 0.3, 0.7]]))
     for _ in range(5):
         block = block.subdivide()
     middle = block.triangles_center
@@ -71,8 +71,8 @@ def test_a_body_too_shallow_for_a_drawer_gets_no_box() -> None:
 
 @pytest.mark.parametrize("interiors", [True, False])
 def test_a_skin_gets_them_unless_told_not_to(tmp_path: Path, interiors: bool) -> None:
-    body = trimesh.creation.box(bounds=[[-0.5, -0.5, 0], [0.5, 0.5, 1]])
-    knob = trimesh.creation.box(bounds=[[-0.25, -0.7, 0.25], [0.25, -0.5, 0.75]])
+    body = trimesh.creation.box(bounds=np.array([[-0.5, -0.5, 0], [0.5, 0.5, 1]]))
+    knob = trimesh.creation.box(bounds=np.array([[-0.25, -0.7, 0.25], [0.25, -0.5, 0.75]]))
     both: Any = trimesh.util.concatenate([body, knob])
     save_glb(fuse_mesh(Mesh(both.vertices, both.faces), 48), tmp_path / "skin.glb")
     made = make_asset(tmp_path / "skin.glb", tmp_path / "a", MakeConfig(interiors=interiors))
@@ -99,7 +99,7 @@ def test_a_drawer_comes_out_by_its_box_and_the_check_agrees(tmp_path: Path) -> N
 
 def test_something_before_a_drawer_stops_it() -> None:
     source = short(fused("drawer"), "contact_loss")
-    wall = trimesh.creation.box(bounds=[[-0.2, -0.3, 0], [-0.15, 0.3, 0.7]])
+    wall = trimesh.creation.box(bounds=np.array([[-0.2, -0.3, 0], [-0.15, 0.3, 0.7]]))
     whole: Any = trimesh.util.concatenate(
         [trimesh.Trimesh(source.mesh.vertices, source.mesh.faces, process=False), wall]
     )
@@ -126,7 +126,7 @@ def test_a_bad_face_at_the_rim_does_not_cost_the_inside() -> None:
 
 
 def test_a_door_that_is_thick_already_gets_no_second_thickness() -> None:
-    block = trimesh.creation.box(bounds=[[0, -0.3, 0], [0.5, 0.3, 0.7]])
+    block = trimesh.creation.box(bounds=np.array([[0, -0.3, 0], [0.5, 0.3, 0.7]]))
     for _ in range(5):
         block = block.subdivide()
     door = block.triangles_center[:, 0] < 0.04
@@ -144,8 +144,9 @@ def test_a_door_that_is_thick_already_gets_no_second_thickness() -> None:
 
 
 def test_parts_that_are_bodies_of_their_own_stay_as_they_are() -> None:
-    one = trimesh.creation.box(bounds=[[0, 0, 0], [1, 1, 1]])
-    two = trimesh.creation.box(bounds=[[-0.1, 0, 0], [0, 1, 1]])  # touches, but was never cut
+    one = trimesh.creation.box(bounds=np.array([[0, 0, 0], [1, 1, 1]]))
+    # touches, but was never cut
+    two = trimesh.creation.box(bounds=np.array([[-0.1, 0, 0], [0, 1, 1]]))
     whole: Any = trimesh.util.concatenate([one, two])
     links = (Link("a", "body", np.arange(12)), Link("b", "door", np.arange(12, 24)))
     joint = Joint(

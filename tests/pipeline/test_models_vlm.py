@@ -285,7 +285,8 @@ def test_few_images_are_combined(
     shown = _pictures(server.asked[0])
     assert len(shown) == 1
     data = np.frombuffer(base64.b64decode(shown[0]["image_url"]["url"].split(",")[1]), np.uint8)
-    assert max(cv2.imdecode(data, cv2.IMREAD_COLOR).shape) <= 2048
+    picture = cv2.imdecode(data, cv2.IMREAD_COLOR)
+    assert picture is not None and max(picture.shape) <= 2048
 
 
 def test_questions_in_files(tmp_path: Path, boxes: Boxes, grouping: Plain, mounting: Plain) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -90,7 +91,8 @@ def test_numpy_gives_what_torch_gives(tmp_path: Path) -> None:
 
 
 def test_training_learns_what_moves(tmp_path: Path) -> None:
-    items, names = [], ((), ())
+    items: list[Any] = []
+    names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
     for seed in range(14):
         example = generated_example("abstract_leaf", seed)
         if example.graph.is_fused:  # the other weights' business

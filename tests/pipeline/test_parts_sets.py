@@ -21,7 +21,7 @@ from mam_pipeline.parts.rules.extent import completed, without_spanning
 from mam_pipeline.parts.scores import HandScores, load_scores
 from mam_pipeline.parts.select import SELECTION
 from mam_pipeline.parts.tree import Choice, build_tree, left_out_note, with_base
-from mam_pipeline.types import KinematicTree, Mesh, PartNode, Primitives
+from mam_pipeline.types import FloatArray, KinematicTree, Mesh, PartNode, Primitives
 from mam_training.parts.corpus import Example, generated_example
 
 # panel and handle, the panel, the handle, another front
@@ -32,6 +32,11 @@ def sizes(*longest: float) -> Table:
     """Candidates of these lengths, one wide and one thick."""
     side = np.array(longest)
     return table({"size0": side, "size1": np.ones(len(side)), "size2": np.ones(len(side))})
+
+
+def _row(count: int) -> list[list[Box]]:
+    """So many cubes of half a metre, a metre apart."""
+    return [[((float(k), 0.0, 0.0), (0.5, 0.5, 0.5))] for k in range(count)]
 
 
 def measured() -> tuple[Example, np.ndarray, np.ndarray, np.ndarray]:
@@ -78,7 +83,8 @@ def test_a_set_shows_what_it_leaves_and_how_its_parts_are_bound() -> None:
 def test_new_candidates_lie_beside_the_best_and_are_measured_alike() -> None:
     item, same, move, masks = measured()
     few = masks[:: max(1, len(masks) // 6)]
-    more = expand_groups(item.graph, few, np.linspace(1, 0, len(few)), same)
+    worth: FloatArray = np.linspace(1.0, 0.0, len(few))
+    more = expand_groups(item.graph, few, worth, same)
     known = {m.tobytes() for m in few}
     assert len(more) and not any(m.tobytes() in known for m in more)
     both = np.concatenate([few, more])
@@ -158,12 +164,12 @@ def test_what_stands_apart_and_is_no_trifle_does_not_join() -> None:
 
 
 def test_what_is_as_good_as_certain_is_no_left_over() -> None:
-    graph = graph_of(*([((k, 0, 0), (0.5, 0.5, 0.5))] for k in range(4)))
+    graph = graph_of(*_row(4))
     masks = np.array([[1, 0, 0, 0], [1, 1, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], dtype=bool)
     value, sure = np.array([0.9, 0.95, 0.8, 0.7]), np.array([1, 1, 1, 0], dtype=bool)
     assert with_sure(graph, masks, value, sure, [0]) == [0, 2]
     assert with_sure(graph, masks, value, sure | True, [0]) == [0, 2, 3]
-    few = graph_of(*([((k, 0, 0), (0.5,) * 3)] for k in range(3)))
+    few = graph_of(*_row(3))
     assert with_sure(few, masks[:, :3], value, sure | True, [0]) == [0, 2]  # something stays
 
 

@@ -12,6 +12,7 @@ import sys
 import zlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -207,7 +208,8 @@ def test_fifty_megapixels_fit_in_a_gigabyte(mode: str, tmp_path: Path) -> None:
         cv2.imwrite(str(path), np.full((7072, 7072), 9000, np.uint16), [16, 1])
     else:
         image = Image.new("RGB" if mode == "JPEG" else mode, (7072, 7072))
-        image.save(path, **({} if mode == "JPEG" else {"compress_level": 1}))
+        options: dict[str, Any] = {} if mode == "JPEG" else {"compress_level": 1}
+        image.save(path, **options)
     done = subprocess.run(
         [sys.executable, "-c", script, str(path)], capture_output=True, text=True, check=True
     )

@@ -51,7 +51,10 @@ ME = Maker("geometric", "1")
 
 
 def text_codec() -> Codec[str]:
-    return Codec("text.yaml", lambda v, path: path.write_text(v) and None, Path.read_text)
+    def save(value: str, path: Path) -> None:
+        path.write_text(value)
+
+    return Codec("text.yaml", save, Path.read_text)
 
 
 def made(store: StageStore, value: str, maker: Maker = ME, **inputs: str) -> tuple[str, Maker]:
