@@ -220,10 +220,10 @@ def faces_around(tree: KinematicTree, primitives: Primitives, index: int) -> Par
             break
         moving |= more
     parent = tree.nodes[index].parent
-    trunk, node = {0}, parent
-    while node > 0:
-        trunk.add(node)
-        node = tree.nodes[node].parent
+    trunk, above = {0}, parent
+    while above > 0:
+        trunk.add(above)
+        above = tree.nodes[above].parent
     stiff = {i for i, n in enumerate(tree.nodes)
              if n.subtype == "fixed" and n.parent in trunk} - moving  # fmt: skip
 

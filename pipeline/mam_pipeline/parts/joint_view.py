@@ -75,7 +75,7 @@ def with_joints(
             rules=rules,
         )
         motion = kind_probabilities(candidates)
-        own = dict(zip(SUBTYPES, map(float, odds[index - 1])))
+        own: dict[str, float] = dict(zip(SUBTYPES, map(float, odds[index - 1])))
         weight = MOTION.fused if primitives.is_fused else MOTION.authored
         nodes.append(_typed(node, own, motion, tuple(candidates), weight))
     found = KinematicTree(tuple(nodes))
