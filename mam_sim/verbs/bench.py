@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from tyro.conf import OmitArgPrefixes, Positional
 
+from mam_pipeline import config_file
 from mam_pipeline.errors import ConfigError, HintNeeded
 from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.models.settings import given
 from mam_sim.bench.config import BenchConfig
 from mam_sim.console import Screen
-from mam_sim.options import Verb
+from mam_sim.options import Verb, settings
 
 if TYPE_CHECKING:
     from mam_sim.bench.runner import Record
@@ -28,7 +29,8 @@ class Bench(Verb):
     dataset: Positional[str]
     """Folder of URDF objects, or generated:validation, generated:test."""
     out: Path | None = None
-    """JSON file for everything; beside it FILE.jsonl makes the run resumable."""
+    """JSON file for everything; beside it a .jsonl makes the run resumable, and a .yaml says the
+    settings."""
     only: tuple[str, ...] = ()
     """Ids of objects to run."""
     limit: int | None = None
@@ -59,6 +61,7 @@ class Bench(Verb):
         data = as_json(records, self.dataset, self.bench)
         if self.out is not None:
             self.out.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+            config_file.save(settings(self), self.out.with_suffix(".yaml"))
         if self.json:
             screen.json(data)
             return 0

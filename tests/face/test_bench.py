@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mam_pipeline import config_file
 from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.ground_truth import list_objects, read_object
 from mam_pipeline.metrics import score
@@ -16,6 +17,9 @@ from mam_sim.bench import runner
 from mam_sim.bench.config import BenchConfig
 from mam_sim.bench.runner import Record, find_tasks, record_from, run_bench
 from mam_sim.bench.table import PAPER, as_json, by_category, review_line, summarise
+from mam_sim.cli import main
+from mam_sim.options import parse
+from mam_sim.verbs.bench import Bench
 
 DEV = Path(__file__).resolve().parents[2].parent / "shared" / "bench" / "dev"
 
@@ -148,3 +152,22 @@ def test_dev_objects_read_and_primitives_bound() -> None:
         truth = read_object(DEV / name / "object.urdf", name)
         labels = GeometricSegmenter().segment(truth.mesh).labels
         assert runner.grouping_bound(truth.mesh, labels, truth) > 0.8
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_the_verb_writes_the_figures_and_the_settings_beside_them(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_args: object, **_kwargs: object) -> None:
+        raise ValueError("boom")
+
+    monkeypatch.setattr(runner, "articulate_mesh", broken)
+    out = tmp_path / "found.json"
+    args = [str(dataset), "--out", str(out), "--no-exec", "--prior", "none", "--quiet"]
+    assert main(["bench", *args]) == 0
+    data = json.loads(out.read_text())
+    assert data["objects"][0]["status"] == "error"
+    settings = config_file.read(out.with_suffix(".yaml"))
+    assert settings == data["config"] and settings["bench"]["engine"]["prior"] == "none"
+    again = parse(Bench, "mam-sim bench", ["x", "--config", str(out.with_suffix(".yaml"))])
+    assert config_file.plain(again.bench) == settings["bench"]  # type: ignore[attr-defined]
