@@ -81,4 +81,4 @@ def _asset(source: Path, out: Path, to: str) -> Path:
         return export_mjcf(found, out / "object.xml")
     from mam_pipeline.asset.usd import export_usd
 
-    return export_usd(found, out / "object.usda")
+    return export_usd(found, out / "object.usd")

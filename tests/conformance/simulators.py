@@ -299,7 +299,7 @@ def usd(asset: Asset) -> Opened:
     """The exported USD, read back with usd-core."""
     from mam_pipeline.asset.usd import export_usd
 
-    file = export_usd(asset, asset.folder.parent / f"{asset.folder.name}_usd" / "object.usda")
+    file = export_usd(asset, asset.folder.parent / f"{asset.folder.name}_usd" / "object.usd")
     return _read_usd(file, asset)
 
 

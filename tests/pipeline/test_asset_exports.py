@@ -161,6 +161,28 @@ def test_usd_has_the_same_poses_and_masses(asset: Asset) -> None:
 
 
 @pytest.mark.sim
+def test_usd_has_what_validators_ask_for(asset: Asset, tmp_path: Path) -> None:
+    """Normals, extents, types of prims, one articulation root, friction where Newton reads it."""
+    usd = pytest.importorskip("pxr.Usd")
+    from pxr import UsdGeom, UsdPhysics
+
+    stage = usd.Stage.Open(str(export_usd(asset, tmp_path / "object.usd")))
+    prims = list(stage.Traverse())
+    assert all(p.GetTypeName() for p in prims)
+    assert sum(p.HasAPI(UsdPhysics.ArticulationRootAPI) for p in prims) == 1
+    meshes = [UsdGeom.Mesh(p) for p in prims if p.IsA(UsdGeom.Mesh)]
+    assert meshes
+    for mesh in meshes:
+        points = np.array(mesh.GetPointsAttr().Get())
+        np.testing.assert_allclose(mesh.GetExtentAttr().Get(), [points.min(0), points.max(0)])
+        normals = np.array(mesh.GetNormalsAttr().Get())
+        assert len(normals) == len(mesh.GetFaceVertexCountsAttr().Get())
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-5)
+    for joint in asset.card.joints:
+        prim = stage.GetPrimAtPath(f"/object/joints/{joint.name}")
+        assert prim.GetAttribute("newton:friction").Get() == pytest.approx(joint.friction)
+
+
 def test_a_lid_behaves_alike_in_sapien_and_mujoco(asset: Asset) -> None:
     """Held by its friction in both; falls in both, alike, once friction is taken away."""
     mujoco = pytest.importorskip("mujoco")

@@ -18,7 +18,7 @@ from mam_pipeline.types import FloatArray, Material
 
 
 def export_usd(asset: Asset, path: str | Path | None = None) -> Path:
-    """Write object.usda (and textures in `usd/`); returns its path.
+    """Write object.usd (binary; textures in `usd/`); returns its path.
 
     Metres, Z up, one rigid body per link with mass properties, convex collision pieces, and
     revolute or prismatic joints with limits, damping and friction attributes; the base is fixed to
@@ -28,7 +28,7 @@ def export_usd(asset: Asset, path: str | Path | None = None) -> Path:
         MissingExtra: usd-core is not installed.
     """
     require("USD export", "pxr")
-    target = Path(path) if path is not None else asset.folder / "object.usda"
+    target = Path(path) if path is not None else asset.folder / "object.usd"
     target.parent.mkdir(parents=True, exist_ok=True)
     _Exporter(asset, target).write()
     return target
@@ -51,6 +51,7 @@ class _Exporter:
         UsdPhysics.SetStageKilogramsPerUnit(self.stage, 1.0)
         self.root = UsdGeom.Xform.Define(self.stage, "/object")
         self.stage.SetDefaultPrim(self.root.GetPrim())
+        UsdGeom.Scope.Define(self.stage, "/object/joints")
 
     def write(self) -> None:
         from pxr import UsdPhysics
@@ -198,9 +199,9 @@ class _Exporter:
             drive = UsdPhysics.DriveAPI.Apply(made.GetPrim(), "linear" if slides else "angular")
             drive.CreateStiffnessAttr(0.0)
             drive.CreateDampingAttr(float(card.damping) / unit)
-            friction = made.GetPrim().CreateAttribute(
-                "mam:coulombFriction", Sdf.ValueTypeNames.Float
-            )
+            # Coulomb friction, N or N m: UsdPhysics has no attribute for it, Newton has
+            made.GetPrim().AddAppliedSchema("NewtonJointAPI")
+            friction = made.GetPrim().CreateAttribute("newton:friction", Sdf.ValueTypeNames.Float)
             friction.Set(float(card.friction))
 
 
@@ -218,7 +219,19 @@ def _place(prim: Any, matrix: FloatArray, scale: FloatArray | None = None) -> No
 
 
 def _fill(prim: Any, vertices: FloatArray, faces: Any) -> None:
-    prim.CreatePointsAttr([tuple(map(float, v)) for v in vertices])
+    """Points, triangles, a normal per triangle, and the box that USD calls extent."""
+    from pxr import Gf, UsdGeom, Vt
+
+    corners = np.asarray(vertices, dtype=float)[np.asarray(faces)]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    # a triangle without area has no normal, and USD wants one
+    normals = np.where(length > 0, normals / np.maximum(length, 1e-300), [0.0, 0.0, 1.0])
+    prim.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(np.asarray(vertices, dtype=np.float32)))
+    prim.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals.astype(np.float32)))
+    prim.SetNormalsInterpolation(UsdGeom.Tokens.uniform)
+    low, high = np.min(vertices, axis=0), np.max(vertices, axis=0)
+    prim.CreateExtentAttr([Gf.Vec3f(*map(float, low)), Gf.Vec3f(*map(float, high))])
     prim.CreateFaceVertexCountsAttr([3] * len(faces))
     prim.CreateFaceVertexIndicesAttr([int(i) for i in np.asarray(faces).reshape(-1)])
     prim.CreateSubdivisionSchemeAttr("none")
