@@ -5,7 +5,9 @@ from __future__ import annotations
 import importlib
 import json
 import os
+import re
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -143,10 +145,18 @@ def test_missing_perception_is_explained(exported: Path) -> None:
     assert policy.select_action({"observation.state": torch.zeros(1, motors)}).shape == (1, 8)
 
 
-def test_readme_says_what_to_run(exported: Path) -> None:
+def test_readme_commands_have_only_settings_that_exist(exported: Path) -> None:
+    from lerobot_policy_mam_sim import MamSimEnvConfig
+    from lerobot_robot_mam_sim import MamSimRobotConfig
+
     text = (exported / "README.md").read_text()
-    for word in ("lerobot-record", "lerobot-replay", "max_relative_target", "20 Hz", "handle.x"):
-        assert word in text
+    for group, config in (("robot", MamSimRobotConfig), ("env", MamSimEnvConfig)):
+        used = set(re.findall(rf"--{group}\.(\w+)", text))
+        known = {f.name for f in fields(config)} | {"type", "discover_packages_path"}
+        assert {"type", "asset"} < used <= known
+    example = re.search(r"--policy\.fixed='(.*?)'", text)
+    states = json.loads((exported / "config.json").read_text())["state_names"]
+    assert example and set(json.loads(example[1])) < set(states)
     assert "`touch`" in text and "not used" in text  # the policy sees positions only
 
 
@@ -183,7 +193,7 @@ def test_eval_runs_our_environment(
         "--eval.batch_size=1", f"--output_dir={tmp_path / 'eval'}", f"--seed={SEED}",
     )  # fmt: skip
     found = json.loads((tmp_path / "eval" / "eval_info.json").read_text())
-    assert 0 <= found["overall"]["pc_success"] <= 100
+    assert found["overall"]["n_episodes"] == 1 and found["overall"]["avg_sum_reward"] > 0
 
 
 def test_replay_of_the_best_trajectory(
@@ -192,8 +202,7 @@ def test_replay_of_the_best_trajectory(
     """From its own start the demonstration succeeds again, through LeRobot too."""
     from mam_policies.lerobot.replay import best_demonstration, measure
 
-    found = measure(run_folder, 2)
-    assert found.episodes == 2 and found.low <= found.successes / 2 <= found.high + 1e-9
+    assert len(measure(run_folder, 2).each) == 2
     _, seed, demo = best_demonstration(run_folder)
     log = tmp_path / "log.jsonl"
     _lerobot(

@@ -154,7 +154,6 @@ def test_cloning_a_drawer_learns(run_folder: Path) -> None:
     assert info.results["demonstrations"] == 30
     found = evaluate_run(run_folder, 4)
     assert found.successes >= 2
-    assert found.low <= found.rate <= found.high + 1e-9
 
 
 @pytest.mark.slow  # runs the simulator for some hundred steps
