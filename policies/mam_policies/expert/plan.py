@@ -59,7 +59,7 @@ def plan(
 ) -> Plan:
     """Plan from the present state of arm and object.
 
-    The grasp and branch of the nominal placement are tried first, so that all episodes look alike
+    The grasp and branch of the nominal placement are tried first, so that all episodes are alike
     (a learner needs that); then every grasp that the asset offers.
 
     Args:

@@ -1,4 +1,4 @@
-"""Open-loop replay as in the paper: the best trajectory, sent to the robot without looking.
+"""Open-loop replay as in the paper: the best trajectory, sent to the robot without feedback.
 
 The best demonstration is the shortest success. It is written as a LeRobot dataset in motor units,
 so that lerobot-replay sends it to a real arm, and is measured here on the simulated robot.
