@@ -125,7 +125,7 @@ def test_no_candidate_parts_a_handle_from_its_front_or_has_two_fronts() -> None:
     assert ((both == 0) | (both == size)).all() and ((both > 0).sum(axis=1) < 2).all()
     assert (both > 0).any()
     # nor does a part take one of their primitives from the base
-    part = ~graph.rigid.any(axis=0)
+    part = np.asarray(~graph.rigid.any(axis=0))
     filled = completed(graph, part[None], np.full(len(same), 0.9), np.full(graph.count, 0.9))
     assert not np.asarray(filled)[0, ~part].any()
 

@@ -21,7 +21,7 @@ from mam_pipeline.parts.rules.extent import completed, without_spanning
 from mam_pipeline.parts.scores import HandScores, load_scores
 from mam_pipeline.parts.select import SELECTION
 from mam_pipeline.parts.tree import Choice, build_tree, left_out_note, with_base
-from mam_pipeline.types import FloatArray, KinematicTree, Mesh, PartNode, Primitives
+from mam_pipeline.types import KinematicTree, Mesh, PartNode, Primitives
 from mam_training.parts.corpus import Example, generated_example
 
 # panel and handle, the panel, the handle, another front
@@ -83,7 +83,7 @@ def test_a_set_shows_what_it_leaves_and_how_its_parts_are_bound() -> None:
 def test_new_candidates_lie_beside_the_best_and_are_measured_alike() -> None:
     item, same, move, masks = measured()
     few = masks[:: max(1, len(masks) // 6)]
-    worth: FloatArray = np.linspace(1.0, 0.0, len(few))
+    worth = np.linspace(1.0, 0.0, len(few)).astype(np.float64)
     more = expand_groups(item.graph, few, worth, same)
     known = {m.tobytes() for m in few}
     assert len(more) and not any(m.tobytes() in known for m in more)
