@@ -140,6 +140,7 @@ def _digest(seed: int) -> str:
     return total.hexdigest()
 
 
+@pytest.mark.slow
 def test_same_seed_same_bytes_in_every_process() -> None:
     """All categories, once here and once in a process whose sets and dicts hash otherwise."""
     here = _digest(11)
