@@ -272,9 +272,11 @@ def _read(source: Path, kind: str, config: MakeConfig, stages: Stages) -> Source
     with stages.timed("read"):
         if kind == "urdf":
             from mam_pipeline.formats.urdf.read import read_urdf
+            from mam_pipeline.formats.urdf.tree import coupling_note
 
-            made = read_urdf(source)
-            return Source(kind, made.mesh, np.eye(4), 1.0, "urdf", articulation=made)
+            made, note = read_urdf(source), coupling_note(source)
+            notes = (note,) if note else ()
+            return Source(kind, made.mesh, np.eye(4), 1.0, "urdf", articulation=made, notes=notes)
         from mam_pipeline.formats.mesh_files import load_mesh
 
         got = load_mesh(source, up=config.up, height=config.height, scale=config.scale)

@@ -139,6 +139,15 @@ def test_names_are_mended_everywhere(tmp_path: Path) -> None:
     assert '<mimic joint="hinge_1"' in text and '<joint name="hinge_1"' in text
 
 
+def test_a_coupling_that_is_lost_is_said_on_the_card(tmp_path: Path) -> None:
+    from mam_pipeline.run import MakeConfig, make_asset
+
+    plain = make_asset(written(tmp_path), tmp_path / "plain", MakeConfig())
+    assert not any("mimic" in note for note in plain.card.notes)
+    coupled = make_asset(written(tmp_path, MIMIC), tmp_path / "coupled", MakeConfig())
+    assert any("the coupling of second is not kept" in note for note in coupled.card.notes)
+
+
 def test_an_unknown_profile_names_those_that_exist(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no profile named 'unity'; available: sapien, mujoco"):
         check_profile(written(tmp_path), "unity")

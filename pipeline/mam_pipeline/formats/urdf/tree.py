@@ -101,6 +101,15 @@ class UrdfTree:
         )
 
 
+def coupling_note(path: Path) -> str:
+    """A sentence about mimic joints, whose coupling nothing here keeps; "" where there is none."""
+    names = [j.name for j in parse_urdf(path).joints if j.mimic is not None]
+    if not names:
+        return ""
+    said = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
+    return f"mimic joints move on their own: the coupling of {said} is not kept"
+
+
 def parse_urdf(path: Path) -> Any:
     """The `yourdfpy.Robot` of a file; its meshes are not read.
 
