@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 from tyro.conf import Positional
 
-from mam_pipeline.errors import MamSimError
 from mam_sim.options import Verb
 
 
@@ -44,7 +44,10 @@ class BenchPhoto(Verb):
         """Score, and print the table."""
         result: dict[str, Any]
         if self.folder is not None:
-            result = {"photos": _labelled(self.folder, self.quiet)}
+            from mam_pipeline.photo.evaluate import score_folder
+
+            tell = partial(_say, quiet=self.quiet)
+            result = {"photos": score_folder(self.folder, tell)}
         else:
             levels = ["clean", "medium", "clutter"] if self.level == "all" else [self.level]
             result = {
@@ -94,34 +97,6 @@ def _synthetic(
             quiet,
         )
     return summary(scores)
-
-
-def _labelled(folder: Path, quiet: bool) -> dict[str, Any]:
-    from mam_pipeline.photo.evaluate import score_yolo, yolo_items
-
-    total: dict[str, int] = {}
-    failed = 0
-    for path, boxes in yolo_items(folder):
-        try:
-            counts = score_yolo(path, boxes, {})
-        except MamSimError as error:
-            _say(f"{path.name}: {error}", quiet)
-            failed += 1
-            continue
-        total = {k: total.get(k, 0) + v for k, v in counts.items()}
-        _say(f"{path.name}: {counts}", quiet)
-
-    def share(a: str, b: str) -> float | None:
-        return round(total[a] / total[b], 4) if total.get(b) else None
-
-    return {
-        **total,
-        "failed": failed,
-        "panel_recall_50": share("matched50", "panels"),
-        "panel_precision_50": share("matched50", "found"),
-        "handle_recall": share("handles_hit", "handles"),
-        "handle_precision": share("handles_right", "handles_found"),
-    }
 
 
 def _table(result: dict[str, Any]) -> str:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mam_pipeline.errors import InputError
+from mam_pipeline.errors import InputError, MamSimError
 from mam_pipeline.photo.find import Found, find_object
 from mam_pipeline.photo.image import Photo, make_photo, read_photo
 from mam_pipeline.photo.options import PhotoOptions, parse_options
@@ -167,3 +167,40 @@ def score_yolo(
         "handles": len(handles), "handles_hit": hit, "handles_found": len(found),
         "handles_right": right,
     }  # fmt: skip
+
+
+def score_folder(
+    folder: Path, on_photo: Callable[[str], None] = lambda _line: None
+) -> dict[str, Any]:
+    """Recall and precision of panels and handles over a folder of photos with YOLO boxes.
+
+    Args:
+        folder: as in `yolo_items`.
+        on_photo: called with a line of words for every photo.
+
+    Returns:
+        The summed counts of `score_yolo`, `failed` photos, and shares (None where nothing counts).
+    """
+    total: dict[str, int] = {}
+    failed = 0
+    for path, boxes in yolo_items(folder):
+        try:
+            counts = score_yolo(path, boxes, {})
+        except MamSimError as error:
+            on_photo(f"{path.name}: {error}")
+            failed += 1
+            continue
+        total = {k: total.get(k, 0) + v for k, v in counts.items()}
+        on_photo(f"{path.name}: {counts}")
+
+    def share(a: str, b: str) -> float | None:
+        return round(total[a] / total[b], 4) if total.get(b) else None
+
+    return {
+        **total,
+        "failed": failed,
+        "panel_recall_50": share("matched50", "panels"),
+        "panel_precision_50": share("matched50", "found"),
+        "handle_recall": share("handles_hit", "handles"),
+        "handle_precision": share("handles_right", "handles_found"),
+    }
