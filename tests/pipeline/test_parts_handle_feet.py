@@ -102,8 +102,7 @@ def test_a_bail_is_not_tied_to_its_bucket() -> None:
 
     assert bodies() == 0  # its feet face away from each other
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(feet, "FLAT", -1.1)
-        patch.setattr(feet, "ACROSS", 1.1)
+        patch.setattr(feet, "FEET", replace(feet.FEET, flat=-1.1, across=1.1))
         assert bodies() == 1  # and that is why
 
 
