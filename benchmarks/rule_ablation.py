@@ -160,8 +160,8 @@ class Case:
         mesh, bare = without_repeats(self.whole, primitives)
         views = sampled_views(mesh, bare, prior, SEED, rules, self.samplings)
         if rules != ALL_RULES and primitives is self.primitives:
-            rigid = views[0].graph.rigid
-            if rigid is not None and np.array_equal(rigid, self.found.graph.rigid):
+            rigid, before = views[0].graph.rigid, self.found.graph.rigid
+            if rigid is not None and before is not None and np.array_equal(rigid, before):
                 return self.found
         return scored(views, load_scores("fused" if bare.is_fused else "authored"))
 
@@ -231,9 +231,10 @@ def rows_of(log: Path) -> list[dict[str, Any]]:
 def run(settings: Settings) -> None:
     """Measure what the log lacks, authored and fused by turns."""
     jobs = zip_longest(objects(settings.authored), objects(settings.fused))
-    wanted = [
-        (*job, fused) for pair in jobs for job, fused in zip(pair, (False, True)) if job is not None
-    ]
+    wanted: list[tuple[str, int, bool]] = [
+        (job[0], job[1], fused) for pair in jobs for job, fused in zip(pair, (False, True))
+        if job is not None
+    ]  # fmt: skip
     done = {(r["kind"], r["seed"], r["fused"]) for r in rows_of(settings.log)}
     first, step = settings.part
     rules = [rule for rule, stage in STAGE_OF.items() if stage in settings.stages]
@@ -242,7 +243,8 @@ def run(settings: Settings) -> None:
         if job in done:
             continue
         try:
-            row = measured(*job, rules, settings.samplings)
+            kind, seed, fused = job
+            row = measured(kind, seed, fused, rules, settings.samplings)
         except Exception as error:  # one object must not end an hour of work; it is named
             print(f"{job}: {error!r}", flush=True)
             continue
