@@ -17,9 +17,9 @@ import trimesh
 import tyro
 from common import save
 
+from mam_pipeline.geometry.motion import Motion
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import thin_out, unit
-from mam_pipeline.geometry.sweep import Motion
 from mam_pipeline.joints.optimise import minimise, residuals, states_of
 from mam_pipeline.joints.paper import initialise, paper_part
 from mam_pipeline.types import Articulation, FloatArray, Joint

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from mam_pipeline.check.model import CheckModel, Hull
 from mam_pipeline.geometry.hinge_line import HingeBodies
-from mam_pipeline.geometry.paths import Motion, PartPaths, Rule, motion_points, steps_to
+from mam_pipeline.geometry.motion import Motion, motion_points
+from mam_pipeline.geometry.paths import PartPaths, Rule, steps_to
 from mam_pipeline.geometry.sampling import sample_surface
 from mam_pipeline.thresholds import THRESHOLDS, Thresholds
 from mam_pipeline.types import FloatArray, IntArray, Joint, Mesh

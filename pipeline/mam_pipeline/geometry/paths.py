@@ -13,17 +13,16 @@ import copy
 import itertools
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mam_pipeline.geometry.motion import Motion, motion_points
 from mam_pipeline.geometry.raycast import RayScene, faces_near
 from mam_pipeline.geometry.sampling import sample_surface
 from mam_pipeline.geometry.surface import Solid, components
 from mam_pipeline.types import FloatArray, IntArray, Mesh
 
-Motion = Literal["revolute", "prismatic"]
 SAMPLES = 1500
 STATIC_SAMPLES = 2500
 DENSE = 6
@@ -72,20 +71,6 @@ class Crossing:
     part: NDArray[np.bool_]
     static: NDArray[np.bool_]
     judge: PartPaths
-
-
-def motion_points(
-    motion: Motion, axis: FloatArray, origin: FloatArray, values: FloatArray, points: FloatArray
-) -> FloatArray:
-    """Positions (n, S, 3) of points (S, 3) at joint values (n,)."""
-    if motion == "prismatic":
-        return points[None] + values[:, None, None] * axis
-    arm = points - origin
-    along = (arm @ axis)[:, None] * axis
-    radial = arm - along
-    across = np.cross(axis, radial)
-    cos, sin = np.cos(values)[:, None, None], np.sin(values)[:, None, None]
-    return np.asarray(origin + along + cos * radial + sin * across)
 
 
 class PartPaths:

@@ -12,17 +12,16 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
+from mam_pipeline.geometry.motion import Motion, motion_points, points_about
 from mam_pipeline.geometry.raycast import RayScene, faces_near
 from mam_pipeline.geometry.sampling import sample_surface, thin_out, unit
 from mam_pipeline.types import FloatArray, IntArray, Mesh
 
-Motion = Literal["revolute", "prismatic"]
 START = 0.0025  # path before which a crossing is a contact at rest, of the diagonal
 COINCIDENT = 0.0002  # closer than this, two surfaces are one, of the diagonal
 CHORD = np.deg2rad(6.0)  # longest arc replaced by its chord: 0.14 % of the radius off
@@ -82,39 +81,11 @@ class ContactSet:
     share: float
 
 
-def motion_points(
-    motion: Motion, axis: FloatArray, origin: FloatArray, values: FloatArray, points: FloatArray
-) -> FloatArray:
-    """Positions (n, S, 3) of points (S, 3) at the joint values (n,)."""
-    if motion == "prismatic":
-        return points[None] + values[:, None, None] * axis
-    turn = Rotation.from_rotvec(values[:, None] * axis).as_matrix()
-    out = (points - origin) @ turn.transpose(0, 2, 1)
-    out += origin
-    return np.asarray(out)
-
-
 def _overlap(scene: RayScene, points: FloatArray) -> IntArray:
     """Those of the samples (n, 3) of one body that lie inside the other; none of a body that is
     caged by the other as a whole."""
     inside = np.flatnonzero(scene.encloses(points))
     return inside if len(inside) <= CAGED * len(points) else inside[:0]
-
-
-def _circles(
-    axes: FloatArray, origins: FloatArray, points: FloatArray, angles: FloatArray
-) -> FloatArray:
-    """Points (S, 3) turned about L lines by angles (m,): (m, L, S, 3)."""
-    arm = points - origins[:, None]
-    along = np.einsum("lsk,lk->ls", arm, axes)[..., None] * axes[:, None]
-    radial = arm - along
-    tangent = np.cross(axes[:, None], radial)
-    middle = origins[:, None] + along
-    cos, sin = np.cos(angles)[:, None, None, None], np.sin(angles)[:, None, None, None]
-    out = cos * radial
-    out += sin * tangent
-    out += middle
-    return np.asarray(out)
 
 
 def _substeps(motion: Motion, values: FloatArray, chord: float) -> tuple[FloatArray, IntArray]:
@@ -316,8 +287,8 @@ class SweepScene:
             ])  # fmt: skip
         if motion == "revolute":
             q, index = _substeps(motion, np.asarray(values, dtype=np.float64), self._chord)
-            path = _circles(axes, origins, self.points, q)
-            back = _circles(axes, origins, self.static_points, -q)
+            path = points_about(axes, origins, self.points, q)
+            back = points_about(axes, origins, self.static_points, -q)
         else:
             each = np.concatenate([np.zeros((count, 1)), values], axis=1).T
             shift = (each[:, :, None] * axes)[:, :, None, :]

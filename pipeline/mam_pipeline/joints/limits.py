@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from mam_pipeline.geometry.motion import Motion
 from mam_pipeline.geometry.paths import DENSE, Crossing, PartPaths, Rule
 from mam_pipeline.geometry.sampling import unit
-from mam_pipeline.geometry.sweep import Motion, SweepScene
+from mam_pipeline.geometry.sweep import SweepScene
 from mam_pipeline.thresholds import THRESHOLDS
 from mam_pipeline.types import (
     FloatArray,

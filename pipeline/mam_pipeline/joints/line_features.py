@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from mam_pipeline.geometry.motion import motion_points
 from mam_pipeline.geometry.sampling import thin_out, unit
-from mam_pipeline.geometry.sweep import motion_points
 from mam_pipeline.joints.context import PartContext
 from mam_pipeline.types import FloatArray
 

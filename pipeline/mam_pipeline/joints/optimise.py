@@ -16,8 +16,9 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import least_squares, minimize
 
+from mam_pipeline.geometry.motion import Motion, motion_points
 from mam_pipeline.geometry.sampling import thin_out, unit
-from mam_pipeline.geometry.sweep import Motion, SweepScene, motion_points
+from mam_pipeline.geometry.sweep import SweepScene
 from mam_pipeline.types import FloatArray
 
 Method = Literal["lm", "nelder-mead"]

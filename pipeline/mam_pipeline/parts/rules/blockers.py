@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mam_pipeline.geometry.motion import Motion
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import face_geometry, sample_surface
-from mam_pipeline.geometry.sweep import Motion
 from mam_pipeline.joints.estimate import Estimate
 from mam_pipeline.joints.limits import Surroundings
 from mam_pipeline.types import IntArray, KinematicTree, Mesh
