@@ -13,7 +13,7 @@ import trimesh
 from PIL import Image
 
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.asset.mjcf import export_mjcf
+from mam_pipeline.asset.mjcf import _warnings_as_python, export_mjcf
 from mam_pipeline.asset.usd import export_usd
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.types import Articulation, Joint, Link, Material, Mesh
@@ -217,3 +217,19 @@ def test_a_lid_behaves_alike_in_sapien_and_mujoco(asset: Asset) -> None:
         assert held == pytest.approx(VALUES["hinge"], abs=0.02)
         assert fallen < 0.6
     assert ends["sapien"][1] == pytest.approx(ends["mujoco"][1], abs=0.05)
+
+
+def test_mujoco_warns_in_python_and_writes_no_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mujoco = pytest.importorskip("mujoco", reason="the mujoco extra is not installed")
+    monkeypatch.chdir(tmp_path)
+    mass = '<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    link = f"<inertial>{mass}</inertial></link>"
+    urdf = (
+        f'<robot name="r"><link name="a">{link}<link name="b">{link}<joint name="j" '
+        'type="floating"><parent link="a"/><child link="b"/><mimic joint="j"/></joint></robot>'
+    )
+    with pytest.warns(UserWarning, match="mimic"), _warnings_as_python():
+        mujoco.MjSpec.from_string(urdf)
+    assert not list(tmp_path.iterdir())

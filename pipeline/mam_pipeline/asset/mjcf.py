@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import shutil
+import warnings
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -15,11 +18,11 @@ from scipy.spatial.transform import Rotation
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.visuals import by_material, free_name
-from mam_pipeline.errors import BackendError
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.obj import write_obj_part
 from mam_pipeline.formats.soup import join
 from mam_pipeline.formats.urdf.write import numbers
+from mam_pipeline.optional import require
 from mam_pipeline.types import FloatArray, Material
 
 VISUAL_GROUP, COLLISION_GROUP = 2, 3
@@ -40,16 +43,16 @@ def export_mjcf(asset: Asset, path: str | Path | None = None) -> Path:
         asset: the folder. path: of the XML; default ASSET/object.xml.
 
     Raises:
-        BackendError: mujoco is not installed.
+        MissingExtra: mujoco is not installed.
     """
-    try:
-        import mujoco
-    except ImportError as error:
-        raise BackendError("MJCF export needs mujoco: pip install 'mam-sim[mujoco]'") from error
+    require("MJCF export", "mujoco")
+    import mujoco
+
     target = Path(path) if path is not None else asset.folder / "object.xml"
     files = _Files(asset.urdf_path.parent, target.parent / "mjcf")
     files.folder.mkdir(parents=True, exist_ok=True)
-    spec = mujoco.MjSpec.from_string(files.flattened(asset.urdf_path))
+    with _warnings_as_python():
+        spec = mujoco.MjSpec.from_string(files.flattened(asset.urdf_path))
     spec.modelfiledir = str(target.parent.resolve())
     spec.meshdir = spec.texturedir = files.folder.name
     spec.option.timestep = TIMESTEP
@@ -61,9 +64,23 @@ def export_mjcf(asset: Asset, path: str | Path | None = None) -> Path:
         spec.add_exclude(bodyname1=child.parent.name, bodyname2=child.name)
     _light(spec, asset)
     _keys(spec, asset)
-    model = spec.compile()  # what MuJoCo refuses is refused here, not by the reader of the file
+    with _warnings_as_python():
+        model = spec.compile()  # what MuJoCo refuses is refused here, not by the file's reader
     target.write_text(_exact(spec.to_xml(), model), encoding="utf-8")
     return target
+
+
+@contextmanager
+def _warnings_as_python() -> Iterator[None]:
+    """MuJoCo's warnings as Python's; by itself it writes a log file into the working folder."""
+    import mujoco
+
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda text: warnings.warn(f"MuJoCo: {text}", stacklevel=2))
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def _exact(text: str, model: Any) -> str:

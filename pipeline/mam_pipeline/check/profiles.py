@@ -1,8 +1,8 @@
 """What one simulator would refuse or ignore of a URDF, and what of that can be mended safely.
 
-What is said of SAPIEN 3.0, MuJoCo 4.0, PyBullet 3.2 and of urdf-usd-converter 0.3, through which
-Isaac Sim and Newton read URDF, was tried; what is said of Isaac's GPU limits and of Gazebo comes
-from their documents.
+Assets of ours were opened in SAPIEN 3.0, MuJoCo 4.0, PyBullet 3.2 and urdf-usd-converter 0.3,
+through which Isaac Sim and Newton read URDF (docs/results/conformance.md). Not every rule was tried
+by itself; the rules on Isaac's GPU limits and on Gazebo come from their documents.
 """
 
 from __future__ import annotations
