@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from mam_pipeline import config_file
 from mam_pipeline.asset.card import Asset
+from mam_pipeline.errors import ConfigError
 from mam_pipeline.run import MakeConfig
 from mam_pipeline.run import make_asset as _make_asset
 
@@ -87,6 +88,8 @@ def make_env(
         InputError, ConfigError: a bad asset, joint, robot or setting.
         PlacementError: the arm cannot operate the joint; the message says why.
     """
+    if "robot_uids" in arguments:
+        raise ConfigError("make_env takes the arm as `robot`, not as `robot_uids`")
     import mam_envs
 
     return mam_envs.make(asset, joint=joint, robot_uids=robot, config=config, **arguments)

@@ -103,6 +103,57 @@ def settings(options: Verb) -> dict[str, Any]:
     }
 
 
+def carried(
+    options: Verb, args: Sequence[str] = (), sections: Sequence[str] = ("env",)
+) -> list[str]:
+    """Flags with which another verb takes over what the user chose for this one.
+
+    Args:
+        options: of the verb that has run.
+        args: flags that decide defaults (--task).
+        sections: those that are carried over; their flags are those that differ from the defaults
+            and from the file, which is carried too.
+    """
+    values = {} if options.config is None else config_file.read(options.config)
+    base = fill(type(options).start(args, values), values, options.config or "")
+    words = [] if options.config is None else ["--config", str(options.config)]
+    for name in sections:
+        prefix = "env." if name == "env" else ""
+        words += differing(getattr(options, name), getattr(base, name), prefix)
+    return words
+
+
+def differing(value: Any, base: Any, prefix: str = "", only: Sequence[str] = ()) -> list[str]:
+    """Flags that turn the settings `base` into `value`, both of one dataclass.
+
+    Args:
+        prefix: of the flags ("env."), which the sections in it lengthen; without one, none do.
+        only: names of the settings that matter; empty: all.
+    """
+    words = []
+    for f in fields(value):
+        now, then = getattr(value, f.name), getattr(base, f.name)
+        if now != then and (not only or f.name in only):
+            words += _said(f.name, now, then, prefix)
+    return words
+
+
+def _said(name: str, now: Any, then: Any, prefix: str) -> list[str]:
+    """One setting as flags: --name VALUES, --no-name, or those of a section."""
+    if is_dataclass(now):
+        return differing(now, then, f"{prefix}{name}." if prefix else "")
+    if isinstance(now, Mapping) and any(is_dataclass(v) for v in now.values()):
+        inner = f"{prefix}{name}." if prefix else ""
+        return [w for k in now if k in then for w in _said(k, now[k], then[k], inner)]
+    flag = name.replace("_", "-")
+    if isinstance(now, bool):
+        return [f"--{prefix}{'' if now else 'no-'}{flag}"]
+    if isinstance(now, Mapping):
+        return [f"--{prefix}{flag}", *(str(w) for pair in now.items() for w in pair)]
+    many = now if isinstance(now, list | tuple) else (now,)
+    return [f"--{prefix}{flag}", *map(str, many)]
+
+
 def last_value(args: Sequence[str], flag: str) -> str | None:
     """The value of the last `flag` among arguments."""
     found = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -17,7 +18,7 @@ from mam_pipeline.models.settings import given
 from mam_pipeline.optional import has
 from mam_pipeline.run import MakeConfig, make_asset
 from mam_sim.console import Screen
-from mam_sim.options import Verb
+from mam_sim.options import Verb, carried
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,8 +49,11 @@ class Articulate(Verb):
         describe(screen, asset)
         tell_cost(screen, ledger)
         screen.say(f"report: {asset.folder / 'report.html'}")
-        verb = f"make-env {self.source} --out" if has("sapien") else "view"
-        screen.say(f"next:   mam-sim {verb} {self.out}")
+        words = ["view", str(self.out)]
+        if has("sapien"):
+            chosen = carried(self, sections=("pipeline",))
+            words = ["make-env", str(self.source), "--out", str(self.out), *chosen]
+        screen.say(f"next:   mam-sim {shlex.join(words)}")
         return 0
 
 

@@ -51,6 +51,7 @@ class Bench(Verb):
             raise ConfigError(f"--limit must be at least 1, got {self.limit}")
         if self.bench.engine.reasoner == "vlm" and self.jobs > 1:
             raise ConfigError("--reasoner vlm needs --jobs 1: the cost cap is kept in one process")
+        self.bench.engine.check()
         screen = Screen(self.quiet)
         with given(self.bench.models.settings()), one_ledger() as ledger:
             records = self._records(screen)

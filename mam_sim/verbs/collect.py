@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from mam_envs.config import EnvConfig
 from mam_policies.collection import CollectConfig
 from mam_policies.run import task_settings
 from mam_sim.console import Screen
-from mam_sim.options import Verb, defaults, last_value
+from mam_sim.options import Verb, carried, defaults, differing, last_value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +50,11 @@ class Collect(Verb):
             TimeElapsedColumn,
         )
 
+        from mam_envs.robots import ROBOTS
+        from mam_pipeline.asset.card import Asset
+
+        ROBOTS.check(self.collect.robot)
+        Asset.load(self.asset)  # what is wrong is said before the simulator is loaded
         from mam_policies.collect import collect
 
         screen = Screen(quiet=self.quiet or self.json)
@@ -69,5 +75,14 @@ class Collect(Verb):
             screen.say(f"  failed {count}x: {reason}")
         screen.say(f"h5:       {result.h5}")
         screen.say(f"lerobot:  {result.dataset}")
-        screen.say(f"next:     mam-sim train {self.asset} --algo bc --out {self.out.name}-run")
+        screen.say(f"next:     mam-sim {shlex.join(self._training())}")
         return 0
+
+    def _training(self) -> list[str]:
+        """The verb and words that train on what was collected."""
+        chosen = ("joint", "task", "robot", "max_steps")
+        task = [] if self.collect.task is None else ["--task", self.collect.task]
+        return [
+            "train", str(self.asset), "--algo", "bc", "--out", f"{self.out.name}-run",
+            *differing(self.collect, CollectConfig(), only=chosen), *carried(self, task),
+        ]  # fmt: skip

@@ -22,8 +22,8 @@ class Export(Verb):
     mjcf, usd)."""
     out: Path
     """The folder to write; an earlier export there is replaced."""
-    to: Literal["lerobot", "mjcf", "usd"] = "lerobot"
-    """The format."""
+    to: Literal["lerobot", "mjcf", "usd"] | None = None
+    """The format; default: lerobot for a run or a collection. For an asset it must be said."""
     mapping: Path | None = None
     """Joint mapping between simulation and the real arm (YAML). For arms that LeRobot drives it
     must be filled in by measuring; without it a template is written."""
@@ -37,15 +37,25 @@ class Export(Verb):
         if not self.source.exists():
             raise InputError(f"there is nothing at {self.source}")
         screen = Screen(self.quiet or self.json)
-        if self.to == "lerobot":
+        to = self.to or self._only_format()
+        if to == "lerobot":
             return self._lerobot(screen)
         if self.mapping is not None:
             raise ConfigError("--mapping belongs to --to lerobot")
-        file = _asset(self.source, self.out, self.to)
+        file = _asset(self.source, self.out, to)
         if self.json:
-            screen.json({"folder": self.out, "kind": self.to, "file": file})
-        screen.say(f"{self.to}: {file}")
+            screen.json({"folder": self.out, "kind": to, "file": file})
+        screen.say(f"{to}: {file}")
         return 0
+
+    def _only_format(self) -> str:
+        """The format of a run or a collection; of an asset, it must be said."""
+        if any((self.source / name).is_file() for name in ("run.json", "collect.json")):
+            return "lerobot"
+        from mam_pipeline.asset.card import Asset
+
+        Asset.load(self.source)
+        raise ConfigError(f"{self.source} is an asset; add --to mjcf or --to usd")
 
     def _lerobot(self, screen: Screen) -> int:
         from mam_policies.lerobot.export import export_dataset, export_run

@@ -51,11 +51,11 @@ class Generate(Verb):
             self.category, self.count, self.seed, self.out, self.textures, self.plain, self.jobs,
             on_object=self._say,
         )  # fmt: skip
-        print(self.out)
+        print(f"wrote: {self.out}")
         if not self.quiet:
             print(f"next: mam-sim check {self.out / str(rows[0][0])}", file=sys.stderr)
         return 0
 
     def _say(self, row: list[object]) -> None:
         if not self.quiet:
-            print(f"{row[0]}: {row[5]} joints", file=sys.stderr)
+            print(f"{row[0]}: {row[5]} joint{'' if row[5] == 1 else 's'}", file=sys.stderr)

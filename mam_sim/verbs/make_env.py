@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,7 +16,7 @@ from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.models.settings import given
 from mam_pipeline.run import MakeConfig
 from mam_sim.console import Screen
-from mam_sim.options import Verb
+from mam_sim.options import Verb, carried
 from mam_sim.verbs.articulate import describe, make, tell_cost
 
 
@@ -39,6 +40,9 @@ class MakeEnv(Verb):
 
     def run(self) -> int:
         """Write the asset, try its environment, draw the report; print what was found."""
+        from mam_envs.robots import ROBOTS
+
+        ROBOTS.check(self.robot)
         screen = Screen(self.quiet or self.json)
         out = self.out if self.out is not None else Path(f"{self.source.stem}-asset")
         stages = ["read", "segment", "prior", "reason", "joints", "asset", "check"]
@@ -64,7 +68,9 @@ class MakeEnv(Verb):
                 f'env:    gymnasium.make("{ENV_ID}", asset="{out}", joint="{tried["joint"]}", '
                 f'robot_uids="{self.robot}")'
             )
-            screen.say(f"next:   mam-sim collect {out} --episodes 20 --out {out.name}-demos")
+            words = ["collect", str(out), "--episodes", "20", "--out", f"{out.name}-demos"]
+            words += ["--robot", self.robot] if self.robot != MakeEnv.robot else []
+            screen.say(f"next:   mam-sim {shlex.join([*words, *carried(self)])}")
             return 0
         screen.say(f"env:    none: {tried['why']}")
         screen.say(f"next:   mam-sim view {out}")

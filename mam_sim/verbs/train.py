@@ -75,11 +75,13 @@ class Train(Verb):
 
     def run(self) -> int:
         """Train, and test what was trained; print the run folder."""
+        from mam_envs.robots import ROBOTS
         from mam_pipeline.asset.card import Asset
         from mam_policies.algorithms import algorithm
 
         if not self.asset:
             raise ConfigError("name at least one asset folder")
+        ROBOTS.check(self.robot)
         learner = algorithm(self.algo)
         folders = tuple(str(Asset.load(a).folder) for a in self.asset)
         screen = Screen(self.quiet or self.json)

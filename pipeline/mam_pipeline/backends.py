@@ -200,6 +200,17 @@ class Maker:
     edited: bool = False
 
 
+def check_name(role: str, name: str) -> None:
+    """Refuse a name that no backend of a role has; nothing is imported.
+
+    Raises:
+        ConfigError: no such name; the nearest and all others are named.
+    """
+    known = ["auto", *names(role)]
+    if name not in known:
+        raise unknown_name(role, name, known)
+
+
 def resolved(role: str, name: str = "auto") -> str:
     """The name of the backend that plays a role; "auto" is the best one available.
 
@@ -208,11 +219,10 @@ def resolved(role: str, name: str = "auto") -> str:
     Raises:
         ConfigError: no such name. BackendError: "auto", and none is available.
     """
-    table = names(role)
+    check_name(role, name)
     if name != "auto":
-        if name not in table:
-            raise unknown_name(role, name, ["auto", *table])
         return name
+    table = names(role)
     for candidate in PREFERENCE[role]:
         if candidate in table and resolve(table[candidate]).available().ok:
             return candidate

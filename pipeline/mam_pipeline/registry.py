@@ -36,6 +36,16 @@ class Registry:
             table.setdefault(entry.name, entry.value)
         return table
 
+    def check(self, name: str) -> None:
+        """Refuse a name that is not in the table; nothing is imported.
+
+        Raises:
+            ConfigError: no such name; the nearest and all others are named.
+        """
+        table = self.targets()
+        if name not in table:
+            raise unknown_name(self.kind, name, table)
+
     def load(self, name: str) -> Any:
         """Import what `name` stands for.
 
@@ -43,9 +53,8 @@ class Registry:
             ConfigError: no such name; the nearest and all others are named.
             BackendError: its module or attribute cannot be imported.
         """
+        self.check(name)
         table = self.targets()
-        if name not in table:
-            raise unknown_name(self.kind, name, table)
         try:
             return resolve(table[name])
         except (ImportError, AttributeError) as error:

@@ -25,6 +25,7 @@ from mam_pipeline import backends, config_file
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.backends import KinematicPrior, Maker, Reconstruction
 from mam_pipeline.errors import ConfigError, InputError, NotPhysicalError
+from mam_pipeline.formats.suffixes import MESHES, PHOTOS
 from mam_pipeline.geometry.front import front_yaw, moved
 from mam_pipeline.hints import Hints, load_hints
 from mam_pipeline.models import settings
@@ -57,8 +58,6 @@ from mam_pipeline.types import (
 
 T = TypeVar("T")
 OnStage = Callable[[str], None]
-MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".off")
-PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".gif", ".heic")
 FOLDERS = {
     "reconstructor": "0_photo", "segmenter": "1_primitives", "prior": "2_prior",
     "reasoner": "3_parts", "solver": "4_joints",
@@ -81,6 +80,11 @@ class EngineConfig:
     """Seed of everything random."""
     rules: Rules = ALL_RULES
     """Hand rules that are followed."""
+
+    def check(self) -> None:
+        """Raise ConfigError where a role has no backend of the name."""
+        for role in ("segmenter", "prior", "reasoner", "solver"):
+            backends.check_name(role, getattr(self, role))
 
 
 @dataclass(frozen=True)
@@ -109,7 +113,9 @@ class MakeConfig:
     models: ModelConfig = field(default_factory=ModelConfig)
 
     def check(self) -> None:
-        """Raise ConfigError where a length is no positive number, or two contradict each other."""
+        """Raise ConfigError for a length that is no positive number or an unknown backend."""
+        backends.check_name("reconstructor", self.reconstructor)
+        self.engine.check()
         for name in ("height", "scale"):
             _positive(name, getattr(self, name))
         for name in ("width", "depth"):
@@ -151,13 +157,13 @@ def kind_of(path: Path) -> str:
         raise InputError(f"no such file: {path}")
     suffix = path.suffix.lower()
     for kind, suffixes in (
-        ("mesh", MESH_SUFFIXES),
-        ("photo", PHOTO_SUFFIXES),
+        ("mesh", MESHES),
+        ("photo", PHOTOS),
         ("urdf", (".urdf", ".xml")),
     ):
         if suffix in suffixes:
             return kind
-    known = ", ".join((*PHOTO_SUFFIXES[:3], *MESH_SUFFIXES, ".urdf"))
+    known = ", ".join((*PHOTOS[:3], *MESHES, ".urdf"))
     raise InputError(f"{path.name}: cannot read files of type {suffix or 'none'!r}; known: {known}")
 
 

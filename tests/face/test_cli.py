@@ -10,6 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mam_pipeline.asset.card import AssetCard
+from mam_pipeline.errors import ConfigError
+from mam_policies.run import EnvChoice, RunInfo
+from mam_sim.api import make_env
 from mam_sim.cli import VERBS, main
 
 
@@ -106,3 +110,63 @@ def test_a_folder_that_is_no_asset_is_never_overwritten(
     assert main(["articulate", str(source), "--out", str(tmp_path / "mine")]) == 2
     assert "is no asset folder" in capsys.readouterr().err
     assert (tmp_path / "mine" / "thesis.tex").read_text() == "words"
+
+
+def _asset_folder(folder: Path) -> Path:
+    """A card and nothing else: enough to be taken for an asset."""
+    AssetCard(name="box", urdf="object.urdf").save(folder)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("command", "sentence"),
+    [
+        (["make-env", "SOURCE", "--robot", "pandaa"], "no robot named 'pandaa'; did you mean"),
+        (["collect", "SOURCE", "--robot", "pandaa"], "no robot named 'pandaa'; did you mean"),
+        (["collect", "SOURCE", "--task", "opem"], "no task named 'opem'; did you mean 'open'?"),
+        (["train", "SOURCE", "--robot", "pandaa"], "no robot named 'pandaa'; did you mean"),
+        (["make-env", "SOURCE", "--prior", "sp4"], "no prior named 'sp4'; did you mean 'sp4d'?"),
+        (["articulate", "SOURCE", "--solver", "imit"], "did you mean 'init'?"),
+    ],
+)
+def test_a_wrong_name_is_refused_before_any_file_is_read(
+    command: list[str], sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = _glb_text(tmp_path)  # reading it would be refused in other words
+    args = [str(source) if word == "SOURCE" else word for word in command]
+    assert main([*args, "--out", str(tmp_path / "out")]) == 2
+    assert sentence in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("verb", ["check", "export", "collect"])
+@pytest.mark.parametrize(("name", "kind"), [("x.glb", "mesh"), ("x.JPG", "photo")])
+def test_what_an_asset_is_made_of_is_no_asset(
+    verb: str, name: str, kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / name
+    file.write_text("anything")
+    out = [] if verb == "check" else ["--out", str(tmp_path / "out")]
+    assert main([verb, str(file), *out]) == 2
+    said = f"{file} is a {kind}, not an asset; run: mam-sim make-env {file}"
+    assert said in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_an_export_of_an_asset_asks_for_the_format(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["export", str(_asset_folder(tmp_path)), "--out", str(tmp_path / "out")]) == 2
+    assert "is an asset; add --to mjcf or --to usd" in capsys.readouterr().err
+
+
+def test_a_policy_of_another_kind_has_no_export(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    RunInfo("nearest", EnvChoice(("a",)), [], 1, 1).save(tmp_path)
+    assert main(["export", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
+    assert "algorithm 'nearest' has no LeRobot export" in capsys.readouterr().err
+
+
+def test_make_env_names_its_argument_for_the_arm() -> None:
+    with pytest.raises(ConfigError, match="takes the arm as `robot`"):
+        make_env("cabinet", robot_uids="panda")

@@ -16,7 +16,7 @@ from mam_policies.algorithms.ppo import Ppo
 from mam_policies.run import EnvChoice, RunInfo
 from mam_sim.bench.config import BenchConfig
 from mam_sim.cli import main, verb_class
-from mam_sim.options import Verb, defaults, fill, parse, settings
+from mam_sim.options import Verb, carried, defaults, fill, parse, settings
 
 ROOT = Path(__file__).resolve().parents[2]
 PRESETS = {"pipeline": "articulate", "env": "make-env"}
@@ -101,6 +101,30 @@ def test_what_is_saved_is_read_again(tmp_path: Path) -> None:
     env = again.env  # type: ignore[attr-defined]
     assert isinstance(env, EnvConfig) and env.randomisation.start == (0.1, 0.2)
     assert EnvConfig.make(file) == env
+
+
+def test_the_next_command_carries_what_was_chosen(tmp_path: Path) -> None:
+    file = tmp_path / "my settings.yaml"
+    file.write_text("pipeline: {height: 0.9}\nenv: {reward: {reach: 2}}\n")
+    flags = [
+        "--config", file, "--segmenter", "geometric", "--seed", "3", "--no-interiors",
+        "--layout", "3 drawers", "--retexture", "door", "red wood", "--no-lighter-moves",
+    ]  # fmt: skip
+    given = options("articulate", "x.glb", "--out", "a", *flags)
+    words = carried(given, sections=("pipeline",))
+    assert words[:2] == ["--config", str(file)] and "--height" not in words
+    again = options("make-env", "x.glb", *words)
+    assert again.pipeline == given.pipeline  # type: ignore[attr-defined]
+    given = options(
+        "collect", "a", "--out", "d", "--config", file, "--robot", "so100", "--task", "close",
+        "--joint", "door", "--env.randomisation.start", "0.1", "0.2",
+        "--env.scene.cameras.front.width", "64", "--env.scene.no-wall",
+    )  # fmt: skip
+    again = options(*given._training())  # type: ignore[attr-defined]
+    assert again.env == given.env  # type: ignore[attr-defined]
+    told = (again.robot, again.task, again.joint)  # type: ignore[attr-defined]
+    assert told == ("so100", "close", "door")
+    assert carried(options("collect", "a", "--out", "d")) == []
 
 
 def test_every_scale_of_the_reward_has_a_flag() -> None:

@@ -54,5 +54,5 @@ def test_the_verb_writes_and_names_the_next_command(
     assert "say where to write" in capsys.readouterr().err
     assert main(["generate", "--category", "station_button", "--out", str(tmp_path / "a")]) == 0
     told = capsys.readouterr()
-    assert told.out.strip() == str(tmp_path / "a") and "next: mam-sim check" in told.err
+    assert told.out.strip() == f"wrote: {tmp_path / 'a'}" and "next: mam-sim check" in told.err
     assert (tmp_path / "a" / "station_button_000000" / "object.urdf").is_file()

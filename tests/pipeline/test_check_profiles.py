@@ -12,7 +12,7 @@ import trimesh
 
 from mam_pipeline.check.check import check_profile
 from mam_pipeline.check.profiles import PROFILES, ProfileName
-from mam_pipeline.errors import InputError
+from mam_pipeline.errors import ConfigError
 
 GOOD = """<robot name="r">
  <link name="body"><visual><geometry><mesh filename="box.obj"/></geometry></visual>
@@ -149,8 +149,8 @@ def test_a_coupling_that_is_lost_is_said_on_the_card(tmp_path: Path) -> None:
 
 
 def test_an_unknown_profile_names_those_that_exist(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no profile named 'unity'; available: sapien, mujoco"):
-        check_profile(written(tmp_path), "unity")
+    with pytest.raises(ConfigError, match="no profile named 'mujocoo'; did you mean 'mujoco'"):
+        check_profile(written(tmp_path), "mujocoo")
 
 
 def test_the_verb_takes_a_profile(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

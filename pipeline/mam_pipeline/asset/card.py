@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.formats.suffixes import MESHES, PHOTOS
 from mam_pipeline.types import MOVES, NEEDS_REVIEW, Provenance, RangeBasis
 
 SCHEMA = 2
@@ -123,12 +124,16 @@ class Asset:
         """Read an asset folder (or its asset.json).
 
         Raises:
-            InputError: the folder or card is missing, malformed or of another schema.
+            InputError: the folder or card is missing, malformed or of another schema, or the path
+                is a mesh or a photo.
         """
         folder = Path(path)
         if folder.name == "asset.json":
             folder = folder.parent
         file = folder / "asset.json"
+        for kind, suffixes in (("mesh", MESHES), ("photo", PHOTOS)):
+            if folder.is_file() and folder.suffix.lower() in suffixes:
+                raise InputError(f"{path} is a {kind}, not an asset; run: mam-sim make-env {path}")
         if not file.is_file():
             raise InputError(f"no asset.json in {folder}; make one with: mam-sim make-env INPUT")
         try:

@@ -79,7 +79,7 @@ def check_profile(path: str | Path, profile: str, *, fix: bool = False) -> Check
             the report is then about the copy, and `fixed` names it.
 
     Raises:
-        InputError: there is nothing to check at `path`, or no such profile.
+        InputError: there is nothing to check at `path`. ConfigError: no such profile.
     """
     target = _locate(Path(path))
     linter = Linter(target.urdf)

@@ -12,7 +12,8 @@ import numpy as np
 from mam_pipeline import thresholds as limits
 from mam_pipeline.check.report import Finding
 from mam_pipeline.errors import MamSimError
-from mam_pipeline.formats.mesh_files import SUFFIXES, read_file
+from mam_pipeline.formats.mesh_files import read_file
+from mam_pipeline.formats.suffixes import MESHES
 
 MOVING = ("revolute", "continuous", "prismatic")
 KNOWN = (*MOVING, "fixed")
@@ -239,7 +240,7 @@ class Linter:
         if self.bytes > limits.MAX_MESH_BYTES or self.faces > limits.MAX_FACES:
             self._say("too_large", where, "its meshes are larger than a check will read")
             return False
-        if file.suffix.lower() not in SUFFIXES:
+        if file.suffix.lower() not in MESHES:
             self._say("mesh_unreadable", where, f"{name!r} is of an unknown format")
             return False
         try:

@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from mam_pipeline.check.lint import MOVING, Linter
 from mam_pipeline.check.report import Finding
-from mam_pipeline.errors import InputError, MamSimError
+from mam_pipeline.errors import MamSimError, unknown_name
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.soup import FileContent, join
 
@@ -95,10 +95,10 @@ def profile_findings(linter: Linter, name: str) -> list[Finding]:
         name: of the profile.
 
     Raises:
-        InputError: no profile of that name.
+        ConfigError: no profile of that name.
     """
     if name not in PROFILES:
-        raise InputError(f"no profile named {name!r}; available: {', '.join(PROFILES)}")
+        raise unknown_name("profile", name, PROFILES)
     profile = PROFILES[name]
     rules: list[Callable[[Linter, Profile], Iterator[Finding]]]
     rules = [_names, _links, _joints, _meshes]

@@ -19,9 +19,9 @@ from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.formats.gltf import read_gltf, write_glb
 from mam_pipeline.formats.obj import read_obj, write_obj
 from mam_pipeline.formats.soup import FileContent, Piece, join
+from mam_pipeline.formats.suffixes import MESHES
 from mam_pipeline.types import FloatArray, IntArray, Material, Mesh, readonly
 
-SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".off")
 MAX_FACES = 3_000_000
 MAX_BYTES = 1 << 30
 PLAUSIBLE_METRES = (0.02, 5.0)
@@ -107,9 +107,9 @@ def read_file(file: Path) -> FileContent:
     if not file.exists():
         raise InputError(f"no file at {file}")
     if file.is_dir():
-        raise InputError(f"{file} is a folder; a mesh file is needed ({', '.join(SUFFIXES)})")
-    if suffix not in SUFFIXES:
-        raise InputError(f"{file} is not a mesh file known here ({', '.join(SUFFIXES)})")
+        raise InputError(f"{file} is a folder; a mesh file is needed ({', '.join(MESHES)})")
+    if suffix not in MESHES:
+        raise InputError(f"{file} is not a mesh file known here ({', '.join(MESHES)})")
     size = file.stat().st_size
     if size == 0:
         raise InputError(f"{file} is empty")

@@ -64,13 +64,16 @@ def export_run(
             arm's place, belong to one).
 
     Raises:
-        InputError, ConfigError: no run, unusable mapping, an input that no robot could give.
+        InputError, ConfigError: no run, a policy that is no MlpPolicy, unusable mapping, an input
+            that no robot could give.
         HintNeeded: the robot is real and the mapping is missing; a template is written.
     """
     offline()
     info = RunInfo.load(run)
     if (run / "policy").is_dir():
         return _export_lerobot_policy(run, info, out, mapping)
+    if not (run / "policy.safetensors").is_file():  # run.json is last: the training has ended
+        raise ConfigError(f"algorithm {info.algo!r} has no LeRobot export; it needs an MlpPolicy")
     policy = MlpPolicy.load(run)
     choice = _one_asset(info, asset)
     spec = robot_spec(choice.robot)
