@@ -106,7 +106,7 @@ def test_what_is_saved_is_read_again(tmp_path: Path) -> None:
 def test_the_next_command_carries_what_was_chosen(tmp_path: Path) -> None:
     file = tmp_path / "my settings.yaml"
     file.write_text("pipeline: {height: 0.9}\nenv: {reward: {reach: 2}}\n")
-    flags = [
+    flags: list[str | Path] = [
         "--config", file, "--segmenter", "geometric", "--seed", "3", "--no-interiors",
         "--layout", "3 drawers", "--retexture", "door", "red wood", "--no-lighter-moves",
     ]  # fmt: skip
