@@ -19,12 +19,13 @@ from mam_pipeline.parts.embedded import (
     decide,
     sampled_views,
 )
-from mam_pipeline.parts.features import pair_features, primitive_features
-from mam_pipeline.parts.graph import build_graph, roundness, tight_box
+from mam_pipeline.parts.features import Table, pair_features, primitive_features
+from mam_pipeline.parts.graph import Graph, build_graph, roundness, tight_box
 from mam_pipeline.parts.group_features import group_features, with_rivals
 from mam_pipeline.parts.groups import components, enumerate_groups, merge_tree
+from mam_pipeline.parts.network import Reading
 from mam_pipeline.parts.rules.fittings import FITTINGS
-from mam_pipeline.parts.scores import HandScores, load_scores
+from mam_pipeline.parts.scores import Scores, load_scores
 from mam_pipeline.parts.select import select_groups
 from mam_pipeline.parts.tree import clear_from, named, part_kind
 from mam_pipeline.prior.embedded import EmbeddedPrior
@@ -159,11 +160,10 @@ def test_group_features_see_the_handle_and_the_freedom() -> None:
     assert wide.column("best_apart").tolist() == pytest.approx([0.2, 0.8])
 
 
-@pytest.mark.parametrize("scores", [load_scores(), HandScores()], ids=["shipped", "rules"])
-def test_every_primitive_is_in_one_part(scores: object) -> None:
+def test_every_primitive_is_in_one_part() -> None:
     mesh, primitives = cupboard()
     prior = EmbeddedPrior().observe(mesh, primitives)
-    tree = EmbeddedReasoner(scores).reason(mesh, primitives, prior)  # type: ignore[arg-type]
+    tree = EmbeddedReasoner().reason(mesh, primitives, prior)
     assert sorted(p for n in tree.nodes for p in n.primitives) == list(range(primitives.count))
     assert len({n.name for n in tree.nodes}) == len(tree.nodes)
     assert all(0 <= n.confidence <= 1 for n in tree.nodes)
@@ -207,13 +207,21 @@ def test_a_prior_from_a_file_gives_what_a_fresh_one_gives_and_an_edit_holds() ->
     assert all(v.prior is edited for v in sampled_views(mesh, primitives, edited, 0))
 
 
+class PairsAlone(Scores):
+    """What the boosters say of each pair by itself: no network sees the others."""
+
+    def read(self, graph: Graph, unary: Table, pairs: Table) -> Reading:
+        return Reading(self._predict("same", pairs), self._predict("move", unary))
+
+
 def test_a_pair_that_one_sampling_misses_is_judged_by_the_others() -> None:
     mesh, primitives = cupboard()
     graph = build_graph(mesh, primitives)
+    scores = PairsAlone(load_scores().members, {"calibration": [(0.0, 0.0), (1.0, 1.0)]})
     edges = ("pairs", "gap", "touch", "patch", "border", "concave", "convex")
     fewer = replace(graph, **{name: getattr(graph, name)[1:] for name in edges})
-    alone = [bonds_of([View(g, None)], HandScores())[0].same for g in (graph, fewer)]
-    first, second = bonds_of([View(graph, None), View(fewer, None)], HandScores())
+    alone = [bonds_of([View(g, None)], scores)[0].same for g in (graph, fewer)]
+    first, second = bonds_of([View(graph, None), View(fewer, None)], scores)
     assert first.same[0] == pytest.approx(alone[0][0], abs=1e-4)
     assert len(second.same) == len(graph.pairs) - 1
     assert np.array_equal(first.same[1:], second.same)
@@ -228,7 +236,7 @@ def test_a_mesh_is_fused_when_nearly_all_cuts_are_of_one_surface() -> None:
     labels = np.arange(graph.count)
     assert Primitives(labels, np.array(order)).is_fused and not Primitives(labels).is_fused
     kinds = load_scores("authored"), load_scores("fused")
-    assert kinds[0] is not kinds[1] and not any(isinstance(k, HandScores) for k in kinds)
+    assert kinds[0] is not kinds[1]
 
 
 def test_one_lump_has_nothing_that_moves_and_says_so() -> None:

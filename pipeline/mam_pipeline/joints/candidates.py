@@ -58,7 +58,6 @@ def rank_hypotheses(
     others: Sequence[IntArray] | None = None,
     seed: int = 0,
     top: int = 12,
-    hand_scores: bool = False,
     fused: bool = False,
     rules: Rules = ALL_RULES,
 ) -> list[JointCandidate]:
@@ -72,7 +71,6 @@ def rank_hypotheses(
         others: faces of each of the other movable parts, where a grouping is already known: rows of
             like fronts, panels that overlap and what covers what tell of the type.
         top: how many candidates to return; the fixed one is always among them.
-        hand_scores: use the hand-set scores instead of the learned model.
         fused: whether the mesh is one fused surface, of which a model of its own knows more.
         rules: hand rules that are followed.
 
@@ -92,7 +90,7 @@ def rank_hypotheses(
     parts = [part_features(c) for c in contexts]
     hypotheses = enumerate_hypotheses(contexts[0])
     views = [hypotheses, *(remeasured(c, hypotheses) for c in contexts[1:])]
-    ranked = [rank(p, v, hand_scores=hand_scores, fused=fused) for p, v in zip(parts, views)]
+    ranked = [rank(p, v, fused=fused) for p, v in zip(parts, views)]
     ranking = agreed(views, ranked)
     context, part = contexts[0], parts[0]
     lines = [h for h in hypotheses if h.revolute]

@@ -1,4 +1,4 @@
-"""Scores of joint hypotheses: a learned model when its weights are there, hand-set rules otherwise.
+"""Scores of joint hypotheses by a learned model.
 
 Each question is answered from the features of `joints.features`: which line, which slide; does the
 part move; and if it does, does it slide (both from the part and the best hypotheses of each kind).
@@ -24,37 +24,6 @@ from mam_pipeline.types import FloatArray, UsualTravel
 
 KINDS = ("fixed", "slide", "revolute")
 WEIGHTS = "weights/ranker.json.xz"
-
-
-def rule_line_scores(lines: FloatArray) -> FloatArray:
-    """Hand-set score (n,) of revolute hypotheses (n, LINE_NAMES); higher is better."""
-    col = {name: lines[:, i] for i, name in enumerate(LINE_NAMES)}
-    spin = col["off_axis"] < 0.3
-    hinge_score = (
-        -1.2 * (col["free_60"] + col["free_90"])
-        - 2.0 * (np.minimum(col["line_part"], 0.2) + np.minimum(col["line_static"], 0.2)) * 5
-        - 1.0 * np.minimum(col["near_gap"], 0.1) * 5
-        + 0.5 * np.clip(col["handle_far"], 0, 1)
-        + 0.5 * np.minimum(col["off_axis"], 1.0)
-        + 0.3 * col["up"]
-        - 0.4 * col["to_front"]
-        - 0.5 * col["tilted"]
-    )
-    spin_score = 0.6 - 6.0 * col["spin_match"] - 1.0 * col["contact_centred"] - col["free_60"]
-    return np.where(spin, np.maximum(spin_score, hinge_score - 1.0), hinge_score)
-
-
-def rule_slide_scores(slides: FloatArray) -> FloatArray:
-    """Hand-set score (n,) of slide hypotheses (n, SLIDE_NAMES); higher is better."""
-    col = {name: slides[:, i] for i, name in enumerate(SLIDE_NAMES)}
-    free = np.mean([col[f"free_{k}"] for k in range(5)], axis=0)
-    other = np.mean([col[f"other_{k}"] for k in range(5)], axis=0)
-    return (
-        -1.0 * free - 0.5 * col["free_0"] + 0.2 * (other - free) + 0.3 * col["handle_along"]
-        + 0.3 * col["free_front"] - 0.3 * col["contact_normal"] - 0.5 * col["tilted"]
-    )  # fmt: skip
-
-
 _LEAST = (
     "free_30", "free_60", "free_90", "line_part", "line_static", "near_gap", "spin_match",
     "contact_mean", "contact_centred", "free_0", "free_2", "free_4", "contact_normal",
@@ -108,19 +77,6 @@ def kind_features(part: FloatArray, hypotheses: Sequence[Hypothesis], lines: Flo
 _MATCH = LINE_NAMES.index("spin_match")
 
 
-def rule_kind(part: FloatArray, lines: FloatArray, slides: FloatArray) -> FloatArray:
-    """Hand-set probabilities (3,) over KINDS, from shape and the best scores."""
-    f = dict(zip(PART_NAMES, part))
-    deep = f["depth_over_width"] > 0.45 or f["exposure_mean"] < 0.35
-    wheel = f["symmetric"] < 0.05
-    slide = 1.2 * deep - 0.8 * wheel + 0.8 * (float(slides.max()) if len(slides) else -2.0)
-    turn = 0.6 + 0.8 * (f["flat"] < 0.25) + 0.5 * wheel
-    turn += 0.5 * (float(lines.max()) if len(lines) else -2.0)
-    score = np.array([-1.0, slide, turn])
-    out = np.exp(1.5 * (score - score.max()))
-    return np.asarray(out / out.sum())
-
-
 class Bag:
     """Boosters trained on different draws of the same data; their mean is steadier than any."""
 
@@ -169,8 +125,8 @@ def ranker_weights() -> Traversable:
 
 
 @lru_cache(maxsize=2)
-def learned(fused: bool = False) -> Model | None:
-    """The packaged model, or None when the package was built without weights.
+def learned(fused: bool = False) -> Model:
+    """The packaged model.
 
     Args:
         fused: the one for parts of fused meshes.
@@ -178,10 +134,7 @@ def learned(fused: bool = False) -> Model | None:
     Raises:
         ConfigError: the weights were made for other features than the code computes.
     """
-    file = ranker_weights()
-    if not file.is_file():
-        return None
-    return unpack(json.loads(lzma.decompress(file.read_bytes())), fused)
+    return unpack(json.loads(lzma.decompress(ranker_weights().read_bytes())), fused)
 
 
 def unpack(data: dict[str, Any], fused: bool = False) -> Model:
@@ -249,13 +202,9 @@ def softmax(scores: FloatArray, temperature: float = 1.0) -> FloatArray:
 
 
 def rank(
-    part: FloatArray,
-    hypotheses: Sequence[Hypothesis],
-    *,
-    hand_scores: bool = False,
-    fused: bool = False,
+    part: FloatArray, hypotheses: Sequence[Hypothesis], *, fused: bool = False
 ) -> Ranking:
-    """Rank one part's hypotheses with the learned model, or with hand-set scores if asked.
+    """Rank one part's hypotheses with the learned model.
 
     Args:
         fused: by the boosters that know parts of fused meshes.
@@ -263,11 +212,7 @@ def rank(
     lines = np.array([h.features for h in hypotheses if h.revolute]).reshape(-1, len(LINE_NAMES))
     ways = np.array([h.features for h in hypotheses if not h.revolute])
     ways = ways.reshape(-1, len(SLIDE_NAMES))
-    model = None if hand_scores else learned(fused)
-    if model is None:
-        a, b = rule_line_scores(lines), rule_slide_scores(ways)
-        return Ranking(rule_kind(part, a, b), softmax(a, 0.15), softmax(b, 0.15),
-                       np.ones(len(a)), np.ones(len(b)))  # fmt: skip
+    model = learned(fused)
     line_rows = model_rows(part, lines, LINE_NAMES)
     slide_rows = model_rows(part, ways, SLIDE_NAMES)
     a = model.line.predict(line_rows, num_threads=1) if len(lines) else np.zeros(0)
@@ -376,10 +321,8 @@ def _side(booster: Any, part: FloatArray, rows: FloatArray) -> FloatArray:
 def usual_travel(
     part: FloatArray, hypothesis: Hypothesis, fused: bool = False
 ) -> UsualTravel | None:
-    """Typical travel of a joint, or None without a learned model."""
+    """Typical travel of a joint, or None where the model knows none of its kind."""
     model = learned(fused)
-    if model is None:
-        return None
     row = np.concatenate([hypothesis.features, part])[None]
     word = "line" if hypothesis.revolute else "slide"
     endless = model.endless if hypothesis.revolute else None

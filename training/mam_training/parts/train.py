@@ -37,7 +37,7 @@ from mam_pipeline.parts.embedded import View, decide
 from mam_pipeline.parts.features import Table, pair_features, primitive_features
 from mam_pipeline.parts.group_features import with_rivals
 from mam_pipeline.parts.network import Network
-from mam_pipeline.parts.scores import LearnedScores
+from mam_pipeline.parts.scores import Scores
 from mam_pipeline.parts.select import select_groups
 from mam_pipeline.types import FloatArray
 from mam_training import manifest
@@ -234,7 +234,7 @@ def validate(
 ) -> list[tuple[Candidates, FloatArray, list[int]]]:
     """What the finished models choose on examples that they have not seen."""
     settings = {"calibration": [(0, 0), (1, 1)], "promise": chosen["promise"]}
-    scores = LearnedScores(members, settings, networks)
+    scores = Scores(members, settings, networks)
     out = []
     for path in paths:
         example = load_example(path)

@@ -26,8 +26,8 @@ from torch.nn import functional
 from mam_pipeline.parts.features import pair_features, primitive_features
 from mam_pipeline.parts.groups import Masks, enumerate_groups
 from mam_pipeline.parts.network import Network, normalised
-from mam_pipeline.parts.scores import HandScores
 from mam_training.parts.corpus import load_example
+from mam_training.parts.first_guess import may_move, same_part
 from mam_training.parts.recipe import fold_of
 
 WIDTH, LAYERS = 64, 3
@@ -89,8 +89,12 @@ def item_of(
     prior = example.prior()
     unary = primitive_features(graph, prior)
     pairs = pair_features(graph, unary, prior)
-    guess = guide.encode(graph, unary, pairs) if guide else HandScores().read(graph, unary, pairs)
-    masks = enumerate_groups(graph, guess.same, guess.move)
+    if guide:
+        guess = guide.encode(graph, unary, pairs)
+        same, move = guess.same, guess.move
+    else:
+        same, move = same_part(pairs), may_move(unary)
+    masks = enumerate_groups(graph, same, move)
     if len(masks) == 0:
         return None
     table = example.part_overlap(masks)
