@@ -44,7 +44,7 @@ MAX_XML_BYTES = 10 << 20
 MAX_MESH_BYTES = 256 << 20
 MAX_LINKS = 300
 MAX_SHAPES = 20_000
-MAX_FACES = 4_000_000
+MAX_FACES = 3_000_000
 DRIVE_SECONDS = 180.0
 """Driving stops after this long and says so."""
 MAX_SECONDS = 300.0

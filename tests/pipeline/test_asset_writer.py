@@ -24,7 +24,14 @@ from mam_pipeline.errors import InputError, NotPhysicalError
 from mam_pipeline.formats.mesh_files import load_mesh, read_file, save_glb, save_obj
 from mam_pipeline.types import Articulation, Joint, Link, Material, Mesh, RangeBasis
 
-PNG = b"\x89PNG\r\n\x1a\n not really, but bytes are bytes"
+
+def _png() -> bytes:
+    out = BytesIO()
+    Image.new("RGB", (2, 2), "tan").save(out, format="PNG")
+    return out.getvalue()
+
+
+PNG = _png()
 
 
 def box(low: list[float], high: list[float]) -> trimesh.Trimesh:

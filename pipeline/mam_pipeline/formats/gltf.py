@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import struct
 from pathlib import Path
 from typing import Any, Literal
@@ -18,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.errors import InputError
-from mam_pipeline.formats.soup import FileContent, Piece
+from mam_pipeline.formats.soup import Budget, FileContent, Piece
 from mam_pipeline.types import FloatArray, IntArray, Material, Mesh
 
 _DTYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -26,7 +27,6 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _PACKED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh_quantization"}
 _MAGIC = b"glTF"
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
-MAX_NODES = 100_000
 
 
 def read_gltf(path: Path) -> FileContent:
@@ -40,14 +40,19 @@ def read_gltf(path: Path) -> FileContent:
     except InputError:
         raise
     except RecursionError as error:
-        raise InputError(f"{path} is not valid glTF: its nodes form a loop") from error
-    except (KeyError, IndexError, ValueError, TypeError, AttributeError, struct.error) as error:
+        raise InputError(f"{path} is not valid glTF: its JSON is nested too deep") from error
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, struct.error,
+            np.linalg.LinAlgError) as error:  # fmt: skip
         what = f"{type(error).__name__}: {error}"
         raise InputError(f"{path} is not valid glTF ({what}); export it again") from error
 
 
 class _Reader:
-    """One file: its JSON, its buffers, and the pieces found on a walk over its nodes."""
+    """One file: its JSON, its buffers, and the pieces found on a walk over its nodes.
+
+    Every buffer and image is read once, every node is visited once, and what all nodes draw
+    together is bounded: the work is that of a file of the allowed size, however it is woven.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -59,7 +64,10 @@ class _Reader:
                 f"{path} uses {sorted(packed)[0]}, which is not supported; "
                 "export it again without compression"
             )
-        self.buffers: dict[int, bytes] = {}
+        self.buffers: dict[int, memoryview] = {}
+        self.images: dict[int, bytes] = {}
+        self.resources: dict[str, bytes] = {}
+        self.budget = Budget(path)
         self.materials = [self._material(m) for m in self.doc.get("materials", ())]
         self.default_material = len(self.materials)
         self.pieces: list[Piece] = []
@@ -67,30 +75,39 @@ class _Reader:
 
     def content(self) -> FileContent:
         nodes = self.doc.get("nodes", [])
-        if len(nodes) > MAX_NODES:
-            raise InputError(f"{self.path} has {len(nodes)} nodes; the most is {MAX_NODES}")
+        self.budget.nodes(len(nodes))
         scenes = self.doc.get("scenes")
         if scenes:
-            roots = scenes[self.doc.get("scene", 0)].get("nodes", [])
+            roots = _at(scenes, self.doc.get("scene", 0)).get("nodes", [])
         else:
             children = {c for n in nodes for c in n.get("children", ())}
             roots = [i for i in range(len(nodes)) if i not in children]
-        for root in roots:
-            self._walk(root, np.eye(4))
+        left = [(root, np.eye(4)) for root in reversed(roots)]
+        seen: set[int] = set()
+        while left:
+            index, parent = left.pop()
+            node = _at(nodes, index)
+            if index in seen:
+                raise InputError(
+                    f"{self.path} is not valid glTF: node {index} is reached twice (a node has "
+                    "one parent); export it again"
+                )
+            seen.add(index)
+            world = parent @ _local(node)
+            self._draw(node, index, world)
+            left += [(child, world) for child in reversed(node.get("children", ()))]
         materials = [*self.materials, Material()]
         # the specification fixes both: +Y is up, the unit is the metre
         return FileContent(tuple(self.pieces), tuple(materials), "y", 1.0)
 
-    def _walk(self, index: int, parent: FloatArray) -> None:
-        node = self.doc["nodes"][index]
-        world = parent @ _local(node)
-        if "mesh" in node:
-            mesh = self.doc["meshes"][node["mesh"]]
-            name = self._unique(node.get("name") or mesh.get("name") or f"node_{index}")
-            for primitive in mesh["primitives"]:
-                self._primitive(primitive, world, name)
-        for child in node.get("children", ()):
-            self._walk(child, world)
+    def _draw(self, node: dict[str, Any], index: int, world: FloatArray) -> None:
+        """Add the triangles of a node's own mesh."""
+        if "mesh" not in node:
+            return
+        mesh = _at(self.doc["meshes"], node["mesh"])
+        name = self._unique(str(node.get("name") or mesh.get("name") or f"node_{index}"))
+        for primitive in mesh["primitives"]:
+            self._primitive(primitive, world, name)
 
     def _unique(self, name: str) -> str:
         self.names[name] = self.names.get(name, 0) + 1
@@ -101,20 +118,22 @@ class _Reader:
         if mode not in (4, 5, 6):  # points and lines have no surface
             return
         attributes = primitive["attributes"]
-        vertices = self._accessor(attributes["POSITION"]).astype(np.float64)
+        vertices = self._accessor(attributes["POSITION"], "VEC3").astype(np.float64)
         if "indices" in primitive:
-            indices = self._accessor(primitive["indices"]).reshape(-1).astype(np.int64)
+            found = self._accessor(primitive["indices"], "SCALAR")
+            if found.dtype.kind not in "iu":
+                raise InputError(f"{self.path} is not valid glTF: its indices are no integers")
+            indices = found.reshape(-1).astype(np.int64)
         else:
             indices = np.arange(len(vertices))
         faces = _triangles(indices, mode)
-        if len(faces) and faces.max() >= len(vertices):
-            raise InputError(f"{self.path} is broken: a face names a vertex that does not exist")
+        self.budget.triangles(len(vertices), len(faces))
         if np.linalg.det(world[:3, :3]) < 0:
             faces = faces[:, ::-1]
         material = primitive.get("material", self.default_material)
         colors = None
         if "COLOR_0" in attributes:
-            colors = _bytes_rgba(self._accessor(attributes["COLOR_0"], normalise=True))
+            colors = _bytes_rgba(self._accessor(attributes["COLOR_0"], "VEC3 VEC4", True))
         self.pieces.append(
             Piece(
                 vertices @ world[:3, :3].T + world[:3, 3],
@@ -129,12 +148,13 @@ class _Reader:
     def _uv(self, attributes: dict[str, int], material: int) -> NDArray[np.float32] | None:
         texture: dict[str, Any] = {}
         if material < self.default_material:
-            texture = _color_texture(self.doc["materials"][material])
+            texture = _color_texture(_at(self.doc["materials"], material))
         transform = texture.get("extensions", {}).get("KHR_texture_transform", {})
         channel = transform.get("texCoord", texture.get("texCoord", 0))
         if f"TEXCOORD_{channel}" not in attributes:
             return None
-        uv = self._accessor(attributes[f"TEXCOORD_{channel}"], normalise=True).astype(np.float32)
+        found = self._accessor(attributes[f"TEXCOORD_{channel}"], "VEC2", True)
+        uv = found.astype(np.float32)
         if transform:
             turn, scale = transform.get("rotation", 0.0), transform.get("scale", [1, 1])
             c, s = np.cos(turn), np.sin(turn)
@@ -146,53 +166,72 @@ class _Reader:
         pbr = raw.get("pbrMetallicRoughness", {})
         gloss = raw.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness", {})
         color = pbr.get("baseColorFactor") or gloss.get("diffuseFactor") or (1, 1, 1, 1)
-        image = kind = None
+        image = None
         texture = _color_texture(raw)
         if texture:
-            image, kind = self._image(texture["index"])
+            image = self._image(texture["index"])
         return Material(
             name=str(raw.get("name") or "material"),
             base_color=tuple(float(c) for c in color),  # type: ignore[arg-type]
             image=image,
-            image_format=kind,
+            image_format=None if image is None else image_kind(image),
             metallic=float(pbr.get("metallicFactor", 0.0 if gloss else 1.0)),
             roughness=float(pbr.get("roughnessFactor", 1.0)),
         )
 
-    def _image(self, texture: int) -> tuple[bytes | None, Literal["png", "jpeg"] | None]:
-        source = self.doc["textures"][texture].get("source")
+    def _image(self, texture: int) -> bytes | None:
+        source = _at(self.doc["textures"], texture).get("source")
         if source is None:  # only an extension's format (WebP, KTX2) is offered
-            return None, None
-        image = self.doc["images"][source]
-        if "bufferView" in image:
-            data = self._view(image["bufferView"])
-        else:
-            data = _resource(self.path, image["uri"])
-        return data, image_kind(data)
+            return None
+        if source not in self.images:
+            image = _at(self.doc["images"], source)
+            if "bufferView" in image:
+                self.images[source] = bytes(self._view(image["bufferView"]))
+            else:
+                self.images[source] = self._resource(image["uri"])
+        return self.images[source]
 
-    def _view(self, index: int) -> bytes:
-        view = self.doc["bufferViews"][index]
-        buffer, start = view["buffer"], view.get("byteOffset", 0)
+    def _resource(self, uri: str) -> bytes:
+        """Bytes behind a data: URI or a file beside the document, never outside its folder."""
+        if uri not in self.resources:
+            self.resources[uri] = _resource(self.path, uri, self.budget)
+        return self.resources[uri]
+
+    def _view(self, index: int) -> memoryview:
+        view = _at(self.doc["bufferViews"], index)
+        buffer, start, length = view["buffer"], view.get("byteOffset", 0), view["byteLength"]
         if buffer not in self.buffers:
-            uri = self.doc["buffers"][buffer].get("uri")
-            self.buffers[buffer] = self.binary if uri is None else _resource(self.path, uri)
-        data = self.buffers[buffer][start : start + view["byteLength"]]
-        if len(data) != view["byteLength"]:
+            uri = _at(self.doc["buffers"], buffer).get("uri")
+            data = self.binary if uri is None else self._resource(uri)
+            self.buffers[buffer] = memoryview(data)
+        if start < 0 or length < 0 or start + length > len(self.buffers[buffer]):
             raise InputError(f"{self.path} is cut short: its buffer ends before its data")
-        return data
+        return self.buffers[buffer][start : start + length]
 
-    def _accessor(self, index: int, normalise: bool = False) -> NDArray[Any]:
-        accessor = self.doc["accessors"][index]
+    def _accessor(self, index: int, kinds: str, normalise: bool = False) -> NDArray[Any]:
+        """An array (count, width), checked against its buffer before anything is allocated.
+
+        Args:
+            index: of the accessor. kinds: the types that make sense here, separated by spaces.
+            normalise: integers as shares of their largest value.
+        """
+        accessor = _at(self.doc["accessors"], index)
         if "sparse" in accessor:
             raise InputError(f"{self.path} uses sparse accessors, which are not supported")
-        dtype = np.dtype(_DTYPES[accessor["componentType"]])
-        width, count = _WIDTHS[accessor["type"]], accessor["count"]
+        kind, count = accessor["type"], accessor["count"]
+        if kind not in kinds.split():
+            raise InputError(
+                f"{self.path} is not valid glTF: accessor {index} is of type {kind!r}, not {kinds}"
+            )
+        dtype, width = np.dtype(_DTYPES[accessor["componentType"]]), _WIDTHS[kind]
         if "bufferView" not in accessor:
-            return np.zeros((count, width), dtype)
+            raise InputError(f"{self.path} is not valid glTF: accessor {index} has no data")
         data = self._view(accessor["bufferView"])
         stride = self.doc["bufferViews"][accessor["bufferView"]].get("byteStride", 0)
         stride = stride or width * dtype.itemsize
         start = accessor.get("byteOffset", 0)
+        if start < 0 or stride < dtype.itemsize or count < 0:
+            raise InputError(f"{self.path} is not valid glTF: accessor {index} is out of place")
         if count and start + (count - 1) * stride + width * dtype.itemsize > len(data):
             raise InputError(f"{self.path} is cut short: an array ends before its data")
         out: NDArray[Any] = np.ndarray(
@@ -344,14 +383,14 @@ def _split(path: Path) -> tuple[dict[str, Any], bytes]:
         raise InputError(f"{path} is not a glTF file: it begins with {data[:12]!r}")
     try:
         doc = json.loads(text)
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:  # no JSON, or no text
         raise InputError(f"{path} is not valid glTF: its JSON cannot be read ({error})") from error
     if not isinstance(doc, dict) or "asset" not in doc:
         raise InputError(f"{path} is not a glTF file: it has no asset entry")
     return doc, binary
 
 
-def _resource(path: Path, uri: str) -> bytes:
+def _resource(path: Path, uri: str, budget: Budget) -> bytes:
     """Bytes behind a data: URI or a file beside the document, never outside its folder."""
     if uri.startswith("data:"):
         return base64.b64decode(uri.partition(",")[2])
@@ -359,9 +398,16 @@ def _resource(path: Path, uri: str) -> bytes:
     file = (folder / unquote(uri)).resolve()
     if not file.is_relative_to(folder):
         raise InputError(f"{path} refers to {uri!r}, which lies outside its folder")
-    if not file.is_file():
+    if not os.path.isfile(file):
         raise InputError(f"{path} needs {uri!r}, which is missing")
-    return file.read_bytes()
+    return budget.read(file)
+
+
+def _at(rows: Any, index: Any) -> Any:
+    """Entry of a list of the document; a negative index counts from no end here."""
+    if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(rows):
+        raise IndexError(f"there is no entry {index!r}")
+    return rows[index]
 
 
 def _color_texture(material: dict[str, Any]) -> dict[str, Any]:
@@ -388,6 +434,8 @@ def _local(node: dict[str, Any]) -> FloatArray:
 def _triangles(indices: IntArray, mode: int) -> IntArray:
     if mode == 4:
         return indices[: len(indices) // 3 * 3].reshape(-1, 3)
+    if len(indices) < 3:
+        return np.zeros((0, 3), dtype=np.int64)
     n = np.arange(max(len(indices) - 2, 0))
     if mode == 6:
         return np.stack([np.full(len(n), indices[0]), indices[n + 1], indices[n + 2]], axis=1)

@@ -6,7 +6,6 @@ front is, only the articulation can tell (see `mam_pipeline.geometry.front`).
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -17,13 +16,12 @@ import trimesh
 
 from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.formats.gltf import read_gltf, write_glb
+from mam_pipeline.formats.headers import check_header, collada_says
 from mam_pipeline.formats.obj import read_obj, write_obj
-from mam_pipeline.formats.soup import FileContent, Piece, join
+from mam_pipeline.formats.soup import LIMITS, Budget, FileContent, Piece, checked, join
 from mam_pipeline.formats.suffixes import MESHES
 from mam_pipeline.types import FloatArray, IntArray, Material, Mesh, readonly
 
-MAX_FACES = 3_000_000
-MAX_BYTES = 1 << 30
 PLAUSIBLE_METRES = (0.02, 5.0)
 """Largest extent of things that a robot works with, metres; outside it the unit is a guess."""
 _TYPICAL_METRES = 0.7
@@ -113,8 +111,8 @@ def read_file(file: Path) -> FileContent:
     size = file.stat().st_size
     if size == 0:
         raise InputError(f"{file} is empty")
-    if size > MAX_BYTES:
-        raise InputError(f"{file} has {size >> 20} MiB; the most is {MAX_BYTES >> 20} MiB")
+    if size > LIMITS.bytes:
+        raise InputError(f"{file} has {size >> 20} MiB; the most is {LIMITS.bytes >> 20} MiB")
     if suffix in (".glb", ".gltf"):
         content = read_gltf(file)
     elif suffix == ".obj":
@@ -124,9 +122,9 @@ def read_file(file: Path) -> FileContent:
     count = sum(len(p.faces) for p in content.pieces)
     if count == 0:
         raise InputError(f"{file} has no faces: a surface is needed, not points or lines")
-    if count > MAX_FACES:
-        raise InputError(f"{file} has {count} faces; simplify it to {MAX_FACES} or fewer")
-    return content
+    if count > LIMITS.faces:
+        raise InputError(f"{file} has {count} faces; simplify it to {LIMITS.faces} or fewer")
+    return checked(content, file)
 
 
 def save_glb(mesh: Mesh, path: str | Path, up: Literal["y", "z"] = "y") -> None:
@@ -141,11 +139,19 @@ def save_obj(mesh: Mesh, path: str | Path) -> None:
 
 def _read_other(file: Path) -> FileContent:
     """PLY, STL, DAE and OFF through trimesh, unprocessed."""
+    check_header(file)
     try:
         scene = trimesh.load_scene(file, process=False)
+        return _pieces_of(scene, file)
+    except InputError:
+        raise
     except Exception as error:  # each reader fails in its own way
         what = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{file} cannot be read as {file.suffix[1:].upper()} ({what})") from error
+
+
+def _pieces_of(scene: trimesh.Scene, file: Path) -> FileContent:
+    budget = Budget(file)
     pieces: list[Piece] = []
     materials: list[Material] = []
     for node in sorted(scene.graph.nodes_geometry):
@@ -154,6 +160,7 @@ def _read_other(file: Path) -> FileContent:
         if not isinstance(part, trimesh.Trimesh) or not len(part.faces):
             continue
         faces: IntArray = np.asarray(part.faces, dtype=np.int64)
+        budget.triangles(len(part.vertices), len(faces))
         if np.linalg.det(transform[:3, :3]) < 0:
             faces = faces[:, ::-1]
         vertices = trimesh.transform_points(part.vertices, transform)
@@ -162,7 +169,7 @@ def _read_other(file: Path) -> FileContent:
         materials.append(material)
     up = unit = None
     if file.suffix.lower() == ".dae":
-        up, unit = _collada_says(file)
+        up, unit = collada_says(file)
     return FileContent(tuple(pieces), tuple(materials), up, unit)
 
 
@@ -189,16 +196,6 @@ def _trimesh_appearance(part: trimesh.Trimesh) -> tuple[Material, Any, Any]:
     name = str(getattr(simple, "name", "") or "material")
     rgba = tuple(float(c) for c in color[:4])
     return Material(name, rgba, data, None if data is None else "png"), uv, None  # type: ignore[arg-type]
-
-
-def _collada_says(file: Path) -> tuple[str | None, float | None]:
-    """Up axis and unit from a DAE's asset element (its first 64 KiB)."""
-    with file.open("rb") as stream:
-        head = stream.read(1 << 16).decode("utf-8", "replace")
-    axis = re.search(r"<up_axis>\s*([XYZ])_UP", head)
-    unit = re.search(r"<unit[^>]*\bmeter\s*=\s*[\"']([-+0-9.eE]+)[\"']", head)
-    up = axis.group(1).lower() if axis and axis.group(1) in "YZ" else None
-    return up, float(unit.group(1)) if unit else None
 
 
 def _check(mesh: Mesh, file: Path) -> None:

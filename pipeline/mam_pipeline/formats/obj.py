@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,7 @@ from numpy.typing import NDArray
 
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.gltf import image_kind
-from mam_pipeline.formats.soup import FileContent, Piece
+from mam_pipeline.formats.soup import LIMITS, Budget, FileContent, Piece
 from mam_pipeline.types import FloatArray, Material, Mesh
 
 
@@ -24,17 +26,33 @@ def read_obj(path: Path) -> FileContent:
     Raises:
         InputError: a line is malformed or a face names a vertex that does not exist.
     """
-    text = path.read_text(encoding="utf-8", errors="replace").replace("\\\n", " ")
-    state = _State(path)
-    for number, line in enumerate(text.splitlines(), start=1):
+    state = _State(path, Budget(path))
+    for number, line in _lines(path):
         words = line.split()
         if not words or words[0][0] == "#":
             continue
         try:
             state.line(words, line)
         except (ValueError, IndexError) as error:
-            raise InputError(f"{path}, line {number}: not valid OBJ ({line.strip()!r})") from error
+            shown = line.strip() if len(line) < 80 else f"{line.strip()[:77]}..."
+            raise InputError(f"{path}, line {number}: not valid OBJ ({shown!r})") from error
     return state.content()
+
+
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Lines of a text file with their numbers, one at a time; a backslash at the end joins two."""
+    held = ""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        for number, line in enumerate(file, start=1):
+            if len(held) + len(line) > LIMITS.line:
+                raise InputError(f"{path}, line {number}: longer than {LIMITS.line >> 20} MiB")
+            if line.endswith("\\\n"):
+                held += line[:-2] + " "
+                continue
+            yield number, held + line
+            held = ""
+    if held:
+        yield number, held
 
 
 @dataclass
@@ -42,6 +60,7 @@ class _State:
     """What has been read so far of one OBJ file."""
 
     path: Path
+    budget: Budget
     v: list[list[float]] = field(default_factory=list)
     rgb: list[list[float]] = field(default_factory=list)
     vt: list[list[float]] = field(default_factory=list)
@@ -50,17 +69,24 @@ class _State:
     materials: list[Material] = field(default_factory=list)
     names: dict[str, int] = field(default_factory=dict)
     library: dict[str, Material] = field(default_factory=dict)
+    libraries: set[str] = field(default_factory=set)
+    images: dict[Path, bytes] = field(default_factory=dict)
     runs: dict[tuple[str, int], list[list[tuple[int, int]]]] = field(default_factory=dict)
 
     def line(self, words: list[str], raw: str) -> None:
         key = words[0]
         if key == "v":
             numbers = [float(w) for w in words[1:]]
+            if len(numbers) < 3:
+                raise ValueError("a vertex has three numbers")
+            self.budget.triangles(1, 0)
             self.v.append(numbers[:3])
             if len(numbers) >= 6:
                 self.rgb.append(numbers[3:6])
         elif key == "vt":
-            self.vt.append([float(w) for w in words[1:3]])
+            u, v = (float(w) for w in (*words[1:3], "0")[:2])  # a strip of texture has no v
+            self.budget.triangles(1, 0)
+            self.vt.append([u, v])
         elif key == "f":
             self.face(words[1:])
         elif key in ("o", "g"):
@@ -68,7 +94,10 @@ class _State:
         elif key == "usemtl":
             self.material = self.named(" ".join(words[1:]))
         elif key == "mtllib":
-            self.library.update(read_mtl(self.path, raw.split(None, 1)[1].strip()))
+            name = raw.split(None, 1)[1].strip()
+            if name not in self.libraries:
+                self.libraries.add(name)
+                self.library.update(_read_mtl(self.path, name, self.budget, self.images))
 
     def named(self, name: str) -> int:
         if name not in self.names:
@@ -91,6 +120,7 @@ class _State:
             ring.append((p, t))
         if len(ring) < 3:
             return
+        self.budget.triangles(0, len(ring) - 2)
         fan = [[ring[0], ring[i], ring[i + 1]] for i in range(1, len(ring) - 1)]
         run = self.runs.setdefault((self.group, self.material), [])
         run.extend(fan)
@@ -105,7 +135,7 @@ class _State:
             pairs, inverse = np.unique(corners, axis=0, return_inverse=True)
             uv = colors = None
             if len(uvs) and (pairs[:, 1] >= 0).any():
-                uv = _flip(uvs[np.maximum(pairs[:, 1], 0)])
+                uv = _flip(np.vstack([uvs, [0.0, 1.0]])[pairs[:, 1]])  # the last for those without
             if colored:
                 colors = _rgba(np.array(self.rgb)[pairs[:, 0]])
             faces = inverse.reshape(-1, 3)
@@ -113,14 +143,19 @@ class _State:
         return FileContent(tuple(pieces), tuple(self.materials) or (Material(),))
 
 
-def read_mtl(obj: Path, name: str) -> dict[str, Material]:
-    """Materials by name from a library beside `obj`; a missing library gives none."""
+def _read_mtl(
+    obj: Path, name: str, budget: Budget, images: dict[Path, bytes]
+) -> dict[str, Material]:
+    """Materials by name from a library beside `obj`; a missing library gives none.
+
+    `images` remembers texture files, so that each is read once.
+    """
     file = _beside(obj.parent, name)
     if file is None:
         return {}
     out: dict[str, dict[str, Any]] = {}
     current: dict[str, Any] = {}
-    for line in file.read_text(encoding="utf-8", errors="replace").splitlines():
+    for line in budget.read(file).decode("utf-8", "replace").splitlines():
         words = line.split()
         if not words:
             continue
@@ -128,7 +163,13 @@ def read_mtl(obj: Path, name: str) -> dict[str, Material]:
             current = out.setdefault(" ".join(words[1:]), {})
         elif words[0] in ("Kd", "d", "Tr", "Pm", "Pr", "map_Kd") and len(words) > 1:
             current[words[0]] = words[1:]
-    return {name: _material(name, raw, file.parent) for name, raw in out.items()}
+
+    def picture(path: Path) -> bytes:
+        if path not in images:
+            images[path] = budget.read(path)
+        return images[path]
+
+    return {name: _material(name, raw, file.parent, picture) for name, raw in out.items()}
 
 
 def write_obj(mesh: Mesh, path: Path) -> None:
@@ -224,7 +265,9 @@ def _write_mtl(mesh: Mesh, path: Path) -> None:
     path.with_suffix(".mtl").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _material(name: str, raw: dict[str, list[str]], folder: Path) -> Material:
+def _material(
+    name: str, raw: dict[str, list[str]], folder: Path, picture: Callable[[Path], bytes]
+) -> Material:
     def number(key: str, default: float) -> float:
         try:
             return float(raw[key][0]) if key in raw else default
@@ -240,7 +283,7 @@ def _material(name: str, raw: dict[str, list[str]], folder: Path) -> Material:
     if "map_Kd" in raw:  # options such as "-s 1 1 1" come before the file name
         file = _beside(folder, " ".join(raw["map_Kd"])) or _beside(folder, raw["map_Kd"][-1])
         if file is not None:
-            data = file.read_bytes()
+            data = picture(file)
             kind = image_kind(data)
             image = data if kind is not None else None
     if image is not None and max(r, g, b) == 0.0:  # exporters write black under a texture
@@ -256,7 +299,7 @@ def _beside(folder: Path, name: str) -> Path | None:
     for option in ("/".join(parts), parts[-1] if parts else ""):
         file = (root / option).resolve()
         # a texture one folder up is common (meshes/ beside textures/), further is not ours
-        if option and file.is_file() and file.is_relative_to(root.parent):
+        if option and os.path.isfile(file) and file.is_relative_to(root.parent):
             return file
     return None
 

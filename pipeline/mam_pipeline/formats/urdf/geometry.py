@@ -10,6 +10,8 @@ import numpy as np
 import trimesh
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.formats.headers import check_header
+from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.geometry.surface import Triangles, concatenate
 from mam_pipeline.types import FloatArray
 
@@ -88,6 +90,9 @@ def read_triangles(path: Path) -> Triangles:
     Raises:
         InputError: the file holds no triangles.
     """
+    if path.suffix.lower() in (".glb", ".gltf"):
+        return concatenate([(p.vertices, p.faces) for p in read_file(path).pieces])
+    check_header(path)
     scene = trimesh.load_scene(path, process=False, skip_materials=True)
     found: list[Triangles] = []
     for node in sorted(scene.graph.nodes_geometry):

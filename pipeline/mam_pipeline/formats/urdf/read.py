@@ -10,7 +10,7 @@ import numpy as np
 
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.mesh_files import read_file
-from mam_pipeline.formats.soup import Piece, join
+from mam_pipeline.formats.soup import Budget, FileContent, Piece, join
 from mam_pipeline.formats.urdf.geometry import mesh_scale, origin_of, resolve, shape_triangles
 from mam_pipeline.formats.urdf.tree import UrdfTree
 from mam_pipeline.types import Articulation, FloatArray, Joint, Link, Material
@@ -29,10 +29,13 @@ def read_urdf(path: str | Path) -> Articulation:
     pieces: list[Piece] = []
     materials: list[Material] = []
     owner: list[str] = []
+    files: dict[Path, FileContent] = {}
+    budget = Budget(tree.path)
     for link in tree.robot.links:
         if link.name not in tree.frames:
             continue
-        for piece in _pieces(link, tree.path, tree.frames[link.name], materials):
+        for piece in _pieces(link, tree.path, tree.frames[link.name], materials, files):
+            budget.triangles(len(piece.vertices), len(piece.faces))
             pieces.append(piece)
             owner.append(tree.carrier(link.name))
     if not pieces:
@@ -50,20 +53,27 @@ def read_urdf(path: str | Path) -> Articulation:
     return Articulation(mesh, links, joints)
 
 
-def _pieces(link: Any, file: Path, frame: FloatArray, materials: list[Material]) -> list[Piece]:
-    """A link's visual surface (its collision surface if it has no visual) in the root frame."""
+def _pieces(
+    link: Any, file: Path, frame: FloatArray, materials: list[Material],
+    files: dict[Path, FileContent],
+) -> list[Piece]:  # fmt: skip
+    """A link's visual surface (its collision surface if it has no visual) in the root frame.
+
+    `files` remembers what was read: a mesh that many links show is read once.
+    """
     out: list[Piece] = []
     for shapes in (link.visuals, link.collisions):
         for shape in shapes:
-            out += _shape_pieces(shape, file, frame @ origin_of(shape), materials, link.name)
+            out += _shape_pieces(shape, file, frame @ origin_of(shape), materials, link.name, files)
         if out:
             break
     return out
 
 
 def _shape_pieces(
-    shape: Any, file: Path, frame: FloatArray, materials: list[Material], name: str
-) -> list[Piece]:
+    shape: Any, file: Path, frame: FloatArray, materials: list[Material], name: str,
+    files: dict[Path, FileContent],
+) -> list[Piece]:  # fmt: skip
     start = len(materials)
     geometry = shape.geometry
     if geometry.mesh is None:
@@ -77,7 +87,9 @@ def _shape_pieces(
         target = resolve(geometry.mesh.filename, file.parent)
         if target is None:
             raise InputError(f"{file} names a mesh that does not exist: {geometry.mesh.filename}")
-        content = read_file(target)
+        if target not in files:
+            files[target] = read_file(target)
+        content = files[target]
         materials.extend(content.materials)
         found = content.pieces
         scale = mesh_scale(geometry.mesh)

@@ -12,6 +12,8 @@ import numpy as np
 import yourdfpy
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.formats.urdf.bounds import check_bounds
+from mam_pipeline.formats.xml_file import parse_xml
 from mam_pipeline.types import FloatArray, Joint
 
 MOVING = {"revolute", "continuous", "prismatic"}
@@ -118,6 +120,7 @@ def parse_urdf(path: Path) -> Any:
     """
     if not path.is_file():
         raise InputError(f"no URDF at {path}")
+    check_bounds(parse_xml(path), path)
     try:
         return yourdfpy.URDF.load(
             str(path), load_meshes=False, build_scene_graph=False, load_collision_meshes=False
