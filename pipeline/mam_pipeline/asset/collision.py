@@ -7,8 +7,6 @@ bare gets plates, and pieces of unconnected links are kept apart.
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
@@ -25,7 +23,6 @@ from mam_pipeline.geometry.surface import Component, Solid, link_components, wel
 from mam_pipeline.types import Articulation, CollisionShape, FloatArray, IntArray, joint_motion
 
 MAX_PIECES = 32
-SECONDS_PER_LINK = 2.5
 TOLERANCE = 0.006
 """How far a piece may reach beyond its surface, as a share of the diagonal."""
 MARGIN = 0.001
@@ -40,7 +37,6 @@ _SAMPLES = 2000
 def collision_shapes(
     articulation: Articulation,
     max_pieces: int = MAX_PIECES,
-    seconds: float = SECONDS_PER_LINK,
     skip: frozenset[str] = frozenset(),
 ) -> dict[str, list[CollisionShape]]:
     """Collision pieces of every link, by link name, asset frame at rest.
@@ -48,7 +44,6 @@ def collision_shapes(
     Args:
         articulation: in the asset frame.
         max_pieces: the most pieces for one link.
-        seconds: budget for cutting one link.
         skip: names of links to leave out.
     """
     paths = _moving_paths(articulation)
@@ -57,7 +52,7 @@ def collision_shapes(
         if link.name in skip:
             continue
         moving = articulation.joint_of(i) is not None
-        out[link.name] = _link_shapes(articulation, i, paths[i], moving, max_pieces, seconds)
+        out[link.name] = _link_shapes(articulation, i, paths[i], moving, max_pieces)
     return {**out, **keep_apart(articulation, out)} if out else out
 
 
@@ -67,16 +62,14 @@ def _link_shapes(
     path: FloatArray,
     moving: bool,
     max_pieces: int,
-    seconds: float,
 ) -> list[CollisionShape]:
     parts = link_components(articulation, index)
     if not parts:
         return []
     diagonal = articulation.mesh.diagonal
     space = _Space(parts, TOLERANCE * diagonal, diagonal, path)
-    began = time.process_time()
     soups = _first_soups(parts, max(max_pieces // 2, 1), diagonal)
-    chunks = decompose(soups, space.empty, max_pieces, seconds - (time.process_time() - began))
+    chunks = decompose(soups, space.empty, max_pieces)
     margin = MARGIN * diagonal if moving else 0.0
     shapes = []
     for chunk in merge(chunks, space.tolerance):

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import heapq
 import itertools
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -27,6 +26,10 @@ _SAMPLES = 500
 _LEVELS = 6
 _DIAGONALS = np.array([[1, 1, 0], [1, -1, 0], [1, 0, 1], [1, 0, -1], [0, 1, 1], [0, 1, -1]])
 _SLIVER = 0.004
+CUTTING = 24_000
+"""Triangles that are looked at while one link is cut: some three seconds of a processor."""
+_LEAST = 250
+"""Triangles that a cut counts at least: trying its planes costs as much."""
 _GOOD = 0.03
 """Share of a hull's volume that may be empty space."""
 
@@ -67,20 +70,19 @@ def decompose(
     soups: Sequence[tuple[FloatArray, IntArray]],
     empty: Empty,
     max_pieces: int,
-    seconds: float,
+    cutting: int = CUTTING,
     seed: int = 0,
 ) -> list[Chunk]:
-    """Cut triangle soups until their hulls are solid, the budget is spent, or time is up.
+    """Cut triangle soups until their hulls are solid or a budget is spent.
 
     Args:
         soups: (vertices, faces) of the first pieces; there may be no more than `max_pieces`.
         empty: tells which of (n, 3) points lie in free space: neither near nor inside the
             surface.
         max_pieces: the most pieces to return.
-        seconds: budget of processor time, so that a busy machine makes the same pieces.
+        cutting: triangles that the cuts may look at, so that every machine makes the same pieces.
         seed: of the volume samples.
     """
-    deadline = time.process_time() + seconds
     rng = np.random.default_rng(seed)
     counter = itertools.count()
     heap: list[_Entry] = []
@@ -95,8 +97,9 @@ def decompose(
 
     for vertices, faces in soups:
         push(vertices, faces)
-    while heap and len(heap) + len(done) < max_pieces and time.process_time() < deadline:
+    while heap and len(heap) + len(done) < max_pieces and cutting > 0:
         worst = heapq.heappop(heap).chunk
+        cutting -= max(len(worst.faces), _LEAST)
         halves = _best_cut(worst)
         if halves is None:
             done.append(worst)

@@ -6,7 +6,6 @@ a pose must hold; then joint friction is all that holds it. Works without a grap
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ import numpy as np
 
 from mam_pipeline.asset.dynamics import set_joint_friction
 from mam_pipeline.check.simulate import load_physics, physics_scene
-from mam_pipeline.thresholds import DRIVE_SECONDS, THRESHOLDS, Thresholds
+from mam_pipeline.thresholds import MAX_DRIVE, THRESHOLDS, Thresholds
 from mam_pipeline.types import FloatArray
 
 STEP = 1.0 / 200.0
@@ -41,20 +40,23 @@ class JointDrive:
 
 @dataclass(frozen=True)
 class DriveResult:
-    """The whole object: base drift in metres; `failure` names why loading or running failed."""
+    """The whole object: base drift in metres; `failure` names why loading or running failed.
+
+    `unfinished`: the budget was spent before every joint was driven.
+    """
 
     joints: Mapping[str, JointDrive]
     base_drift: float = 0.0
     failure: str = ""
     exploded: bool = False
-    timed_out: bool = False
+    unfinished: bool = False
 
 
 def drive_urdf(
     urdf: Path,
     frictions: Mapping[str, tuple[float, float]],
     thresholds: Thresholds = THRESHOLDS,
-    seconds: float = DRIVE_SECONDS,
+    budget: int = MAX_DRIVE,
     poses: Mapping[str, Mapping[str, float]] | None = None,
 ) -> DriveResult:
     """Load a URDF with a fixed base and drive its joints one after another.
@@ -64,7 +66,7 @@ def drive_urdf(
         frictions: joint name -> (Coulomb friction in N m or N, damping); SAPIEN reads only the
             damping of a URDF.
         thresholds: how long to hold.
-        seconds: wall-clock budget.
+        budget: simulated steps times joints.
         poses: joint name -> values of the joints while it is driven; where none is given they are
             at zero, or at the limit nearest to it. A joint's own value is where it starts and
             must return to.
@@ -76,8 +78,7 @@ def drive_urdf(
         return DriveResult({}, failure=f"{type(error).__name__}: {error}".splitlines()[0])
     if robot is None:
         return DriveResult({}, failure="the loader returned nothing")
-    deadline = time.monotonic() + seconds
-    return _Driver(scene, robot, frictions, thresholds, deadline, poses or {}).run()
+    return _Driver(scene, robot, frictions, thresholds, budget, poses or {}).run()
 
 
 class _Driver:
@@ -89,11 +90,11 @@ class _Driver:
         robot: Any,
         frictions: Mapping[str, tuple[float, float]],
         thresholds: Thresholds,
-        deadline: float,
+        budget: int,
         poses: Mapping[str, Mapping[str, float]],
     ) -> None:
         self.scene, self.robot = scene, robot
-        self.frictions, self.thresholds, self.deadline = frictions, thresholds, deadline
+        self.frictions, self.thresholds, self.budget = frictions, thresholds, budget
         self.joints = list(robot.active_joints)
         bounds = np.asarray(robot.get_qlimits(), dtype=float).reshape(-1, 2)
         self.slide = np.array([j.type == "prismatic" for j in self.joints])
@@ -110,10 +111,10 @@ class _Driver:
 
     def run(self) -> DriveResult:
         out: dict[str, JointDrive] = {}
-        timed_out = False
+        unfinished = False
         for i, joint in enumerate(self.joints):
-            if time.monotonic() > self.deadline:
-                timed_out = True
+            if self.budget <= 0:
+                unfinished = True
                 break
             self.rest = self._pose(joint.name)
             reached, back = self._reach(i)
@@ -121,7 +122,7 @@ class _Driver:
             out[joint.name] = JointDrive(reached, back, held, float(self.top[i]))
             if self.exploded:
                 break
-        return DriveResult(out, self.drift, exploded=self.exploded, timed_out=timed_out)
+        return DriveResult(out, self.drift, exploded=self.exploded, unfinished=unfinished)
 
     def _pose(self, name: str) -> FloatArray:
         """Joint values while the named joint is tested."""
@@ -191,6 +192,7 @@ class _Driver:
 
     def _step(self) -> bool:
         """One step; False once the state is no longer sane."""
+        self.budget -= len(self.joints)
         self.scene.step()
         q = np.asarray(self.robot.get_qpos(), dtype=float)
         speed = np.abs(np.asarray(self.robot.get_qvel(), dtype=float))

@@ -32,7 +32,7 @@ REASONS: dict[str, str] = {
     "exploded": "velocities grow without bound, or the state becomes NaN",
     "sags": "a joint does not hold its pose under gravity",
     "no_return": "a joint does not come back to its rest pose",
-    "timeout": "the check took too long",
+    "not_finished": "more joints than the check drives with its budget of simulated steps",
     "name_invalid": "a link or joint name is not one that the simulator takes",
     "hull_count": "a body has more convex pieces than the simulator takes",
     "hull_points": "a convex piece has more vertices than the simulator takes; it is simplified",
