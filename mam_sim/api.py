@@ -95,7 +95,9 @@ def make_env(
     return mam_envs.make(asset, joint=joint, robot_uids=robot, config=config, **arguments)
 
 
-def check(path: Asset | str | Path, drive: bool = True) -> CheckReport:
+def check(
+    path: Asset | str | Path, drive: bool = True, allow_outside: bool = False
+) -> CheckReport:
     """Test whether an asset, or anybody's URDF, is ready for simulation.
 
     Example:
@@ -106,6 +108,7 @@ def check(path: Asset | str | Path, drive: bool = True) -> CheckReport:
     Args:
         path: an asset, its folder, or a URDF file.
         drive: drive the joints in the simulator too; without it, only files and geometry.
+        allow_outside: let a URDF of your own name files outside its folder.
 
     Returns:
         `passed`, the `clauses`, a report for every joint, and `reasons` for every failure.
@@ -115,4 +118,5 @@ def check(path: Asset | str | Path, drive: bool = True) -> CheckReport:
     """
     from mam_pipeline.check.check import check_asset
 
-    return check_asset(path.folder if isinstance(path, Asset) else Path(path), drive=drive)
+    folder = path.folder if isinstance(path, Asset) else Path(path)
+    return check_asset(folder, drive=drive, allow_outside=allow_outside)

@@ -14,8 +14,8 @@ from scipy.spatial import ConvexHull, QhullError
 
 from mam_envs.kinematics import KinematicModel
 from mam_pipeline.asset.card import Asset, CardGrasp, CardJoint
-from mam_pipeline.errors import InputError, NotPhysicalError, unknown_name
-from mam_pipeline.formats.urdf.geometry import origin_of, resolve, shape_triangles
+from mam_pipeline.errors import NotPhysicalError, unknown_name
+from mam_pipeline.formats.urdf.geometry import existing, origin_of, shape_triangles
 from mam_pipeline.types import FloatArray, IntArray
 
 GRAVITY = 9.81  # m/s^2
@@ -71,16 +71,9 @@ class ObjectModel:
         """Read the asset's URDF.
 
         Raises:
-            InputError: the URDF is missing or broken, or the card names a joint it lacks.
+            InputError: the URDF is missing or broken.
         """
-        if not asset.urdf_path.is_file():
-            raise InputError(f"{asset.folder} names {asset.card.urdf}, which does not exist")
-        kinematics = KinematicModel.load(asset.urdf_path, scale)
-        names = {j.name for j in kinematics.joints}
-        for joint in asset.card.joints:
-            if joint.name not in names:
-                raise InputError(f"{asset.folder}: joint {joint.name!r} is not in the URDF")
-        return ObjectModel(asset, kinematics, scale)
+        return ObjectModel(asset, KinematicModel.load(asset.urdf_path, scale), scale)
 
     def card_joint(self, name: str) -> CardJoint:
         """The card's entry of a joint, or an error that names the others."""
@@ -316,8 +309,8 @@ class ObjectModel:
 def _pieces(collision: Any, urdf: Path, scale: float) -> list[ConvexPiece]:
     """The convex pieces of one URDF collision element, scaled."""
     geometry = collision.geometry
-    if geometry.mesh is not None and resolve(geometry.mesh.filename, urdf.parent) is None:
-        raise InputError(f"{urdf} names the mesh {geometry.mesh.filename}, which does not exist")
+    if geometry.mesh is not None:
+        existing(geometry.mesh.filename, urdf)
     surface = shape_triangles(geometry, urdf.parent, sections=16, subdivisions=1)
     if surface is None:
         return []

@@ -24,6 +24,8 @@ class Check(Verb):
 
     asset: Positional[Path]
     """Asset folder, or a URDF file (ours or anybody's; nothing outside its folder is read)."""
+    allow_outside: bool = False
+    """Let a URDF of your own name files outside its folder."""
     json: Path | None = None
     """Also write the whole report to this file ("-" for the screen instead of the table)."""
     picture: Path | None = None
@@ -43,9 +45,14 @@ class Check(Verb):
         if self.fix and self.profile is None:
             raise ConfigError("--fix needs --profile NAME: what is mended depends on the simulator")
         if self.profile is not None:
-            report = check_profile(self.asset, self.profile, fix=self.fix)
+            report = check_profile(
+                self.asset, self.profile, fix=self.fix, allow_outside=self.allow_outside
+            )
         else:
-            report = check_asset(self.asset, drive=self.drive, picture=self.picture)
+            report = check_asset(
+                self.asset, drive=self.drive, picture=self.picture,
+                allow_outside=self.allow_outside,
+            )  # fmt: skip
         if report.fixed is not None:
             print(f"mended copy: {report.fixed}, beside the URDF", file=sys.stderr)
         if self.json is not None:

@@ -54,7 +54,7 @@ class Export(Verb):
             return "lerobot"
         from mam_pipeline.asset.card import Asset
 
-        Asset.load(self.source)
+        Asset.card_of(self.source)
         raise ConfigError(f"{self.source} is an asset; add --to mjcf or --to usd")
 
     def _lerobot(self, screen: Screen) -> int:

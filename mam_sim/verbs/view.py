@@ -28,25 +28,29 @@ class View(Verb):
     """Degrees from the front towards the viewer's right."""
     elevation: float = 25.0
     """Degrees above the horizon."""
+    allow_outside: bool = False
+    """Let a URDF of your own name files outside its folder."""
 
     def run(self) -> int:
         """Draw the pictures; prints the folder."""
         from PIL import Image
 
+        from mam_pipeline.formats.door import Door, outside_allowed
         from mam_pipeline.render.motion import motion_pictures, there_and_back
 
-        articulation, folder = _read(self.asset)
-        target = self.out or folder / "view"
+        with outside_allowed(self.allow_outside):
+            articulation, folder = _read(self.asset)
+        target = self.out or Door(folder).may_write(folder / "view")
         target.mkdir(parents=True, exist_ok=True)
+        pictures = ("closed.png", "open.png", "moving.gif")
+        files = [Door(target).may_write(target / name) for name in pictures]
         shares = [0.0, 1.0, *there_and_back(self.frames)]
         size = (self.size, self.size)
         drawn = motion_pictures(articulation, shares, size, self.azimuth, self.elevation)
         closed, opened, *film = [Image.fromarray(picture) for picture in drawn]
-        closed.save(target / "closed.png")
-        opened.save(target / "open.png")
-        film[0].save(
-            target / "moving.gif", save_all=True, append_images=film[1:], duration=60, loop=0
-        )
+        closed.save(files[0])
+        opened.save(files[1])
+        film[0].save(files[2], save_all=True, append_images=film[1:], duration=60, loop=0)
         print(target)
         if not self.quiet:
             names = ", ".join(j.name for j in articulation.joints)

@@ -25,6 +25,7 @@ from mam_pipeline import backends, config_file
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.backends import KinematicPrior, Maker, Reconstruction
 from mam_pipeline.errors import ConfigError, InputError, NotPhysicalError
+from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.formats.suffixes import MESHES, PHOTOS
 from mam_pipeline.geometry.front import front_yaw, moved
 from mam_pipeline.hints import Hints, load_hints
@@ -41,6 +42,7 @@ from mam_pipeline.stage_store import (
     Codec,
     StageStore,
     articulation_codec,
+    copy_stages,
     file_digest,
     mesh_digest,
     save_geometry,
@@ -99,6 +101,8 @@ class MakeConfig:
     """Metres per unit of the source; give this or the height."""
     hints: Path | None = None
     """YAML file with what you know about the parts."""
+    allow_outside: bool = False
+    """Let a mesh or URDF of your own name files outside its folder (textures, meshes)."""
     visuals: Literal["obj", "glb"] = "obj"
     """Format of the visual meshes: OBJ is read by every simulator, GLB is one file per link."""
     interiors: bool = True
@@ -182,7 +186,8 @@ def make_asset(
     with settings.given(config.models.settings()), one_ledger(), _work_folder(out) as work:
         store = StageStore(work / "stages")
         stages = Stages(config.engine, on_stage, store)
-        read = _read(source, kind, config, stages)
+        with outside_allowed(config.allow_outside):
+            read = _read(source, kind, config, stages)
         if read.articulation is None:
             save_geometry(read.mesh, store.folder / "0_mesh")
             run = stages.articulate(read.mesh, given if given is not None else read.hints)
@@ -254,8 +259,7 @@ def _work_folder(out: Path) -> Iterator[Path]:
     shutil.rmtree(work, ignore_errors=True)
     try:
         (work / "stages").mkdir(parents=True)
-        if (out / "stages").is_dir():
-            shutil.copytree(out / "stages", work / "stages", dirs_exist_ok=True)
+        copy_stages(out / "stages", work / "stages")
         yield work
     finally:
         shutil.rmtree(work, ignore_errors=True)
@@ -288,7 +292,7 @@ def _read(source: Path, kind: str, config: MakeConfig, stages: Stages) -> Source
         got = load_mesh(source, up=config.up, height=config.height, scale=config.scale)
         return Source(
             kind, got.mesh, got.source_to_asset, got.metres_per_unit, got.metres_per_unit_source,
-            shell=True,
+            shell=True, notes=got.left_out,
         )  # fmt: skip
 
 

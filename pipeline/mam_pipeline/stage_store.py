@@ -12,7 +12,9 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import os
 import shutil
+import stat
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from pathlib import Path
@@ -23,7 +25,7 @@ import yaml
 from PIL import Image
 
 from mam_pipeline.backends import KinematicPrior, Maker, Reconstruction
-from mam_pipeline.errors import ConfigError
+from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.hints import load_hints, save_hints
 from mam_pipeline.types import (
     Articulation,
@@ -133,6 +135,29 @@ class StageStore:
             f"stages/{name}/{artefact.name} was edited for another input: it is not used, "
             f"and kept as stages/{kept.name}"
         )
+
+
+def copy_stages(old: Path, new: Path) -> None:
+    """Copy the stages of an asset, where there are any; nothing but files and folders is followed.
+
+    Raises:
+        InputError: a link, a pipe or the like lies among them.
+    """
+    if not old.is_dir():
+        return
+    for at, folders, files in os.walk(old):
+        here = Path(at)
+        for item in (here, *(here / name for name in (*folders, *files))):
+            mode = item.lstat().st_mode
+            if not (stat.S_ISDIR(mode) or stat.S_ISREG(mode)):
+                raise InputError(
+                    f"{item} is no ordinary file, and is not followed; delete it, and what it "
+                    "stood for is made anew"
+                )
+        there = new / here.relative_to(old)
+        there.mkdir(parents=True, exist_ok=True)
+        for name in files:
+            shutil.copyfile(here / name, there / name)
 
 
 def file_digest(path: Path) -> str:

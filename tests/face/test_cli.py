@@ -113,8 +113,9 @@ def test_a_folder_that_is_no_asset_is_never_overwritten(
 
 
 def _asset_folder(folder: Path) -> Path:
-    """A card and nothing else: enough to be taken for an asset."""
+    """A card and an empty URDF: enough to be taken for an asset."""
     AssetCard(name="box", urdf="object.urdf").save(folder)
+    (folder / "object.urdf").write_text("<robot name='box'/>")
     return folder
 
 

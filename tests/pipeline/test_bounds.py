@@ -248,9 +248,9 @@ def test_a_mesh_that_many_links_show_is_read_once(
     (tmp_path / "a.urdf").write_text(urdf(*TWO, shape=shape))
     read: list[Path] = []
 
-    def counted(file: Path) -> Any:
+    def counted(file: Path, root: Path) -> Any:
         read.append(file)
-        return read_file(file)
+        return read_file(file, root)
 
     monkeypatch.setattr("mam_pipeline.formats.urdf.read.read_file", counted)
     articulation = read_urdf(tmp_path / "a.urdf")

@@ -18,6 +18,7 @@ import yourdfpy
 from mam_envs.kinematics import Chain, KinematicModel
 from mam_envs.object_model import Hull
 from mam_pipeline.errors import ConfigError, unknown_name
+from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.formats.urdf.geometry import shape_triangles
 from mam_pipeline.types import FloatArray
 
@@ -144,7 +145,8 @@ class RobotSpec:
 
     @cached_property
     def model(self) -> KinematicModel:
-        return KinematicModel.load(self.path)
+        with outside_allowed():  # installed with the robot's code
+            return KinematicModel.load(self.path)
 
     @cached_property
     def chain(self) -> Chain:
@@ -225,7 +227,8 @@ class RobotSpec:
         for link in self.model.robot.links:
             if any(word in link.name for word in self.passive_links):
                 continue
-            rows = [_hull(c, self.path.parent) for c in link.collisions]
+            with outside_allowed():  # installed with the robot's code
+                rows = [_hull(c, self.path.parent) for c in link.collisions]
             out[link.name] = [r for r in rows if r is not None]
         return out
 

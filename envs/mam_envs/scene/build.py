@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from mani_skill.utils.structs import Articulation
 
 from mam_envs.config import CameraSpec, SceneConfig
 from mam_envs.scene.layout import Layout
+from mam_pipeline.formats.urdf.admit import through_door
 from mam_pipeline.types import FloatArray
 
 if TYPE_CHECKING:
@@ -35,6 +37,7 @@ class ObjectLoader(URDFLoader):
     def _build_link(self, link: Any, builder: Any) -> Any:
         if self.visual_free:
             link.visuals = []
+        through_door(link, Path(self.urdf_dir))
         return super()._build_link(link, builder)
 
 

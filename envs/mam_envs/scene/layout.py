@@ -16,7 +16,8 @@ from mam_envs.placement.base import Placement, object_pose, place
 from mam_envs.robots import RobotSpec
 from mam_envs.tasks import JointGoal, Task, task_class
 from mam_pipeline.asset.card import Asset, CardJoint
-from mam_pipeline.errors import ConfigError
+from mam_pipeline.check.lint import lint
+from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.types import FloatArray
 
 
@@ -113,6 +114,10 @@ class _Request:
 def _arrange(folder: str, stamp: int, request: _Request, scale: float | str) -> Layout:
     """`stamp`: when the card was written; an edited asset is arranged anew."""
     asset = Asset.load(folder)
+    for finding in lint(asset.urdf_path, asset.card):  # what `mam-sim check` refuses
+        if not finding.warning:
+            where = f"{asset.urdf_path}, {finding.where}"
+            raise InputError(f"{where}: {finding.message}; see: mam-sim check {folder}")
     if request.joints != (None,):
         return _sized(asset, request, scale)
     first: PlacementError | None = None

@@ -14,6 +14,7 @@ from mani_skill.utils import common
 from numpy.typing import NDArray
 
 from mam_envs.scene.layout import Layout
+from mam_pipeline.formats.door import DoorResolver, outside_allowed
 from mam_pipeline.formats.urdf.geometry import resolve, shape_triangles
 from mam_pipeline.render.scene_pictures import render_scene
 from mam_pipeline.types import FloatArray
@@ -64,7 +65,9 @@ class Camera:
     def _meshes(self) -> list[tuple[str, str, FloatArray, FloatArray, FloatArray]]:
         """(owner, link, vertices, faces, face colours) of robot and object."""
         layout = self.env.layout(0)
-        rows = _visuals("robot", layout.robot.model.robot, layout.robot.path.parent, 1.0, ROBOT)
+        with outside_allowed():  # installed with the robot's code
+            robot = layout.robot.path.parent
+            rows = _visuals("robot", layout.robot.model.robot, robot, 1.0, ROBOT)
         folder = layout.model.asset.urdf_path.parent
         rows += _visuals("object", layout.model.kinematics.robot, folder, layout.model.scale, None)
         return rows
@@ -128,7 +131,7 @@ def _load(geometry: yourdfpy.Geometry, folder: Path) -> Any:
         file = resolve(geometry.mesh.filename, folder)
         if file is None:
             return None
-        mesh = trimesh.load(file, force="mesh")
+        mesh = trimesh.load(file, force="mesh", resolver=DoorResolver(file, folder))
         if geometry.mesh.scale is not None:
             mesh.apply_scale(geometry.mesh.scale)
         return mesh

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,9 @@ from typing import Any
 import numpy as np
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.formats.door import Door
 from mam_pipeline.formats.suffixes import MESHES, PHOTOS
+from mam_pipeline.formats.urdf.admit import admitted
 from mam_pipeline.types import MOVES, NEEDS_REVIEW, Provenance, RangeBasis
 
 SCHEMA = 2
@@ -121,11 +125,25 @@ class Asset:
 
     @staticmethod
     def load(path: str | Path) -> Asset:
-        """Read an asset folder (or its asset.json).
+        """Open an asset folder (or its asset.json): every verb and the environment come here.
 
         Raises:
-            InputError: the folder or card is missing, malformed or of another schema, or the path
-                is a mesh or a photo.
+            InputError: the folder or card is missing, malformed or of another schema; the URDF is
+                none, names files outside the folder, or is another than that of the card; or the
+                path is a mesh or a photo.
+        """
+        asset = Asset.card_of(path)
+        for why in unlike(asset.card, admitted(asset.urdf_path)):
+            raise InputError(f"{asset.folder}: {why}")
+        return asset
+
+    @staticmethod
+    def card_of(path: str | Path) -> Asset:
+        """Read the card alone; the URDF is looked at by `load`.
+
+        Raises:
+            InputError: the folder or card is missing, malformed or of another schema, the URDF
+                lies outside the folder, or the path is a mesh or a photo.
         """
         folder = Path(path)
         if folder.name == "asset.json":
@@ -134,7 +152,8 @@ class Asset:
         for kind, suffixes in (("mesh", MESHES), ("photo", PHOTOS)):
             if folder.is_file() and folder.suffix.lower() in suffixes:
                 raise InputError(f"{path} is a {kind}, not an asset; run: mam-sim make-env {path}")
-        if not file.is_file():
+        door = Door(folder)
+        if door.find(file.name, file) is None:
             raise InputError(f"no asset.json in {folder}; make one with: mam-sim make-env INPUT")
         try:
             data = json.loads(file.read_text(encoding="utf-8"))
@@ -147,9 +166,43 @@ class Asset:
             data["parts"] = [CardPart(**p) for p in data.get("parts", [])]
             data["joints"] = [_joint(j) for j in data.get("joints", [])]
             data["grasps"] = [CardGrasp(**g) for g in data.get("grasps", [])]
-            return Asset(folder.resolve(), AssetCard(**data))
+            asset = Asset(folder.resolve(), AssetCard(**data))
         except (json.JSONDecodeError, TypeError, AttributeError) as error:
             raise InputError(f"{file} is not a valid asset card: {error}") from error
+        if door.find(asset.card.urdf, file) is None:
+            raise InputError(f"{folder} names {asset.card.urdf}, which does not exist")
+        return asset
+
+
+def unlike(card: AssetCard, robot: ET.Element) -> Iterator[str]:
+    """Sentences on what a card says of its URDF and the URDF does not have.
+
+    Args:
+        robot: root element of the URDF.
+    """
+    links = {e.get("name") for e in robot.findall("link")}
+    joints = {e.get("name"): e for e in robot.findall("joint")}
+    for part in card.parts:
+        if part.link not in links:
+            yield f"part {part.name!r} of asset.json is link {part.link!r}, which the URDF lacks"
+    for joint in card.joints:
+        element = joints.get(joint.name)
+        if element is None:
+            yield f"joint {joint.name!r} of asset.json is not in the URDF"
+            continue
+        said = {"type": element.get("type")}
+        for key in ("parent", "child"):
+            end = element.find(key)
+            said[key] = None if end is None else end.get("link")
+        for key, value in said.items():
+            if getattr(joint, key) != value:
+                told = f"its {key} is {getattr(joint, key)!r} in asset.json and {value!r} in"
+                yield f"joint {joint.name!r}: {told} the URDF"
+    named = {joint.name for joint in card.joints}
+    for i, grasp in enumerate(card.grasps):
+        for key, known in (("joint", named), ("link", links)):
+            if getattr(grasp, key) not in known:
+                yield f"grasp {i} of asset.json is of {key} {getattr(grasp, key)!r}, which is none"
 
 
 def _joint(row: dict[str, Any]) -> CardJoint:

@@ -21,6 +21,8 @@ from mam_pipeline.asset.visuals import by_material, free_name
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.obj import write_obj_part
 from mam_pipeline.formats.soup import join
+from mam_pipeline.formats.urdf.admit import admitted
+from mam_pipeline.formats.urdf.geometry import existing
 from mam_pipeline.formats.urdf.write import numbers
 from mam_pipeline.optional import require
 from mam_pipeline.types import FloatArray, Material
@@ -126,7 +128,7 @@ class _Files:
 
     def flattened(self, urdf: Path) -> str:
         """The URDF with its meshes copied into one folder, each of one object and one material."""
-        robot = ET.parse(urdf).getroot()
+        robot = admitted(urdf)
         for link in robot.findall("link"):
             for kind in ("visual", "collision"):
                 for i, element in enumerate(link.findall(kind)):
@@ -134,7 +136,7 @@ class _Files:
                     mesh = element.find("geometry/mesh")
                     if mesh is None:
                         continue
-                    file = self.source / (mesh.get("filename") or "")
+                    file = existing(mesh.get("filename") or "", urdf)
                     if kind == "visual":
                         self._visual(link, element, file)
                     else:
@@ -149,7 +151,7 @@ class _Files:
 
     def _visual(self, link: ET.Element, element: ET.Element, file: Path) -> None:
         """Write a visual's pieces; every further one gets an element of its own."""
-        content = read_file(file)
+        content = read_file(file, self.source)
         place = list(link).index(element)
         whole = join(content.pieces, content.materials)
         for k, part in enumerate(by_material(whole)):

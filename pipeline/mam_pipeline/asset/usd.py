@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.soup import join
-from mam_pipeline.formats.urdf.geometry import origin_of, read_triangles
+from mam_pipeline.formats.urdf.geometry import existing, origin_of, read_triangles
 from mam_pipeline.formats.urdf.tree import UrdfTree
 from mam_pipeline.optional import require
 from mam_pipeline.types import FloatArray, Material
@@ -86,7 +86,7 @@ class _Exporter:
             api.CreateDiagonalInertiaAttr(Gf.Vec3f(*map(float, values)))
             api.CreatePrincipalAxesAttr(_quaternion(vectors))
         for i, shape in enumerate(link.visuals):
-            file = self.asset.urdf_path.parent / shape.geometry.mesh.filename
+            file = existing(shape.geometry.mesh.filename, self.asset.urdf_path)
             self._visual(f"/object/{link.name}/visual_{i}", file)
         for i, shape in enumerate(link.collisions):
             self._collision(f"/object/{link.name}/collision_{i}", shape)
@@ -94,7 +94,7 @@ class _Exporter:
     def _visual(self, path: str, file: Path) -> None:
         from pxr import Sdf, UsdGeom, UsdShade
 
-        content = read_file(file)
+        content = read_file(file, self.asset.urdf_path.parent)
         mesh = join(content.pieces, content.materials)
         assert mesh.face_material is not None
         for k in np.unique(mesh.face_material):
@@ -160,7 +160,7 @@ class _Exporter:
             _place(prim, origin)
         else:
             prim = UsdGeom.Mesh.Define(self.stage, path)
-            vertices, faces = read_triangles(self.asset.urdf_path.parent / g.mesh.filename)
+            vertices, faces = read_triangles(existing(g.mesh.filename, self.asset.urdf_path))
             _fill(prim, vertices, faces)
             _place(prim, origin)
             api = UsdPhysics.MeshCollisionAPI.Apply(prim.GetPrim())

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from mam_pipeline.asset.card import Asset
+from mam_pipeline.asset.card import Asset, AssetCard
 from mam_pipeline.check.lint import Linter, lint
 from mam_pipeline.check.model import CheckModel
 from mam_pipeline.check.profiles import fixed_urdf, profile_findings
 from mam_pipeline.check.report import CLAUSES, CheckReport, Finding, JointReport
 from mam_pipeline.check.sweep import JointSweep, sweep_joint
 from mam_pipeline.errors import InputError, MamSimError
+from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.optional import has, install_command
 from mam_pipeline.thresholds import MAX_SWEEP, THRESHOLDS, Thresholds
 from mam_pipeline.types import Joint
@@ -42,23 +43,28 @@ def check_asset(
     drive: bool = True,
     picture: Path | None = None,
     thresholds: Thresholds = THRESHOLDS,
+    allow_outside: bool = False,
 ) -> CheckReport:
     """Check an asset folder or any URDF; its work is bounded by the sizes that the lint allows.
 
     Args:
-        path: asset folder, asset.json or URDF; nothing outside its folder is read.
+        path: asset folder, asset.json or URDF.
         drive: also run the simulator; a warning says so where SAPIEN is not installed.
         picture: where to save the worst frame as PNG, None for no picture.
         thresholds: what counts as a failure.
+        allow_outside: let the URDF name files outside its folder.
 
     Raises:
         InputError: there is nothing to check at `path`.
     """
     target = _locate(Path(path))
-    return _run(str(path), target, drive, picture, thresholds)
+    with outside_allowed(allow_outside):
+        return _run(str(path), target, drive, picture, thresholds)
 
 
-def check_profile(path: str | Path, profile: str, *, fix: bool = False) -> CheckReport:
+def check_profile(
+    path: str | Path, profile: str, *, fix: bool = False, allow_outside: bool = False
+) -> CheckReport:
     """What one simulator would refuse or ignore of an asset or of any URDF; nothing is run.
 
     Args:
@@ -66,11 +72,16 @@ def check_profile(path: str | Path, profile: str, *, fix: bool = False) -> Check
         profile: a name of `mam_pipeline.check.profiles.PROFILES`.
         fix: write a mended copy, NAME_PROFILE.urdf, beside the URDF, whose mesh paths are relative;
             the report is then about the copy, and `fixed` names it.
+        allow_outside: let the URDF name files outside its folder.
 
     Raises:
         InputError: there is nothing to check at `path`. ConfigError: no such profile.
     """
-    target = _locate(Path(path))
+    with outside_allowed(allow_outside):
+        return _profile(str(path), _locate(Path(path)), profile, fix)
+
+
+def _profile(path: str, target: _Target, profile: str, fix: bool) -> CheckReport:
     linter = Linter(target.urdf)
     linter.run()
     findings = profile_findings(linter, profile)
@@ -79,6 +90,7 @@ def check_profile(path: str | Path, profile: str, *, fix: bool = False) -> Check
         text, done = fixed_urdf(linter, profile)
         if done:
             copy = target.urdf.with_name(f"{target.urdf.stem}_{profile}.urdf")
+            linter.door.may_write(copy)
             copy.write_text(text, encoding="utf-8")
             fixed, linter = copy.name, Linter(copy)
             linter.run()
@@ -87,16 +99,16 @@ def check_profile(path: str | Path, profile: str, *, fix: bool = False) -> Check
     findings = linter.findings + findings
     clauses: dict[str, bool | None] = dict.fromkeys(CLAUSES)
     clauses["lint"] = not any(not f.warning for f in findings)
-    return CheckReport(
-        str(path), bool(clauses["lint"]), clauses, (), tuple(findings), fixed=fixed
-    )
+    return CheckReport(path, bool(clauses["lint"]), clauses, (), tuple(findings), fixed=fixed)
 
 
 @dataclass(frozen=True)
 class _Target:
-    """A URDF and what a card knows of its joints: (friction, damping), closed and open values."""
+    """A URDF, its card where there is one, and what that knows of its joints: (friction, damping),
+    closed and open values."""
 
     urdf: Path
+    card: AssetCard | None = None
     friction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     closed: Mapping[str, float] = field(default_factory=dict)
     open: Mapping[str, float] = field(default_factory=dict)
@@ -108,7 +120,7 @@ def _run(
     urdf, seconds = target.urdf, dict[str, float]()
     clauses: dict[str, bool | None] = dict.fromkeys(CLAUSES)
     began = time.perf_counter()
-    findings = lint(urdf)
+    findings = lint(urdf, target.card)
     seconds["lint"] = _since(began)
     clauses["lint"] = not any(not f.warning for f in findings)
     if not clauses["lint"]:
@@ -154,7 +166,7 @@ def _locate(path: Path) -> _Target:
         card = path.parent / "asset.json"
         if not card.is_file():
             return _Target(path)
-        asset = Asset.load(path.parent)
+        asset = Asset.card_of(path.parent)
         if asset.urdf_path.resolve() != path.resolve():
             return _Target(path)
     elif path.is_dir() and not (path / "asset.json").is_file():
@@ -163,15 +175,11 @@ def _locate(path: Path) -> _Target:
             raise InputError(f"{path} holds no asset.json and {len(found)} URDF files; name one")
         return _Target(found[0])
     else:
-        asset = Asset.load(path)
-    urdf = asset.urdf_path
-    if not urdf.resolve().is_relative_to(asset.folder.resolve()):
-        raise InputError(f"{path} names a URDF outside its folder: {asset.card.urdf}")
-    if not urdf.is_file():
-        raise InputError(f"{path} names {asset.card.urdf}, which does not exist")
+        asset = Asset.card_of(path)
     joints = asset.card.joints
     return _Target(
-        urdf,
+        asset.urdf_path,
+        asset.card,
         {j.name: (j.friction, j.damping) for j in joints},
         {j.name: j.closed for j in joints},
         {j.name: j.open for j in joints},

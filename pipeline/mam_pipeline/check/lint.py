@@ -5,37 +5,36 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from pathlib import Path
-from xml.parsers import expat
 
 import numpy as np
 
 from mam_pipeline import thresholds as limits
+from mam_pipeline.asset.card import AssetCard, unlike
 from mam_pipeline.check.report import Finding
-from mam_pipeline.errors import MamSimError
+from mam_pipeline.errors import InputError, MamSimError
+from mam_pipeline.formats.door import Door, Outside
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.suffixes import MESHES
+from mam_pipeline.formats.urdf.admit import refused
+from mam_pipeline.formats.xml_file import Doctype, parse_xml
 
 MOVING = ("revolute", "continuous", "prismatic")
 KNOWN = (*MOVING, "fixed")
 
 
-def lint(urdf: Path) -> list[Finding]:
-    """Findings about a URDF and the files it names; none of them needs a simulator."""
-    found = Linter(urdf)
+def lint(urdf: Path, card: AssetCard | None = None) -> list[Finding]:
+    """Findings about a URDF, the files it names and its card; none of them needs a simulator."""
+    found = Linter(urdf, card)
     found.run()
     return found.findings
-
-
-class _Doctype(Exception):
-    """The document declares a type or an entity."""
 
 
 class Linter:
     """Walks over one URDF and collects what is wrong."""
 
-    def __init__(self, urdf: Path) -> None:
-        self.urdf = urdf
-        self.folder = urdf.resolve().parent
+    def __init__(self, urdf: Path, card: AssetCard | None = None) -> None:
+        self.urdf, self.card = urdf, card
+        self.door = Door(urdf.parent)
         self.findings: list[Finding] = []
         self.links: dict[str, ET.Element] = {}
         self.joints: list[ET.Element] = []
@@ -47,6 +46,8 @@ class Linter:
         if root is None:
             return
         self._tree(root)
+        for why in () if self.card is None else unlike(self.card, root):
+            self._say("card_differs", "asset.json", why)
         for joint in self.joints:
             self._joint(joint)
         moved = {self._ref(j, "child") for j in self.joints if j.get("type") in MOVING}
@@ -64,29 +65,20 @@ class Linter:
 
     def _parse(self) -> ET.Element | None:
         where = self.urdf.name
-        if self.urdf.stat().st_size > limits.MAX_XML_BYTES:
-            self._say("xml_unreadable", where, "the file is larger than 10 MiB")
-            return None
-        data = self.urdf.read_bytes()
-        parser = expat.ParserCreate()
-
-        def refuse(*_: object) -> None:
-            raise _Doctype
-
-        parser.StartDoctypeDeclHandler = refuse
-        parser.EntityDeclHandler = refuse
         try:
-            parser.Parse(data, True)
-            root = ET.fromstring(data)
-        except _Doctype:
-            self._say("xml_entities", where, "a DOCTYPE or entity is declared; remove it")
+            root = parse_xml(self.urdf, limits.MAX_XML_BYTES)
+        except Doctype as error:
+            self._say("xml_entities", where, str(error))
             return None
-        except (expat.ExpatError, ET.ParseError, ValueError) as error:
-            self._say("xml_unreadable", where, f"not well-formed XML: {error}")
+        except InputError as error:
+            self._say("xml_unreadable", where, str(error))
             return None
         if root.tag != "robot":
             self._say("xml_unreadable", where, f"the root element is <{root.tag}>, not <robot>")
             return None
+        for refusal in refused(self.urdf, root):
+            outside = isinstance(refusal, Outside)
+            self._say("mesh_outside" if outside else "mesh_unreadable", where, str(refusal))
         return root
 
     def _tree(self, root: ET.Element) -> None:
@@ -226,11 +218,11 @@ class Linter:
         return shape.tag in wanted
 
     def _mesh(self, where: str, name: str) -> bool:
-        file = self.locate(name)
-        if file is None:
-            self._say("mesh_outside", where, f"{name!r} leads outside the folder")
+        try:
+            file = self.door.find(name, self.urdf)
+        except InputError:  # it has been said
             return False
-        if not file.is_file():
+        if file is None:
             self._say("mesh_missing", where, f"{name!r} does not exist")
             return False
         if file in self.read:
@@ -244,7 +236,7 @@ class Linter:
             self._say("mesh_unreadable", where, f"{name!r} is of an unknown format")
             return False
         try:
-            pieces = read_file(file).pieces
+            pieces = read_file(file, self.door.root).pieces
         except MamSimError as error:
             self._say("mesh_unreadable", where, str(error))
             return False
@@ -256,13 +248,11 @@ class Linter:
         return True
 
     def locate(self, name: str) -> Path | None:
-        """The file that a mesh name means, None if it lies outside the URDF's folder."""
-        bare = name.split("://", 1)[1] if "://" in name else name
-        options = [self.folder / bare.lstrip("/") if "://" in name else self.folder / bare]
-        if name.startswith("package://"):
-            options.append(self.folder.joinpath(*Path(bare).parts[1:]))
-        inside = [p for p in (o.resolve() for o in options) if p.is_relative_to(self.folder)]
-        return next((p for p in inside if p.is_file()), inside[0] if inside else None)
+        """The file that a mesh name means, None if there is none that may be opened."""
+        try:
+            return self.door.find(name, self.urdf)
+        except InputError:
+            return None
 
     def _origin(self, element: ET.Element, where: str) -> None:
         origin = element.find("origin")

@@ -168,7 +168,7 @@ def _meshes(linter: Linter, profile: Profile) -> Iterator[Finding]:
                 if file is None or not file.is_file():
                     continue  # the lint has said so
                 if file not in read:
-                    read[file] = _content(file)
+                    read[file] = _content(file, linter.door.root)
                 yield from _mesh(f"{name}, {kind} {file.name}", kind, mesh, file, read[file],
                                  profile)  # fmt: skip
 
@@ -336,8 +336,8 @@ def _child(joint: ET.Element) -> str:
     return "" if found is None else found.get("link") or ""
 
 
-def _content(file: Path) -> FileContent | None:
+def _content(file: Path, root: Path) -> FileContent | None:
     try:
-        return read_file(file)
+        return read_file(file, root)
     except MamSimError:
         return None

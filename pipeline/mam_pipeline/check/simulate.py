@@ -8,12 +8,15 @@ from typing import Any
 import sapien
 from sapien.wrapper.urdf_loader import URDFLoader
 
+from mam_pipeline.formats.urdf.admit import through_door
+
 
 class PhysicsLoader(URDFLoader):
     """SAPIEN's URDF loader without visuals, so that no render device is asked for."""
 
     def _build_link(self, link: Any, link_builder: Any) -> None:
         link.visuals = []
+        through_door(link, Path(self.urdf_dir))
         super()._build_link(link, link_builder)
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import base64
 import json
-import os
 import struct
 from pathlib import Path
 from typing import Any, Literal
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.formats.door import Door
 from mam_pipeline.formats.soup import Budget, FileContent, Piece
 from mam_pipeline.types import FloatArray, IntArray, Material, Mesh
 
@@ -29,14 +29,14 @@ _MAGIC = b"glTF"
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
 
 
-def read_gltf(path: Path) -> FileContent:
+def read_gltf(path: Path, root: Path | None = None) -> FileContent:
     """Read every triangle of the default scene of a .glb or .gltf file, in its world frame.
 
     Raises:
         InputError: not glTF 2.0, truncated, compressed, or it reaches outside its folder.
     """
     try:
-        return _Reader(path).content()
+        return _Reader(path, Door(root or path.parent)).content()
     except InputError:
         raise
     except RecursionError as error:
@@ -54,8 +54,8 @@ class _Reader:
     together is bounded: the work is that of a file of the allowed size, however it is woven.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, door: Door) -> None:
+        self.path, self.door = path, door
         self.doc, self.binary = _split(path)
         packed = _PACKED & set(self.doc.get("extensionsRequired", ()))
         packed -= {"KHR_mesh_quantization"}
@@ -192,9 +192,9 @@ class _Reader:
         return self.images[source]
 
     def _resource(self, uri: str) -> bytes:
-        """Bytes behind a data: URI or a file beside the document, never outside its folder."""
+        """Bytes behind a data: URI or a file that the door opens; each is read once."""
         if uri not in self.resources:
-            self.resources[uri] = _resource(self.path, uri, self.budget)
+            self.resources[uri] = _resource(self.path, uri, self.budget, self.door)
         return self.resources[uri]
 
     def _view(self, index: int) -> memoryview:
@@ -390,15 +390,12 @@ def _split(path: Path) -> tuple[dict[str, Any], bytes]:
     return doc, binary
 
 
-def _resource(path: Path, uri: str, budget: Budget) -> bytes:
-    """Bytes behind a data: URI or a file beside the document, never outside its folder."""
+def _resource(path: Path, uri: str, budget: Budget, door: Door) -> bytes:
+    """Bytes behind a data: URI or a file that the door opens."""
     if uri.startswith("data:"):
         return base64.b64decode(uri.partition(",")[2])
-    folder = path.parent.resolve()
-    file = (folder / unquote(uri)).resolve()
-    if not file.is_relative_to(folder):
-        raise InputError(f"{path} refers to {uri!r}, which lies outside its folder")
-    if not os.path.isfile(file):
+    file = door.find(unquote(uri), path)
+    if file is None:
         raise InputError(f"{path} needs {uri!r}, which is missing")
     return budget.read(file)
 

@@ -6,7 +6,7 @@ front is, only the articulation can tell (see `mam_pipeline.geometry.front`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal
@@ -15,6 +15,7 @@ import numpy as np
 import trimesh
 
 from mam_pipeline.errors import ConfigError, InputError
+from mam_pipeline.formats.door import DoorResolver
 from mam_pipeline.formats.gltf import read_gltf, write_glb
 from mam_pipeline.formats.headers import check_header, collada_says
 from mam_pipeline.formats.obj import read_obj, write_obj
@@ -37,7 +38,7 @@ class LoadedMesh:
         source_to_asset: (4, 4) similarity, file coordinates to asset frame, scale included.
         metres_per_unit: the scale alone.
         metres_per_unit_source: who said so: a flag, the format, or an assumption.
-        notes: assumptions in words, for the card and the report.
+        notes: assumptions in words. left_out: sentences on pictures that were not read.
     """
 
     mesh: Mesh
@@ -45,6 +46,7 @@ class LoadedMesh:
     metres_per_unit: float
     metres_per_unit_source: str
     notes: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(
@@ -84,7 +86,7 @@ def load_mesh(
     content = read_file(file)
     mesh = join(content.pieces, content.materials)
     _check(mesh, file)
-    notes = list(content.notes)
+    notes = []
     turn, why = _upright(mesh, content.up, up, file.suffix.lower())
     notes.append(why)
     turned = mesh.transformed(_matrix(turn))
@@ -96,11 +98,15 @@ def load_mesh(
     middle = (low + high) / 2 * unit
     matrix[:3, 3] = [-middle[0], -middle[1], -low[2] * unit]
     placed = mesh.transformed(matrix)
-    return LoadedMesh(placed, matrix, unit, source, tuple(notes))
+    return LoadedMesh(placed, matrix, unit, source, tuple(notes), content.notes)
 
 
-def read_file(file: Path) -> FileContent:
-    """Read a mesh file as it is, in its own frame and unit; see `load_mesh` for the errors."""
+def read_file(file: Path, root: Path | None = None) -> FileContent:
+    """Read a mesh file as it is, in its own frame and unit; see `load_mesh` for the errors.
+
+    Args:
+        root: folder whose files it may name; default: its own.
+    """
     suffix = file.suffix.lower()
     if not file.exists():
         raise InputError(f"no file at {file}")
@@ -114,11 +120,11 @@ def read_file(file: Path) -> FileContent:
     if size > LIMITS.bytes:
         raise InputError(f"{file} has {size >> 20} MiB; the most is {LIMITS.bytes >> 20} MiB")
     if suffix in (".glb", ".gltf"):
-        content = read_gltf(file)
+        content = read_gltf(file, root)
     elif suffix == ".obj":
-        content = read_obj(file)
+        content = read_obj(file, root)
     else:
-        content = _read_other(file)
+        content = _read_other(file, root)
     count = sum(len(p.faces) for p in content.pieces)
     if count == 0:
         raise InputError(f"{file} has no faces: a surface is needed, not points or lines")
@@ -137,12 +143,13 @@ def save_obj(mesh: Mesh, path: str | Path) -> None:
     write_obj(mesh, Path(path))
 
 
-def _read_other(file: Path) -> FileContent:
+def _read_other(file: Path, root: Path | None) -> FileContent:
     """PLY, STL, DAE and OFF through trimesh, unprocessed."""
     check_header(file)
     try:
-        scene = trimesh.load_scene(file, process=False)
-        return _pieces_of(scene, file)
+        resolver = DoorResolver(file, root)
+        scene = trimesh.load_scene(file, process=False, resolver=resolver)
+        return replace(_pieces_of(scene, file), notes=tuple(resolver.left_out))
     except InputError:
         raise
     except Exception as error:  # each reader fails in its own way

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,21 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.formats.door import Door, is_file
 from mam_pipeline.formats.gltf import image_kind
 from mam_pipeline.formats.soup import LIMITS, Budget, FileContent, Piece
 from mam_pipeline.types import FloatArray, Material, Mesh
 
 
-def read_obj(path: Path) -> FileContent:
+def read_obj(path: Path, root: Path | None = None) -> FileContent:
     """Read the polygons of an OBJ file, fans of triangles, with the materials of its MTL files.
 
     A vertex is made for every distinct pair of position and texture coordinate; V is flipped to
-    the glTF convention. Texture paths outside the file's folder are not followed.
+    the glTF convention. Textures outside `root` (default: the file's folder) are left out, and the
+    notes say so.
 
     Raises:
         InputError: a line is malformed or a face names a vertex that does not exist.
     """
-    state = _State(path, Budget(path))
+    state = _State(path, Budget(path), Door(root or path.parent))
     for number, line in _lines(path):
         words = line.split()
         if not words or words[0][0] == "#":
@@ -61,6 +62,7 @@ class _State:
 
     path: Path
     budget: Budget
+    door: Door
     v: list[list[float]] = field(default_factory=list)
     rgb: list[list[float]] = field(default_factory=list)
     vt: list[list[float]] = field(default_factory=list)
@@ -72,6 +74,7 @@ class _State:
     libraries: set[str] = field(default_factory=set)
     images: dict[Path, bytes] = field(default_factory=dict)
     runs: dict[tuple[str, int], list[list[tuple[int, int]]]] = field(default_factory=dict)
+    left_out: list[str] = field(default_factory=list)
 
     def line(self, words: list[str], raw: str) -> None:
         key = words[0]
@@ -97,7 +100,7 @@ class _State:
             name = raw.split(None, 1)[1].strip()
             if name not in self.libraries:
                 self.libraries.add(name)
-                self.library.update(_read_mtl(self.path, name, self.budget, self.images))
+                self.library.update(self.mtl(name))
 
     def named(self, name: str) -> int:
         if name not in self.names:
@@ -125,6 +128,50 @@ class _State:
         run = self.runs.setdefault((self.group, self.material), [])
         run.extend(fan)
 
+    def mtl(self, name: str) -> dict[str, Material]:
+        """Materials by name from a library that the file names; a missing library gives none."""
+        file = self.beside(name, self.path)
+        if file is None:
+            return {}
+        out: dict[str, dict[str, Any]] = {}
+        current: dict[str, Any] = {}
+        for line in self.budget.read(file).decode("utf-8", "replace").splitlines():
+            words = line.split()
+            if not words:
+                continue
+            if words[0] == "newmtl":
+                current = out.setdefault(" ".join(words[1:]), {})
+            elif words[0] in ("Kd", "d", "Tr", "Pm", "Pr", "map_Kd") and len(words) > 1:
+                current[words[0]] = words[1:]
+
+        def picture(words: list[str]) -> bytes | None:
+            """The texture of a line; options such as "-s 1 1 1" come before its name."""
+            for option in dict.fromkeys((" ".join(words), words[-1])):
+                found = self.beside(option, file)
+                if found is not None:
+                    if found not in self.images:
+                        self.images[found] = self.budget.read(found)
+                    return self.images[found]
+            return None
+
+        return {name: _material(name, raw, picture) for name, raw in out.items()}
+
+    def beside(self, name: str, by: Path) -> Path | None:
+        """The file that a line of `by` names, or one of that name beside it: exporters write the
+        paths of the disk that they ran on."""
+        name = name.replace("\\", "/")
+        outside = ""
+        for option in (name, name.rpartition("/")[2]):
+            try:
+                found = self.door.find(option, by) if option else None
+            except InputError as error:
+                outside = outside or (str(error) if is_file(by.parent / option) else "")
+                continue
+            if found is not None:
+                return found
+        self.left_out += [outside] if outside else []
+        return None
+
     def content(self) -> FileContent:
         points = np.array(self.v, dtype=np.float64).reshape(-1, 3)
         uvs = np.array(self.vt, dtype=np.float64).reshape(-1, 2)
@@ -140,36 +187,8 @@ class _State:
                 colors = _rgba(np.array(self.rgb)[pairs[:, 0]])
             faces = inverse.reshape(-1, 3)
             pieces.append(Piece(points[pairs[:, 0]], faces, group, material, uv, colors))
-        return FileContent(tuple(pieces), tuple(self.materials) or (Material(),))
-
-
-def _read_mtl(
-    obj: Path, name: str, budget: Budget, images: dict[Path, bytes]
-) -> dict[str, Material]:
-    """Materials by name from a library beside `obj`; a missing library gives none.
-
-    `images` remembers texture files, so that each is read once.
-    """
-    file = _beside(obj.parent, name)
-    if file is None:
-        return {}
-    out: dict[str, dict[str, Any]] = {}
-    current: dict[str, Any] = {}
-    for line in budget.read(file).decode("utf-8", "replace").splitlines():
-        words = line.split()
-        if not words:
-            continue
-        if words[0] == "newmtl":
-            current = out.setdefault(" ".join(words[1:]), {})
-        elif words[0] in ("Kd", "d", "Tr", "Pm", "Pr", "map_Kd") and len(words) > 1:
-            current[words[0]] = words[1:]
-
-    def picture(path: Path) -> bytes:
-        if path not in images:
-            images[path] = budget.read(path)
-        return images[path]
-
-    return {name: _material(name, raw, file.parent, picture) for name, raw in out.items()}
+        materials = tuple(self.materials) or (Material(),)
+        return FileContent(tuple(pieces), materials, notes=tuple(dict.fromkeys(self.left_out)))
 
 
 def write_obj(mesh: Mesh, path: Path) -> None:
@@ -266,7 +285,7 @@ def _write_mtl(mesh: Mesh, path: Path) -> None:
 
 
 def _material(
-    name: str, raw: dict[str, list[str]], folder: Path, picture: Callable[[Path], bytes]
+    name: str, raw: dict[str, list[str]], picture: Callable[[list[str]], bytes | None]
 ) -> Material:
     def number(key: str, default: float) -> float:
         try:
@@ -280,28 +299,15 @@ def _material(
     except ValueError:
         r = g = b = 0.7
     image = kind = None
-    if "map_Kd" in raw:  # options such as "-s 1 1 1" come before the file name
-        file = _beside(folder, " ".join(raw["map_Kd"])) or _beside(folder, raw["map_Kd"][-1])
-        if file is not None:
-            data = picture(file)
-            kind = image_kind(data)
-            image = data if kind is not None else None
+    data = picture(raw["map_Kd"]) if "map_Kd" in raw else None
+    if data is not None:
+        kind = image_kind(data)
+        image = data if kind is not None else None
     if image is not None and max(r, g, b) == 0.0:  # exporters write black under a texture
         r = g = b = 1.0
     return Material(
         name or "default", (r, g, b, alpha), image, kind, number("Pm", 0.0), number("Pr", 0.8)
     )
-
-
-def _beside(folder: Path, name: str) -> Path | None:
-    root = folder.resolve()
-    parts = [p for p in name.replace("\\", "/").split("/") if p not in ("", ".")]
-    for option in ("/".join(parts), parts[-1] if parts else ""):
-        file = (root / option).resolve()
-        # a texture one folder up is common (meshes/ beside textures/), further is not ours
-        if option and os.path.isfile(file) and file.is_relative_to(root.parent):
-            return file
-    return None
 
 
 def _flip(uv: NDArray[np.float64]) -> NDArray[np.float32]:

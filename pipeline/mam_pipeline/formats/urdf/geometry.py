@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.formats.door import Door, DoorResolver
 from mam_pipeline.formats.headers import check_header
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.geometry.surface import Triangles, concatenate
@@ -73,15 +74,24 @@ def mesh_scale(mesh: Any) -> FloatArray:
 
 
 def resolve(name: str, folder: Path) -> Path | None:
-    """Find a mesh named in a URDF: relative, absolute, file:// or package://; None if absent."""
-    bare = name.split("://", 1)[1] if "://" in name else name
-    if name.startswith("package://"):
-        tail = Path(*Path(bare).parts[1:])
-        roots = [folder, *folder.parents][:6]
-        options = [root / part for root in roots for part in (Path(bare), tail)]
-    else:
-        options = [Path(bare), folder / bare] if Path(bare).is_absolute() else [folder / bare]
-    return next((p for p in options if p.is_file()), None)
+    """The mesh that a URDF in `folder` names, through the door; None if it is absent.
+
+    Raises:
+        InputError: it leads out of the folder, or is no ordinary file.
+    """
+    return Door(folder).find(name, folder, folder)
+
+
+def existing(name: str, urdf: Path) -> Path:
+    """The mesh that a URDF names.
+
+    Raises:
+        InputError: it is absent, leads out of the folder, or is no ordinary file.
+    """
+    found = Door(urdf.parent).find(name, urdf)
+    if found is None:
+        raise InputError(f"{urdf} names a mesh that does not exist: {name}")
+    return found
 
 
 def read_triangles(path: Path) -> Triangles:
@@ -93,7 +103,9 @@ def read_triangles(path: Path) -> Triangles:
     if path.suffix.lower() in (".glb", ".gltf"):
         return concatenate([(p.vertices, p.faces) for p in read_file(path).pieces])
     check_header(path)
-    scene = trimesh.load_scene(path, process=False, skip_materials=True)
+    scene = trimesh.load_scene(
+        path, process=False, skip_materials=True, resolver=DoorResolver(path)
+    )
     found: list[Triangles] = []
     for node in sorted(scene.graph.nodes_geometry):
         transform, name = scene.graph[node]

@@ -11,7 +11,7 @@ import numpy as np
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.soup import Budget, FileContent, Piece, join
-from mam_pipeline.formats.urdf.geometry import mesh_scale, origin_of, resolve, shape_triangles
+from mam_pipeline.formats.urdf.geometry import existing, mesh_scale, origin_of, shape_triangles
 from mam_pipeline.formats.urdf.tree import UrdfTree
 from mam_pipeline.types import Articulation, FloatArray, Joint, Link, Material
 
@@ -84,11 +84,9 @@ def _shape_pieces(
         found: tuple[Piece, ...] = (Piece(own[0], own[1], name),)
         scale: FloatArray = np.ones(3)
     else:
-        target = resolve(geometry.mesh.filename, file.parent)
-        if target is None:
-            raise InputError(f"{file} names a mesh that does not exist: {geometry.mesh.filename}")
+        target = existing(geometry.mesh.filename, file)
         if target not in files:
-            files[target] = read_file(target)
+            files[target] = read_file(target, file.parent)
         content = files[target]
         materials.extend(content.materials)
         found = content.pieces

@@ -12,8 +12,7 @@ import numpy as np
 import yourdfpy
 
 from mam_pipeline.errors import InputError
-from mam_pipeline.formats.urdf.bounds import check_bounds
-from mam_pipeline.formats.xml_file import parse_xml
+from mam_pipeline.formats.urdf.admit import admitted
 from mam_pipeline.types import FloatArray, Joint
 
 MOVING = {"revolute", "continuous", "prismatic"}
@@ -116,11 +115,9 @@ def parse_urdf(path: Path) -> Any:
     """The `yourdfpy.Robot` of a file; its meshes are not read.
 
     Raises:
-        InputError: no such file, or not a URDF.
+        InputError: no such file, not a URDF, or one that names files outside its folder.
     """
-    if not path.is_file():
-        raise InputError(f"no URDF at {path}")
-    check_bounds(parse_xml(path), path)
+    admitted(path)
     try:
         return yourdfpy.URDF.load(
             str(path), load_meshes=False, build_scene_graph=False, load_collision_meshes=False
