@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 VERBS: dict[str, tuple[str, str]] = {
     "make-env": ("mam_sim.verbs.make_env:MakeEnv", "photo | mesh | URDF to a robot environment"),
     "articulate": ("mam_sim.verbs.articulate:Articulate", "mesh or photo to an asset folder"),
+    "batch": ("mam_sim.verbs.batch:Batch", "assets of many inputs, resumable, side by side"),
     "check": ("mam_sim.verbs.check:Check", "lint and physical executability of an asset or URDF"),
     "bench": ("mam_sim.verbs.bench:Bench", "score the engine on a folder of ground-truth URDFs"),
     "generate": ("mam_sim.verbs.generate:Generate", "procedural articulated objects with truth"),

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console
 from rich.progress import (
     BarColumn,
+    MofNCompleteColumn,
     Progress,
     SpinnerColumn,
     TextColumn,
@@ -76,6 +77,28 @@ class StageBar:
         self._progress.update(self._task, completed=done, description=text)
         if not self._progress.console.is_terminal and not self._progress.disable:
             self._progress.console.print(f"[{text}]", markup=False)
+
+
+@contextmanager
+def counting_bar(screen: Screen, total: int, done: int) -> Iterator[Callable[[str, str], None]]:
+    """A bar over many things; call the value with (what was done last, pace) after each.
+
+    Where standard error is no terminal, each is a line.
+    """
+    columns = (BarColumn(24), MofNCompleteColumn(), TextColumn("{task.fields[pace]}"))
+    with Progress(
+        *columns, TextColumn("{task.description}"), console=screen.err, transient=True,
+        disable=screen.quiet,
+    ) as progress:  # fmt: skip
+        line = progress.add_task("", total=total, completed=done, pace="")
+
+        def tell(last: str, pace: str) -> None:
+            progress.update(line, advance=1, description=last, pace=pace)
+            if not screen.err.is_terminal and not screen.quiet:
+                count = f"{int(progress.tasks[0].completed)}/{total}"
+                screen.err.print(f"[{count}] {last} ({pace})", markup=False, soft_wrap=True)
+
+        yield tell
 
 
 class PhaseBar:

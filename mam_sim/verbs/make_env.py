@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_envs import ENV_ID
 from mam_envs.config import EnvConfig
-from mam_pipeline.asset.card import Asset
 from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.models.settings import given
 from mam_pipeline.run import MakeConfig
@@ -53,7 +52,7 @@ class MakeEnv(Verb):
             from mam_envs.trial import try_environment
 
             tried = try_environment(asset, self.robot, self.env)
-            asset = _noted(asset, {"environment": tried})
+            asset = asset.noted(environment=tried)
             bar("report")
             from mam_sim.report import write_report
 
@@ -75,10 +74,3 @@ class MakeEnv(Verb):
         screen.say(f"env:    none: {tried['why']}")
         screen.say(f"next:   mam-sim view {out}")
         return 1
-
-
-def _noted(asset: Asset, more: dict[str, Any]) -> Asset:
-    """Add to the card's checks, on disk too."""
-    card = replace(asset.card, checks={**asset.card.checks, **more})
-    card.save(asset.folder)
-    return Asset(asset.folder, card)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from mam_pipeline.errors import BackendError, unknown_name
 from mam_pipeline.hints import Hints
-from mam_pipeline.registry import Registry, resolve
+from mam_pipeline.registry import Registry, installed, resolve
 from mam_pipeline.types import Articulation, IntArray, KinematicTree, Mesh, Primitives
 
 
@@ -271,7 +271,7 @@ def _package_version(role: str, name: str, cls: type) -> str:
         except metadata.PackageNotFoundError:  # run from its sources
             release = "0"
         return f"{release}+{_code_digest()}"
-    entries = metadata.entry_points(group=f"mam_sim.{role}", name=name)
+    entries = installed(f"mam_sim.{role}").select(name=name)
     return next((entry.dist.version for entry in entries if entry.dist is not None), "")
 
 

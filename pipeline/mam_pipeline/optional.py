@@ -26,6 +26,8 @@ EXTRAS: dict[str, str] = {
     "sklearn": "sp4d",
     "mujoco": "mujoco",
     "pxr": "usd",
+    "pyarrow": "batch",
+    "ray": "ray",
 }
 """Importable name -> the extra that installs it."""
 

@@ -7,8 +7,10 @@ else's adds a name through an entry point of the group; built-in names cannot be
 from __future__ import annotations
 
 import importlib
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib import metadata
 from typing import Any
 
@@ -32,7 +34,7 @@ class Registry:
     def targets(self) -> dict[str, str]:
         """All names with their "module:attribute", those of other packages last."""
         table = dict(self.builtin)
-        for entry in metadata.entry_points(group=self.group or f"mam_sim.{self.kind}"):
+        for entry in installed(self.group or f"mam_sim.{self.kind}"):
             table.setdefault(entry.name, entry.value)
         return table
 
@@ -62,6 +64,18 @@ class Registry:
                 f"the {self.kind} {name!r} is registered as {table[name]}, which cannot be "
                 f"imported: {error}"
             ) from error
+
+
+def installed(group: str) -> metadata.EntryPoints:
+    """What the installed packages add to an entry-point group."""
+    return _all(tuple(sys.path)).select(group=group)
+
+
+@lru_cache(maxsize=1)
+def _all(_path: tuple[str, ...]) -> metadata.EntryPoints:
+    """All entry points; finding them reads a file of every package in `_path`."""
+    found: metadata.EntryPoints = metadata.entry_points()  # type: ignore[assignment]
+    return found
 
 
 def resolve(target: str) -> Any:

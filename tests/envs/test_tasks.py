@@ -118,7 +118,7 @@ def test_names_stand_for_classes_and_sequences_are_of_one_class(monkeypatch: Any
     import mam_envs.tasks as tasks
 
     entry = metadata.EntryPoint("other", f"{__name__}:Other", "mam_sim.task")
-    monkeypatch.setattr(metadata, "entry_points", lambda group: [entry])
+    monkeypatch.setattr("mam_pipeline.registry.installed", lambda group: [entry])
     monkeypatch.setattr("mam_pipeline.registry.resolve", _resolve_here)
     assert task_class([None]) is OperateJoint is task_class(["open", "close"])
     assert task_class(["other"]) is Other

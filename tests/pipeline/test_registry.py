@@ -20,11 +20,11 @@ def test_names_of_other_packages_come_behind_the_built_in_ones(monkeypatch: Any)
     ]
     asked = []
 
-    def entry_points(group: str) -> list[metadata.EntryPoint]:
+    def installed(group: str) -> list[metadata.EntryPoint]:
         asked.append(group)
         return added
 
-    monkeypatch.setattr(metadata, "entry_points", entry_points)
+    monkeypatch.setattr("mam_pipeline.registry.installed", installed)
     assert COLOURS.targets() == {"red": "math:pi", "broken": "no_such_module:X", "blue": "math:e"}
     assert COLOURS.load("red") == pytest.approx(3.14159, abs=1e-5)
     assert COLOURS.load("blue") == pytest.approx(2.71828, abs=1e-5)

@@ -6,7 +6,7 @@ import json
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -122,6 +122,12 @@ class Asset:
     @property
     def urdf_path(self) -> Path:
         return self.folder / self.card.urdf
+
+    def noted(self, **checks: Any) -> Asset:
+        """With more among the card's checks, on disk too."""
+        card = replace(self.card, checks={**self.card.checks, **checks})
+        card.save(self.folder)
+        return Asset(self.folder, card)
 
     @staticmethod
     def load(path: str | Path) -> Asset:

@@ -1,0 +1,1 @@
+"""Many inputs, one command: assets made side by side, resumable, with guards for each object."""

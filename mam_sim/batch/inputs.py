@@ -1,0 +1,138 @@
+"""Inputs of a batch: files, folders, patterns and lists to named files with their digests."""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from mam_pipeline.errors import InputError
+from mam_pipeline.formats.suffixes import MESHES, PHOTOS
+
+LISTS = (".txt", ".lst")
+SIMULATED = (".urdf",)
+NAMED: dict[str, re.Pattern[bytes]] = {
+    ".obj": re.compile(rb"^\s*mtllib\s+(.+?)\s*$", re.MULTILINE),
+    ".mtl": re.compile(rb"^\s*(?:map_\w+|bump|disp|norm|refl)\s.*?(\S+)\s*$", re.MULTILINE),
+    ".gltf": re.compile(rb'"uri"\s*:\s*"([^"]+)"'),
+    ".dae": re.compile(rb"<init_from>\s*([^<]+?)\s*<"),
+    ".urdf": re.compile(rb"""filename\s*=\s*["']([^"']+)"""),
+    ".xml": re.compile(rb"""filename\s*=\s*["']([^"']+)"""),
+}
+"""How a file of a format names the others that belong to it."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """One object to make.
+
+    Attributes:
+        path: of the file, absolute. label: what it is called within what the user named.
+        sha256: of it and the files that it names, hex.
+    """
+
+    path: Path
+    label: str
+    sha256: str
+
+    @property
+    def name(self) -> str:
+        """Of its folder: the same for the same content, whatever else is in the batch."""
+        label = re.sub(r"[^\w.-]+", "_", self.label).strip("._") or "object"
+        return f"{label[:80]}-{self.sha256[:8]}"
+
+
+def find_inputs(words: Sequence[str]) -> list[Input]:
+    """Files that are meant, each content and label once, in the order of the words.
+
+    Args:
+        words: files; folders, of which every mesh, photo and URDF below is taken (pictures beside
+            meshes are their textures, meshes beside a URDF its own, and assets are passed over);
+            patterns with * or **; lists (.txt) with one of these a line.
+
+    Raises:
+        InputError: a word that stands for nothing.
+    """
+    found: dict[str, Input] = {}
+    for path, label in _paths(words, Path()):
+        item = Input(path.resolve(), label, content_digest(path))
+        found.setdefault(item.name, item)
+    return list(found.values())
+
+
+def _paths(words: Sequence[str], base: Path) -> Iterator[tuple[Path, str]]:
+    for word in words:
+        path = base / word
+        if path.is_dir():
+            some = [(p, _label(p, path)) for p in sorted(_walk(path, pictures=True))]
+            if not some:
+                raise InputError(f"no mesh, photo or URDF in {path} (assets are passed over)")
+            yield from some
+        elif path.is_file() and path.suffix.lower() in LISTS:
+            lines = [line.strip() for line in path.read_text(encoding="utf-8").splitlines()]
+            yield from _paths([s for s in lines if s and not s.startswith("#")], path.parent)
+        elif path.is_file():
+            yield path, path.stem
+        elif any(c in word for c in "*?["):
+            files = [Path(p) for p in sorted(glob.glob(str(path), recursive=True))]
+            fixed = Path(*[p for p in _before_pattern(path)])
+            files = [p for p in files if p.is_file()]
+            if not files:
+                raise InputError(f"no file fits {word!r}")
+            yield from ((p, _label(p, fixed)) for p in files)
+        else:
+            raise InputError(f"no such file or folder: {path}")
+
+
+def _before_pattern(path: Path) -> Iterator[str]:
+    for part in path.parts[:-1]:
+        if any(c in part for c in "*?["):
+            return
+        yield part
+
+
+def _label(path: Path, base: Path) -> str:
+    return "-".join(path.relative_to(base).with_suffix("").parts)
+
+
+def _walk(folder: Path, pictures: bool) -> Iterator[Path]:
+    if (folder / "asset.json").is_file():
+        return
+    inside = sorted(p for p in folder.iterdir() if not p.name.startswith("."))
+    files = [p for p in inside if p.is_file()]
+    urdfs = [p for p in files if p.suffix.lower() in SIMULATED]
+    if urdfs:
+        yield from urdfs
+        return
+    meshes = [p for p in files if p.suffix.lower() in MESHES]
+    yield from meshes
+    pictures = pictures and not meshes
+    if pictures:
+        yield from (p for p in files if p.suffix.lower() in PHOTOS)
+    for inner in inside:
+        if inner.is_dir():
+            yield from _walk(inner, pictures)
+
+
+def content_digest(path: Path) -> str:
+    """SHA-256 of a file and of those that it names (materials, pictures, a URDF's meshes), hex."""
+    digest, seen = hashlib.sha256(), set[Path]()
+    waiting = [path]
+    while waiting:
+        file = waiting.pop(0)
+        if file in seen or not file.is_file():
+            continue
+        seen.add(file)
+        content = file.read_bytes()
+        digest.update(hashlib.sha256(content).digest())
+        pattern = NAMED.get(file.suffix.lower())
+        for match in pattern.findall(content) if pattern else ():
+            word = match.decode("utf-8", "replace").partition("://")[2] or match.decode(
+                "utf-8", "replace"
+            )
+            if "\0" not in word and len(word) < 1000:
+                waiting.append(file.parent / word)
+    return digest.hexdigest()

@@ -1,0 +1,214 @@
+"""One object of a batch: what its process does, and what is written of it."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import platform
+import resource
+import tempfile
+import time
+import traceback
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from mam_pipeline import backends, config_file
+from mam_pipeline.asset.card import Asset
+from mam_pipeline.errors import (
+    HintNeeded,
+    InputError,
+    MamSimError,
+    NotPhysicalError,
+    NotThisKind,
+)
+from mam_pipeline.optional import has
+from mam_pipeline.run import MakeConfig, make_asset
+from mam_sim import __version__
+from mam_sim.batch.inputs import Input
+from mam_sim.batch.record import Record, Target
+from mam_sim.forkserver import Ending, Limits
+
+PICTURE = (360, 300)
+"""(width, height) of an object in the gallery, pixels."""
+OUTCOMES: tuple[tuple[type[MamSimError], str], ...] = (
+    (HintNeeded, "needs a hint"),
+    (NotThisKind, "another kind"),
+    (NotPhysicalError, "nothing moves"),
+    (InputError, "bad input"),
+)
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is made of every input.
+
+    Attributes:
+        environment: try a robot environment too, with `robot`.
+        report: draw each asset's report.html.
+    """
+
+    pipeline: MakeConfig = field(default_factory=MakeConfig)
+    environment: bool = False
+    robot: str = "panda"
+    report: bool = False
+
+    def digest(self) -> str:
+        """Of everything that decides a result beside the input: settings, backends, code."""
+        roles = {"reconstructor": self.pipeline.reconstructor} | {
+            role: getattr(self.pipeline.engine, role)
+            for role in ("segmenter", "prior", "reasoner", "solver")
+        }
+        makers = [backends.maker(r, backends.resolved(r, n)) for r, n in roles.items()]
+        told: dict[str, Any] = {"pipeline": config_file.plain(self.pipeline), "makers": makers}
+        if self.pipeline.hints is not None:
+            told["hints"] = self.pipeline.hints.read_text(encoding="utf-8")
+        told["report"] = self.report
+        if self.environment:
+            told["robot"] = self.robot
+        return hashlib.sha256(json.dumps(told, sort_keys=True, default=str).encode()).hexdigest()
+
+    def warm(self) -> None:
+        """Import what objects need, and read the learned weights."""
+        import lightgbm  # noqa: F401
+        import open3d  # noqa: F401
+
+        from mam_pipeline.asset import interiors, read, writer  # noqa: F401
+        from mam_pipeline.check import check, shorten  # noqa: F401
+        from mam_pipeline.formats import mesh_files  # noqa: F401
+        from mam_pipeline.joints.ranker import learned
+        from mam_pipeline.parts.scores import load_scores
+        from mam_pipeline.render import motion  # noqa: F401
+
+        for role in ("segmenter", "prior", "reasoner", "solver"):
+            name = backends.resolved(role, getattr(self.pipeline.engine, role))
+            backends.maker(role, name)
+        load_scores("authored"), load_scores("fused"), learned(), learned(True)
+        if has("sapien"):
+            from mam_pipeline.check import drive  # noqa: F401
+        if self.environment:
+            import mam_envs.env
+            import mam_envs.trial  # noqa: F401
+
+    def make(self, job: Job, target: Target, out: Path) -> Record:
+        """Make the asset at `out`, its picture, and what else is asked for."""
+        asset = make_asset(job.item.path, out, self.pipeline)
+        tried: dict[str, Any] = {}
+        if self.environment:
+            from mam_envs.trial import try_environment
+
+            tried = try_environment(asset, self.robot)
+            asset = asset.noted(environment=tried)
+        if self.report:
+            from mam_sim.report import write_report
+
+            write_report(asset)
+        target.write(f"pictures/{job.item.name}.jpg", _picture(asset))
+        verdict = asset.card.checks["executability"]
+        status, reason = "passes", ""
+        if not verdict["passed"]:
+            status, reason = "fails check", ", ".join(verdict["reasons"])
+        elif tried and not tried["ok"]:
+            status, reason = "no environment", str(tried["why"])
+        joints = [j for j in asset.card.joints if j.type != "fixed"]
+        return job.record(
+            status,
+            reason=reason,
+            check=tuple(verdict["reasons"]),
+            joints=tuple(j.name for j in joints),
+            types=tuple(j.type for j in joints),
+            confidences=tuple(round(j.confidence, 3) for j in joints),
+            environment=str(tried.get("joint") or ""),
+            backends={role: str(maker["name"]) for role, maker in asset.card.backends.items()},
+        )
+
+
+@dataclass(frozen=True)
+class Job:
+    """One input and all that its process must know."""
+
+    item: Input
+    work: Work
+    key: str
+    address: str
+    limits: Limits = field(default_factory=Limits)
+
+    def record(self, status: str, **more: Any) -> Record:
+        """What is known of it whatever becomes of it, with a status."""
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        return Record(
+            self.item.name, str(self.item.path), self.item.sha256, self.key, status,
+            version=__version__, host=platform.node(), ended=now, **more,
+        )  # fmt: skip
+
+    def warm(self) -> None:
+        """Once in the server of its process."""
+        self.work.warm()
+
+    def run(self) -> None:
+        """Make the object and write its record; every error that Python can catch becomes one."""
+        began, target = time.perf_counter(), Target(self.address)
+        try:
+            if target.local:
+                record = self.work.make(self, target, Path(target.path("assets", self.item.name)))
+            else:
+                with tempfile.TemporaryDirectory(prefix="mam_sim_batch_") as folder:
+                    out = Path(folder) / self.item.name
+                    record = self.work.make(self, target, out)
+                    target.put(out, self.item.name)
+        except MamSimError as error:
+            status = next((s for kind, s in OUTCOMES if isinstance(error, kind)), "error")
+            record = self.record(status, reason=str(error))
+        except Exception as error:  # one broken object must not end the batch
+            log = traceback.format_exc()[-4000:]
+            record = self.record("error", reason=f"{type(error).__name__}: {error}", log=log)
+        used = resource.getrusage(resource.RUSAGE_SELF)
+        record = replace(
+            record,
+            seconds=round(time.perf_counter() - began, 2),
+            cpu_seconds=round(used.ru_utime + used.ru_stime, 2),
+            peak_mb=round(used.ru_maxrss / 1024, 1),
+        )
+        target.save(record)
+
+    def finished(self, ending: Ending) -> Record:
+        """Its record after its process has ended, written here where the process could not."""
+        target = Target(self.address)
+        if ending.how == "done":
+            record = target.record(self.item.name)
+            if record is not None and record.key == self.key:
+                return record
+            ending = Ending("crash", "its process ended without a record", ending.log)
+        record = self.record(
+            ending.how,
+            reason=ending.why,
+            seconds=ending.seconds,
+            cpu_seconds=ending.cpu_seconds,
+            peak_mb=ending.peak_mb,
+            limit=ending.limit,
+            log=ending.log,
+        )
+        target.save(record)
+        return record
+
+
+def _picture(asset: Asset) -> bytes:
+    """The asset with all its joints open, as JPEG."""
+    from PIL import Image
+
+    from mam_pipeline.asset.read import read_asset
+    from mam_pipeline.render.motion import motion_pictures
+
+    shown = motion_pictures(read_asset(asset), [1.0], PICTURE)[0]
+    buffer = io.BytesIO()
+    Image.fromarray(shown).save(buffer, format="JPEG", quality=85)
+    return buffer.getvalue()
+
+
+def job_key(item: Input, work: str) -> str:
+    """What an object's result depends on: its content, and the digest of the work."""
+    return hashlib.sha256(f"{item.sha256} {work}".encode()).hexdigest()[:24]
+
+
