@@ -36,7 +36,7 @@ def make_asset(
         [('drawer_1_joint', 'prismatic'), ('door_1_joint', 'revolute')]
 
     Args:
-        source: photo (jpg, png ...), mesh (glb, gltf, obj, ply, stl, dae) or URDF.
+        source: photo (jpg, png ...), mesh (glb, obj, stl, dae, usd, step ...) or URDF.
         out: the folder to write; it appears whole or not at all.
         config: settings, or a YAML file with a section `pipeline`.
         on_stage: called with the name of every stage when it starts.

@@ -26,7 +26,7 @@ class Articulate(Verb):
     """Make an articulated, simulation-ready asset folder from a photo, a mesh or a URDF."""
 
     source: Positional[Path]
-    """The photo (jpg, png ...), mesh (glb, gltf, obj, ply, stl, dae) or URDF."""
+    """The photo (jpg, png ...), mesh (glb, obj, stl, dae, usd, step ...) or URDF."""
     out: Path
     """The asset folder to write."""
     pipeline: Annotated[MakeConfig, OmitArgPrefixes] = field(default_factory=MakeConfig)

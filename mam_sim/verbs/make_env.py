@@ -27,7 +27,7 @@ class MakeEnv(Verb):
     """
 
     source: Positional[Path]
-    """The photo (jpg, png ...), mesh (glb, gltf, obj, ply, stl, dae) or URDF."""
+    """The photo (jpg, png ...), mesh (glb, obj, stl, dae, usd, step ...) or URDF."""
     out: Path | None = None
     """The asset folder to write; default: <name>-asset here."""
     robot: str = "panda"

@@ -28,6 +28,10 @@ EXTRAS: dict[str, str] = {
     "pxr": "usd",
     "pyarrow": "batch",
     "ray": "ray",
+    "assimp_py": "formats",
+    "cascadio": "formats",
+    "meshopt": "formats",
+    "opengl_basisu": "formats",
 }
 """Importable name -> the extra that installs it."""
 

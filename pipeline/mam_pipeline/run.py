@@ -292,7 +292,7 @@ def _read(source: Path, kind: str, config: MakeConfig, stages: Stages) -> Source
         got = load_mesh(source, up=config.up, height=config.height, scale=config.scale)
         return Source(
             kind, got.mesh, got.source_to_asset, got.metres_per_unit, got.metres_per_unit_source,
-            shell=True, notes=got.left_out,
+            notes=got.notes, shell=True,
         )  # fmt: skip
 
 

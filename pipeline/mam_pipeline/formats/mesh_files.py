@@ -15,12 +15,16 @@ import numpy as np
 import trimesh
 
 from mam_pipeline.errors import ConfigError, InputError
+from mam_pipeline.formats.apart import read_apart
+from mam_pipeline.formats.collada import read_collada
 from mam_pipeline.formats.door import DoorResolver
-from mam_pipeline.formats.gltf import read_gltf, write_glb
-from mam_pipeline.formats.headers import check_header, collada_says
+from mam_pipeline.formats.gltf import read_gltf
+from mam_pipeline.formats.gltf_write import write_glb
+from mam_pipeline.formats.headers import check_header
 from mam_pipeline.formats.obj import read_obj, write_obj
 from mam_pipeline.formats.soup import LIMITS, Budget, FileContent, Piece, checked, join
-from mam_pipeline.formats.suffixes import MESHES
+from mam_pipeline.formats.suffixes import MESHES, STEP, USD
+from mam_pipeline.formats.threemf import read_3mf
 from mam_pipeline.types import FloatArray, IntArray, Material, Mesh, readonly
 
 PLAUSIBLE_METRES = (0.02, 5.0)
@@ -38,7 +42,7 @@ class LoadedMesh:
         source_to_asset: (4, 4) similarity, file coordinates to asset frame, scale included.
         metres_per_unit: the scale alone.
         metres_per_unit_source: who said so: a flag, the format, or an assumption.
-        notes: assumptions in words. left_out: sentences on pictures that were not read.
+        notes: assumptions in words, and what is not taken over, for the card and the report.
     """
 
     mesh: Mesh
@@ -46,7 +50,6 @@ class LoadedMesh:
     metres_per_unit: float
     metres_per_unit_source: str
     notes: tuple[str, ...] = ()
-    left_out: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(
@@ -86,7 +89,7 @@ def load_mesh(
     content = read_file(file)
     mesh = join(content.pieces, content.materials)
     _check(mesh, file)
-    notes = []
+    notes = list(content.notes)
     turn, why = _upright(mesh, content.up, up, file.suffix.lower())
     notes.append(why)
     turned = mesh.transformed(_matrix(turn))
@@ -98,7 +101,7 @@ def load_mesh(
     middle = (low + high) / 2 * unit
     matrix[:3, 3] = [-middle[0], -middle[1], -low[2] * unit]
     placed = mesh.transformed(matrix)
-    return LoadedMesh(placed, matrix, unit, source, tuple(notes), content.notes)
+    return LoadedMesh(placed, matrix, unit, source, tuple(notes))
 
 
 def read_file(file: Path, root: Path | None = None) -> FileContent:
@@ -123,6 +126,13 @@ def read_file(file: Path, root: Path | None = None) -> FileContent:
         content = read_gltf(file, root)
     elif suffix == ".obj":
         content = read_obj(file, root)
+    elif suffix == ".dae":
+        content = read_collada(file, root)
+    elif suffix == ".3mf":
+        content = read_3mf(file)
+    elif suffix in (*USD, *STEP, ".fbx"):
+        kind = "usd" if suffix in USD else "step" if suffix in STEP else "fbx"
+        content = read_apart(kind, file, root)
     else:
         content = _read_other(file, root)
     count = sum(len(p.faces) for p in content.pieces)
@@ -144,7 +154,7 @@ def save_obj(mesh: Mesh, path: str | Path) -> None:
 
 
 def _read_other(file: Path, root: Path | None) -> FileContent:
-    """PLY, STL, DAE and OFF through trimesh, unprocessed."""
+    """PLY, STL and OFF through trimesh, unprocessed."""
     check_header(file)
     try:
         resolver = DoorResolver(file, root)
@@ -174,10 +184,7 @@ def _pieces_of(scene: trimesh.Scene, file: Path) -> FileContent:
         material, uv, colors = _trimesh_appearance(part)
         pieces.append(Piece(vertices, faces, str(name), len(materials), uv, colors))
         materials.append(material)
-    up = unit = None
-    if file.suffix.lower() == ".dae":
-        up, unit = collada_says(file)
-    return FileContent(tuple(pieces), tuple(materials), up, unit)
+    return FileContent(tuple(pieces), tuple(materials))
 
 
 def _trimesh_appearance(part: trimesh.Trimesh) -> tuple[Material, Any, Any]:

@@ -2,32 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import os
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.errors import InputError
-from mam_pipeline.formats.door import Door, is_file
-from mam_pipeline.formats.gltf import image_kind
+from mam_pipeline.formats.door import Door
+from mam_pipeline.formats.pictures import (
+    Picture,
+    Pictures,
+    find,
+    image_kind,
+    model_door,
+    readable,
+)
 from mam_pipeline.formats.soup import LIMITS, Budget, FileContent, Piece
 from mam_pipeline.types import FloatArray, Material, Mesh
+
+_NO_SURFACE = {
+    "p": "points", "l": "lines", "curv": "curves", "curv2": "curves", "surf": "curved surfaces",
+}  # fmt: skip
 
 
 def read_obj(path: Path, root: Path | None = None) -> FileContent:
     """Read the polygons of an OBJ file, fans of triangles, with the materials of its MTL files.
 
     A vertex is made for every distinct pair of position and texture coordinate; V is flipped to
-    the glTF convention. Textures outside `root` (default: the file's folder) are left out, and the
-    notes say so.
+    the glTF convention. Names may be of any encoding and hold spaces.
+
+    Args:
+        path: the file. root: folder whose files it may name; default: its own.
 
     Raises:
         InputError: a line is malformed or a face names a vertex that does not exist.
     """
-    state = _State(path, Budget(path), Door(root or path.parent))
+    state = _State(path, Budget(path), model_door(path, root))
     for number, line in _lines(path):
         words = line.split()
         if not words or words[0][0] == "#":
@@ -43,7 +57,7 @@ def read_obj(path: Path, root: Path | None = None) -> FileContent:
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """Lines of a text file with their numbers, one at a time; a backslash at the end joins two."""
     held = ""
-    with path.open(encoding="utf-8", errors="replace") as file:
+    with path.open(encoding=_encoding(path), errors="surrogateescape") as file:
         for number, line in enumerate(file, start=1):
             if len(held) + len(line) > LIMITS.line:
                 raise InputError(f"{path}, line {number}: longer than {LIMITS.line >> 20} MiB")
@@ -54,6 +68,13 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
             held = ""
     if held:
         yield number, held
+
+
+def _encoding(path: Path) -> str:
+    """UTF-16 says so by its first bytes; all else is ASCII with names in some encoding."""
+    with path.open("rb") as file:
+        head = file.read(2)
+    return "utf-16" if head in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
 
 
 @dataclass
@@ -72,9 +93,13 @@ class _State:
     names: dict[str, int] = field(default_factory=dict)
     library: dict[str, Material] = field(default_factory=dict)
     libraries: set[str] = field(default_factory=set)
-    images: dict[Path, bytes] = field(default_factory=dict)
+    missing: list[str] = field(default_factory=list)
+    dropped: Counter[str] = field(default_factory=Counter)
+    pictures: Pictures = field(init=False)
     runs: dict[tuple[str, int], list[list[tuple[int, int]]]] = field(default_factory=dict)
-    left_out: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.pictures = Pictures(self.path, self.budget, self.door)
 
     def line(self, words: list[str], raw: str) -> None:
         key = words[0]
@@ -93,19 +118,33 @@ class _State:
         elif key == "f":
             self.face(words[1:])
         elif key in ("o", "g"):
-            self.group = " ".join(words[1:]) or "mesh"
+            self.group = readable(" ".join(words[1:])) or "mesh"
         elif key == "usemtl":
             self.material = self.named(" ".join(words[1:]))
         elif key == "mtllib":
-            name = raw.split(None, 1)[1].strip()
-            if name not in self.libraries:
-                self.libraries.add(name)
-                self.library.update(self.mtl(name))
+            self.read_libraries(raw.split(None, 1)[1].strip())
+        elif key in _NO_SURFACE:
+            self.dropped[_NO_SURFACE[key]] += 1
+
+    def read_libraries(self, told: str) -> None:
+        """One library whose name may hold spaces, or several."""
+        names = [told] if find(told, self.path, self.door) is not None else told.split()
+        for name in names:
+            if name in self.libraries:
+                continue
+            self.libraries.add(name)
+            file = find(name, self.path, self.door)
+            if file is None:
+                self.missing.append(readable(name))
+            else:
+                self.library.update(_read_mtl(file, self.pictures))
 
     def named(self, name: str) -> int:
         if name not in self.names:
             self.names[name] = len(self.materials)
-            self.materials.append(self.library.get(name, Material(name=name or "default")))
+            self.materials.append(
+                self.library.get(name, Material(name=readable(name) or "default"))
+            )
         return self.names[name]
 
     def face(self, corners: list[str]) -> None:
@@ -128,50 +167,6 @@ class _State:
         run = self.runs.setdefault((self.group, self.material), [])
         run.extend(fan)
 
-    def mtl(self, name: str) -> dict[str, Material]:
-        """Materials by name from a library that the file names; a missing library gives none."""
-        file = self.beside(name, self.path)
-        if file is None:
-            return {}
-        out: dict[str, dict[str, Any]] = {}
-        current: dict[str, Any] = {}
-        for line in self.budget.read(file).decode("utf-8", "replace").splitlines():
-            words = line.split()
-            if not words:
-                continue
-            if words[0] == "newmtl":
-                current = out.setdefault(" ".join(words[1:]), {})
-            elif words[0] in ("Kd", "d", "Tr", "Pm", "Pr", "map_Kd") and len(words) > 1:
-                current[words[0]] = words[1:]
-
-        def picture(words: list[str]) -> bytes | None:
-            """The texture of a line; options such as "-s 1 1 1" come before its name."""
-            for option in dict.fromkeys((" ".join(words), words[-1])):
-                found = self.beside(option, file)
-                if found is not None:
-                    if found not in self.images:
-                        self.images[found] = self.budget.read(found)
-                    return self.images[found]
-            return None
-
-        return {name: _material(name, raw, picture) for name, raw in out.items()}
-
-    def beside(self, name: str, by: Path) -> Path | None:
-        """The file that a line of `by` names, or one of that name beside it: exporters write the
-        paths of the disk that they ran on."""
-        name = name.replace("\\", "/")
-        outside = ""
-        for option in (name, name.rpartition("/")[2]):
-            try:
-                found = self.door.find(option, by) if option else None
-            except InputError as error:
-                outside = outside or (str(error) if is_file(by.parent / option) else "")
-                continue
-            if found is not None:
-                return found
-        self.left_out += [outside] if outside else []
-        return None
-
     def content(self) -> FileContent:
         points = np.array(self.v, dtype=np.float64).reshape(-1, 3)
         uvs = np.array(self.vt, dtype=np.float64).reshape(-1, 2)
@@ -187,8 +182,34 @@ class _State:
                 colors = _rgba(np.array(self.rgb)[pairs[:, 0]])
             faces = inverse.reshape(-1, 3)
             pieces.append(Piece(points[pairs[:, 0]], faces, group, material, uv, colors))
-        materials = tuple(self.materials) or (Material(),)
-        return FileContent(tuple(pieces), materials, notes=tuple(dict.fromkeys(self.left_out)))
+        notes = self.pictures.notes()
+        if self.missing:
+            notes += (f"material files not found: {', '.join(self.missing)}; the colours are lost",)
+        if self.dropped:
+            notes += (f"not taken over: {', '.join(sorted(self.dropped))}",)
+        return FileContent(tuple(pieces), tuple(self.materials) or (Material(),), notes=notes)
+
+
+def _rest(line: str) -> str:
+    """A line without its first word."""
+    words = line.split(None, 1)
+    return words[1].strip() if len(words) > 1 else ""
+
+
+def _read_mtl(file: Path, pictures: Pictures) -> dict[str, Material]:
+    """Materials of a library by name."""
+    out: dict[str, dict[str, str]] = {}
+    current: dict[str, str] = {}
+    data = pictures.budget.read(file)
+    text = data.decode(_encoding(file), "surrogateescape")
+    for line in text.splitlines():
+        key, _, _ = line.strip().partition(" ")
+        key = key.split("\t")[0].lower()
+        if key == "newmtl":
+            current = out.setdefault(" ".join(line.split()[1:]), {})
+        elif key in ("kd", "d", "tr", "pm", "pr", "map_kd"):
+            current[key] = _rest(line)
+    return {name: _material(name, raw, file, pictures) for name, raw in out.items()}
 
 
 def write_obj(mesh: Mesh, path: Path) -> None:
@@ -284,30 +305,39 @@ def _write_mtl(mesh: Mesh, path: Path) -> None:
     path.with_suffix(".mtl").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _material(
-    name: str, raw: dict[str, list[str]], picture: Callable[[list[str]], bytes | None]
-) -> Material:
-    def number(key: str, default: float) -> float:
+def _material(name: str, raw: dict[str, str], file: Path, pictures: Pictures) -> Material:
+    def numbers(key: str, *default: float) -> list[float]:
         try:
-            return float(raw[key][0]) if key in raw else default
-        except ValueError:
-            return default
+            found = [float(w) for w in raw[key].split()[: len(default)]]
+        except (KeyError, ValueError):
+            found = []
+        return found if len(found) == len(default) else list(default)
 
-    alpha = number("d", 1.0 - number("Tr", 0.0))
-    try:
-        r, g, b = (float(w) for w in raw.get("Kd", ["1", "1", "1"])[:3])
-    except ValueError:
-        r = g = b = 0.7
-    image = kind = None
-    data = picture(raw["map_Kd"]) if "map_Kd" in raw else None
-    if data is not None:
-        kind = image_kind(data)
-        image = data if kind is not None else None
-    if image is not None and max(r, g, b) == 0.0:  # exporters write black under a texture
+    (alpha,) = numbers("d", 1.0 - numbers("tr", 0.0)[0])
+    r, g, b = numbers("kd", *([1.0] * 3 if "kd" not in raw else [0.7] * 3))
+    picture = _picture(raw["map_kd"], file, pictures) if "map_kd" in raw else None
+    if picture is not None and max(r, g, b) == 0.0:  # exporters write black under a texture
         r = g = b = 1.0
     return Material(
-        name or "default", (r, g, b, alpha), image, kind, number("Pm", 0.0), number("Pr", 0.8)
+        readable(name) or "default",
+        (r, g, b, alpha),
+        None if picture is None else picture.data,
+        None if picture is None else picture.kind,
+        numbers("pm", 0.0)[0],
+        numbers("pr", 0.8)[0],
     )
+
+
+def _picture(told: str, file: Path, pictures: Pictures) -> Picture | None:
+    """The texture of a map_Kd line; options such as "-s 1 1 1" come before its name."""
+    words = told.split()
+    names = [" ".join(words[i:]) for i in range(len(words))] if told[:1] == "-" else [told]
+    for name in names:
+        beside = os.path.join(os.path.relpath(file.parent, pictures.by.parent), name)
+        for option in (name, beside):
+            if find(option, pictures.by, pictures.door) is not None:
+                return pictures.named(option)
+    return pictures.named(names[-1]) if names else None
 
 
 def _flip(uv: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -183,6 +183,24 @@ class _Decoder:
         return pixels
 
 
+def paired(keys: IntArray) -> tuple[IntArray, IntArray]:
+    """A vertex for every distinct row of indices.
+
+    Args:
+        keys: (3 F, K) indices of every corner: of its position, texture coordinate ...
+
+    Returns:
+        (V, K) rows, and (F, 3) faces that index them.
+    """
+    keys = np.asarray(keys, dtype=np.int64)
+    packed = keys[:, 0]
+    for column in keys.T[1:]:
+        low = int(column.min(initial=0))
+        packed = packed * (int(column.max(initial=0)) - low + 1) + (column - low)
+    _, first, inverse = np.unique(packed, return_index=True, return_inverse=True)
+    return keys[first], inverse.reshape(-1, 3)
+
+
 def join(pieces: Sequence[Piece], materials: Sequence[Material]) -> Mesh:
     """Join pieces into one Mesh; nothing is welded, order and coordinates are the source's."""
     offset = 0

@@ -2,5 +2,9 @@
 
 from __future__ import annotations
 
-MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".off")
+USD = (".usd", ".usda", ".usdc", ".usdz")
+STEP = (".step", ".stp", ".iges", ".igs")
+MESHES = (
+    ".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".off", ".3mf", ".fbx", *USD, *STEP,
+)  # fmt: skip
 PHOTOS = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".gif", ".heic")
