@@ -11,6 +11,7 @@ from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.run import MakeConfig
 from mam_pipeline.run import make_asset as _make_asset
+from mam_sim.preset_files import located, values_of
 
 if TYPE_CHECKING:  # an asset is made and checked without the packages of environments
     from mam_envs.config import EnvConfig
@@ -38,7 +39,7 @@ def make_asset(
     Args:
         source: photo (jpg, png ...), mesh (glb, obj, stl, dae, usd, step ...) or URDF.
         out: the folder to write; it appears whole or not at all.
-        config: settings, or a YAML file with a section `pipeline`.
+        config: settings, a YAML file with a section `pipeline`, or the name of a preset.
         on_stage: called with the name of every stage when it starts.
         **settings: fields of `MakeConfig`, over `config`; those that are dataclasses take a
             mapping: `height=0.9, engine={"segmenter": "geometric"}`.
@@ -56,7 +57,7 @@ def make_asset(
     if isinstance(config, MakeConfig):
         base = config
     elif config is not None:
-        values = config_file.read(config)
+        values = values_of(config)
         base = config_file.fill(base, values.get("pipeline", {}), config)
     chosen = config_file.fill(base, settings, "make_asset")
     return _make_asset(Path(source), Path(out), chosen, on_stage)
@@ -80,7 +81,8 @@ def make_env(
         asset: what `make_asset` returned, or its folder.
         joint: name of the joint; None takes the surest one that has a grasp.
         robot: panda, so100, fetch, xarm6_robotiq, or the name of a plug-in.
-        config: settings of the environment, a mapping of them, or a YAML file with a section `env`.
+        config: settings of the environment, a mapping of them, a YAML file with a section
+            `env`, or the name of a preset.
         **arguments: further arguments of `mam_envs.env.OperateJointEnv` (task, obs_mode,
             control_mode, num_envs, max_episode_steps ...).
 
@@ -92,6 +94,7 @@ def make_env(
         raise ConfigError("make_env takes the arm as `robot`, not as `robot_uids`")
     import mam_envs
 
+    config = located(config) if isinstance(config, str | Path) else config
     return mam_envs.make(asset, joint=joint, robot_uids=robot, config=config, **arguments)
 
 

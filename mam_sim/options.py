@@ -16,6 +16,7 @@ from typing import Annotated, Any, ClassVar, Self, TypeVar
 import tyro
 
 from mam_pipeline import config_file
+from mam_sim.preset_files import values_of
 
 V = TypeVar("V", bound="Verb")
 
@@ -30,7 +31,7 @@ class Verb:
     saved: ClassVar[tuple[str, ...]] = ()
     """Fields besides the sections that are saved beside a result."""
     config: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """YAML file with settings; flags go over it."""
+    """YAML file with settings, or the name of a preset (docs: Configuration); flags go over it."""
     quiet: bool = False
     """Print nothing but errors."""
 
@@ -56,7 +57,7 @@ def parse(kind: type[Verb], prog: str, args: Sequence[str]) -> Verb:
         SystemExit: a flag is wrong (2), or --help was asked for (0).
     """
     file = last_value(args, "--config")
-    values = {} if file is None else config_file.read(file)
+    values = values_of(file)
     base = kind.start(args, values)
     said = _parsed(fill(base, values, file or ""), prog, args)
     home = said.home()
@@ -114,7 +115,7 @@ def carried(
         sections: those that are carried over; their flags are those that differ from the defaults
             and from the file, which is carried too.
     """
-    values = {} if options.config is None else config_file.read(options.config)
+    values = values_of(options.config)
     base = fill(type(options).start(args, values), values, options.config or "")
     words = [] if options.config is None else ["--config", str(options.config)]
     for name in sections:

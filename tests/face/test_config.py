@@ -17,6 +17,7 @@ from mam_policies.run import EnvChoice, RunInfo
 from mam_sim.bench.config import BenchConfig
 from mam_sim.cli import main, verb_class
 from mam_sim.options import Verb, carried, defaults, fill, parse, settings
+from mam_sim.preset_files import presets
 
 ROOT = Path(__file__).resolve().parents[2]
 PRESETS = {"pipeline": "articulate", "env": "make-env"}
@@ -44,6 +45,21 @@ def test_presets_of_training_name_an_algorithm_and_its_settings(file: Path) -> N
     got = options("train", "cabinet", "--out", "run", "--config", file)
     plain = options("train", "cabinet", "--out", "run", "--algo", config_file.read(file)["algo"])
     assert settings(got) != settings(plain) and set(settings(got)) == set(settings(plain))
+
+
+def test_presets_come_with_the_package_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = [f for f in (ROOT / "configs").glob("*/*.yaml") if f.parent.name != "train"]
+    assert {n: f.resolve() for n, f in presets().items()} == {f.stem: f for f in files}
+    monkeypatch.chdir(tmp_path)
+    by_name = options("train", "cabinet", "--out", "run", "--config", "bc_drawer")
+    by_file = options("train", "cabinet", "--out", "run", "--config", presets()["bc_drawer"])
+    assert settings(by_name) == settings(by_file)
+    with pytest.raises(ConfigError, match="did you mean bc_drawer"):
+        options("train", "cabinet", "--out", "run", "--config", "bc_drawr")
+    Path("bc_drawer").write_text("algo: ppo\n")  # a file of that name here comes first
+    assert options("train", "cabinet", "--out", "run", "--config", "bc_drawer").algo == "ppo"  # type: ignore[attr-defined]
 
 
 def test_a_run_is_configured_by_its_algorithm(tmp_path: Path) -> None:
