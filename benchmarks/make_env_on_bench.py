@@ -67,12 +67,12 @@ def main(
             mesh = save_mesh(read_object(urdf, name, category).mesh, Path(scratch, name), fuse)
             status = mam_sim(["make-env", str(mesh), "--out", str(folder), "--quiet"])
             note = f"exit {status}"
-            if status == 0:
+            if (folder / "asset.json").is_file():
                 done += 1
                 asset = Asset.load(folder)
                 verdict = asset.card.checks["executability"]
                 passed += bool(verdict["passed"])
-                tried = try_environment(asset, "panda", steps)
+                tried = try_environment(asset, "panda", steps=steps)
                 stepped += bool(tried["ok"])
                 note = f"{len(asset.card.joints)} joints, check "
                 note += "passes" if verdict["passed"] else f"fails {verdict['reasons']}"

@@ -23,7 +23,10 @@ from mam_sim.options import Verb, carried
 
 @dataclass(frozen=True, kw_only=True)
 class Articulate(Verb):
-    """Make an articulated, simulation-ready asset folder from a photo, a mesh or a URDF."""
+    """Make an articulated, simulation-ready asset folder from a photo, a mesh or a URDF.
+
+    Exit status 1 when the asset, which is kept, fails its check.
+    """
 
     source: Positional[Path]
     """The photo (jpg, png ...), mesh (glb, obj, stl, dae, usd, step ...) or URDF."""
@@ -49,12 +52,13 @@ class Articulate(Verb):
         describe(screen, asset)
         tell_cost(screen, ledger)
         screen.say(f"report: {asset.folder / 'report.html'}")
+        passed = asset.card.checks["executability"]["passed"]
         words = ["view", str(self.out)]
-        if has("sapien"):
+        if passed and has("sapien"):
             chosen = carried(self, sections=("pipeline",))
             words = ["make-env", str(self.source), "--out", str(self.out), *chosen]
         screen.say(f"next:   mam-sim {shlex.join(words)}")
-        return 0
+        return 0 if passed else 1
 
 
 def make(source: Path, out: Path, config: MakeConfig, on_stage: Callable[[str], None]) -> Asset:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from tyro.conf import OmitArgPrefixes, Positional
 
@@ -23,7 +24,8 @@ from mam_sim.verbs.articulate import describe, make, tell_cost
 class MakeEnv(Verb):
     """Turn a photo, a static mesh or a URDF into an environment in which a robot arm acts.
 
-    Exit status 1 when the asset was made but the arm can operate none of its joints.
+    Exit status 1 when the asset, which is kept, fails its check, or when the arm can operate none
+    of its joints.
     """
 
     source: Positional[Path]
@@ -34,6 +36,8 @@ class MakeEnv(Verb):
     """The arm of the environment that is tried."""
     pipeline: Annotated[MakeConfig, OmitArgPrefixes] = field(default_factory=MakeConfig)
     env: EnvConfig = field(default_factory=EnvConfig)
+    asset_ok: bool = False
+    """Be content with an asset that passes its check, whether or not the arm can operate it."""
     json: bool = False
     """Print the asset card as JSON."""
 
@@ -62,15 +66,26 @@ class MakeEnv(Verb):
         describe(screen, asset)
         tell_cost(screen, ledger)
         screen.say(f"report: {asset.folder / 'report.html'}")
+        _tell_reach(screen, tried)
         if tried["ok"]:
             screen.say(
                 f'env:    gymnasium.make("{ENV_ID}", asset="{out}", joint="{tried["joint"]}", '
                 f'robot_uids="{self.robot}")'
             )
-            words = ["collect", str(out), "--episodes", "20", "--out", f"{out.name}-demos"]
+            words = ["collect", str(out), "--joint", str(tried["joint"]), "--episodes", "20"]
+            words += ["--out", f"{out.name}-demos"]
             words += ["--robot", self.robot] if self.robot != MakeEnv.robot else []
             screen.say(f"next:   mam-sim {shlex.join([*words, *carried(self)])}")
-            return 0
-        screen.say(f"env:    none: {tried['why']}")
-        screen.say(f"next:   mam-sim view {out}")
-        return 1
+        else:
+            screen.say(f"env:    none: {tried['why']}")
+            screen.say(f"next:   mam-sim {shlex.join(['view', str(out)])}")
+        done = asset.card.checks["executability"]["passed"] and (tried["ok"] or self.asset_ok)
+        return 0 if done else 1
+
+
+def _tell_reach(screen: Screen, tried: Mapping[str, Any]) -> None:
+    """A line per joint: whether the arm can operate it, and why not."""
+    for i, row in enumerate(tried["joints"]):
+        said = "can operate it" if row["ok"] else f"cannot ({row['cause']}): {row['why']}"
+        head = "" if i else f"{tried['robot']}:"
+        screen.say(f"{head:<7} {row['joint']:<24} {said}")

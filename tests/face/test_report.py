@@ -34,10 +34,37 @@ def test_an_asset_that_no_arm_can_operate_is_told_and_no_success(
     made = Asset.load(tmp_path / "station_button_000000")
     verdict = {"passed": True, "driven": True, "reasons": []}
     made = Asset(made.folder, replace(made.card, checks={"executability": verdict}))
-    refused = {"ok": False, "joint": None, "robot": "panda", "why": "it is out of reach"}
+    rows = [{"joint": "button", "ok": False, "cause": "force", "why": "it is too heavy"}]
+    refused = {"ok": False, "joint": None, "robot": "panda", "why": "too heavy", "joints": rows}
     monkeypatch.setattr("mam_sim.verbs.make_env.make", lambda *_args: made)
     monkeypatch.setattr("mam_envs.trial.try_environment", lambda *_args: refused)
-    assert main(["make-env", "button.glb", "--out", str(made.folder)]) == 1
+    command = ["make-env", "button.glb", "--out", str(made.folder)]
+    assert main(command) == 1
     said = capsys.readouterr().out
-    assert "env:    none: it is out of reach" in said and "collect" not in said
+    assert "env:    none: too heavy" in said and "collect" not in said
+    assert "cannot (force): it is too heavy" in said
+    assert said.splitlines()[-1] == f"next:   mam-sim view {made.folder}"
     assert Asset.load(made.folder).card.checks["environment"] == refused
+    assert main([*command, "--asset-ok"]) == 0
+
+
+def test_an_asset_that_fails_its_check_is_kept_and_no_success(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_dataset("station_button", 1, 0, tmp_path)
+    made = Asset.load(tmp_path / "station_button_000000")
+    verdict = {"passed": False, "driven": True, "reasons": ["frozen"]}
+    made = Asset(made.folder, replace(made.card, checks={"executability": verdict}))
+    tried = {"ok": True, "joint": "button", "robot": "panda", "joints": [
+        {"joint": "button", "ok": True, "cause": "", "why": ""}]}  # fmt: skip
+    for verb in ("articulate", "make_env"):
+        monkeypatch.setattr(f"mam_sim.verbs.{verb}.make", lambda *_args: made)
+    monkeypatch.setattr("mam_envs.trial.try_environment", lambda *_args: tried)
+    for verb in ("articulate", "make-env"):
+        assert main([verb, "button.glb", "--out", str(made.folder)]) == 1
+        said = capsys.readouterr().out
+        assert "check:  FAILS (frozen)" in said
+    last = said.splitlines()[-1]
+    assert last.startswith(f"next:   mam-sim collect {made.folder} --joint button ")
+    assert (made.folder / "asset.json").is_file()
+    assert main(["make-env", "button.glb", "--out", str(made.folder), "--asset-ok"]) == 1

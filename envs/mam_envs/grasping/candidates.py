@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,9 +18,25 @@ from mam_pipeline.asset.card import CardGrasp
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.types import FloatArray
 
+Cause = Literal["grasp", "width", "force", "reach", "path", "room"]
+"""Why an arm cannot operate a joint: nothing to hold or push that the hand gets at; a handle wider
+than the hand opens; more force than the arm is trusted with; out of reach, too high or too low; the
+joint's way cannot be followed; no room for the arm."""
+
 
 class PlacementError(NotPhysicalError):
-    """No arm of this kind can do the task, wherever it stands; the message says why."""
+    """No arm of this kind can do the task, wherever it stands; the message says why.
+
+    Attributes:
+        cause: the same in a word.
+    """
+
+    def __init__(self, message: str, cause: Cause = "grasp") -> None:
+        super().__init__(message)
+        self.cause = cause
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.cause)
 
 
 @dataclass(frozen=True)
@@ -97,7 +113,8 @@ def card_grasps(
             f"{name}: the handle of {goal.joint!r} is {wide:.1f} cm wide; "
             f"{robot.uid} opens to {100 * robot.max_width:.1f} cm"
             if np.isfinite(narrowest)
-            else f"{name}: joint {goal.joint!r} can only be pushed, and not in that direction"
+            else f"{name}: joint {goal.joint!r} can only be pushed, and not in that direction",
+            "width" if np.isfinite(narrowest) else "grasp",
         )
     return fits
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mam_envs.grasping.candidates import (
+    Cause,
     Grasp,
     backed,
     grasp_opening,
@@ -50,6 +51,13 @@ class Search:
     reached: int
     followed: int
     tried: int
+
+    @property
+    def cause(self) -> Cause:
+        """Why there is no path, in a word."""
+        if not self.tried or not self.reached:
+            return "reach"
+        return "room" if self.followed else "path"
 
     def reason(self, what: str) -> str:
         """Why there is no path, in words."""

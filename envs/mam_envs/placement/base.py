@@ -179,7 +179,8 @@ def _stand(
         if best is not None and best.robust >= 0.7:
             break
     if best is None:
-        raise PlacementError(furthest.reason(what) + f" for robot {robot.uid}")
+        text = furthest.reason(what) + f" for robot {robot.uid}"
+        raise PlacementError(text, furthest.cause)
     return best
 
 
@@ -194,7 +195,8 @@ def _strong_enough(
     if force > robot.force:
         raise PlacementError(
             f"{what} is too heavy: it needs {force:.0f} N at the handle; "
-            f"{robot.uid} is trusted with {robot.force:.0f} N"
+            f"{robot.uid} is trusted with {robot.force:.0f} N",
+            "force",
         )
 
 

@@ -77,7 +77,8 @@ def draw_clear(
             return drawn, pose
     raise PlacementError(
         f"{layout.model.asset.card.name}: the arm at rest overlaps the object at {goal.joint!r}; "
-        "make randomisation.position or yaw smaller"
+        "make randomisation.position or yaw smaller",
+        "room",
     )
 
 
