@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import glob
 import hashlib
 import re
@@ -10,19 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.formats.door import Door, named_by
 from mam_pipeline.formats.suffixes import MESHES, PHOTOS
+from mam_pipeline.stage_store import file_digest
 
 LISTS = (".txt", ".lst")
 SIMULATED = (".urdf",)
-NAMED: dict[str, re.Pattern[bytes]] = {
-    ".obj": re.compile(rb"^\s*mtllib\s+(.+?)\s*$", re.MULTILINE),
-    ".mtl": re.compile(rb"^\s*(?:map_\w+|bump|disp|norm|refl)\s.*?(\S+)\s*$", re.MULTILINE),
-    ".gltf": re.compile(rb'"uri"\s*:\s*"([^"]+)"'),
-    ".dae": re.compile(rb"<init_from>\s*([^<]+?)\s*<"),
-    ".urdf": re.compile(rb"""filename\s*=\s*["']([^"']+)"""),
-    ".xml": re.compile(rb"""filename\s*=\s*["']([^"']+)"""),
-}
-"""How a file of a format names the others that belong to it."""
+MESH_OF = re.compile(rb"""filename\s*=\s*["']([^"']+)""")
+"""How a URDF names its meshes."""
 
 
 @dataclass(frozen=True)
@@ -119,20 +115,22 @@ def _walk(folder: Path, pictures: bool) -> Iterator[Path]:
 
 def content_digest(path: Path) -> str:
     """SHA-256 of a file and of those that it names (materials, pictures, a URDF's meshes), hex."""
-    digest, seen = hashlib.sha256(), set[Path]()
-    waiting = [path]
+    digest, door = hashlib.sha256(), Door(path.parent)
+    seen, waiting = set[Path](), [path]
     while waiting:
         file = waiting.pop(0)
-        if file in seen or not file.is_file():
+        if file in seen:
             continue
         seen.add(file)
-        content = file.read_bytes()
-        digest.update(hashlib.sha256(content).digest())
-        pattern = NAMED.get(file.suffix.lower())
-        for match in pattern.findall(content) if pattern else ():
-            word = match.decode("utf-8", "replace").partition("://")[2] or match.decode(
-                "utf-8", "replace"
-            )
-            if "\0" not in word and len(word) < 1000:
-                waiting.append(file.parent / word)
+        digest.update(file_digest(file).encode())
+        for name in _named(file):
+            with contextlib.suppress(InputError):  # the reader will refuse it, and say why
+                found = door.find(name, file)
+                waiting += [] if found is None else [found]
     return digest.hexdigest()
+
+
+def _named(file: Path) -> list[str]:
+    if file.suffix.lower() in (".urdf", ".xml"):
+        return [m.decode("utf-8", "replace") for m in MESH_OF.findall(file.read_bytes())]
+    return named_by(file)

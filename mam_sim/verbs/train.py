@@ -64,9 +64,9 @@ class Train(Verb):
         Raises:
             ConfigError: no algorithm of that name.
         """
-        from mam_policies.algorithms import algorithm
+        from mam_policies.algorithms import settings_of
 
-        config = algorithm(name).Config
+        config = settings_of(name)
         section = ("train", Annotated[config, OmitArgPrefixes], field(default_factory=config))
         namespace = {"__doc__": cls.__doc__}
         return make_dataclass(

@@ -12,7 +12,6 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -453,6 +452,8 @@ def joint_motion(
     if type_ == "prismatic":
         out[:3, 3] = a * value
     elif type_ in ("revolute", "continuous"):
+        from scipy.spatial.transform import Rotation  # slow to import: not for reading --help
+
         out[:3, :3] = Rotation.from_rotvec(value * a).as_matrix()
         o = np.asarray(origin, dtype=np.float64)
         out[:3, 3] = o - out[:3, :3] @ o

@@ -17,20 +17,7 @@ from numpy.typing import NDArray
 
 from mam_policies.expert import Expert, PlanningError
 from mam_policies.run import TrainingError, flat
-
-
-@dataclass(frozen=True, kw_only=True)
-class DemonstrationConfig:
-    """Settings of the demonstrations."""
-
-    episodes: int = 80
-    """Successful demonstrations of the scripted expert."""
-    noise: float = 0.008
-    """Standard deviation of the expert's execution noise, radians; every third episode has none."""
-    settle: int = 6
-    """Control steps of standing still that are recorded after success."""
-    seed: int = 0
-    """Of everything random."""
+from mam_policies.settings import DemonstrationConfig
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ from mani_skill.utils import common
 from numpy.typing import NDArray
 
 from mam_envs.scene.layout import Layout
-from mam_pipeline.formats.door import DoorResolver, outside_allowed
+from mam_pipeline.formats.door import outside_allowed
+from mam_pipeline.formats.door_resolver import DoorResolver
 from mam_pipeline.formats.urdf.geometry import resolve, shape_triangles
 from mam_pipeline.render.scene_pictures import render_scene
 from mam_pipeline.types import FloatArray

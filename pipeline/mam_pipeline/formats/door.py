@@ -21,8 +21,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import unquote
 
-import trimesh
-
 from mam_pipeline.errors import InputError
 
 _ALLOWED: ContextVar[bool] = ContextVar("allowed", default=False)
@@ -156,8 +154,7 @@ class Survey:
         if file in self.seen or file.stat().st_size > MOST_BYTES:
             return
         self.seen.add(file)
-        names = _NAMES.get(file.suffix.lower())
-        for name in names(file) if names is not None else ():
+        for name in named_by(file):
             found = self._picture(name, file)
             if found is not None and found.suffix.lower() != ".obj":
                 self.mesh(found)
@@ -168,6 +165,12 @@ class Survey:
         if _mode(path) is None and not self.door.holds(path):
             return None
         return self.door.find(name, by)
+
+
+def named_by(file: Path) -> list[str]:
+    """Names of the files that a mesh file says belong to it: materials, pictures, buffers."""
+    names = _NAMES.get(file.suffix.lower())
+    return [] if names is None else names(file)
 
 
 def _obj_names(file: Path) -> list[str]:
@@ -218,28 +221,3 @@ _NAMES: dict[str, Callable[[Path], list[str]]] = {
     ".obj": _obj_names, ".mtl": _mtl_names, ".ply": _ply_names, ".dae": _dae_names,
     ".gltf": _gltf_names, ".glb": _gltf_names,
 }  # fmt: skip
-
-
-class DoorResolver(trimesh.resolvers.FilePathResolver):
-    """Opens for trimesh what a mesh file names, through the door."""
-
-    def __init__(self, file: Path, root: Path | None = None) -> None:
-        super().__init__(str(file))
-        self.door, self.file = Door(root or file.parent), file
-        self.left_out: list[str] = []
-
-    def get(self, name: str) -> bytes:
-        """Bytes of a file of that name, or else of one beside the mesh.
-
-        Raises:
-            FileNotFoundError: there is none that may be opened; trimesh leaves it out then.
-        """
-        for option in (name.strip(), name.strip().replace("\\", "/").rpartition("/")[2]):
-            try:
-                found = self.door.find(option, self.file) if option else None
-            except InputError as error:
-                self.left_out.append(str(error))
-                continue
-            if found is not None:
-                return found.read_bytes()
-        raise FileNotFoundError(name)

@@ -17,7 +17,7 @@ import trimesh
 from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.formats.apart import read_apart
 from mam_pipeline.formats.collada import read_collada
-from mam_pipeline.formats.door import DoorResolver
+from mam_pipeline.formats.door_resolver import DoorResolver
 from mam_pipeline.formats.gltf import read_gltf
 from mam_pipeline.formats.gltf_write import write_glb
 from mam_pipeline.formats.headers import check_header

@@ -1,8 +1,9 @@
 """Learning algorithms: what each of them is, and the names that `mam-sim train --algo` knows.
 
-One algorithm is one file: a frozen dataclass of settings, and a class that trains a run folder with
-them and acts from that folder. Listing the names imports none of them. Other packages add theirs
-by an entry point in the group `mam_sim.algorithm` (docs/extend/algorithm.md).
+An algorithm is a frozen dataclass of settings, and a class that trains a run folder with them and
+acts from that folder. Listing the names imports none of them, and the settings of the built-in ones
+(`mam_policies.settings`) need no torch. Other packages add theirs by an entry point in the group
+`mam_sim.algorithm` (docs/extend/algorithm.md).
 """
 
 from __future__ import annotations
@@ -12,8 +13,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
 
-from mam_pipeline.errors import ConfigError
 from mam_pipeline.registry import Registry
+from mam_policies import settings
+from mam_policies.settings import check_least
+
+__all__ = ["ALGORITHMS", "Actor", "Algorithm", "OnProgress", "algorithm", "check_least",
+           "settings_of"]  # fmt: skip
 
 if TYPE_CHECKING:  # torch is not needed to list names
     import numpy as np
@@ -32,6 +37,16 @@ ALGORITHMS = Registry(
         "smolvla": "mam_policies.algorithms.lerobot_policies:SmolVla",
     },
 )
+
+SETTINGS: dict[str, type[Any]] = {
+    "bc": settings.BcConfig,
+    "ppo": settings.PpoConfig,
+    "sac": settings.SacConfig,
+    "act": settings.LeRobotConfig,
+    "diffusion": settings.LeRobotConfig,
+    "smolvla": settings.LeRobotConfig,
+}
+"""Settings of the built-in algorithms, so that reading a command line loads none of them."""
 
 OnProgress = Callable[[str, float, str], None]
 """Called with (phase, share of it that is done, words for people)."""
@@ -109,12 +124,10 @@ def algorithm(name: str) -> Algorithm[Any]:
     return found
 
 
-def check_least(config: Any, **least: float) -> None:
-    """Check that settings are not below their least values.
+def settings_of(name: str) -> type[Any]:
+    """The dataclass of an algorithm's settings.
 
     Raises:
-        ConfigError: one is.
+        ConfigError, BackendError: as `algorithm`.
     """
-    for name, bound in least.items():
-        if getattr(config, name) < bound:
-            raise ConfigError(f"{name} must be at least {bound}, not {getattr(config, name)}")
+    return SETTINGS[name] if name in SETTINGS else algorithm(name).Config

@@ -9,7 +9,7 @@ on where it was, to the same end.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +18,9 @@ import torch
 
 from mam_pipeline.errors import InputError
 from mam_pipeline.optional import has
-from mam_policies.algorithms import Algorithm, OnProgress, check_least
+from mam_policies.algorithms import Algorithm, OnProgress
 from mam_policies.demonstrations import (
     Demonstration,
-    DemonstrationConfig,
     dagger_steps,
     demonstrations,
     load,
@@ -31,37 +30,7 @@ from mam_policies.demonstrations import (
 from mam_policies.expert import PlanningError
 from mam_policies.mlp import MlpActor, MlpPolicy
 from mam_policies.run import EnvChoice, RunInfo, claim, describe_env, few_objects
-
-
-@dataclass(frozen=True, kw_only=True)
-class BcConfig(DemonstrationConfig):
-    """Settings of behaviour cloning."""
-
-    epochs: int = 150
-    """Passes over the demonstrations."""
-    batch: int = 256
-    """Rows of one gradient step."""
-    learning_rate: float = 1e-3
-    """Of Adam, at the start of a cosine schedule."""
-    chunk: int = 8
-    """Actions predicted at once."""
-    hidden: tuple[int, ...] = (256, 256)
-    """Widths of the network's hidden layers."""
-    deployable: bool = False
-    """See positions only, no velocities and no touch, which real arms do not report."""
-    rounds: int = 0
-    """DAgger rounds: the policy acts, the expert labels, and training starts anew on all data."""
-    round_episodes: int = 20
-    """Episodes of one round."""
-    stop_at: float = 0.95
-    """Share of a round's episodes that succeed at which no further round follows."""
-    lost: float = 0.5
-    """Radians off the expert's plan at which an episode of a round ends."""
-    checkpoint_every: int = 25
-    """Epochs between checkpoints."""
-
-    def __post_init__(self) -> None:
-        check_least(self, episodes=1, epochs=1, batch=1, chunk=1, rounds=0, checkpoint_every=1)
+from mam_policies.settings import BcConfig
 
 
 class BehaviourCloning(Algorithm[BcConfig]):

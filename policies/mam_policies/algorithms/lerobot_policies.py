@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.errors import BackendError, ConfigError
-from mam_policies.algorithms import Algorithm, OnProgress, check_least
+from mam_policies.algorithms import Algorithm, OnProgress
 from mam_policies.collect import collect
 from mam_policies.collection import CollectConfig, Names, Track
 from mam_policies.demonstrations import dagger_steps, seed_of
@@ -37,40 +37,7 @@ from mam_policies.lerobot.export import MAPPING, export_dataset
 from mam_policies.lerobot.robot_interface import mapping_of
 from mam_policies.lerobot.training import LeRobotTraining, train_policy
 from mam_policies.run import EnvChoice, RunInfo, describe_env, few_objects
-
-
-@dataclass(frozen=True, kw_only=True)
-class LeRobotConfig:
-    """Settings of act, diffusion and smolvla."""
-
-    episodes: int = 80
-    """Successful demonstrations of the scripted expert."""
-    noise: float = 0.008
-    """Standard deviation of the expert's execution noise in them, radians."""
-    seed: int = 0
-    """Of everything random."""
-    steps: int = 20_000
-    """Training steps, in every round."""
-    batch: int = 8
-    """Frames of one training step."""
-    cameras: bool = True
-    """See pictures and motors, as on a real arm (needs a Vulkan driver); else motors and the
-    privileged state."""
-    mapping: Path | None = None
-    """Joint mapping of the real arm (see mam-sim export); needed for arms that LeRobot drives."""
-    download: bool = False
-    """Start from weights on the Hub (ImageNet for act, the base model for smolvla)."""
-    rounds: int = 0
-    """DAgger rounds: the policy acts, the expert labels, and training goes on with all data."""
-    round_episodes: int = 20
-    """Episodes of one round."""
-    lost: float = 0.5
-    """Radians off the expert's plan at which an episode of a round ends."""
-    more: tuple[str, ...] = ()
-    """Further arguments for lerobot-train, as they are."""
-
-    def __post_init__(self) -> None:
-        check_least(self, episodes=1, steps=1, batch=1, rounds=0)
+from mam_policies.settings import LeRobotConfig
 
 
 class LeRobotAlgorithm(Algorithm[LeRobotConfig]):

@@ -2,41 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import torch
 
-from mam_policies.algorithms import check_least
-from mam_policies.algorithms.sb3 import Sb3Algorithm, Sb3Config
-
-
-@dataclass(frozen=True, kw_only=True)
-class PpoConfig(Sb3Config):
-    """Settings of ppo."""
-
-    rollout: int = 2048
-    """Environment steps between two updates, of all processes together."""
-    update_epochs: int = 6
-    """Passes over a rollout."""
-    learning_rate: float = 3e-4
-    """Of Adam, from scratch."""
-    cloned_learning_rate: float = 1e-4
-    """Of Adam, after a clone."""
-    log_std: float = -0.7
-    """Logarithm of the exploration noise (normalised actions) at the start, from scratch."""
-    cloned_log_std: float = -2.0
-    """The same, after a clone."""
-    clip_range: float = 0.15
-    """By how much an update may change an action's probability, as a share."""
-    target_kl: float = 0.03
-    """Divergence from the old policy at which an update ends."""
-    entropy: float = 0.0
-    """Weight of the entropy bonus."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_least(self, rollout=8, update_epochs=1)
+from mam_policies.algorithms.sb3 import Sb3Algorithm
+from mam_policies.settings import PpoConfig
 
 
 class Ppo(Sb3Algorithm):

@@ -2,33 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import torch
 
-from mam_policies.algorithms import check_least
-from mam_policies.algorithms.sb3 import Sb3Algorithm, Sb3Config
-
-
-@dataclass(frozen=True, kw_only=True)
-class SacConfig(Sb3Config):
-    """Settings of sac."""
-
-    learning_rate: float = 3e-4
-    """Of Adam."""
-    buffer: int = 200_000
-    """Environment steps that are remembered at most."""
-    learning_starts: int = 2000
-    """Environment steps before the first update, at most a quarter of all."""
-    train_every: int = 4
-    """Environment steps between two updates."""
-    gradient_steps: int = 2
-    """Gradient steps of one update."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_least(self, buffer=1, train_every=1, gradient_steps=1)
+from mam_policies.algorithms.sb3 import Sb3Algorithm
+from mam_policies.settings import SacConfig
 
 
 class Sac(Sb3Algorithm):

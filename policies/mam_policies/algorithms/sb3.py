@@ -14,7 +14,7 @@ from __future__ import annotations
 import time
 from abc import abstractmethod
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -24,12 +24,13 @@ import numpy as np
 import torch
 
 from mam_pipeline.optional import has, require
-from mam_policies.algorithms import Algorithm, OnProgress, check_least
+from mam_policies.algorithms import Algorithm, OnProgress
 from mam_policies.algorithms.sb3_checkpoint import load_checkpoint, renew, restore, save_checkpoint
 from mam_policies.algorithms.sb3_env import make_training_env
-from mam_policies.demonstrations import Demonstration, DemonstrationConfig, demonstrations
+from mam_policies.demonstrations import Demonstration, demonstrations
 from mam_policies.mlp import MlpPolicy
 from mam_policies.run import EnvChoice, RunInfo, claim, describe_env, few_objects
+from mam_policies.settings import Sb3Config
 
 require("reinforcement learning", "stable_baselines3")
 
@@ -40,43 +41,6 @@ from stable_baselines3.common.vec_env import (  # noqa: E402
     SubprocVecEnv,
     VecMonitor,
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Sb3Config(DemonstrationConfig):
-    """Settings that ppo and sac share."""
-
-    episodes: int = 80
-    """Demonstrations of the expert cloned into the actor first; 0 starts from scratch."""
-    demos_from: Path | None = None
-    """Run folder whose demonstrations are used; default: the run's own."""
-    steps: int = 200_000
-    """Environment steps in all."""
-    processes: int = 1
-    """Environments, each in a process of its own if there are several."""
-    curriculum: bool = True
-    """Start some episodes part of the way along the expert's path."""
-    curriculum_share: float = 0.7
-    """Share of such episodes at the start; it falls to 0 in the middle of training."""
-    stop_at: float = 0.95
-    """Share of the last full episodes that succeed at which training ends early."""
-    window: int = 40
-    """Number of those episodes."""
-    save_every: int = 8192
-    """Environment steps between checkpoints."""
-    gamma: float = 0.98
-    """Discount per control step."""
-    batch: int = 256
-    """Rows of one gradient step."""
-    hidden: tuple[int, ...] = (256, 256)
-    """Widths of the hidden layers of actor and critic."""
-    clone_epochs: int = 60
-    """Passes over the demonstrations when they are cloned."""
-    clone_learning_rate: float = 1e-3
-    """Of Adam, when they are cloned."""
-
-    def __post_init__(self) -> None:
-        check_least(self, episodes=0, steps=1, processes=1, window=1, save_every=1, batch=1)
 
 
 class Sb3Algorithm(Algorithm[Any]):

@@ -10,7 +10,8 @@ import numpy as np
 import trimesh
 
 from mam_pipeline.errors import InputError
-from mam_pipeline.formats.door import Door, DoorResolver
+from mam_pipeline.formats.door import Door
+from mam_pipeline.formats.door_resolver import DoorResolver
 from mam_pipeline.formats.headers import check_header
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.geometry.surface import Triangles, concatenate
