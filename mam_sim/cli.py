@@ -22,6 +22,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "eval": ("mam_sim.verbs.evaluate:Evaluate", "task success of a policy, with intervals"),
     "export": ("mam_sim.verbs.export:Export", "dataset or policy to LeRobot, asset to MJCF or USD"),
     "view": ("mam_sim.verbs.view:View", "pictures or a video of an asset moving its joints"),
+    "studio": ("mam_sim.verbs.studio:Studio", "look at an object, and put right what is wrong"),
     "annotate": ("mam_sim.verbs.annotate:Annotate", "mark corners, panels and handles on a photo"),
     "bench-photo": ("mam_sim.verbs.bench_photo:BenchPhoto", "score the photo reconstructor"),
     "doctor": ("mam_sim.verbs.doctor:Doctor", "what is installed, what is active, and the fixes"),

@@ -9,8 +9,10 @@ have() { dpkg-query -W -f='${Status}' "$1" 2>/dev/null | grep -q 'install ok ins
 mesa_version() { dpkg-query -W -f='${Version}' mesa-vulkan-drivers 2>/dev/null; }
 mesa_new_enough() { v=$(mesa_version); [ -n "$v" ] && dpkg --compare-versions "$v" ge 24.3; }
 
+. /etc/os-release
+browser=(); [ "${ID:-}" != debian ] || browser=(chromium)  # for the tests of the studio; Ubuntu's is a snap
 missing=()
-for p in libusb-1.0-0 libgl1 libgomp1 ffmpeg libvulkan1; do have "$p" || missing+=("$p"); done
+for p in libusb-1.0-0 libgl1 libgomp1 ffmpeg libvulkan1 "${browser[@]}"; do have "$p" || missing+=("$p"); done
 [ ${#missing[@]} -eq 0 ] && mesa_new_enough && exit 0
 
 if [ "$(id -u)" = 0 ]; then root=(); elif sudo -n true 2>/dev/null; then root=(sudo -n); else
@@ -27,7 +29,6 @@ if [ ${#missing[@]} -gt 0 ]; then
 fi
 mesa_new_enough && exit 0
 
-. /etc/os-release
 suite="${VERSION_CODENAME:-}-backports"
 candidate=$(apt-cache policy mesa-vulkan-drivers | awk '/Candidate:/{print $2}')
 if dpkg --compare-versions "${candidate:-0}" ge 24.3; then

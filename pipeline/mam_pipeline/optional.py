@@ -32,6 +32,7 @@ EXTRAS: dict[str, str] = {
     "cascadio": "formats",
     "meshopt": "formats",
     "opengl_basisu": "formats",
+    "viser": "studio",
 }
 """Importable name -> the extra that installs it."""
 

@@ -41,6 +41,7 @@ from mam_pipeline.stage_store import (
     PRIOR,
     Codec,
     StageStore,
+    array_digest,
     articulation_codec,
     copy_stages,
     file_digest,
@@ -187,7 +188,7 @@ def make_asset(
         store = StageStore(work / "stages")
         stages = Stages(config.engine, on_stage, store)
         with outside_allowed(config.allow_outside):
-            read = _read(source, kind, config, stages)
+            read = read_source(source, kind, config, stages)
         if read.articulation is None:
             save_geometry(read.mesh, store.folder / "0_mesh")
             run = stages.articulate(read.mesh, given if given is not None else read.hints)
@@ -275,8 +276,13 @@ def _empty(folder: Path) -> bool:
     return folder.is_dir() and not any(folder.iterdir())
 
 
-def _read(source: Path, kind: str, config: MakeConfig, stages: Stages) -> Source:
-    """The source as the engine takes it; a photo is reconstructed first."""
+def read_source(source: Path, kind: str, config: MakeConfig, stages: Stages) -> Source:
+    """The source as the engine takes it; a photo is reconstructed first.
+
+    Args:
+        source: the file. kind: photo | mesh | urdf, as `kind_of` says.
+        config: up axis, scale and the photo's settings. stages: reconstructs a photo.
+    """
     if kind == "photo":
         return _read_photo(source, config, stages)
     with stages.timed("read"):
@@ -416,7 +422,7 @@ class Stages:
 
         prior = self._stage(
             "prior", "hints" if _settled(hints) else self.config.prior, "prior", PRIOR, observed,
-            lambda: self._inputs(mesh, hints, "segmenter"),
+            lambda: {"mesh": mesh_digest(mesh), "primitives": array_digest(primitives.labels)},
         )  # fmt: skip
         if self._store is not None and prior is not None and len(prior.masks):
             from mam_pipeline.prior.masks import save_masks

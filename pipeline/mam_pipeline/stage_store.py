@@ -22,6 +22,7 @@ from typing import Any, Generic, TypeVar, get_args
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 from PIL import Image
 
 from mam_pipeline.backends import KinematicPrior, Maker, Reconstruction
@@ -169,6 +170,11 @@ def file_digest(path: Path) -> str:
 def text_digest(text: str) -> str:
     """SHA-256 of a text, hex."""
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def array_digest(array: NDArray[Any]) -> str:
+    """SHA-256 of an array's numbers, hex."""
+    return hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()
 
 
 def mesh_digest(mesh: Mesh) -> str:

@@ -61,6 +61,11 @@ def written_and_checked(
             break
     notes += [f.message for f in report.findings if f.code == "not_driven"]
     seconds["check"] = round(time.perf_counter() - began, 3)
+    failing = [
+        {"joint": j.name, "reasons": list(j.reasons), "at": j.penetration_at}
+        for j in report.joints
+        if j.reasons
+    ]
     card = replace(
         asset.card,
         notes=[*asset.card.notes, *notes],
@@ -69,6 +74,7 @@ def written_and_checked(
                 "passed": report.passed,
                 "driven": report.driven,
                 "reasons": list(report.reasons),
+                **({"joints": failing} if failing else {}),
             }
         },
         seconds={**asset.card.seconds, **seconds},

@@ -26,8 +26,12 @@ def write_glb(mesh: Mesh, path: Path, up: Literal["y", "z"] = "y") -> None:
         up: "y" follows the specification (x, z, -y); "z" stores the coordinates as they are,
             which is what URDF loaders expect of a visual mesh.
     """
-    writer = _Writer(mesh, up)
-    path.write_bytes(writer.glb())
+    path.write_bytes(glb_bytes(mesh, up))
+
+
+def glb_bytes(mesh: Mesh, up: Literal["y", "z"] = "y") -> bytes:
+    """What `write_glb` writes."""
+    return _Writer(mesh, up).glb()
 
 
 class _Writer:

@@ -42,7 +42,8 @@ def apply_hints(
 
     Order: `merge` (a group joins the part that owns most of it), then `fixed` (back to the base),
     then `parts` (take their primitives from whoever has them). Parts that lose all they had
-    disappear; a tree without any hint is returned as it is.
+    disappear, and what hung on them hangs on who took most of it; a tree without any hint is
+    returned as it is.
 
     Raises:
         ConfigError: a primitive, node or parent that does not exist, or a part without faces.
@@ -210,6 +211,7 @@ def _rebuild(nodes: list[PartNode], owner: IntArray, parts: tuple[HintPart, ...]
     members = [tuple(int(p) for p in np.flatnonzero(owner == k)) for k in range(len(nodes))]
     alive = [k for k in range(len(nodes)) if k == 0 or members[k]]
     new = {old: i for i, old in enumerate(alive)}
+    heirs = {k: _heir(nodes[k], owner) for k in range(1, len(nodes)) if k not in new}
     hinted = {part.name: part for part in parts}
     names = {nodes[k].name: k for k in alive}  # later ones, the hinted, win
     names.update(dict.fromkeys(("base", "body", nodes[0].name), 0))
@@ -224,7 +226,7 @@ def _rebuild(nodes: list[PartNode], owner: IntArray, parts: tuple[HintPart, ...]
                 raise unknown_name(f"parent for part {node.name!r}", hint.parent, names)
             parent = names[hint.parent]
         while parent > 0 and parent not in new:
-            parent = nodes[parent].parent
+            parent = heirs[parent]
         name, n = node.name, 1
         while name in used:
             n += 1
@@ -235,3 +237,8 @@ def _rebuild(nodes: list[PartNode], owner: IntArray, parts: tuple[HintPart, ...]
             index = 0
         out.append(replace(node, name=name, primitives=members[k], parent=index))
     return KinematicTree(tuple(out))
+
+
+def _heir(node: PartNode, owner: IntArray) -> int:
+    """Who took most primitives of a part that has lost all of them; the base where it had none."""
+    return int(np.bincount(owner[list(node.primitives)]).argmax()) if node.primitives else 0

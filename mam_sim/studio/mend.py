@@ -1,0 +1,293 @@
+"""The panel for putting right: parts from pieces, and how each part moves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mam_pipeline.errors import ConfigError
+from mam_pipeline.geometry.sampling import unit as unit_vector
+from mam_pipeline.types import Joint, JointCandidate
+from mam_sim.studio import edits, words
+from mam_sim.studio.look import Look
+from mam_sim.studio.picking import snapped, snaps
+from mam_sim.studio.scene import merged_bounds
+from mam_sim.studio.workspace import Workspace
+
+KINDS = ("door", "drawer", "lid", "knob", "handle", "wheel", "lever", "button", "panel", "other")
+MOTIONS = ("hinge", "spin", "slide", "fixed")
+NONE = "(none)"
+HELP = "*Click a piece to select it; with Shift, one more. Shift and drag selects a box.*"
+
+
+class Mend:
+    """Edits of the open object; each is one step that can be undone."""
+
+    def __init__(self, work: Workspace, look: Look) -> None:
+        self.work, self.look = work, look
+        gui: Any = work.server.gui
+        on = work.guarded
+        self.steps = gui.add_button_group("Steps", ("Undo", "Redo", "Save"))
+        self.steps.on_click(on(self._step))
+        gui.add_markdown(HELP)
+        with gui.add_folder("Selected pieces"):
+            self.selection = gui.add_markdown("")
+            self.new_kind = gui.add_dropdown("Kind", KINDS)
+            self._button("Make a part of them", self._make)
+            self.target = gui.add_dropdown("Other part", (NONE,))
+            self._button("Add to the other part", self._add)
+            self._button("They do not move", self._fix)
+        self.about = gui.add_folder("Chosen part")
+        with self.about:
+            self.part = gui.add_dropdown("Part", (NONE,))
+            self.name = gui.add_text("Name", "")
+            self.kind = gui.add_text("Kind", "")
+            self.parent = gui.add_dropdown("Hangs on", (NONE,))
+            self.motion = gui.add_dropdown("Moves", MOTIONS)
+            self.way = gui.add_dropdown("Line", (NONE,), hint="Other lines, the likeliest first")
+            self.low = gui.add_number("From", 0.0, step=0.5)
+            self.high = gui.add_number("To", 0.0, step=0.5)
+            self._button("Other direction", self._flip)
+            self._button("Merge with the other part", self._merge)
+            self._button("Select its pieces", self._select)
+            self._button("As the engine says", self._reset)
+        with gui.add_folder("Axis by hand", expand_by_default=False):
+            gui.add_markdown("*The blue arrow is the axis; it snaps to edges, faces and circles.*")
+            self.hand = gui.add_checkbox("Show the handles", False)
+            self.snap = gui.add_checkbox("Snap", True)
+            self.snapped = gui.add_markdown("")
+            self._button("Take this axis", self._take_axis)
+        self._ways: list[JointCandidate] = []
+        self._gizmo: Any = None
+        self._filling = False
+        for handle, change in (
+            (self.part, self._choose), (self.name, self._rename), (self.kind, self._rekind),
+            (self.parent, self._hang), (self.motion, self._move), (self.way, self._line),
+            (self.low, self._limits), (self.high, self._limits), (self.hand, self._handles),
+        ):  # fmt: skip
+            handle.on_update(self._typed(change))
+
+    def _button(self, label: str, work: Any) -> None:
+        self.work.server.gui.add_button(label).on_click(self.work.guarded(work))
+
+    def _typed(self, change: Any) -> Any:
+        """A callback for what a person typed, not for what `refresh` fills in."""
+        guarded = self.work.guarded(change)
+
+        def run(event: Any) -> None:
+            if not self._filling and event.client is not None:
+                guarded(event)
+                with self.work.lock:
+                    self.refresh()
+
+        return run
+
+    def refresh(self) -> None:
+        """Fill in the chosen part and the selection."""
+        self._filling = True
+        try:
+            self._fill()
+        finally:
+            self._filling = False
+
+    def _fill(self) -> None:
+        work, nodes = self.work, self.work.state.tree.nodes
+        chosen = sorted(work.selected)
+        shown = ", ".join(map(str, chosen[:12])) + (" …" if len(chosen) > 12 else "")
+        count = f"{len(chosen)} piece{'' if len(chosen) == 1 else 's'}"
+        self.selection.content = f"{count}: {shown}" if chosen else "Nothing is selected."
+        names = [n.name for n in nodes]
+        moving = names[1:]
+        _options(self.target, names, self.target.value)
+        _options(self.part, [NONE, *moving], work.part if work.part in moving else NONE)
+        node = next((n for n in nodes[1:] if n.name == work.part), None)
+        about = (self.name, self.kind, self.parent, self.motion, self.way, self.low, self.high)
+        for handle in about:
+            handle.disabled = node is None or bool(work.open.why_fixed)
+        joint = work.joint()
+        if node is None:
+            self.name.value, self.kind.value = "", ""
+            self._fill_ways(None)
+            return
+        self.name.value, self.kind.value = node.name, node.kind
+        _options(self.parent, [n for n in names if n != node.name], nodes[node.parent].name)
+        self.motion.value = node.subtype
+        self._fill_ways(joint)
+        free = joint is None or not np.isfinite([joint.lower, joint.upper]).all()
+        self.low.disabled = self.high.disabled = free or bool(work.open.why_fixed)
+        if joint is not None and not free:
+            self.low.value = round(words.shown_value(joint, joint.lower), 2)
+            self.high.value = round(words.shown_value(joint, joint.upper), 2)
+
+    def _fill_ways(self, joint: Joint | None) -> None:
+        self._ways, texts = [], []
+        if joint is not None:
+            box = merged_bounds(self.work.state.articulation, joint.child)
+            texts = [f"now: {words.line(joint.subtype, joint.axis, joint.origin, box)}"]
+            self._ways = self.work.open.ways(self.work.part)
+            texts += [f"{k + 1}. {words.way(c, box)}" for k, c in enumerate(self._ways)]
+        _options(self.way, texts or [NONE], (texts or [NONE])[0])
+
+    def _step(self, event: Any) -> None:
+        session = self.work.open
+        if self.steps.value == "Undo":
+            session.undo()
+        elif self.steps.value == "Redo":
+            session.redo()
+        else:
+            path = session.save()
+            self.work.say(event, "Saved", f"{path}", "green")
+        self.work.after_edit()
+
+    def _make(self) -> None:
+        work, chosen = self.work, sorted(self.work.selected)
+        kind = "part" if self.new_kind.value == "other" else self.new_kind.value
+        if not chosen:
+            raise ConfigError("nothing is selected: click on the object first")
+        subtype = work.open.best_subtype(chosen)
+        name = edits.free_name(kind, work.state.tree)
+        work.edit(lambda h, t: edits.make_part(h, t, chosen, kind, subtype))
+        work.choose(name)
+
+    def _add(self) -> None:
+        chosen, target = sorted(self.work.selected), self.target.value
+        self.work.edit(lambda h, t: edits.add_to(h, t, target, chosen))
+        self.work.choose(target)
+
+    def _fix(self) -> None:
+        chosen = sorted(self.work.selected)
+        self.work.edit(lambda h, t: edits.do_not_move(h, chosen))
+
+    def _select(self) -> None:
+        self.work.selected = set(self.work.members())
+        self.work.choose(self.work.part)
+
+    def _merge(self) -> None:
+        kept, other = self._named(), self.target.value
+        self.work.edit(lambda h, t: edits.merge(h, t, kept, other))
+
+    def _choose(self) -> None:
+        self.work.choose("" if self.part.value == NONE else self.part.value)
+
+    def _rename(self) -> None:
+        old, new = self._named(), self.name.value
+        if new.strip() and new != old:
+            self.work.edit(lambda h, t: edits.rename(h, t, old, new))
+            self.work.choose(edits.link_name(new))
+
+    def _rekind(self) -> None:
+        name, kind = self._named(), self.kind.value
+        self.work.edit(lambda h, t: edits.set_kind(h, t, name, kind))
+
+    def _hang(self) -> None:
+        name, parent = self._named(), self.parent.value
+        self.work.edit(lambda h, t: edits.set_parent(h, t, name, parent))
+
+    def _move(self) -> None:
+        name, subtype = self._named(), self.motion.value
+        self.work.edit(lambda h, t: edits.set_subtype(h, t, name, subtype))
+
+    def _line(self) -> None:
+        name, number = self._named(), self.way.value.partition(".")[0]
+        if not number.isdigit():
+            return
+        c = self._ways[int(number) - 1]
+        self.work.edit(lambda h, t: edits.set_line(h, t, name, c.subtype, c.axis, c.origin))
+        self._open_it()
+
+    def _limits(self) -> None:
+        name, joint = self._named(), self._joint()
+        low = words.kept_value(joint, float(self.low.value))
+        high = words.kept_value(joint, float(self.high.value))
+        self.work.edit(lambda h, t: edits.set_limits(h, t, name, joint, low, high))
+        self._open_it()
+
+    def _flip(self) -> None:
+        name, joint = self._named(), self._joint()
+        self.work.edit(lambda h, t: edits.flip(h, t, name, joint))
+        self._open_it()
+
+    def _reset(self) -> None:
+        name = self._named()
+        self.work.edit(lambda h, t: edits.as_the_engine_says(h, t, name))
+
+    def _open_it(self) -> None:
+        """Move the chosen part to its end, to show what was changed."""
+        joint = self.work.joint()
+        if joint is not None and np.isfinite([joint.lower, joint.upper]).all():
+            far = joint.upper if abs(joint.upper) >= abs(joint.lower) else joint.lower
+            self.look.pose({joint.name: far})
+
+    def _handles(self) -> None:
+        if self._gizmo is not None:
+            self._gizmo.remove()
+            self._gizmo = None
+        if not self.hand.value:
+            return
+        joint = self._joint()
+        size = self.work.state.articulation.mesh.diagonal
+        self.look.pose({joint.name: 0.0})
+        turn = Rotation.align_vectors([joint.axis], [[0, 0, 1.0]])[0].as_quat()
+        scene = self.work.server.scene
+        self._gizmo = scene.add_transform_controls(
+            "/axis", scale=0.25 * size, depth_test=False, wxyz=np.roll(turn, 1),
+            position=joint.origin,
+        )  # fmt: skip
+        scene.add_arrows(
+            "/axis/arrow", np.array([[[0, 0, -0.35 * size], [0, 0, 0.35 * size]]]), (40, 90, 230),
+            shaft_radius=0.005 * size, head_radius=0.014 * size, head_length=0.04 * size,
+        )  # fmt: skip
+        self._choices = snaps(
+            self.work.open.mesh, self.work.state.articulation.links[joint.child].faces
+        )
+        self._gizmo.on_drag_end(self.work.guarded(self._dropped))
+
+    def _dropped(self, _event: Any) -> None:
+        """Snap the axis where it was left."""
+        if self._gizmo is None or not self.snap.value:
+            return
+        axis, origin = self._axis()
+        size = self.work.state.articulation.mesh.diagonal
+        found = snapped(axis, origin, self._choices, size)
+        self.snapped.content = f"Snapped to a {found.what}." if found else "Snapped to nothing."
+        if found is not None:
+            turn = Rotation.align_vectors([found.axis], [[0, 0, 1.0]])[0].as_quat()
+            self._gizmo.wxyz = np.roll(turn, 1)
+            self._gizmo.position = found.origin
+
+    def _take_axis(self) -> None:
+        if self._gizmo is None:
+            raise ConfigError("show the handles first")
+        name, joint = self._named(), self._joint()
+        axis, origin = self._axis()
+        self.hand.value = False
+        self._handles()
+        self.work.edit(lambda h, t: edits.set_line(h, t, name, joint.subtype, axis, origin))
+        self._open_it()
+
+    def _axis(self) -> tuple[Any, Any]:
+        turn = Rotation.from_quat(np.roll(self._gizmo.wxyz, -1))
+        return unit_vector(turn.apply([0, 0, 1.0])), np.asarray(self._gizmo.position)
+
+    def _named(self) -> str:
+        if not self.work.part or self.work.part == self.work.state.tree.nodes[0].name:
+            raise ConfigError("choose a part first: click on it, or take it from the list")
+        return self.work.part
+
+    def _joint(self) -> Joint:
+        self._named()
+        joint = self.work.joint()
+        if joint is None:
+            raise ConfigError(f"{self.work.part} does not move; say first how it moves")
+        return joint
+
+
+def _options(handle: Any, options: list[str], value: str) -> None:
+    """New options of a dropdown, with one of them chosen."""
+    if list(handle.options) != options:
+        handle.options = tuple(options)
+    wanted = value if value in options else options[0]
+    if handle.value != wanted:
+        handle.value = wanted

@@ -1,0 +1,143 @@
+"""The studio's page: panels on a viser server, and clicks on the object."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mam_pipeline.errors import MamSimError
+from mam_sim.studio import server as studio_server
+from mam_sim.studio.look import Look
+from mam_sim.studio.mend import Mend
+from mam_sim.studio.picking import Camera, face_under, primitives_in_box
+from mam_sim.studio.scene import Scene
+from mam_sim.studio.session import Place, Session
+from mam_sim.studio.trying import Trying
+from mam_sim.studio.workspace import Workspace
+
+ORANGE = (230, 110, 20)
+
+
+class Page:
+    """The page of one object, or of a queue of them.
+
+    Attributes:
+        url: where it is.
+    """
+
+    def __init__(self, port: int = 0) -> None:
+        """Serve an empty page.
+
+        Raises:
+            InputError: the port is taken. MissingExtra: viser is not installed.
+        """
+        self.server = studio_server.start(port, "mam-sim studio")
+        gui: Any = self.server.gui
+        gui.configure_theme(
+            control_width="medium", show_logo=False, show_share_button=False, brand_color=ORANGE
+        )
+        gui.main_panel.dock_right()
+        self.server.scene.set_up_direction("+z")
+        self.server.scene.configure_default_lights(cast_shadow=False)  # halves the frame rate
+        self.work = Workspace(self.server, Scene(self.server.scene))
+        self.head = gui.add_markdown("Reading …")
+        self.url = f"http://{studio_server.HOST}:{self.server.get_port()}/"
+        self._built = False
+
+    def open(self, place: Place) -> None:
+        """Read an object, saying how far it is, and show it."""
+
+        def tell(stage: str) -> None:
+            self.head.content = f"**{place.asset.stem}**: {stage} …"
+
+        try:
+            session = Session(place, tell)
+        except MamSimError as error:
+            self.head.content = (
+                f"**{(place.source or place.asset).name}** cannot be opened: {error}"
+            )
+            raise
+        self.put(session)
+
+    def put(self, session: Session) -> None:
+        """Show an open object."""
+        if not self._built:
+            self._build()
+        self.work.put(session)
+
+    def stop(self) -> None:
+        """End the server."""
+        with redirect_stdout(io.StringIO()):  # it takes leave on stdout
+            self.server.stop()
+
+    def refresh(self) -> None:
+        """The line on top: what is open, and whether it is saved."""
+        session = self.work.open
+        count = sum(j.type != "fixed" for j in session.state.articulation.joints)
+        saved = "not saved" if session.unsaved else "saved" if session.can_undo else ""
+        rows = [f"**{session.name}**", f"{count} joint{'' if count == 1 else 's'}", saved]
+        self.head.content = " · ".join(r for r in rows if r)
+
+    def _build(self) -> None:
+        """Panels, once there is something to show."""
+        gui: Any = self.server.gui
+        work = self.work
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Look", icon="eye"):
+            look = Look(work)
+        with tabs.add_tab("Put right", icon="tool"):
+            mend = Mend(work, look)
+        with tabs.add_tab("Try", icon="player-play"):
+            trying = Trying(work, look)
+        work.panels = [self, look, mend, trying]
+        self._pointer()
+        self._built = True
+
+    def _pointer(self) -> None:
+        """Clicks select a piece, with shift one more; a box with shift selects what lies in it."""
+        scene, guarded = self.server.scene, self.work.guarded
+
+        def click(event: Any) -> None:
+            self._click(event, more=False)
+
+        def click_more(event: Any) -> None:
+            self._click(event, more=True)
+
+        scene.on_click()(guarded(click))
+        scene.on_click(modifier="shift")(guarded(click_more))
+        scene.on_rect_select(modifier="shift")(guarded(self._box))
+
+    def _click(self, event: Any, more: bool) -> None:
+        work = self.work
+        tracer = work.tracer()[1]
+        found = face_under(tracer, np.asarray(event.ray_origin), np.asarray(event.ray_direction))
+        work.bad = ()
+        if found is None:
+            work.selected = work.selected if more else set()
+            work.choose(work.part if more else "")
+            return
+        piece = int(work.open.primitives.labels[found[0]])
+        work.selected = (work.selected if more else set()) ^ {piece}
+        work.choose(work.open.link_of_face(found[0]).name)
+
+    def _box(self, event: Any) -> None:
+        work, camera = self.work, event.client.camera
+        turn = Rotation.from_quat(np.roll(camera.wxyz, -1)).as_matrix()
+        seen = Camera(np.asarray(camera.position), turn, camera.fov, camera.aspect)
+        mesh, tracer = work.tracer()
+        low, high = np.asarray(event.screen_min), np.asarray(event.screen_max)
+        found = primitives_in_box(mesh, work.open.primitives.labels, tracer, seen, low, high)
+        work.selected |= set(found)
+        work.choose(work.part)
+
+
+def places_in(folder: Path, suffixes: Sequence[str]) -> list[Path]:
+    """Assets and files of a folder that can be opened, by name."""
+    found = [p.parent for p in folder.glob("*/asset.json")]
+    return sorted({*found, *(p for p in folder.iterdir() if p.suffix.lower() in suffixes)})

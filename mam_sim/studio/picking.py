@@ -1,0 +1,167 @@
+"""What is under the pointer: rays and boxes on the screen to faces, and lines to snap to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+from mam_pipeline.render.tracer import Tracer
+from mam_pipeline.types import FloatArray, IntArray, Mesh
+
+
+@dataclass(frozen=True)
+class PickThresholds:
+    """How a box selects, and what an axis snaps to.
+
+    Attributes:
+        rays: along each side of a selection box.
+        inside: share of a primitive's seen and unseen faces that the box must hold.
+        crease: radians between faces at an edge that can be snapped to.
+        near: diagonals of the object within which a line snaps.
+        turned: radians within which a direction snaps.
+    """
+
+    rays: int = 48
+    inside: float = 0.75
+    crease: float = 0.5
+    near: float = 0.04
+    turned: float = 0.35
+
+
+PICK = PickThresholds()
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A browser's camera: pose (OpenCV: x right, y down, z forward), opening and shape.
+
+    Attributes:
+        position: (3,). rotation: (3, 3) world_R_camera. fov: vertical, radians. aspect: width over
+            height.
+    """
+
+    position: FloatArray
+    rotation: FloatArray
+    fov: float
+    aspect: float
+
+    def screen(self, points: FloatArray) -> FloatArray:
+        """(n, 2) places on the screen, 0..1 from the upper left; NaN behind the camera."""
+        local = (points - self.position) @ self.rotation
+        depth = np.where(local[:, 2] > 1e-6, local[:, 2], np.nan)
+        half = np.tan(self.fov / 2)
+        x = local[:, 0] / depth / (half * self.aspect)
+        y = local[:, 1] / depth / half
+        return np.stack([x, y], axis=1) * 0.5 + 0.5
+
+    def rays(self, screen: FloatArray) -> FloatArray:
+        """(n, 3) unit rays through places (n, 2) on the screen."""
+        half = np.tan(self.fov / 2)
+        plane = (screen * 2 - 1) * [half * self.aspect, half]
+        local = np.column_stack([plane, np.ones(len(plane))])
+        rays = local @ self.rotation.T
+        return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+
+
+def face_under(
+    tracer: Tracer, origin: FloatArray, ray: FloatArray
+) -> tuple[int, FloatArray] | None:
+    """The first face that a ray hits, and where; None for the background."""
+    seen = tracer.cast(origin, ray[None])
+    return (int(seen.face[0]), seen.at[0]) if len(seen.face) else None
+
+
+def primitives_in_box(
+    mesh: Mesh, labels: IntArray, tracer: Tracer, camera: Camera, low: FloatArray, high: FloatArray
+) -> list[int]:
+    """Primitives that are seen in a box on the screen and lie in it (nearly) whole.
+
+    Args:
+        mesh: as posed. labels: (F,) of its faces. low, high: corners of the box, 0..1.
+    """
+    steps = (np.arange(PICK.rays) + 0.5) / PICK.rays
+    grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    seen = tracer.cast(camera.position, camera.rays(low + grid * (high - low)))
+    if not len(seen.face):
+        return []
+    middles = camera.screen(mesh.vertices[mesh.faces].mean(axis=1))
+    inside = np.all((middles >= low) & (middles <= high), axis=1)
+    held = np.bincount(labels, inside, minlength=labels.max() + 1) / np.maximum(
+        np.bincount(labels), 1
+    )
+    return [int(p) for p in np.unique(labels[seen.face]) if held[p] >= PICK.inside]
+
+
+@dataclass(frozen=True)
+class Snap:
+    """A line that an axis may snap to: unit direction, a point on it, and what it is."""
+
+    axis: FloatArray
+    origin: FloatArray
+    what: str
+
+
+def snaps(mesh: Mesh, faces: IntArray) -> list[Snap]:
+    """Lines of a part's surface: sharp edges, normals of its large flats, circles of its rims.
+
+    Args:
+        mesh: at rest. faces: of the part.
+    """
+    part = trimesh.Trimesh(mesh.vertices, mesh.faces[faces], process=False)
+    part.merge_vertices(merge_tex=True, merge_norm=True)
+    part.remove_unreferenced_vertices()
+    out = [Snap(a, o, "edge") for a, o in _edges(part)]
+    for facet, normal, area in zip(part.facets, part.facets_normal, part.facets_area):
+        if area > 0.02 * part.area:
+            middle = part.triangles_center[facet].mean(axis=0)
+            out.append(Snap(np.asarray(normal), middle, "face"))
+    return out + [Snap(a, o, "circle") for a, o in _circles(part)]
+
+
+def snapped(axis: FloatArray, origin: FloatArray, choices: list[Snap], size: float) -> Snap | None:
+    """The nearest line that runs nearly the same way; its direction keeps the sign of `axis`.
+
+    Args:
+        axis, origin: where the person left it. size: diagonal of the object, metres.
+    """
+    best, least = None, 1.0
+    for choice in choices:
+        cosine = float(choice.axis @ axis)
+        turned = float(np.arccos(np.clip(abs(cosine), 0, 1)))
+        apart = float(np.linalg.norm(np.cross(origin - choice.origin, choice.axis)))
+        far = max(turned / PICK.turned, apart / (PICK.near * size))
+        if far < least:
+            best = Snap(choice.axis * np.sign(cosine or 1.0), choice.origin, choice.what)
+            least = far
+    return best
+
+
+def _edges(part: trimesh.Trimesh) -> list[tuple[FloatArray, FloatArray]]:
+    """The longest straight sharp edges."""
+    sharp = part.face_adjacency_edges[part.face_adjacency_angles > PICK.crease]
+    if not len(sharp):
+        return []
+    a, b = part.vertices[sharp[:, 0]], part.vertices[sharp[:, 1]]
+    along = b - a
+    length = np.linalg.norm(along, axis=1)
+    order = np.argsort(-length)[:200]
+    return [
+        (along[k] / length[k], np.asarray(0.5 * (a[k] + b[k]))) for k in order if length[k] > 1e-9
+    ]
+
+
+def _circles(part: trimesh.Trimesh) -> list[tuple[FloatArray, FloatArray]]:
+    """Axes of closed loops of sharp edges whose points lie on a circle."""
+    sharp = part.face_adjacency_edges[part.face_adjacency_angles > PICK.crease]
+    found = []
+    groups = trimesh.graph.connected_components(sharp, min_len=8) if len(sharp) else []
+    for group in groups[:50]:
+        points = part.vertices[group]
+        middle = points.mean(axis=0)
+        normal = np.linalg.svd(points - middle)[2][2]
+        radius = np.linalg.norm(points - middle, axis=1)
+        if radius.std() < 0.03 * radius.mean():
+            found.append((np.asarray(normal), np.asarray(middle)))
+    return found

@@ -1,0 +1,279 @@
+"""The object in the page's three-dimensional view: links, colours, axes, sizes, selection."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from mam_pipeline.formats.gltf_write import glb_bytes
+from mam_pipeline.geometry.sampling import face_geometry
+from mam_pipeline.render.mesh_pictures import palette
+from mam_pipeline.render.motion import value_at
+from mam_pipeline.types import (
+    Articulation,
+    FloatArray,
+    IntArray,
+    Joint,
+    Material,
+    Mesh,
+    joint_motion,
+)
+
+if TYPE_CHECKING:
+    import viser
+
+Show = Literal["as it is", "parts", "pieces", "collision"]
+SHOWS: tuple[Show, ...] = ("as it is", "parts", "pieces", "collision")
+SELECTED, AXIS, CHOSEN, BAD = (255, 140, 0), (60, 110, 200), (230, 70, 50), (214, 52, 44)
+NUMBERS = 150  # pieces that can be told apart by a number
+CELLS = tuple(float(m * 10.0**e) for e in range(-4, 3) for m in (1, 2, 5))  # metres
+STEPS = 24  # of the arc that shows a range
+FIT = 1.35  # distance of the camera, diagonals
+
+
+class Scene:
+    """Draws one articulation; nodes hang below /object.
+
+    Attributes:
+        values: joint name -> value, as shown.
+    """
+
+    def __init__(self, api: viser.SceneApi) -> None:
+        self.api = api
+        self.values: dict[str, float] = {}
+        self._links: list[Any] = []
+        self._extras: dict[str, list[Any]] = {}
+
+    def show(
+        self,
+        articulation: Articulation,
+        labels: IntArray,
+        show: Show,
+        hulls: Mapping[str, Sequence[Mesh]],
+    ) -> None:
+        """Draw the articulation anew, its joints where they were.
+
+        Args:
+            labels: (F,) piece of every face. show: what the surface tells.
+            hulls: collision pieces by link name, in the frame of the articulation.
+        """
+        self.clear()
+        self.articulation, self.labels = articulation, labels
+        self.values = {j.name: self.values.get(j.name, 0.0) for j in articulation.joints}
+        self._links = []
+        for i, link in enumerate(articulation.links):
+            node = self.api.add_frame(f"/object/{i}", show_axes=False)
+            self._links.append(node)
+            for k, mesh in enumerate(self._surfaces(i, show, hulls.get(link.name, ()))):
+                self.api.add_glb(f"/object/{i}/surface{k}", glb_bytes(mesh, up="z"))
+        if show == "pieces":
+            self._numbers()
+        self.pose(self.values)
+
+    def clear(self) -> None:
+        """Take everything away."""
+        for node in self._links:
+            node.remove()
+        self._links, self._extras = [], {}
+
+    def _surfaces(self, link: int, show: Show, hulls: Sequence[Mesh]) -> list[Mesh]:
+        faces = self.articulation.links[link].faces
+        mesh = self.articulation.mesh
+        if show == "collision":
+            tint = palette(np.arange(len(hulls) + 1) + 7 * link + 1)
+            return [painted(hull, tint[k]) for k, hull in enumerate(hulls)]
+        if not len(faces):
+            return []
+        if show == "as it is":
+            return [mesh.submesh(faces)]
+        owner = self.articulation.face_link if show == "parts" else self.labels + 1
+        return [painted(mesh.submesh(faces), palette(owner)[faces])]
+
+    def pose(self, values: Mapping[str, float]) -> None:
+        """Move the joints: name -> value."""
+        self.values.update(values)
+        for node, pose in zip(self._links, self.articulation.link_poses(self.values)):
+            node.wxyz = _wxyz(pose[:3, :3])
+            node.position = pose[:3, 3]
+
+    def axes(self, on: bool, chosen: str = "") -> None:
+        """An arrow along every joint's axis, with its range; that of the chosen part in red."""
+        self._drop("axes")
+        if not on:
+            return
+        size = self.articulation.mesh.diagonal
+        for joint in self.articulation.joints:
+            if joint.type == "fixed":
+                continue
+            color = CHOSEN if self.articulation.links[joint.child].name == chosen else AXIS
+            where = f"/object/{joint.parent}/axis_{joint.child}"
+            start, end = _axis_ends(self.articulation, joint)
+            self._keep("axes", self.api.add_arrows(
+                where, np.array([[start, end]]), color, shaft_radius=0.004 * size,
+                head_radius=0.011 * size, head_length=0.03 * size,
+            ))  # fmt: skip
+            arc = range_line(self.articulation, joint)
+            self._keep("axes", self.api.add_line_segments(
+                f"{where}_range", np.stack([arc[:-1], arc[1:]], axis=1), color,
+                thickness=0.006 * size,
+            ))  # fmt: skip
+
+    def select(self, primitives: Iterable[int]) -> None:
+        """Lay colour over some pieces."""
+        self._drop("selected")
+        chosen = np.isin(self.labels, sorted(primitives))
+        mesh = self.articulation.mesh
+        normal = face_geometry(mesh.vertices, mesh.faces)[0]
+        for i, link in enumerate(self.articulation.links):
+            faces = link.faces[chosen[link.faces]]
+            if not len(faces):
+                continue
+            lift = 0.0012 * mesh.diagonal * normal[faces]
+            corners = mesh.vertices[mesh.faces[faces]]
+            both = np.concatenate([corners + lift[:, None], corners - lift[:, None]])
+            self._keep("selected", self.api.add_mesh_simple(
+                f"/object/{i}/selected", both.reshape(-1, 3),
+                np.arange(3 * len(both)).reshape(-1, 3), color=SELECTED, opacity=0.7, side="double",
+                cast_shadow=False, flat_shading=True,
+            ))  # fmt: skip
+
+    def redden(self, links: Iterable[int]) -> None:
+        """Lay red over what runs into something."""
+        names = set(links)
+        primitives = np.unique(self.labels[np.isin(self.articulation.face_link, list(names))])
+        self.select(primitives)
+        for node in self._extras.get("selected", []):
+            node.color = BAD
+
+    def sizes(self, on: bool) -> None:
+        """Width, depth and height along the box of the object at rest."""
+        self._drop("sizes")
+        if not on:
+            return
+        low, high = self.articulation.mesh.bounds
+        gap = 0.04 * self.articulation.mesh.diagonal
+        corner = np.array([low[0] - gap, low[1] - gap, low[2]])
+        for k, word in enumerate(("deep", "wide", "high")):
+            end = corner.copy()
+            end[k] = high[k]
+            start = corner.copy()
+            start[k] = low[k]
+            self._keep("sizes", self.api.add_line_segments(
+                f"/sizes/{k}", np.array([[start, end]]), (70, 70, 70),
+                thickness=0.003 * self.articulation.mesh.diagonal,
+            ))  # fmt: skip
+            self._keep("sizes", self.api.add_label(
+                f"/sizes/{k}_text", f"{high[k] - low[k]:.2f} m {word}", position=(start + end) / 2,
+                anchor="center-center",
+            ))  # fmt: skip
+
+    def floor(self) -> float:
+        """A grid under the object, in squares of a decimal length, which is returned (metres)."""
+        low, high = self.articulation.mesh.bounds
+        size = float(np.ptp(np.stack([low, high]), axis=0).max())
+        cell = max((c for c in CELLS if c <= size / 4), default=CELLS[0])
+        span = np.ceil(4 * size / cell) * cell
+        self.api.add_grid(
+            "/floor", float(span), float(span), cell_size=cell, section_size=5 * cell,
+            cell_color=(222, 222, 222), section_color=(196, 196, 196), shadow_opacity=0.25,
+            position=(float((low[0] + high[0]) / 2), float((low[1] + high[1]) / 2), float(low[2])),
+        )  # fmt: skip
+        return cell
+
+    def view(self, camera: Any, azimuth: float = -35.0, elevation: float = 20.0) -> None:
+        """Put a camera before the front, which faces -X."""
+        low, high = self.articulation.mesh.bounds
+        a, e = np.radians(azimuth), np.radians(elevation)
+        eye = np.array([-np.cos(a) * np.cos(e), -np.sin(a) * np.cos(e), np.sin(e)])
+        middle = (low + high) / 2
+        camera.position = middle + FIT * self.articulation.mesh.diagonal * eye
+        camera.look_at = middle
+
+    def _numbers(self) -> None:
+        mesh = self.articulation.mesh
+        area = face_geometry(mesh.vertices, mesh.faces)[1] + 1e-15
+        total = np.bincount(self.labels, area)
+        middles = np.stack([
+            np.bincount(self.labels, area * axis) / np.maximum(total, 1e-15)
+            for axis in mesh.vertices[mesh.faces].mean(axis=1).T
+        ], axis=1)  # fmt: skip
+        owner = self.articulation.face_link
+        for p in np.argsort(-total)[:NUMBERS]:
+            link = int(owner[np.argmax(self.labels == p)])
+            self.api.add_label(
+                f"/object/{link}/number_{p}", str(p), position=middles[p], anchor="center-center",
+                font_screen_scale=0.8,
+            )  # fmt: skip
+
+    def _keep(self, group: str, node: Any) -> None:
+        self._extras.setdefault(group, []).append(node)
+
+    def _drop(self, group: str) -> None:
+        for node in self._extras.pop(group, []):
+            node.remove()
+
+
+def painted(mesh: Mesh, colors: NDArray[np.uint8]) -> Mesh:
+    """A mesh in plain colours: one (3,), or one for each face (F, 3)."""
+    rgba = np.full((len(mesh.faces), 4), 255, dtype=np.uint8)
+    rgba[:, :3] = colors
+    return Mesh(
+        mesh.vertices[mesh.faces.reshape(-1)],
+        np.arange(3 * len(mesh.faces)).reshape(-1, 3),
+        (Material("painted", (1.0, 1.0, 1.0, 1.0)),),
+        colors=np.repeat(rgba, 3, axis=0),
+    )
+
+
+def range_line(articulation: Articulation, joint: Joint) -> FloatArray:
+    """(n, 3) the way of the part's farthest point (a slide: of its middle) over the range."""
+    points = _points(articulation, joint.child)
+    if joint.type == "prismatic":
+        start = points.mean(axis=0)
+        values: Any = [joint.lower, joint.upper]
+    else:
+        away = np.linalg.norm(np.cross(points - joint.origin, joint.axis), axis=1)
+        start = points[np.argmax(away)]
+        bounded = np.isfinite([joint.lower, joint.upper]).all()
+        low, high = (joint.lower, joint.upper) if bounded else (0.0, 2 * np.pi)
+        values = np.linspace(low, high, STEPS)
+    moves = [joint_motion(joint.type, joint.axis, joint.origin, v) for v in values]
+    return np.stack([m[:3, :3] @ start + m[:3, 3] for m in moves])
+
+
+def all_at(articulation: Articulation, share: float) -> dict[str, float]:
+    """Values of all joints a share of the way from closed to open."""
+    return {j.name: value_at(j, share) for j in articulation.joints}
+
+
+def merged_bounds(articulation: Articulation, link: int) -> FloatArray:
+    """(2, 3) corners of the box of a link at rest."""
+    points = _points(articulation, link)
+    return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+def _points(articulation: Articulation, link: int) -> FloatArray:
+    mesh = articulation.mesh
+    return mesh.vertices[np.unique(mesh.faces[articulation.links[link].faces])]
+
+
+def _axis_ends(articulation: Articulation, joint: Joint) -> tuple[FloatArray, FloatArray]:
+    """Ends of an arrow along the axis that reaches a little beyond the part."""
+    points = _points(articulation, joint.child)
+    along = (points - joint.origin) @ joint.axis
+    margin = 0.06 * articulation.mesh.diagonal
+    if joint.type == "prismatic":  # from the part outwards
+        start = points.mean(axis=0)
+        return start, start + joint.axis * (0.5 * np.ptp(along) + 2 * margin)
+    return (
+        joint.origin + joint.axis * (along.min() - margin),
+        joint.origin + joint.axis * (along.max() + margin),
+    )
+
+
+def _wxyz(turn: FloatArray) -> FloatArray:
+    return np.asarray(np.roll(Rotation.from_matrix(turn).as_quat(), 1))

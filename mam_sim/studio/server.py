@@ -1,0 +1,85 @@
+"""A viser server that this machine's own page alone can talk to."""
+
+from __future__ import annotations
+
+import functools
+import http
+import io
+import threading
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from typing import TYPE_CHECKING, Any
+
+from mam_pipeline.errors import InputError
+from mam_pipeline.optional import require
+
+if TYPE_CHECKING:
+    import viser
+
+HOST = "127.0.0.1"
+HOSTS = (HOST, "localhost")
+
+
+def start(port: int, label: str) -> viser.ViserServer:
+    """Listen on the loopback address.
+
+    Viser answers whoever connects, and any page in the browser may connect to the loopback address;
+    so requests of other pages, or for other names, are refused before viser sees them.
+
+    Args:
+        port: of the server; 0 takes any free one. label: title of the page's panel.
+
+    Raises:
+        InputError: the port is taken or impossible. MissingExtra: viser is not installed.
+    """
+    require("the studio", "viser")
+    import viser
+    import websockets.asyncio.server as websockets_server
+
+    wanted = _checked_port(port)
+    serve = websockets_server.serve
+
+    @functools.wraps(serve)
+    def guarded(*args: Any, process_request: Callable[..., Any], **more: Any) -> Any:
+        def answer(connection: Any, request: Any) -> Any:
+            if _own(request.headers):
+                return process_request(connection, request)
+            return connection.respond(http.HTTPStatus.FORBIDDEN, "only the local page may ask\n")
+
+        return serve(*args, process_request=answer, **more)
+
+    with _PATCHING, redirect_stdout(io.StringIO()):  # it greets on stdout, where results go
+        websockets_server.serve = guarded  # type: ignore[assignment,misc]
+        try:
+            server = viser.ViserServer(host=HOST, port=wanted, label=label, verbose=False)
+        finally:
+            websockets_server.serve = serve  # type: ignore[misc]
+    return server
+
+
+_PATCHING = threading.Lock()
+
+
+def _checked_port(port: int) -> int:
+    """The port, or a free one for 0.
+
+    Raises:
+        InputError: it is no port.
+    """
+    import socket
+
+    try:
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((HOST, port))
+            return int(probe.getsockname()[1])
+    except (OSError, OverflowError) as error:
+        raise InputError(f"cannot listen on port {port} of {HOST}: {error}") from error
+
+
+def _own(headers: Any) -> bool:
+    """Whether a request is for this machine by name, and not from another site's page."""
+    host = (headers.get("Host") or "").rsplit(":", 1)[0]
+    origin = headers.get("Origin")
+    same = origin is None or origin.partition("://")[2].rsplit(":", 1)[0] in HOSTS
+    return host in HOSTS and same

@@ -1,0 +1,131 @@
+"""What the engine found, in words for people: joints, ranges, evidence, verdicts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mam_pipeline.check.report import REASONS
+from mam_pipeline.types import MOVES, NEEDS_REVIEW, FloatArray, Joint, JointCandidate, JointSubtype
+
+MOTIONS: dict[JointSubtype, str] = {
+    "hinge": "swings like a door or a lid",
+    "spin": "turns like a knob or a wheel",
+    "slide": "slides",
+    "fixed": "does not move",
+}
+ENDS = {
+    "given": "as somebody said",
+    "usual": "as far as such parts usually go",
+    "collision": "until it meets something",
+    "contact_loss": "until it would fall out",
+    "endless": "all the way round",
+    "token": "almost nothing is free: something is in its way",
+    "paper": "by the paper's rule",
+    "drawer_box": "as deep as its assumed box",
+}
+SAID_BY = {
+    "user": "You said so.",
+    "observed": "It was seen.",
+    "inferred": "",
+    "assumed": "It is an assumption.",
+}
+
+
+def percent(share: float) -> str:
+    """0.873 -> 87 %; never 100 % of what is less."""
+    return f"{min(round(100 * share), 99) if share < 1 else 100} %"
+
+
+def shown_value(joint: Joint, value: float) -> float:
+    """A joint value as people read it: centimetres or degrees."""
+    return 100 * value if joint.type == "prismatic" else float(np.degrees(value))
+
+
+def kept_value(joint: Joint, shown: float) -> float:
+    """The reverse of `shown_value`: metres or radians."""
+    return shown / 100 if joint.type == "prismatic" else float(np.radians(shown))
+
+
+def unit(joint: Joint) -> str:
+    """Of `shown_value`."""
+    return "cm" if joint.type == "prismatic" else "°"
+
+
+def span(joint: Joint) -> str:
+    """The range of a joint."""
+    if not np.isfinite([joint.lower, joint.upper]).all():
+        return "turns freely"
+    low, high = shown_value(joint, joint.lower), shown_value(joint, joint.upper)
+    return f"{low:.3g} to {high:.3g} {unit(joint)}"
+
+
+def line(subtype: str, axis: FloatArray, origin: FloatArray, box: FloatArray) -> str:
+    """Where a line runs on a part, as seen from the front (which faces -X; left is +Y).
+
+    Args:
+        axis, origin: of the line. box: (2, 3) lower and upper corner of the part.
+    """
+    along = int(np.argmax(np.abs(axis)))
+    if subtype == "slide":
+        signs = {0: ("back", "out to the front"), 1: ("to the right", "to the left"),
+                 2: ("down", "up")}  # fmt: skip
+        low, high = signs[along]
+        towards = low if (axis[along] > 0) == (along == 0) else high
+        return f"slide {towards}"
+    ways = ("front to back", "left to right", "upright")
+    places = (("front", "back"), ("right", "left"), ("bottom", "top"))
+    near = []
+    for k in range(3):
+        size = box[1, k] - box[0, k]
+        if k == along or size < 0.15 * float(np.ptp(box, axis=0).max()):
+            continue
+        share = (origin[k] - box[0, k]) / max(size, 1e-9)
+        if share < 0.3 or share > 0.7:
+            near.append(places[k][int(share > 0.5)])
+    place = f"at its {' and '.join(near)}" if near else "through its middle"
+    return f"{subtype} {place}, {ways[along]}"
+
+
+def way(c: JointCandidate, box: FloatArray) -> str:
+    """A way of moving with its probability."""
+    sure = (c.kind_probability or 0.0) * (c.within_kind or 0.0)
+    return f"{line(c.subtype, c.axis, c.origin, box)} · {_chance(sure)}"
+
+
+def _chance(share: float) -> str:
+    return "under 1 %" if share < 0.01 else percent(share)
+
+
+def joint_text(joint: Joint, part: str, kind: str, box: FloatArray, ways: list[str]) -> str:
+    """A paragraph of Markdown on a joint: what, how sure, why this range, what else."""
+    if joint.type == "fixed":
+        return f"**{part}** ({kind}) does not move against what it hangs on."
+    where = line(joint.subtype, joint.axis, joint.origin, box).partition(" ")[2]
+    rows = [f"**{part}** ({kind}) {MOTIONS[joint.subtype]}, {where}."]
+    why = ENDS.get(joint.basis.rule)
+    rows.append(f"{span(joint)}{f', {why}' if why else ''}.")
+    if joint.provenance == "user":
+        rows.append(SAID_BY["user"])
+    else:
+        look = " Please look at it." if joint.confidence < NEEDS_REVIEW else ""
+        rows.append(f"{percent(joint.confidence)} sure.{look} {SAID_BY[joint.provenance]}".strip())
+    if joint.basis.share < MOVES:
+        rows.append(f"It is stuck after {percent(joint.basis.share)} of the usual way.")
+    if joint.basis.after_another:
+        rows.append("Another part must be opened first.")
+    if ways:
+        rows.append("Other ways it could move:\n\n" + "\n".join(f"- {w}" for w in ways))
+    return "\n\n".join(rows)
+
+
+def verdict_text(passed: bool, driven: bool, reasons: list[str], joints: list[str]) -> str:
+    """The check's verdict, each reason in words.
+
+    Args:
+        joints: a sentence for each joint that fails.
+    """
+    if passed:
+        more = "" if driven else " No simulator is installed: nothing was driven."
+        return f"**The check passes.**{more}"
+    rows = [f"- {REASONS.get(code, code)}" for code in reasons]
+    return "**The check fails:**\n\n" + "\n".join([*rows, *(f"- {j}" for j in joints)])

@@ -1,0 +1,172 @@
+"""What the page's panels share: the open object, what is selected, and how it is drawn."""
+
+from __future__ import annotations
+
+import inspect
+import threading
+import traceback
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, field
+from functools import wraps
+from typing import TYPE_CHECKING, Any, Protocol
+
+from mam_pipeline.errors import MamSimError
+from mam_pipeline.geometry.sampling import face_geometry
+from mam_pipeline.render.mesh_pictures import posed
+from mam_pipeline.render.tracer import Tracer
+from mam_pipeline.types import Joint, Mesh
+from mam_sim.studio.scene import Scene, Show
+from mam_sim.studio.session import Change, Session, State
+
+if TYPE_CHECKING:
+    import viser
+
+
+class Panel(Protocol):
+    """A part of the page that shows something of the open object."""
+
+    def refresh(self) -> None:
+        """Draw again what depends on the object, its state or the selection."""
+
+
+@dataclass
+class Workspace:
+    """The state of the page; one for all windows that show it.
+
+    Attributes:
+        server: of the page. scene: its three-dimensional view.
+        session: the open object; None while the first one is read.
+        selected: pieces (primitives). part: name of the chosen part.
+        show, axes, sizes: how the object is drawn. hulls: collision pieces by link name.
+        bad: links that run into something, drawn red. panels: told of every change.
+    """
+
+    server: viser.ViserServer
+    scene: Scene
+    session: Session | None = None
+    selected: set[int] = field(default_factory=set)
+    part: str = ""
+    show: Show = "as it is"
+    axes: bool = True
+    sizes: bool = False
+    hulls: dict[str, Sequence[Mesh]] = field(default_factory=dict)
+    bad: tuple[int, ...] = ()
+    panels: list[Panel] = field(default_factory=list)
+    lock: threading.RLock = field(default_factory=threading.RLock)
+
+    @property
+    def open(self) -> Session:
+        """The open object.
+
+        Raises:
+            MamSimError: none is open yet.
+        """
+        if self.session is None:
+            raise MamSimError("the object is still being read")
+        return self.session
+
+    @property
+    def state(self) -> State:
+        """Tree and joints of the open object."""
+        return self.open.state
+
+    def joint(self) -> Joint | None:
+        """The joint of the chosen part; None for the base or a part that does not move."""
+        articulation = self.state.articulation
+        for joint in articulation.joints:
+            if articulation.links[joint.child].name == self.part and joint.type != "fixed":
+                return joint
+        return None
+
+    def members(self) -> list[int]:
+        """Pieces of the chosen part."""
+        nodes = [n for n in self.state.tree.nodes if n.name == self.part]
+        return [*nodes[0].primitives] if nodes else []
+
+    def put(self, session: Session) -> None:
+        """Open another object."""
+        with self.lock:
+            self.session, self.selected, self.part = session, set(), ""
+            self.hulls, self.bad = {}, ()
+            self.scene.values = {}
+            self.refresh()
+            self.scene.floor()
+            self.scene.view(self.server.initial_camera)
+            for client in self.server.get_clients().values():
+                self.scene.view(client.camera)
+
+    def edit(self, change: Change) -> None:
+        """Change the hints and draw what comes of it; the collision pieces are then out of date."""
+        self.open.edit(change)
+        self.after_edit()
+
+    def after_edit(self) -> None:
+        """Draw the state after an edit, an undo or a redo."""
+        self.hulls, self.bad, self.selected = {}, (), set()
+        if self.part not in {n.name for n in self.state.tree.nodes}:
+            self.part = ""
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Draw everything again."""
+        with self.server.atomic():
+            articulation, labels = self.state.articulation, self.open.primitives.labels
+            self.scene.show(articulation, labels, self.show, self.hulls)
+            self.mark()
+            for panel in self.panels:
+                panel.refresh()
+
+    def mark(self) -> None:
+        """Draw axes, sizes and selection again; the surfaces stay."""
+        self.scene.axes(self.axes, self.part)
+        self.scene.sizes(self.sizes)
+        if self.bad:
+            self.scene.redden(self.bad)
+        else:
+            self.scene.select(self.selected)
+
+    def choose(self, part: str) -> None:
+        """Make a part the one that is spoken of."""
+        self.part = part
+        self.mark()
+        for panel in self.panels:
+            panel.refresh()
+
+    def tracer(self) -> tuple[Mesh, Tracer]:
+        """The object as posed on the screen, and rays into it."""
+        mesh = posed(self.state.articulation, self.scene.values)
+        return mesh, Tracer(mesh.vertices, mesh.faces)
+
+    def guarded(self, work: Callable[..., Any], alone: bool = True) -> Callable[[Any], None]:
+        """A callback that says what went wrong where it was asked for.
+
+        Args:
+            work: what to do; it may take the event. alone: while no other callback runs.
+        """
+        wants_event = bool(inspect.signature(work).parameters)
+
+        @wraps(work)
+        def run(event: Any) -> None:
+            with self.lock if alone else nullcontext():
+                try:
+                    work(event) if wants_event else work()
+                except MamSimError as error:
+                    self.say(event, "Not possible", str(error), "orange")
+                except Exception as error:
+                    traceback.print_exc()
+                    self.say(event, "Something broke", f"{error!r}; nothing was changed", "red")
+
+        return run
+
+    def say(self, event: Any, title: str, body: str, color: Any = "gray") -> None:
+        """A notice in the window where something happened, else in all."""
+        client = getattr(event, "client", None)
+        clients = [client] if client is not None else self.server.get_clients().values()
+        for each in clients:
+            each.add_notification(title, body, color=color, auto_close_seconds=6.0)
+
+
+def surface_normal(mesh: Mesh, face: int) -> Any:
+    """(3,) unit normal of a face."""
+    return face_geometry(mesh.vertices, mesh.faces[[face]])[0][0]

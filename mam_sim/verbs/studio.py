@@ -1,0 +1,58 @@
+"""`mam-sim studio`: look at objects in the browser, and put right what the engine got wrong."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import OmitArgPrefixes, Positional
+
+from mam_pipeline.optional import require
+from mam_pipeline.run import MakeConfig
+from mam_sim.options import Verb
+
+
+@dataclass(frozen=True, kw_only=True)
+class Studio(Verb):
+    """Look at an object in the browser, move its joints, and put right what is wrong.
+
+    What you put right is saved as a hints file: `articulate --hints` makes the same asset from it.
+    The page is served on this machine only (127.0.0.1) and needs nothing from the network.
+    """
+
+    source: Positional[Path]
+    """An asset folder, a mesh, a photo or a URDF."""
+    out: Path | None = None
+    """The asset folder to write; default: <name>-asset here, or the asset that was opened."""
+    port: int = 0
+    """Port of the local page; 0 takes any free one."""
+    open: bool = True
+    """Open the page in the default browser."""
+    pipeline: Annotated[MakeConfig, OmitArgPrefixes] = field(default_factory=MakeConfig)
+
+    def run(self) -> int:
+        """Serve the page until it is interrupted."""
+        require("the studio", "viser")
+        from mam_sim.studio.page import Page
+        from mam_sim.studio.session import place_of
+
+        place = place_of(self.source, self.pipeline, self.out)
+        page = Page(self.port)
+        print(f"page:  {page.url}   (ctrl-c ends)", file=sys.stderr, flush=True)
+        if self.open:
+            import webbrowser
+
+            webbrowser.open(page.url)
+        try:
+            page.open(place)
+            page.server.sleep_forever()
+        except KeyboardInterrupt:
+            print("", file=sys.stderr)
+        finally:
+            page.stop()
+        session = page.work.session
+        if session is not None and place.hints.is_file():
+            print(place.hints)
+        return 0
