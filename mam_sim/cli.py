@@ -8,6 +8,7 @@ import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from mam_pipeline.errors import MamSimError
     from mam_sim.options import Verb
 
 VERBS: dict[str, tuple[str, str]] = {
@@ -41,27 +42,42 @@ def main(argv: list[str] | None = None) -> int:
         print(f"mam-sim {__version__}")
         return 0
     # imported here so that `mam-sim --help` stays instant
-    from mam_pipeline.errors import MamSimError, unknown_name
+    from mam_pipeline.errors import MamSimError, disk_error, unknown_name
+    from mam_sim.stopping import Stopped, stoppable
 
     try:
-        if args[0] not in VERBS:
-            raise unknown_name("verb", args[0], VERBS)
-        from mam_sim.options import parse
+        with stoppable():
+            if args[0] not in VERBS:
+                raise unknown_name("verb", args[0], VERBS)
+            from mam_sim.options import parse
 
-        return parse(verb_class(args[0]), f"mam-sim {args[0]}", args[1:]).run()
+            return parse(verb_class(args[0]), f"mam-sim {args[0]}", args[1:]).run()
     except MamSimError as error:
-        if os.environ.get("MAM_SIM_DEBUG"):
-            raise
-        print(f"mam-sim: {error}", file=sys.stderr)
-        return error.exit_code
+        return _refused(error)
     except BrokenPipeError:  # the reader of our output has gone, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:  # a full disk, a missing right, a name that cannot be
+        return _refused(disk_error(error))
+    except MemoryError:
+        print("mam-sim: there is not enough memory for this; simplify the input", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         print("mam-sim: interrupted", file=sys.stderr)
         return 130
+    except Stopped as stop:
+        print("mam-sim: stopped", file=sys.stderr)
+        return stop.status
     except SystemExit as stop:  # argument parsing
         return stop.code if isinstance(stop.code, int) else 2
+
+
+def _refused(error: MamSimError) -> int:
+    """Say what is wrong in its sentence; the traceback too where MAM_SIM_DEBUG is set."""
+    if os.environ.get("MAM_SIM_DEBUG"):
+        raise error
+    print(f"mam-sim: {error}", file=sys.stderr)
+    return error.exit_code
 
 
 def verb_class(verb: str) -> type[Verb]:

@@ -13,6 +13,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
+from mam_pipeline import folders
 from mam_pipeline.asset.card import Asset, CardJoint
 from mam_pipeline.asset.read import read_asset
 from mam_pipeline.render.mesh_pictures import palette, render_mesh
@@ -56,7 +57,7 @@ def write_report(asset: Asset) -> Path:
         ),
     )
     path = asset.folder / "report.html"
-    path.write_text(page, encoding="utf-8")
+    folders.write_text(path, page)
     return path
 
 

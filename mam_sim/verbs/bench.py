@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from tyro.conf import OmitArgPrefixes, Positional
 
-from mam_pipeline import config_file
+from mam_pipeline import config_file, folders
 from mam_pipeline.errors import ConfigError, HintNeeded
 from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.models.settings import given
@@ -61,7 +61,7 @@ class Bench(Verb):
             raise HintNeeded(f"{more}; first: {waiting[0].why}")
         data = as_json(records, self.dataset, self.bench)
         if self.out is not None:
-            self.out.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+            folders.write_text(self.out, json.dumps(data, indent=1) + "\n")
             config_file.save(settings(self), self.out.with_suffix(".yaml"))
         if self.json:
             screen.json(data)

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from tyro.conf import Positional
 
+from mam_pipeline import folders
 from mam_sim.options import Verb
 
 
@@ -56,7 +57,7 @@ class BenchPhoto(Verb):
             }
         text = json.dumps(result, indent=1)
         if self.out is not None:
-            self.out.write_text(text + "\n", encoding="utf-8")
+            folders.write_text(self.out, text + "\n")
         print(text if self.json else _table(result))
         return 0
 

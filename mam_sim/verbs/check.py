@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
+from mam_pipeline import folders
 from mam_pipeline.errors import ConfigError
 from mam_sim.options import Verb
 
@@ -61,7 +62,7 @@ class Check(Verb):
                 print(text)
             else:
                 self.json.parent.mkdir(parents=True, exist_ok=True)
-                self.json.write_text(text + "\n", encoding="utf-8")
+                folders.write_text(self.json, text + "\n")
                 print(f"report: {self.json}", file=sys.stderr)
         if not self.quiet and str(self.json) != "-":
             print_table(report)

@@ -10,6 +10,7 @@ from typing import Any
 from tyro.conf import Positional
 
 from mam_envs.config import EnvConfig
+from mam_pipeline import folders
 from mam_pipeline.errors import ConfigError
 from mam_sim.console import PhaseBar, Screen
 from mam_sim.options import Verb
@@ -71,7 +72,8 @@ class Evaluate(Verb):
             choice = replace(home, assets=(folder,), joint=self.joint or home.joint)
             rows.append(self._row(choice, screen, film=self.video and not rows))
         if self.json is not None:
-            self.json.write_text(json.dumps({"run": str(self.policy), "results": rows}, indent=1))
+            text = json.dumps({"run": str(self.policy), "results": rows}, indent=1)
+            folders.write_text(self.json, text)
             screen.say(f"json:  {self.json}")
         if self.video:
             screen.say(f"video: {_film(self.policy)}")

@@ -11,9 +11,9 @@ from typing import Annotated, Any, ClassVar
 from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_envs.config import EnvConfig
-from mam_pipeline import config_file
+from mam_pipeline import config_file, folders
 from mam_pipeline.errors import ConfigError
-from mam_policies.run import EnvChoice, task_settings
+from mam_policies.run import EnvChoice, refuse_foreign, task_settings
 from mam_sim.console import PhaseBar, Screen
 from mam_sim.options import Verb, defaults, last_value, settings
 
@@ -83,14 +83,21 @@ class Train(Verb):
             raise ConfigError("name at least one asset folder")
         ROBOTS.check(self.robot)
         learner = algorithm(self.algo)
-        folders = tuple(str(Asset.load(a).folder) for a in self.asset)
+        assets = tuple(str(Asset.load(a).folder) for a in self.asset)
         screen = Screen(self.quiet or self.json)
         choice = EnvChoice(
-            folders, self.joint, self.task, self.robot, learner.control_mode, self.max_steps,
+            assets, self.joint, self.task, self.robot, learner.control_mode, self.max_steps,
             self.env,
         )  # fmt: skip
-        with PhaseBar(screen) as update:
-            info = learner.train(choice, self.train, self.out, update)
+        refuse_foreign(self.out)
+        fresh = not self.out.exists()
+        try:
+            with PhaseBar(screen) as update:
+                info = learner.train(choice, self.train, self.out, update)
+        except BaseException:
+            if fresh:
+                folders.remove_if_empty(self.out)
+            raise
         config_file.save(settings(self), self.out / "config.yaml")
         result: dict[str, Any] = {"run": str(self.out), "algo": self.algo, **info.results}
         if self.test:
@@ -111,6 +118,6 @@ class Train(Verb):
                 update("testing", n / self.test, f"{s} of {n}")
 
             found = evaluate_run(self.out, self.test, on_episode=tell)
-        (self.out / "evaluation.json").write_text(json.dumps(plain(found), indent=1))
+        folders.write_text(self.out / "evaluation.json", json.dumps(plain(found), indent=1))
         screen.say(f"success: {found.line()} at unseen seeds")
         return plain(found)

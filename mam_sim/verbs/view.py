@@ -35,22 +35,23 @@ class View(Verb):
         """Draw the pictures; prints the folder."""
         from PIL import Image
 
+        from mam_pipeline import folders
         from mam_pipeline.formats.door import Door, outside_allowed
         from mam_pipeline.render.motion import motion_pictures, there_and_back
 
         with outside_allowed(self.allow_outside):
             articulation, folder = _read(self.asset)
         target = self.out or Door(folder).may_write(folder / "view")
-        target.mkdir(parents=True, exist_ok=True)
-        pictures = ("closed.png", "open.png", "moving.gif")
-        files = [Door(target).may_write(target / name) for name in pictures]
         shares = [0.0, 1.0, *there_and_back(self.frames)]
         size = (self.size, self.size)
         drawn = motion_pictures(articulation, shares, size, self.azimuth, self.elevation)
         closed, opened, *film = [Image.fromarray(picture) for picture in drawn]
-        closed.save(files[0])
-        opened.save(files[1])
-        film[0].save(files[2], save_all=True, append_images=film[1:], duration=60, loop=0)
+        with folders.new_entries(target, "moving.gif") as work:
+            closed.save(work / "closed.png")
+            opened.save(work / "open.png")
+            film[0].save(
+                work / "moving.gif", save_all=True, append_images=film[1:], duration=60, loop=0
+            )
         print(target)
         if not self.quiet:
             names = ", ".join(j.name for j in articulation.joints)

@@ -18,6 +18,7 @@ from typing import Any, Literal, TypeVar, Union
 import numpy as np
 import yaml
 
+from mam_pipeline import folders
 from mam_pipeline.errors import ConfigError
 
 T = TypeVar("T")
@@ -62,7 +63,7 @@ def fill(base: T, values: Mapping[str, Any], source: str | Path = "") -> T:
 def save(config: Any, file: Path) -> None:
     """Write every field of a dataclass, or of a mapping of dataclasses, as YAML."""
     text = yaml.safe_dump(plain(config), sort_keys=False, allow_unicode=True)
-    file.write_text(text, encoding="utf-8")
+    folders.write_text(file, text)
 
 
 def plain(value: Any) -> Any:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+import errno
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -55,6 +57,37 @@ class NotThisKind(_PictureError):
     """The input shows a thing that this tool cannot handle (a face, a plain wall ...)."""
 
     exit_code = 4
+
+
+_DISK = {
+    errno.ENOSPC: "the disk is full at {}; make room there, or name a place on another disk",
+    errno.EDQUOT: "your share of the disk is used up at {}; make room, or name another place",
+    errno.EROFS: "{} lies on a disk that cannot be written; name another place",
+    errno.EACCES: "you have no right to use {}; change its rights, or name another place",
+    errno.EPERM: "you have no right to use {}; change its rights, or name another place",
+    errno.ENAMETOOLONG: "the name {} is too long; a name has at most 255 bytes",
+    errno.ENOTDIR: "{} leads through a file; a folder is needed there",
+    errno.EEXIST: "{} is a file; a folder is needed there",
+    errno.EISDIR: "{} is a folder; a file is needed there",
+    errno.ENOENT: "there is no {}",
+    errno.ELOOP: "the links at {} lead round in a circle",
+    errno.EMFILE: "too many files are open ({}); raise the limit with: ulimit -n 4096",
+}
+
+
+def disk_error(error: OSError) -> InputError:
+    """What the operating system refused, in a sentence with the way out."""
+    said = str(error)
+    code = error.errno
+    if code is None:  # HDF5 tells its number in words
+        found = re.search(r"errno\D{0,4}(\d+)", said, re.I)
+        code = int(found[1]) if found else None
+    place = error.filename2 or error.filename or "the place that was named"
+    place = place.decode(errors="replace") if isinstance(place, bytes) else str(place)
+    place = place if len(place) <= 200 else f"{place[:80]}...{place[-40:]}"
+    if code in _DISK:
+        return InputError(_DISK[code].format(place))
+    return InputError(f"{error.strerror or ' '.join(said.split())[:200]} ({place})")
 
 
 FEW = 40  # names that a message can list

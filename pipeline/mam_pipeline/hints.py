@@ -32,6 +32,7 @@ from typing import Any
 
 import yaml
 
+from mam_pipeline import folders
 from mam_pipeline.errors import ConfigError
 
 SUBTYPES = ("fixed", "hinge", "spin", "slide")
@@ -155,7 +156,7 @@ def save_hints(hints: Hints, path: str | Path) -> None:
         return value
 
     text = yaml.safe_dump(plain(hints), sort_keys=False, default_flow_style=None)
-    Path(path).write_text(text, encoding="utf-8")
+    folders.write_text(Path(path), text)
 
 
 def _joint(raw: Any, at: str) -> HintJoint:

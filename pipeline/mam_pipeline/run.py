@@ -9,8 +9,6 @@ is used again, is the business of `stage_store`.
 from __future__ import annotations
 
 import json
-import os
-import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -21,7 +19,7 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from mam_pipeline import backends, config_file
+from mam_pipeline import backends, config_file, folders
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.backends import KinematicPrior, Maker, Reconstruction
 from mam_pipeline.errors import ConfigError, InputError, NotPhysicalError
@@ -184,7 +182,9 @@ def make_asset(
     config.check()
     refuse_foreign(out)
     given = None if config.hints is None else load_hints(config.hints)
-    with settings.given(config.models.settings()), one_ledger(), _work_folder(out) as work:
+    with settings.given(config.models.settings()), one_ledger(), folders.work_folder(out) as work:
+        (work / "stages").mkdir()
+        copy_stages(out / "stages", work / "stages")
         store = StageStore(work / "stages")
         stages = Stages(config.engine, on_stage, store)
         with outside_allowed(config.allow_outside):
@@ -227,7 +227,7 @@ def _written(
     config: MakeConfig, stages: Stages, source_to_asset: FloatArray, notes: list[str],
 ) -> Asset:  # fmt: skip
     """Write and check the asset in the work folder, and put it in its place."""
-    from mam_pipeline.asset.writer import replace_folder, write_asset
+    from mam_pipeline.asset.writer import write_asset
     from mam_pipeline.check.shorten import written_and_checked
 
     write = partial(
@@ -249,21 +249,8 @@ def _written(
     (work / "stages" / "config.json").unlink(missing_ok=True)
     config_file.save({"pipeline": config}, work / "stages" / "config.yaml")
     (work / "stages").rename(work / "asset" / "stages")
-    replace_folder(work / "asset", out)
+    folders.put_in_place(work / "asset", out)
     return asset
-
-
-@contextmanager
-def _work_folder(out: Path) -> Iterator[Path]:
-    """A folder beside `out` with a copy of its stages; it is gone afterwards."""
-    work = out.parent / f".{out.name}.partial-{os.getpid()}"
-    shutil.rmtree(work, ignore_errors=True)
-    try:
-        (work / "stages").mkdir(parents=True)
-        copy_stages(out / "stages", work / "stages")
-        yield work
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
 
 
 def refuse_foreign(out: Path) -> None:

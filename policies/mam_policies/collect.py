@@ -7,7 +7,7 @@ the attempt that was running; the same command goes on from there.
 from __future__ import annotations
 
 import json
-import os
+import shutil
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -21,7 +21,7 @@ from mani_skill.utils import common
 import mam_envs
 from mam_envs.config import EnvConfig
 from mam_envs.env import OperateJointEnv
-from mam_pipeline import config_file
+from mam_pipeline import config_file, folders
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import ConfigError, InputError, NotPhysicalError
 from mam_policies.collection import CollectConfig, Collection, Names, finished
@@ -78,7 +78,8 @@ def collect(
     attempts = out / "attempts"
     asset = str(Path(asset).resolve())
     settings = task_settings(config.task) if env_config is None else env_config
-    _claim({"asset": asset, "collect": config, "env": settings}, out)
+    claim = _Claim(out, {"asset": asset, "collect": config, "env": settings})
+    claim.check()
     done = finished(attempts)
     resumed = len(done)
     said = progress or (lambda _got, _want, _text: None)
@@ -88,13 +89,18 @@ def collect(
             k = len(done)
             _not_hopeless(done, config)
             if env is None:
-                env = _make(asset, config, settings)
+                env = _make(asset, config, settings)  # asset, joint and robot are right
+                claim.write()
             outcome = _attempt(env, config, config.seed + k, attempts / f"{k:06d}.npz")
             done.append(outcome)
             text = "success" if outcome["success"] else str(outcome["reason"])
             said(_kept(done, config), config.episodes, text)
         if env is not None:
             _write_names(env, attempts)
+        claim.write()
+    except BaseException:
+        claim.give_back()
+        raise
     finally:
         if env is not None:
             env.close()
@@ -109,24 +115,46 @@ def collect(
     return Collected(out, len(found.kept), len(done), reasons, h5, root, resumed)
 
 
-def _claim(wish: dict[str, Any], out: Path) -> None:
-    """Write collect.json, or check that the one there asks for the same data."""
-    file = out / "collect.json"
-    mine = config_file.plain(wish)
-    if file.is_file():
-        theirs = json.loads(file.read_text(encoding="utf-8"))
-        now, then = _flat(mine), _flat(theirs)
-        differ = [k for k in now if k != "collect.episodes" and now[k] != then.get(k)]
-        if differ:
-            key = differ[0]
-            raise InputError(
-                f"{out} holds a collection with {key}={then.get(key)!r}, not {now[key]!r}; "
-                "take another --out or delete it"
-            )
-    elif out.exists() and any(out.iterdir()):
-        raise InputError(f"{out} is not empty and holds no collection; take another --out")
-    (out / "attempts").mkdir(parents=True, exist_ok=True)
-    _replace(file, lambda p: p.write_text(json.dumps(mine, indent=1) + "\n", encoding="utf-8"))
+class _Claim:
+    """collect.json in a folder: whose it is, and what was asked for."""
+
+    def __init__(self, out: Path, wish: dict[str, Any]) -> None:
+        self.out, self.file = out, out / "collect.json"
+        self.mine = config_file.plain(wish)
+        self.fresh, self.made = not self.file.is_file(), not out.exists()
+
+    def check(self) -> None:
+        """Raise InputError where the folder holds other data or other things."""
+        out, now = self.out, _flat(self.mine)
+        if self.file.is_file():
+            then = _flat(config_file.read(self.file))
+            differ = [k for k in now if k != "collect.episodes" and now[k] != then.get(k)]
+            if differ:
+                key = differ[0]
+                raise InputError(
+                    f"{out} holds a collection with {key}={then.get(key)!r}, not {now[key]!r}; "
+                    "take another --out or delete it"
+                )
+        elif self._foreign():
+            raise InputError(f"{out} is not empty and holds no collection; take another --out")
+
+    def _foreign(self) -> bool:
+        folders.sweep(self.file)  # a run that was killed as it began leaves no claim
+        held = {p.name for p in self.out.iterdir()} if self.out.exists() else set()
+        return bool(held - {"attempts"}) or any((self.out / "attempts").glob("*"))
+
+    def write(self) -> None:
+        """Make the folder and write down what is asked for now."""
+        (self.out / "attempts").mkdir(parents=True, exist_ok=True)
+        folders.write_text(self.file, json.dumps(self.mine, indent=1) + "\n")
+
+    def give_back(self) -> None:
+        """Take the claim back where nothing has come of it: no attempt has ended."""
+        if self.fresh and not finished(self.out / "attempts"):
+            shutil.rmtree(self.out / "attempts", ignore_errors=True)
+            self.file.unlink(missing_ok=True)
+            if self.made:
+                folders.remove_if_empty(self.out)
 
 
 def _flat(values: dict[str, Any], above: str = "") -> dict[str, Any]:
@@ -135,13 +163,6 @@ def _flat(values: dict[str, Any], above: str = "") -> dict[str, Any]:
     for key, value in values.items():
         out |= _flat(value, f"{above}{key}.") if isinstance(value, dict) else {above + key: value}
     return out
-
-
-def _replace(file: Path, write: Callable[[Path], Any]) -> None:
-    """Write beside and rename: a file is whole or absent."""
-    partial = file.with_name(f".{file.stem}.partial{file.suffix}")
-    write(partial)
-    os.replace(partial, file)
 
 
 def _kept(done: list[dict[str, Any]], config: CollectConfig) -> int:
@@ -189,9 +210,9 @@ def _attempt(env: Any, config: CollectConfig, seed: int, file: Path) -> dict[str
         _run(env, expert, obs, rows, outcome, config.settle)
     if rows:
         arrays: dict[str, Any] = {k: np.stack(v) for k, v in rows.items()}
-        _replace(file, lambda p: np.savez_compressed(p, **arrays))
-    text = json.dumps(outcome) + "\n"
-    _replace(file.with_suffix(".json"), lambda p: p.write_text(text, encoding="utf-8"))
+        with folders.new_file(file) as part:
+            np.savez_compressed(part, **arrays)
+    folders.write_text(file.with_suffix(".json"), json.dumps(outcome) + "\n")
     return outcome
 
 
@@ -278,8 +299,7 @@ def _write_names(env: Any, attempts: Path) -> None:
         action=(*(unit(n) for n in spec.arm), unit(spec.gripper[0])),
         environment=tuple(privileged),
     )
-    text = json.dumps(asdict(names))
-    _replace(attempts / "names.json", lambda p: p.write_text(text, encoding="utf-8"))
+    folders.write_text(attempts / "names.json", json.dumps(asdict(names)))
 
 
 def _write_h5(found: Collection) -> Path:
@@ -305,16 +325,12 @@ def _write_h5(found: Collection) -> Path:
         "episodes": [],
     }
 
-    def write(path: Path) -> None:
-        with h5py.File(path, "w") as file:
-            for i, k in enumerate(found.kept):
-                group = file.create_group(f"traj_{i}")
-                _fill(group, out / "attempts" / f"{k:06d}.npz")
-                listing["episodes"].append(_episode(i, found.outcomes[k]))
-
-    _replace(out / "demos.h5", write)
-    text = json.dumps(listing, indent=2) + "\n"
-    _replace(out / "demos.json", lambda p: p.write_text(text, encoding="utf-8"))
+    with folders.new_file(out / "demos.h5") as part, h5py.File(part, "w") as file:
+        for i, k in enumerate(found.kept):
+            group = file.create_group(f"traj_{i}")
+            _fill(group, out / "attempts" / f"{k:06d}.npz")
+            listing["episodes"].append(_episode(i, found.outcomes[k]))
+    folders.write_text(out / "demos.json", json.dumps(listing, indent=2) + "\n")
     return out / "demos.h5"
 
 

@@ -147,5 +147,8 @@ def finished(attempts: Path) -> list[dict[str, Any]]:
     """Outcomes of the attempts that were finished before, in order, without gaps."""
     out: list[dict[str, Any]] = []
     while (file := attempts / f"{len(out):06d}.json").is_file():
-        out.append(json.loads(file.read_text(encoding="utf-8")))
+        try:
+            out.append(json.loads(file.read_text(encoding="utf-8")))
+        except ValueError as error:
+            raise InputError(f"{file} is damaged ({error}); delete it and run again") from error
     return out

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mam_pipeline import folders
 from mam_policies.expert import Expert, PlanningError
 from mam_policies.run import TrainingError, flat
 from mam_policies.settings import DemonstrationConfig
@@ -132,13 +133,12 @@ def dagger_steps(
 
 def save(file: Path, found: Demonstration | str) -> None:
     """Write an episode, or the reason why there is none, all or nothing."""
-    temporary = file.with_suffix(".part.npz")
-    if isinstance(found, str):
-        np.savez_compressed(temporary, obs=np.zeros(0), actions=np.zeros(0), reason=found)
-    else:
-        arrays: dict[str, Any] = asdict(found)
-        np.savez_compressed(temporary, **arrays, reason="")
-    temporary.replace(file)
+    with folders.new_file(file) as part:
+        if isinstance(found, str):
+            np.savez_compressed(part, obs=np.zeros(0), actions=np.zeros(0), reason=found)
+        else:
+            arrays: dict[str, Any] = asdict(found)
+            np.savez_compressed(part, **arrays, reason="")
 
 
 def load(file: Path) -> Demonstration | str:

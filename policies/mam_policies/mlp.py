@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
 
+from mam_pipeline import folders
 from mam_pipeline.errors import InputError
 
 
@@ -96,7 +97,8 @@ class MlpPolicy(torch.nn.Module):
     def save(self, folder: Path) -> None:
         """Write policy.safetensors with the sizes in its header."""
         state = {k: v.contiguous() for k, v in self.state_dict().items()}
-        save_file(state, folder / "policy.safetensors", {"sizes": json.dumps(self.sizes)})
+        with folders.new_file(folder / "policy.safetensors") as part:
+            save_file(state, part, {"sizes": json.dumps(self.sizes)})
 
     @staticmethod
     def load(folder: Path) -> MlpPolicy:

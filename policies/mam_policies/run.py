@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import gc
 import json
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
@@ -21,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_envs.config import EnvConfig
-from mam_pipeline import config_file
+from mam_pipeline import config_file, folders
 from mam_pipeline.errors import ConfigError, InputError, MamSimError
 
 ENV_ID = "mam_envs:OperateJoint-v1"
@@ -78,9 +77,7 @@ class RunInfo:
     def save(self, folder: Path) -> None:
         """Write run.json, all or nothing."""
         text = json.dumps(asdict(self), indent=1, default=str)
-        temporary = folder / f"run.json.{os.getpid()}"
-        temporary.write_text(text + "\n")
-        temporary.replace(folder / "run.json")
+        folders.write_text(folder / "run.json", text + "\n")
 
     @staticmethod
     def load(folder: str | Path) -> RunInfo:
@@ -113,17 +110,33 @@ def task_settings(task: str | None) -> EnvConfig:
     return task_class([task]).defaults()
 
 
+def refuse_foreign(out: Path) -> None:
+    """Refuse a folder that holds something else than a run.
+
+    Raises:
+        ConfigError: it does, or `out` is a file.
+    """
+    folders.sweep(out / "settings.txt")  # a run that was killed as it began leaves no claim
+    ours = ("settings.txt", "run.json", "demos", "data")
+    if out.is_dir() and any(out.iterdir()) and not any((out / n).exists() for n in ours):
+        raise ConfigError(f"{out} is not empty and holds no run; name another --out")
+    if out.exists() and not out.is_dir():
+        raise ConfigError(f"{out} is a file; --out names a folder")
+
+
 def claim(out: Path, choice: EnvChoice, settings: str) -> None:
-    """Write down whose folder `out` is; a run of other settings is not mixed with this one.
+    """Make the run folder and write down whose it is; runs of two settings are not mixed.
 
     Raises:
         ConfigError: the folder belongs to another run.
     """
+    refuse_foreign(out)
+    out.mkdir(parents=True, exist_ok=True)
     mine = f"{json.dumps(asdict(choice), sort_keys=True, default=str)} {settings}"
     note = out / "settings.txt"
     if note.is_file() and note.read_text(encoding="utf-8") != mine:
         raise ConfigError(f"{out} holds a run with other settings; name another --out")
-    note.write_text(mine, encoding="utf-8")
+    folders.write_text(note, mine)
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -16,6 +17,7 @@ from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.mjcf import _warnings_as_python, export_mjcf
 from mam_pipeline.asset.usd import export_usd
 from mam_pipeline.asset.writer import write_asset
+from mam_pipeline.errors import InputError
 from mam_pipeline.types import Articulation, Joint, Link, Material, Mesh
 
 VALUES = {"hinge": 0.7, "slide": 0.11, "spin": 2.0}
@@ -233,3 +235,45 @@ def test_mujoco_warns_in_python_and_writes_no_log(
     with pytest.warns(UserWarning, match="mimic"), _warnings_as_python():
         mujoco.MjSpec.from_string(urdf)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture
+def floating(asset: Asset, tmp_path: Path) -> Asset:
+    """The asset with a joint below the top level that its URDF calls floating."""
+    shutil.copytree(asset.folder, tmp_path / "f")
+    file = tmp_path / "f" / "object.urdf"
+    text = file.read_text()
+    assert text.count('type="continuous"') == 1
+    file.write_text(text.replace('type="continuous"', 'type="floating"'))
+    return Asset(tmp_path / "f", asset.card)
+
+
+def test_a_floating_joint_is_fixed_in_both_exports(floating: Asset, tmp_path: Path) -> None:
+    """As it is wherever else a URDF is read; MuJoCo alone would refuse it below the top level."""
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_path(str(export_mjcf(floating, tmp_path / "m" / "object.xml")))
+    assert model.njnt == 2 and model.nbody == 5
+    pytest.importorskip("pxr")
+    from pxr import Usd, UsdPhysics
+
+    stage = Usd.Stage.Open(str(export_usd(floating, tmp_path / "u" / "object.usd")))
+    kinds = [UsdPhysics.FixedJoint(p) for p in stage.Traverse() if p.IsA(UsdPhysics.FixedJoint)]
+    assert len(kinds) == 2
+
+
+def test_what_mujoco_refuses_is_a_sentence_and_leaves_the_old_export(
+    asset: Asset, tmp_path: Path
+) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    shutil.copytree(asset.folder, tmp_path / "a")
+    broken = Asset.load(tmp_path / "a")
+    target = tmp_path / "out" / "object.xml"
+    export_mjcf(broken, target)
+    before = {p: p.read_bytes() for p in target.parent.rglob("*") if p.is_file()}
+    text = broken.urdf_path.read_text()
+    broken.urdf_path.write_text(text.replace('mass value="', 'mass value="-'))
+    with pytest.raises(InputError, match="MuJoCo does not take") as caught:
+        export_mjcf(broken, target)
+    assert "\n" not in str(caught.value)
+    assert {p: p.read_bytes() for p in target.parent.rglob("*") if p.is_file()} == before
+    assert mujoco.MjModel.from_xml_path(str(target)).nbody == 5

@@ -15,9 +15,11 @@ import pytest
 from mam_envs.config import EnvConfig
 from mam_envs.scene.vulkan import vulkan_ok
 from mam_pipeline.errors import InputError
-from mam_policies.collect import collect
+from mam_policies.collect import _Claim, collect
 from mam_policies.collection import CollectConfig
 from mam_policies.lerobot.dataset import load_dataset
+from mam_policies.run import refuse_foreign
+from mam_sim.cli import main
 
 
 def test_data_reload_and_resume(drawer: Path, tmp_path: Path) -> None:
@@ -99,3 +101,49 @@ def test_videos_go_into_the_dataset(drawer: Path, tmp_path: Path) -> None:
     data = load_dataset(made.dataset)
     assert data.features["observation.images.front"]["shape"] == (24, 32, 3)
     assert data[len(data) // 2]["observation.images.front"].shape == (3, 24, 32)
+
+
+def test_a_folder_is_claimed_only_when_asset_joint_and_robot_are_right(
+    drawer: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "demos"
+    for wrong in (["--joint", "doors"], ["--task", "dance"], ["--robot", "xarm6_robotiq"]):
+        status = main(["collect", str(drawer), "--out", str(out), "--quiet", *wrong])
+        if wrong[1] == "xarm6_robotiq" and status == 0:  # its files have been downloaded here
+            continue
+        assert status == 2 and not list(tmp_path.iterdir()), wrong
+    assert capsys.readouterr().err.count("mam-sim: ") >= 2
+
+
+def test_a_collection_that_was_killed_as_it_began_can_begin_again(
+    drawer: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "demos"
+    (out / "attempts").mkdir(parents=True)
+    (out / ".collect.json.partial-4194305.json").write_text("half")
+    claim = _Claim(out, {"asset": "a"})
+    claim.check()
+    claim.write()
+    assert {p.name for p in out.iterdir()} == {"attempts", "collect.json"}
+    claim.give_back()
+    assert not list(out.iterdir())  # it was there before, and stays
+
+
+def test_training_refuses_a_foreign_folder_and_leaves_none_of_its_own(
+    drawer: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    theirs = tmp_path / "theirs"
+    theirs.mkdir()
+    (theirs / "thesis.tex").write_text("mine")
+    assert main(["train", str(drawer), "--out", str(theirs), "--quiet"]) == 2
+    assert "is not empty and holds no run" in capsys.readouterr().err
+    assert [p.name for p in theirs.iterdir()] == ["thesis.tex"]
+    for algo in ("bc", "ppo"):
+        words = ["train", str(drawer), "--algo", algo, "--joint", "doors", "--quiet"]
+        assert main([*words, "--out", str(tmp_path / algo)]) == 2
+        assert not (tmp_path / algo).exists()
+    begun = tmp_path / "begun"
+    begun.mkdir()
+    (begun / ".settings.txt.partial-4194305.txt").write_text("half")
+    refuse_foreign(begun)
+    assert not list(begun.iterdir())

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from mam_envs.robots import robot_spec
 from mam_pipeline.errors import ConfigError, HintNeeded, InputError
-from mam_policies.lerobot.export import MAPPING, build_beside, export_run
+from mam_policies.lerobot.export import MAPPING, export_run
 from mam_policies.lerobot.joint_mapping import identity, load_mapping, template
 from mam_policies.lerobot.policy import quaternion
 from mam_policies.mlp import MlpPolicy
@@ -102,27 +102,6 @@ def test_foreign_folder_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="not empty"):
         export_run(run, out, _filled(tmp_path / "m.yaml"))
     assert (out / "thesis.txt").exists()
-
-
-def test_export_is_whole_or_absent(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-
-    def dies(folder: Path) -> None:
-        (folder / "half").write_text("x")
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        build_beside(out, dies)
-    assert not out.exists()
-
-    def ends(folder: Path) -> None:
-        (folder / "whole").write_text("y")
-
-    build_beside(out, ends)
-    assert {p.name for p in out.iterdir()} == {"whole"}
-    with pytest.raises(KeyboardInterrupt):
-        build_beside(out, dies)
-    assert {p.name for p in out.iterdir()} == {"whole"}
 
 
 def test_quaternions_are_those_of_the_simulator() -> None:

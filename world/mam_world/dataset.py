@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import shutil
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -13,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mam_pipeline import folders
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.formats.mesh_files import save_glb
@@ -65,7 +65,10 @@ def write_dataset(
     for row in _rows(plan, out, textures, plain, jobs):
         rows.append(row)
         on_object(row)
-    with (out / "MANIFEST.csv").open("w", newline="", encoding="utf-8") as file:
+    with (
+        folders.new_file(out / "MANIFEST.csv") as part,
+        part.open("w", newline="", encoding="utf-8") as file,
+    ):
         table = csv.writer(file, lineterminator="\n")
         table.writerow(COLUMNS)
         table.writerows(rows)
@@ -95,20 +98,23 @@ def _write(name: str, seed: int, out: Path, textures: bool, plain: bool) -> list
 def write_object(made: WorldObject, out: Path) -> list[object]:
     """One asset folder in `out` with static.glb in it; returns its row of the manifest."""
     folder = out / made.name
-    loose = out / f".{made.name}.static.glb"
-    # the file keeps the object's own axes and unit: nothing is turned on the way
-    save_glb(made.static, loose, up="z")
-    digest = sha256(loose.read_bytes()).hexdigest()
-    # no seconds in the card: the same seed gives the same bytes
     to_asset = np.linalg.inv(made.static_T_asset)
-    asset = write_asset(
-        made.articulation, folder, name=made.name,
-        source={"path": "static.glb", "sha256": digest, "kind": "generated"},
-        source_to_asset=to_asset, metres_per_unit=float(np.cbrt(np.linalg.det(to_asset[:3, :3]))),
-        metres_per_unit_source="generated", collision=made.collision,
-    )  # fmt: skip
-    replace(asset.card, seconds={}).save(folder)
-    shutil.move(loose, folder / "static.glb")
+    with folders.work_folder(folder) as work:
+        loose = work / "static.glb"
+        # the file keeps the object's own axes and unit: nothing is turned on the way
+        save_glb(made.static, loose, up="z")
+        digest = sha256(loose.read_bytes()).hexdigest()
+        asset = write_asset(
+            made.articulation, work / made.name, name=made.name,
+            source={"path": "static.glb", "sha256": digest, "kind": "generated"},
+            source_to_asset=to_asset,
+            metres_per_unit=float(np.cbrt(np.linalg.det(to_asset[:3, :3]))),
+            metres_per_unit_source="generated", collision=made.collision,
+        )  # fmt: skip
+        # no seconds in the card: the same seed gives the same bytes
+        replace(asset.card, seconds={}).save(asset.folder)
+        loose.rename(asset.folder / "static.glb")
+        folders.put_in_place(asset.folder, folder)
     return [
         made.name, made.category, made.seed, split_of(made.category, made.seed),
         len(made.articulation.links), len(made.articulation.joints), len(made.static.faces),

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from mam_pipeline import folders
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.door import Door
 from mam_pipeline.formats.suffixes import MESHES, PHOTOS
@@ -109,7 +110,7 @@ class AssetCard:
     def save(self, folder: Path) -> None:
         """Write asset.json into `folder` (UTF-8, no NaN)."""
         text = json.dumps(_plain(asdict(self)), indent=1, allow_nan=False, sort_keys=False)
-        (folder / "asset.json").write_text(text + "\n", encoding="utf-8")
+        folders.write_text(folder / "asset.json", text + "\n")
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,16 @@ import numpy as np
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
+from mam_pipeline import folders
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.visuals import by_material, free_name
+from mam_pipeline.errors import InputError
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.obj import write_obj_part
 from mam_pipeline.formats.soup import join
 from mam_pipeline.formats.urdf.admit import admitted
 from mam_pipeline.formats.urdf.geometry import existing
+from mam_pipeline.formats.urdf.tree import MOVING
 from mam_pipeline.formats.urdf.write import numbers
 from mam_pipeline.optional import require
 from mam_pipeline.types import FloatArray, Material
@@ -45,17 +48,29 @@ def export_mjcf(asset: Asset, path: str | Path | None = None) -> Path:
         asset: the folder. path: of the XML; default ASSET/object.xml.
 
     Raises:
-        MissingExtra: mujoco is not installed.
+        MissingExtra: mujoco is not installed. InputError: MuJoCo refuses the asset.
     """
     require("MJCF export", "mujoco")
+    target = Path(path) if path is not None else asset.folder / "object.xml"
+    with folders.new_entries(target.parent, target.name) as work:
+        try:
+            text = _exported(asset, work)
+        except (ValueError, RuntimeError) as error:  # what its reader or its compiler says
+            said = " ".join(str(error).split())
+            raise InputError(f"MuJoCo does not take {asset.urdf_path}: {said}") from error
+        (work / target.name).write_text(text, encoding="utf-8")
+    return target
+
+
+def _exported(asset: Asset, work: Path) -> str:
+    """Write the meshes of an export into the folder `work`; returns the XML."""
     import mujoco
 
-    target = Path(path) if path is not None else asset.folder / "object.xml"
-    files = _Files(asset.urdf_path.parent, target.parent / "mjcf")
-    files.folder.mkdir(parents=True, exist_ok=True)
+    files = _Files(asset.urdf_path.parent, work / "mjcf")
+    files.folder.mkdir()
     with _warnings_as_python():
         spec = mujoco.MjSpec.from_string(files.flattened(asset.urdf_path))
-    spec.modelfiledir = str(target.parent.resolve())
+    spec.modelfiledir = str(work.resolve())
     spec.meshdir = spec.texturedir = files.folder.name
     spec.option.timestep = TIMESTEP
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -68,8 +83,7 @@ def export_mjcf(asset: Asset, path: str | Path | None = None) -> Path:
     _keys(spec, asset)
     with _warnings_as_python():
         model = spec.compile()  # what MuJoCo refuses is refused here, not by the file's reader
-    target.write_text(_exact(spec.to_xml(), model), encoding="utf-8")
-    return target
+    return _exact(spec.to_xml(), model)
 
 
 @contextmanager
@@ -129,6 +143,9 @@ class _Files:
     def flattened(self, urdf: Path) -> str:
         """The URDF with its meshes copied into one folder, each of one object and one material."""
         robot = admitted(urdf)
+        for joint in robot.findall("joint"):
+            if joint.get("type") not in MOVING:  # planar and floating joints count as fixed
+                joint.set("type", "fixed")
         for link in robot.findall("link"):
             for kind in ("visual", "collision"):
                 for i, element in enumerate(link.findall(kind)):

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from mam_pipeline import folders
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.soup import join
 from mam_pipeline.formats.urdf.geometry import existing, origin_of, read_triangles
-from mam_pipeline.formats.urdf.tree import UrdfTree
+from mam_pipeline.formats.urdf.tree import MOVING, UrdfTree
 from mam_pipeline.optional import require
 from mam_pipeline.types import FloatArray, Material
 
@@ -29,8 +30,8 @@ def export_usd(asset: Asset, path: str | Path | None = None) -> Path:
     """
     require("USD export", "pxr")
     target = Path(path) if path is not None else asset.folder / "object.usd"
-    target.parent.mkdir(parents=True, exist_ok=True)
-    _Exporter(asset, target).write()
+    with folders.new_entries(target.parent, target.name) as work:
+        _Exporter(asset, work / target.name).write()
     return target
 
 
@@ -44,7 +45,6 @@ class _Exporter:
         tree = UrdfTree.read(asset.urdf_path)
         self.robot, self.frames = tree.robot, tree.frames
         self.cards = {j.name: j for j in asset.card.joints}
-        target.unlink(missing_ok=True)
         self.stage = Usd.Stage.CreateNew(str(target))
         UsdGeom.SetStageUpAxis(self.stage, UsdGeom.Tokens.z)
         UsdGeom.SetStageMetersPerUnit(self.stage, 1.0)
@@ -172,21 +172,21 @@ class _Exporter:
         from pxr import Gf, Sdf, UsdPhysics
 
         path = f"/object/joints/{joint.name}"
+        moves = joint.type in MOVING  # planar and floating joints count as fixed
         kinds = {"prismatic": UsdPhysics.PrismaticJoint, "fixed": UsdPhysics.FixedJoint}
-        made = kinds.get(joint.type, UsdPhysics.RevoluteJoint).Define(self.stage, path)
+        kind = kinds.get(joint.type if moves else "fixed", UsdPhysics.RevoluteJoint)
+        made = kind.Define(self.stage, path)
         made.CreateBody0Rel().SetTargets([f"/object/{joint.parent}"])
         made.CreateBody1Rel().SetTargets([f"/object/{joint.child}"])
         made.CreateCollisionEnabledAttr(False)
         origin = origin_of(joint)
         # the joint frame's x is the axis, in both bodies
-        turn = (
-            np.eye(3) if joint.type == "fixed" else _frame_of(np.asarray(joint.axis, dtype=float))
-        )
+        turn = _frame_of(np.asarray(joint.axis, dtype=float)) if moves else np.eye(3)
         made.CreateLocalPos0Attr(Gf.Vec3f(*map(float, origin[:3, 3])))
         made.CreateLocalRot0Attr(_quaternion(origin[:3, :3] @ turn))
         made.CreateLocalPos1Attr(Gf.Vec3f(0.0, 0.0, 0.0))
         made.CreateLocalRot1Attr(_quaternion(turn))
-        if joint.type == "fixed":
+        if not moves:
             return
         made.CreateAxisAttr("X")
         slides = joint.type == "prismatic"

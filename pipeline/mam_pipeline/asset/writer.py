@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, replace
@@ -14,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mam_pipeline import folders
 from mam_pipeline.asset.card import Asset, AssetCard, CardGrasp, CardJoint, CardPart
 from mam_pipeline.asset.collision import collision_shapes
 from mam_pipeline.asset.dynamics import with_dynamics
@@ -23,6 +22,9 @@ from mam_pipeline.asset.visuals import VisualFormat, write_visuals
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.formats.urdf.write import link_origins, urdf_text
 from mam_pipeline.types import Articulation, CollisionShape, FloatArray, Inertial
+
+LONGEST_NAME = 100
+"""Characters of a link's or joint's name; names of files are made of it."""
 
 
 def write_asset(
@@ -66,10 +68,8 @@ def write_asset(
         pieces = {**collision_shapes(articulation, skip=frozenset(pieces)), **pieces}
     if not articulation.grasps:
         articulation = replace(articulation, grasps=find_grasps(articulation))
-    work = out.parent / f".{out.name}.partial-{os.getpid()}"
-    shutil.rmtree(work, ignore_errors=True)
-    try:
-        (work / "visual").mkdir(parents=True)
+    with folders.new_folder(out) as work:
+        (work / "visual").mkdir()
         (work / "collision").mkdir()
         written = write_visuals(articulation, work, visuals)
         shapes = _write_collision(articulation, pieces, work)
@@ -88,9 +88,6 @@ def write_asset(
             notes=[*notes, *written.notes],
         )
         card.save(work)
-        replace_folder(work, out)
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
     return Asset(out.resolve(), card)
 
 
@@ -191,7 +188,7 @@ def _unique(names: Sequence[str], default: str) -> list[str]:
     seen: set[str] = set()
     out = []
     for name in names:
-        base = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_") or default
+        base = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_")[:LONGEST_NAME] or default
         if base[0].isdigit():  # USD and MATLAB take no such name
             base = f"{default}_{base}"
         candidate, k = base, 1
@@ -200,13 +197,3 @@ def _unique(names: Sequence[str], default: str) -> list[str]:
         seen.add(candidate.lower())
         out.append(candidate)
     return out
-
-
-def replace_folder(new: Path, out: Path) -> None:
-    """Rename `new` to `out`, moving what was there aside first and deleting it last."""
-    out.parent.mkdir(parents=True, exist_ok=True)
-    old = out.parent / f".{out.name}.old-{os.getpid()}"
-    if out.exists():
-        out.rename(old)
-    new.rename(out)
-    shutil.rmtree(old, ignore_errors=True)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mam_pipeline import folders
 from mam_pipeline.asset.card import Asset, AssetCard
 from mam_pipeline.check.lint import Linter, lint
 from mam_pipeline.check.model import CheckModel
@@ -91,7 +92,7 @@ def _profile(path: str, target: _Target, profile: str, fix: bool) -> CheckReport
         if done:
             copy = target.urdf.with_name(f"{target.urdf.stem}_{profile}.urdf")
             linter.door.may_write(copy)
-            copy.write_text(text, encoding="utf-8")
+            folders.write_text(copy, text)
             fixed, linter = copy.name, Linter(copy)
             linter.run()
             findings = [Finding("fixed", "robot", what, warning=True) for what in done]

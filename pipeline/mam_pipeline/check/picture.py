@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from mam_pipeline import folders
 from mam_pipeline.check.report import CheckReport, JointReport
 from mam_pipeline.render.mesh_pictures import contact_sheet, posed, render_mesh
 from mam_pipeline.types import Articulation
@@ -32,7 +33,8 @@ def save_worst_frame(articulation: Articulation, report: CheckReport, path: Path
     mesh = posed(articulation, values)
     views = [render_mesh(mesh, (480, 480), a, 25.0, colors) for a in (-35.0, 145.0)]
     path.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(contact_sheet(views, 2)).save(path)
+    with folders.new_file(path) as part:
+        Image.fromarray(contact_sheet(views, 2)).save(part)
 
 
 def _badness(joint: JointReport) -> tuple[int, float]:

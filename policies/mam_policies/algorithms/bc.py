@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from mam_pipeline import folders
 from mam_pipeline.errors import InputError
 from mam_pipeline.optional import has
 from mam_policies.algorithms import Algorithm, OnProgress
@@ -51,7 +52,6 @@ class BehaviourCloning(Algorithm[BcConfig]):
         Raises:
             TrainingError: the expert succeeds too seldom to learn from.
         """
-        out.mkdir(parents=True, exist_ok=True)
         env = choice.make()
         try:
             sizes = describe_env(env)
@@ -223,8 +223,8 @@ def _checkpoint(folder: Path, policy, optimiser, schedule, epoch: int, loss: flo
         "loss": loss,
         "task": task,
     }
-    torch.save(state, folder / "part.pt")
-    (folder / "part.pt").replace(folder / "last.pt")
+    with folders.new_file(folder / "last.pt") as part:
+        torch.save(state, part)
 
 
 def _resume(folder: Path, policy, optimiser, schedule, task) -> tuple[int, float]:  # type: ignore[no-untyped-def]

@@ -19,6 +19,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mam_pipeline import folders
 from mam_pipeline.errors import BackendError, ConfigError
 from mam_policies.algorithms import Algorithm, OnProgress
 from mam_policies.collect import collect
@@ -65,7 +66,6 @@ class LeRobotAlgorithm(Algorithm[LeRobotConfig]):
         wanted = self._training(config)
         if len(choice.assets) != 1:
             raise ConfigError(f"{self.name} is trained on one asset at a time")
-        out.mkdir(parents=True, exist_ok=True)
         demos = CollectConfig(
             episodes=config.episodes, joint=choice.joint, task=choice.task, robot=choice.robot,
             seed=seed_of(config.seed, 0), noise=config.noise, video=config.cameras,
@@ -163,8 +163,8 @@ def _dagger_round(
             actor = actor or LeRobotActor(policy, base, mapping)
             seed = seed_of(config.seed, 100_000 * number + i)
             rows: dict[str, Any] = _dagger_episode(env, actor, seed, config.lost)
-            np.savez_compressed(file.with_suffix(".part.npz"), **rows)
-            file.with_suffix(".part.npz").replace(file)
+            with folders.new_file(file) as part:
+                np.savez_compressed(part, **rows)
         update(f"round {number}", (i + 1) / config.round_episodes, f"{i + 1} episodes")
 
 
@@ -211,10 +211,7 @@ def _with_rounds(out: Path, rounds: int) -> Path:
 
 def _put(policy: Path, place: Path) -> None:
     """Copy the policy folder to its place, all or nothing."""
-    partial = place.with_name(".policy.partial")
-    shutil.rmtree(partial, ignore_errors=True)
-    shutil.copytree(policy, partial)
-    shutil.rmtree(place, ignore_errors=True)
-    partial.replace(place)
+    with folders.new_folder(place) as work:
+        shutil.copytree(policy, work, dirs_exist_ok=True)
     if not (place / "model.safetensors").is_file():
         raise BackendError("lerobot-train left no model.safetensors")

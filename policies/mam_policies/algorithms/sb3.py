@@ -80,9 +80,8 @@ class Sb3Algorithm(Algorithm[Any]):
         Raises:
             TrainingError: the expert succeeds too seldom to start from.
         """
-        out.mkdir(parents=True, exist_ok=True)
-        claim(out, choice, self.claimed(config))
         probe = choice.make()
+        claim(out, choice, self.claimed(config))
         sizes = describe_env(probe)
         demos: list[Demonstration] = []
         if config.episodes:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from mam_pipeline import folders
 from mam_pipeline.errors import InputError
 
 ROWS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
@@ -33,8 +34,8 @@ def save_checkpoint(model: Any, folder: Path, more: dict[str, Any]) -> None:
         count = memory.buffer_size if memory.full else memory.pos
         rows = {k: torch.from_numpy(getattr(memory, k)[:count].copy()) for k in ROWS}
         state |= {"memory": rows, "pos": int(memory.pos), "full": bool(memory.full)}
-    torch.save(state, folder / "next.pt")
-    (folder / "next.pt").replace(folder / "last.pt")
+    with folders.new_file(folder / "last.pt") as part:
+        torch.save(state, part)
 
 
 def load_checkpoint(folder: Path) -> dict[str, Any] | None:

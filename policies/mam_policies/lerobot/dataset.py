@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mam_pipeline import folders
 from mam_pipeline.errors import InputError
 from mam_pipeline.optional import require
 from mam_policies.collection import Names, Track
@@ -70,24 +70,22 @@ def write_dataset(
     first = next(stream, None)
     if first is None:
         raise InputError("there are no episodes to write")
-    building = root.with_name(root.name + ".partial")
-    shutil.rmtree(building, ignore_errors=True)
     sizes = {k: (v.shape[1], v.shape[2]) for k, v in first[0].images.items()}
-    dataset = LeRobotDataset.create(
-        repo_id=REPO_ID,
-        fps=FPS,
-        features=features(names, sizes),
-        root=building,
-        robot_type=robot,
-        use_videos=bool(sizes),
-    )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # statistics of booleans
-        for track, rewards in (first, *stream):
-            _add(dataset, track, rewards)
-    dataset.finalize()
-    shutil.rmtree(root, ignore_errors=True)
-    building.replace(root)
+    with folders.work_folder(root) as work:
+        dataset = LeRobotDataset.create(
+            repo_id=REPO_ID,
+            fps=FPS,
+            features=features(names, sizes),
+            root=work / "dataset",  # LeRobot makes the folder itself
+            robot_type=robot,
+            use_videos=bool(sizes),
+        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # statistics of booleans
+            for track, rewards in (first, *stream):
+                _add(dataset, track, rewards)
+        dataset.finalize()
+        folders.put_in_place(work / "dataset", root)
     return root
 
 

@@ -7,7 +7,6 @@ that looks finished, and the same command makes it anew.
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -17,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from mam_envs.robots import RobotSpec, robot_spec
+from mam_pipeline import folders
 from mam_pipeline.errors import ConfigError, HintNeeded, InputError
 from mam_pipeline.optional import require
 from mam_policies.collection import Collection, Names, Track
@@ -104,7 +104,7 @@ def export_run(
             write_readme(folder, out, env, info, choice, joints, policy, states)
             _mark(folder, "policy", run)
 
-        build_beside(out, build)
+        _build(out, build)
     finally:
         env.close()
     return Exported(out, "policy", out / MAPPING, tuple(notes))
@@ -128,7 +128,7 @@ def _export_lerobot_policy(run: Path, info: RunInfo, out: Path, mapping: Path | 
             write_lerobot_readme(folder, out, env, info, joints)
             _mark(folder, "policy", run)
 
-        build_beside(out, build)
+        _build(out, build)
     finally:
         env.close()
     return Exported(out, "policy", out / MAPPING)
@@ -167,7 +167,7 @@ def export_dataset(collected: Path, out: Path, mapping: Path | None = None) -> E
         joints.save(folder / MAPPING)
         _mark(folder, "dataset", collected)
 
-    build_beside(out, build)
+    _build(out, build)
     return Exported(out, "dataset", out / MAPPING)
 
 
@@ -238,14 +238,10 @@ def _action_terms(base: Any, count: int) -> tuple[list[float], list[float], list
     return gain[:count], bias[:count], moving[:count], limited[:count]
 
 
-def build_beside(out: Path, build: Callable[[Path], None]) -> None:
-    """Call `build` with a fresh folder beside `out` and put it in out's place when it is whole."""
-    partial = out.with_name(f".{out.name}.partial")
-    shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir(parents=True)
-    build(partial)
-    shutil.rmtree(out, ignore_errors=True)
-    os.replace(partial, out)
+def _build(out: Path, build: Callable[[Path], None]) -> None:
+    """Call `build` with a fresh folder that takes out's place when it is whole."""
+    with folders.new_folder(out) as folder:
+        build(folder)
 
 
 def _write_policy(
@@ -302,7 +298,7 @@ def _mapping_for(spec: RobotSpec, out: Path, mapping: Path | None) -> JointMappi
     if not file.is_file():
         _refuse_foreign(out)
         out.mkdir(parents=True, exist_ok=True)
-        file.write_text(template(spec.uid, spec.arm, spec.gripper[0]), encoding="utf-8")
+        folders.write_text(file, template(spec.uid, spec.arm, spec.gripper[0]))
     missing = "sign and offset of every joint, closed and open of the gripper"
     raise HintNeeded(
         f"how {SO_ARMS[spec.uid]} counts its joints is not known here; fill in {missing} in "

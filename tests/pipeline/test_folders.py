@@ -1,0 +1,104 @@
+"""What is written appears whole or not at all, and what dead processes left is swept."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mam_pipeline import folders
+
+DEAD = 2**22 + 1
+"""No process of Linux has this number."""
+
+
+def test_a_folder_takes_its_place_when_it_is_whole(tmp_path: Path) -> None:
+    out = tmp_path / "deep" / "out"
+    with pytest.raises(KeyboardInterrupt), folders.new_folder(out) as work:
+        (work / "half").write_text("x")
+        raise KeyboardInterrupt
+    assert not list(tmp_path.iterdir())  # the folder above it is gone too
+    with folders.new_folder(out) as work:
+        (work / "whole").write_text("y")
+    with pytest.raises(KeyboardInterrupt), folders.new_folder(out) as work:
+        (work / "half").write_text("x")
+        raise KeyboardInterrupt
+    assert {p.name for p in out.iterdir()} == {"whole"}
+    assert {p.name for p in out.parent.iterdir()} == {"out"}
+
+
+def test_a_file_takes_its_place_when_it_is_whole(tmp_path: Path) -> None:
+    file = tmp_path / "a.json"
+    folders.write_text(file, "old")
+    with pytest.raises(ValueError), folders.new_file(file) as part:
+        assert part.suffix == ".json"
+        part.write_text("half")
+        raise ValueError
+    assert file.read_text() == "old" and {p.name for p in tmp_path.iterdir()} == {"a.json"}
+
+
+@pytest.mark.parametrize("name", ["out", "out.npz", "b" * 240, "a[1]*"])
+def test_what_the_dead_left_is_swept_and_what_they_moved_aside_comes_back(
+    tmp_path: Path, name: str
+) -> None:
+    out = tmp_path / name
+    stem = folders._stem(out)
+    for left in (f".{stem}.partial-{DEAD}", f".{stem}.old-{DEAD}", ".other.partial-1"):
+        (tmp_path / left).mkdir()
+        (tmp_path / left / "kept").write_text(left)
+    (tmp_path / f".{stem}.partial-{DEAD}{out.suffix}x").write_text("somebody else's")
+    alive = tmp_path / f".{stem}.partial-{os.getppid()}"
+    alive.mkdir()
+    folders.sweep(out)
+    remaining = {p.name for p in tmp_path.iterdir()}
+    theirs = f".{stem}.partial-{DEAD}{out.suffix}x"
+    assert remaining == {name, ".other.partial-1", alive.name, theirs}
+    assert (out / "kept").read_text() == f".{stem}.old-{DEAD}"
+
+
+def test_a_name_that_is_as_long_as_names_can_be(tmp_path: Path) -> None:
+    out = tmp_path / ("n" * 255)
+    with folders.new_folder(out) as work:
+        (work / "whole").write_text("y")
+    assert [p.name for p in tmp_path.iterdir()] == [out.name]
+
+
+def test_a_replacement_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "old").write_text("x")
+    with pytest.raises(OSError):
+        folders.put_in_place(tmp_path / "missing", out)
+    assert (out / "old").is_file() and [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+STOPPED = """
+import os, signal, sys
+from pathlib import Path
+from mam_pipeline import folders
+from mam_sim import stopping
+stopping.GRACE = 0.5
+try:
+    with stopping.stoppable(), folders.work_folder(Path(sys.argv[1])) as work:
+        (work / "half").write_text("x")
+        if sys.argv[2] == "swallowed":
+            try:
+                os.kill(os.getpid(), signal.SIGTERM)
+            except BaseException:
+                pass
+            import time
+            time.sleep(20)
+        os.kill(os.getpid(), signal.SIGTERM)
+except stopping.Stopped as stop:
+    raise SystemExit(stop.status)
+"""
+
+
+@pytest.mark.parametrize("how", ["raised", "swallowed"])
+def test_a_process_that_is_told_to_stop_leaves_nothing(tmp_path: Path, how: str) -> None:
+    out = tmp_path / "out"
+    done = subprocess.run([sys.executable, "-c", STOPPED, str(out), how], timeout=15, check=False)
+    assert done.returncode == 143 and not list(tmp_path.iterdir())
