@@ -7,6 +7,8 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
+from mam_sim import lean
+
 if TYPE_CHECKING:
     from mam_pipeline.errors import MamSimError
     from mam_sim.options import Verb
@@ -41,6 +43,7 @@ def main(argv: list[str] | None = None) -> int:
 
         print(f"mam-sim {__version__}")
         return 0
+    lean.install()
     # imported here so that `mam-sim --help` stays instant
     from mam_pipeline.errors import MamSimError, disk_error, unknown_name
     from mam_sim.stopping import Stopped, stoppable
