@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +23,13 @@ from mam_pipeline.formats.pictures import (
     model_door,
     readable,
 )
-from mam_pipeline.formats.soup import LIMITS, Budget, FileContent, Piece
-from mam_pipeline.types import FloatArray, Material, Mesh
+from mam_pipeline.formats.soup import LIMITS, Budget, FileContent, Piece, fans, paired
+from mam_pipeline.types import FloatArray, IntArray, Material, Mesh
 
 _NO_SURFACE = {
     "p": "points", "l": "lines", "curv": "curves", "curv2": "curves", "surf": "curved surfaces",
 }  # fmt: skip
+_BLOCK = 1 << 16  # lines that are parsed together
 
 
 def read_obj(path: Path, root: Path | None = None) -> FileContent:
@@ -43,15 +46,24 @@ def read_obj(path: Path, root: Path | None = None) -> FileContent:
     """
     state = _State(path, Budget(path), model_door(path, root))
     for number, line in _lines(path):
+        key = line[:2]
+        if key in ("v ", "f "):
+            rows = state.v if key == "v " else state.f
+            rows.add(number, line[2:])
+            continue
         words = line.split()
         if not words or words[0][0] == "#":
             continue
         try:
-            state.line(words, line)
+            state.line(words, number, line)
         except (ValueError, IndexError) as error:
-            shown = line.strip() if len(line) < 80 else f"{line.strip()[:77]}..."
-            raise InputError(f"{path}, line {number}: not valid OBJ ({shown!r})") from error
+            raise _malformed(path, number, line) from error
     return state.content()
+
+
+def _malformed(path: Path, number: int, line: str) -> InputError:
+    shown = line.strip() if len(line) < 80 else f"{line.strip()[:77]}..."
+    return InputError(f"{path}, line {number}: not valid OBJ ({shown!r})")
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -77,6 +89,140 @@ def _encoding(path: Path) -> str:
     return "utf-16" if head in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
 
 
+class _Numbers:
+    """Lines of numbers, parsed a block at a time."""
+
+    def __init__(self, path: Path, key: str, least: int, budget: Budget) -> None:
+        self.path, self.key, self.least, self.budget = path, key, least, budget
+        self.count = 0
+        self.arrays: list[FloatArray] = []
+        self._rows: list[str] = []
+        self._at: list[int] = []
+
+    def add(self, number: int, rest: str) -> None:
+        """A line without its first word."""
+        self._rows.append(rest)
+        self._at.append(number)
+        self.count += 1
+        if len(self._rows) >= _BLOCK:
+            self.flush()
+
+    def flush(self) -> None:
+        rows, at = self._rows, self._at
+        self._rows, self._at = [], []
+        if rows:
+            self.budget.triangles(len(rows), 0)
+            self.arrays.append(self._parsed(rows, at))
+
+    def _parsed(self, rows: list[str], at: list[int]) -> FloatArray:
+        """(n, k) numbers; lines of several lengths keep what all of them have, 6 at most."""
+        flat = _numbers(" ".join(rows), np.float64)
+        width = len(flat) // len(rows)
+        even = width >= self.least and width * len(rows) == len(flat)
+        if even and all(len(row.split()) == width for row in rows):
+            return flat.reshape(-1, width)
+        found = []
+        for number, row in zip(at, rows):
+            try:
+                numbers = [float(w) for w in row.partition("#")[0].split()[:6]]
+                if self.key == "vt":  # a strip of texture has no second number
+                    numbers = [*numbers, 0.0][: max(len(numbers), 2)]
+                if len(numbers) < self.least:
+                    raise ValueError("too few numbers")
+            except ValueError as error:
+                raise _malformed(self.path, number, f"{self.key} {row}") from error
+            found.append(numbers)
+        least = min(map(len, found))
+        return np.array([numbers[:least] for numbers in found])
+
+    def table(self, width: int) -> FloatArray:
+        """All rows, cut to one width."""
+        self.flush()
+        if not self.arrays:
+            return np.zeros((0, width))
+        return np.concatenate([a[:, :width] for a in self.arrays])
+
+
+@dataclass
+class _Faces:
+    """Faces as triangles, parsed a block at a time.
+
+    Attributes:
+        corners: blocks of (F, 3, 2) indices of position and texture coordinate, -1 for none.
+        runs: blocks of (F,) indices of the group and material that each belongs to.
+    """
+
+    path: Path
+    budget: Budget
+    state: _State
+    corners: list[IntArray] = field(default_factory=list)
+    runs: list[IntArray] = field(default_factory=list)
+    _rows: list[tuple[int, str, int, int, int]] = field(default_factory=list)
+
+    def add(self, number: int, rest: str) -> None:
+        """A line without its first word; it may name the vertices that came before it."""
+        state = self.state
+        self._rows.append((number, rest, state.v.count, state.vt.count, state.run))
+        if len(self._rows) >= _BLOCK:
+            self.flush()
+
+    def flush(self) -> None:
+        rows, self._rows = self._rows, []
+        if not rows:
+            return
+        words = [row[1].partition("#")[0].split() for row in rows]
+        counts = np.array(list(map(len, words)), dtype=np.int64)
+        index = self._parsed([corner for row in words for corner in row], counts, rows)
+        seen: IntArray = np.array([row[2:4] for row in rows], dtype=np.int64)
+        seen = np.repeat(seen, counts, axis=0)
+        # 1 is the first, -1 the last so far; 0 stands for no texture coordinate
+        index = np.where(index > 0, index - 1, seen + index)
+        missing = index[:, 1] == seen[:, 1]
+        index[missing, 1] = -1
+        bad = (index[:, 0] < 0) | (index[:, 0] >= seen[:, 0])
+        bad |= (index[:, 1] < -1) | (index[:, 1] >= np.maximum(seen[:, 1], 0))
+        if bad.any():
+            row = rows[int(np.repeat(np.arange(len(rows)), counts)[int(np.argmax(bad))])]
+            raise _malformed(self.path, row[0], f"f {row[1]}")
+        triangles, polygon = fans(counts)
+        self.budget.triangles(0, len(triangles))
+        self.corners.append(index[triangles])
+        self.runs.append(np.array([row[4] for row in rows], dtype=np.int64)[polygon])
+
+    def _parsed(
+        self, flat: list[str], counts: IntArray, rows: list[tuple[int, str, int, int, int]]
+    ) -> IntArray:
+        """(n, 2) numbers of position and texture coordinate as they stand in the file."""
+        slashes = {corner.count("/") for corner in flat}
+        text = " ".join(flat)
+        between = text.count("//")
+        if slashes <= {0, 1, 2} and len(slashes) == 1 and between in (0, len(flat)):
+            width = slashes.pop() + 1 - (1 if between else 0)
+            numbers = _numbers(text.replace("//", " ").replace("/", " "), np.int64)
+            if len(numbers) == width * len(flat):
+                table = numbers.reshape(-1, width)
+                textured = width > 1 and not between
+                second = table[:, 1] if textured else np.zeros(len(flat), np.int64)
+                return np.stack([table[:, 0], second], axis=1)
+        out = []
+        for row, count in zip(rows, counts):
+            try:
+                for corner in row[1].partition("#")[0].split()[:count]:
+                    p, _, rest = corner.partition("/")
+                    t = rest.partition("/")[0]
+                    out.append((int(p), int(t) if t else 0))
+            except ValueError as error:
+                raise _malformed(self.path, row[0], f"f {row[1]}") from error
+        return np.array(out, dtype=np.int64).reshape(-1, 2)
+
+
+def _numbers(text: str, dtype: Any) -> NDArray[Any]:
+    """Numbers between blanks; fewer than there are where one of them is none."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        return np.fromstring(text, dtype, sep=" ")
+
+
 @dataclass
 class _State:
     """What has been read so far of one OBJ file."""
@@ -84,11 +230,11 @@ class _State:
     path: Path
     budget: Budget
     door: Door
-    v: list[list[float]] = field(default_factory=list)
-    rgb: list[list[float]] = field(default_factory=list)
-    vt: list[list[float]] = field(default_factory=list)
+    v: _Numbers = field(init=False)
+    vt: _Numbers = field(init=False)
+    f: _Faces = field(init=False)
     group: str = "mesh"
-    material: int = 0
+    material: int = -1
     materials: list[Material] = field(default_factory=list)
     names: dict[str, int] = field(default_factory=dict)
     library: dict[str, Material] = field(default_factory=dict)
@@ -96,27 +242,26 @@ class _State:
     missing: list[str] = field(default_factory=list)
     dropped: Counter[str] = field(default_factory=Counter)
     pictures: Pictures = field(init=False)
-    runs: dict[tuple[str, int], list[list[tuple[int, int]]]] = field(default_factory=dict)
+    runs: dict[tuple[str, int], int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.pictures = Pictures(self.path, self.budget, self.door)
+        self.v = _Numbers(self.path, "v", 3, self.budget)
+        self.vt = _Numbers(self.path, "vt", 1, self.budget)
+        self.f = _Faces(self.path, self.budget, self)
 
-    def line(self, words: list[str], raw: str) -> None:
+    @property
+    def run(self) -> int:
+        """Index of the group and material that faces now belong to."""
+        if self.material < 0:
+            self.material = self.named("default")
+        return self.runs.setdefault((self.group, self.material), len(self.runs))
+
+    def line(self, words: list[str], number: int, raw: str) -> None:
         key = words[0]
-        if key == "v":
-            numbers = [float(w) for w in words[1:]]
-            if len(numbers) < 3:
-                raise ValueError("a vertex has three numbers")
-            self.budget.triangles(1, 0)
-            self.v.append(numbers[:3])
-            if len(numbers) >= 6:
-                self.rgb.append(numbers[3:6])
-        elif key == "vt":
-            u, v = (float(w) for w in (*words[1:3], "0")[:2])  # a strip of texture has no v
-            self.budget.triangles(1, 0)
-            self.vt.append([u, v])
-        elif key == "f":
-            self.face(words[1:])
+        if key in ("v", "vt", "f"):
+            rows = self.f if key == "f" else self.v if key == "v" else self.vt
+            rows.add(number, " ".join(words[1:]))
         elif key in ("o", "g"):
             self.group = readable(" ".join(words[1:])) or "mesh"
         elif key == "usemtl":
@@ -147,40 +292,28 @@ class _State:
             )
         return self.names[name]
 
-    def face(self, corners: list[str]) -> None:
-        if not self.materials:
-            self.material = self.named("default")
-        ring = []
-        for corner in corners:
-            fields = corner.split("/")
-            p = int(fields[0])
-            t = int(fields[1]) if len(fields) > 1 and fields[1] else 0
-            p = p - 1 if p > 0 else len(self.v) + p
-            t = t - 1 if t > 0 else (len(self.vt) + t if t < 0 else -1)
-            if not (0 <= p < len(self.v) and -1 <= t < len(self.vt)):
-                raise IndexError(corner)
-            ring.append((p, t))
-        if len(ring) < 3:
-            return
-        self.budget.triangles(0, len(ring) - 2)
-        fan = [[ring[0], ring[i], ring[i + 1]] for i in range(1, len(ring) - 1)]
-        run = self.runs.setdefault((self.group, self.material), [])
-        run.extend(fan)
-
     def content(self) -> FileContent:
-        points = np.array(self.v, dtype=np.float64).reshape(-1, 3)
-        uvs = np.array(self.vt, dtype=np.float64).reshape(-1, 2)
-        colored = len(self.rgb) == len(self.v) > 0
+        self.f.flush()
+        table = self.v.table(6)
+        points, uvs = table[:, :3], self.vt.table(2)
+        if uvs.shape[1] == 1:
+            uvs = np.pad(uvs, ((0, 0), (0, 1)))
+        colored = table.shape[1] == 6
         pieces = []
-        for (group, material), triangles in self.runs.items():
-            corners = np.array(triangles, dtype=np.int64).reshape(-1, 2)
-            pairs, inverse = np.unique(corners, axis=0, return_inverse=True)
+        runs = np.concatenate(self.f.runs) if self.f.runs else np.zeros(0, dtype=np.int64)
+        blocks = self.f.corners or [np.zeros((0, 3, 2), dtype=np.int64)]
+        corners: IntArray = np.concatenate(blocks)
+        order = np.argsort(runs, kind="stable")
+        ends = np.cumsum(np.bincount(runs, minlength=len(self.runs)))
+        for (group, material), rows in zip(self.runs, np.split(order, ends[:-1])):
+            if not len(rows):
+                continue
+            pairs, faces = paired(corners[rows].reshape(-1, 2))
             uv = colors = None
             if len(uvs) and (pairs[:, 1] >= 0).any():
                 uv = _flip(np.vstack([uvs, [0.0, 1.0]])[pairs[:, 1]])  # the last for those without
             if colored:
-                colors = _rgba(np.array(self.rgb)[pairs[:, 0]])
-            faces = inverse.reshape(-1, 3)
+                colors = _rgba(table[pairs[:, 0], 3:])
             pieces.append(Piece(points[pairs[:, 0]], faces, group, material, uv, colors))
         notes = self.pictures.notes()
         if self.missing:

@@ -201,6 +201,20 @@ def paired(keys: IntArray) -> tuple[IntArray, IntArray]:
     return keys[first], inverse.reshape(-1, 3)
 
 
+def fans(counts: IntArray) -> tuple[IntArray, NDArray[np.int64]]:
+    """Polygons of some numbers of corners as fans of triangles.
+
+    Returns:
+        (F, 3) indices into the corners, and (F,) the polygon of each triangle.
+    """
+    start = np.cumsum(counts) - counts
+    pieces = np.maximum(counts - 2, 0)
+    polygon = np.repeat(np.arange(len(counts)), pieces)
+    step = np.arange(pieces.sum()) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    first = start[polygon]
+    return np.stack([first, first + step + 1, first + step + 2], axis=1), polygon
+
+
 def join(pieces: Sequence[Piece], materials: Sequence[Material]) -> Mesh:
     """Join pieces into one Mesh; nothing is welded, order and coordinates are the source's."""
     offset = 0

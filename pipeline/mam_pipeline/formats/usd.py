@@ -13,11 +13,10 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.pictures import Picture, Pictures, model_door
-from mam_pipeline.formats.soup import Budget, FileContent, Piece, paired
+from mam_pipeline.formats.soup import Budget, FileContent, Piece, fans, paired
 from mam_pipeline.optional import require
 from mam_pipeline.types import FloatArray, IntArray, Material
 
@@ -336,17 +335,3 @@ def _name(prim: Any) -> str:
     above = prim.GetParent()
     surfaces = sum(1 for child in above.GetChildren() if child.IsA(UsdGeom.Gprim))
     return str(prim.GetName() if above.IsPseudoRoot() or surfaces > 1 else above.GetName())
-
-
-def fans(counts: IntArray) -> tuple[IntArray, NDArray[np.int64]]:
-    """Polygons of some numbers of corners as fans of triangles.
-
-    Returns:
-        (F, 3) indices into the corners, and (F,) the polygon of each triangle.
-    """
-    start = np.cumsum(counts) - counts
-    pieces = np.maximum(counts - 2, 0)
-    polygon = np.repeat(np.arange(len(counts)), pieces)
-    step = np.arange(pieces.sum()) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    first = start[polygon]
-    return np.stack([first, first + step + 1, first + step + 2], axis=1), polygon
