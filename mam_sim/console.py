@@ -46,6 +46,11 @@ class Screen:
         if not self.quiet:
             self.out.print(text, markup=False)
 
+    def table(self, table: Any) -> None:
+        """A table of rich."""
+        if not self.quiet:
+            self.out.print(table)
+
     def json(self, value: Any) -> None:
         """The result as JSON on stdout."""
         sys.stdout.write(json.dumps(value, indent=1, default=str) + "\n")

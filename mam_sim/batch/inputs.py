@@ -115,19 +115,25 @@ def _walk(folder: Path, pictures: bool) -> Iterator[Path]:
 
 def content_digest(path: Path) -> str:
     """SHA-256 of a file and of those that it names (materials, pictures, a URDF's meshes), hex."""
-    digest, door = hashlib.sha256(), Door(path.parent)
-    seen, waiting = set[Path](), [path]
+    digest = hashlib.sha256()
+    for file in files_of(path):
+        digest.update(file_digest(file).encode())
+    return digest.hexdigest()
+
+
+def files_of(path: Path) -> list[Path]:
+    """A file, and those in its folder that it names, directly or by way of another one."""
+    door, waiting, found = Door(path.parent), [path], dict[Path, None]()
     while waiting:
         file = waiting.pop(0)
-        if file in seen:
+        if file in found:
             continue
-        seen.add(file)
-        digest.update(file_digest(file).encode())
+        found[file] = None
         for name in _named(file):
             with contextlib.suppress(InputError):  # the reader will refuse it, and say why
-                found = door.find(name, file)
-                waiting += [] if found is None else [found]
-    return digest.hexdigest()
+                named = door.find(name, file)
+                waiting += [] if named is None else [named]
+    return list(found)
 
 
 def _named(file: Path) -> list[str]:

@@ -129,6 +129,7 @@ def evaluate_expert(
     episodes: int = 20,
     seed: int = HELD_OUT,
     on_episode: Callable[[int, int], None] = lambda *_: None,
+    video: Path | None = None,
 ) -> Evaluation:
     """The scripted expert on the same seeds, as the bar for policies."""
 
@@ -137,7 +138,7 @@ def evaluate_expert(
         expert.reset()
         return lambda _obs: expert.act()
 
-    return evaluate(choice, begin, episodes, seed, None, on_episode)
+    return evaluate(choice, begin, episodes, seed, video, on_episode)
 
 
 def evaluate(

@@ -1,0 +1,153 @@
+"""What the measure is: one definition, with a version; docs/concepts/success.md says it in words.
+
+Every movable joint of an asset is one task for every robot. The task is the one that the joint
+suggests, at the environment's default poses and success; the scripted expert, or a policy cloned
+from it, tries it at fixed seeds. A joint that cannot be tried counts as failed episodes: an asset
+must not gain by what is wrong with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+VERSION = 1
+"""Raised whenever the same asset could get another number."""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """Settings that decide the numbers.
+
+    Attributes:
+        episodes: a joint and robot. seed: of the first; the others follow.
+        max_steps: control steps of an episode, 20 a second.
+        control_mode: of the arm, in ManiSkill's words.
+    """
+
+    episodes: int = 5
+    seed: int = 50_000_017
+    max_steps: int = 200
+    control_mode: str = "pd_joint_pos"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One joint and one robot.
+
+    Attributes:
+        asset, joint, kind, robot: what was tried; kind is prismatic, revolute or continuous.
+        successes, policy: successful episodes of the expert and of the policy; None where it was
+            not asked for.
+        episodes: those that count, tried or not.
+        cause, why: why it could not be tried, in a word and a sentence: "asset" (it fails lint or
+            cannot be loaded), grasp, width, force, reach, path, room (the arm cannot do it),
+            "timeout", "memory", "crash". Empty where it was.
+        reasons: of failed episodes, and how often.
+    """
+
+    asset: str
+    joint: str
+    kind: str
+    robot: str
+    episodes: int
+    successes: int = 0
+    policy: int | None = None
+    cause: str = ""
+    why: str = ""
+    reasons: dict[str, int] | None = None
+    seconds: float = 0.0
+
+    @property
+    def tried(self) -> bool:
+        return not self.cause
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One asset without a robot.
+
+    Attributes:
+        name, source: its name and path. folder: of the asset that robots are given; "" if none.
+        lint, check: whether it passes; None where that could not be tested.
+        reasons: reason codes of either.
+        joints: (name, type) of those that move.
+        why: what is wrong with the file, where nothing could be tested.
+        foreign: without a card of ours.
+    """
+
+    name: str
+    source: str
+    folder: str = ""
+    lint: bool | None = None
+    check: bool | None = None
+    reasons: tuple[str, ...] = ()
+    joints: tuple[tuple[str, str], ...] = ()
+    why: str = ""
+    foreign: bool = False
+
+
+@dataclass(frozen=True)
+class Share:
+    """A success rate with its Wilson 95 % interval."""
+
+    successes: int
+    episodes: int
+    low: float
+    high: float
+
+    @staticmethod
+    def of(successes: int, episodes: int) -> Share:
+        from mam_policies.wilson import wilson
+
+        return Share(successes, episodes, *wilson(successes, episodes))
+
+    def line(self) -> str:
+        """For people."""
+        if not self.episodes:
+            return "-"
+        rate = 100 * self.successes / self.episodes
+        return f"{rate:.0f} % [{100 * self.low:.0f}, {100 * self.high:.0f}]"
+
+
+@dataclass(frozen=True)
+class Total:
+    """Some assets and one robot.
+
+    Attributes:
+        assets: how many; of them `loaded` could be given to a robot, `lint` and `check` passed.
+        joints: that move; `tried` by the robot.
+        success: over all joints. on_tried: over those that could be tried. policy: over all.
+    """
+
+    robot: str
+    assets: int
+    loaded: int
+    lint: int
+    check: int
+    joints: int
+    tried: int
+    success: Share
+    on_tried: Share
+    policy: Share | None = None
+
+
+def total(verdicts: Sequence[Verdict], rows: Sequence[Row], robot: str, episodes: int) -> Total:
+    """The sums for one robot; an asset without a joint counts as one failed joint."""
+    mine = [r for r in rows if r.robot == robot]
+    empty = episodes * sum(not v.joints for v in verdicts)
+    tried = [r for r in mine if r.tried]
+    good = sum(r.successes for r in mine)
+    policies = [r.policy for r in mine if r.policy is not None]
+    return Total(
+        robot=robot,
+        assets=len(verdicts),
+        loaded=sum(bool(v.folder) for v in verdicts),
+        lint=sum(bool(v.lint) for v in verdicts),
+        check=sum(bool(v.check) for v in verdicts),
+        joints=len(mine),
+        tried=len(tried),
+        success=Share.of(good, sum(r.episodes for r in mine) + empty),
+        on_tried=Share.of(good, sum(r.episodes for r in tried)),
+        policy=Share.of(sum(policies), sum(r.episodes for r in mine) + empty) if policies else None,
+    )

@@ -1,0 +1,120 @@
+"""`mam-sim rank`: assets x joints x (lint, check, expert, policy), over anybody's URDF."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from tyro.conf import Positional
+
+from mam_pipeline.errors import ConfigError
+from mam_sim.console import Screen, counting_bar
+from mam_sim.options import Verb
+
+if TYPE_CHECKING:
+    from mam_sim.rank.measure import Row, Total, Verdict
+    from mam_sim.rank.run import Try
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rank(Verb):
+    """Measure whether robots succeed on assets, joint by joint, with Wilson 95 % intervals.
+
+    A URDF of anybody's is taken as it is. What cannot be run is said, and counts as failed.
+    """
+
+    assets: Positional[tuple[Path, ...]]
+    """Asset folders, or URDF files."""
+    robots: str = "panda"
+    """Names of arms, with commas between them."""
+    episodes: int = 5
+    """Of every joint and robot."""
+    policy: Literal["none", "bc"] = "none"
+    """Train and test this policy on every joint too; takes minutes each."""
+    jobs: int = 1
+    """Rows at once, each in a process of its own."""
+    out: Path | None = None
+    """Folder for rank.json, index.html and every row; what it holds is not measured again."""
+    video: bool = False
+    """Film the first episodes of every row, for the page (needs --out and a Vulkan driver)."""
+    time_limit: float = 1800.0
+    """Seconds after which a row is given up."""
+    memory_limit: float = 8.0
+    """Gigabytes of memory at which a row is given up."""
+    json: bool = False
+    """Print the result as JSON instead of tables."""
+
+    def run(self) -> int:
+        """Measure what is not measured yet; print the tables."""
+        from mam_pipeline.optional import require
+
+        names = self._robots()
+        require("rank", "sapien", "mani_skill", "torch", "gymnasium")
+        from mam_envs.robots import ROBOTS
+
+        for name in names:
+            ROBOTS.check(name)
+        scratch = nullcontext(str(self.out)) if self.out else tempfile.TemporaryDirectory()
+        with scratch as folder:
+            self._measure(Path(folder).resolve(), names, Screen(self.quiet))
+        return 0
+
+    def _robots(self) -> list[str]:
+        names = list(dict.fromkeys(n.strip() for n in self.robots.split(",") if n.strip()))
+        if not self.assets:
+            raise ConfigError("name at least one asset folder or URDF")
+        if not names:
+            raise ConfigError("--robots needs at least one name")
+        for name in ("episodes", "jobs"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"--{name} must be at least 1, got {getattr(self, name)}")
+        if self.video and self.out is None:
+            raise ConfigError("--video needs --out DIR: where the videos stay")
+        return names
+
+    def _measure(self, out: Path, robots: Sequence[str], screen: Screen) -> None:
+        from mam_sim.forkserver import Limits
+        from mam_sim.rank.measure import Measure, total
+        from mam_sim.rank.page import as_json, rows_table, totals_table
+        from mam_sim.rank.run import attempts, examine, measured
+
+        limits = Limits(self.time_limit, self.memory_limit)
+        measure = Measure(episodes=self.episodes)
+        with counting_bar(screen, len(self.assets), 0) as tell:
+            verdicts = examine(self.assets, out, self.jobs, limits, lambda w: tell(w, "check"))
+        tasks = attempts(
+            self.assets, verdicts, robots, measure, self.policy, out, limits, self.video
+        )
+        with counting_bar(screen, len(tasks), sum(t.file.is_file() for t in tasks)) as tell:
+            rows = measured(tasks, self.jobs, lambda w: tell(w, "expert"))
+        totals = [total(verdicts, rows, robot, self.episodes) for robot in robots]
+        data = as_json(verdicts, rows, totals, measure)
+        if self.out is not None:
+            self._save(out, data, verdicts, rows, totals, tasks)
+        if self.json:
+            screen.json(data)
+            return
+        screen.out.width = max(screen.out.width, 140)  # the table must not lose digits in a pipe
+        screen.table(rows_table(verdicts, rows))
+        screen.table(totals_table(totals))
+        if self.out is not None:
+            screen.say(f"page: {self.out / 'index.html'}")
+
+    def _save(
+        self, out: Path, data: object, verdicts: Sequence[Verdict], rows: Sequence[Row],
+        totals: Sequence[Total], tasks: Sequence[Try],
+    ) -> None:  # fmt: skip
+        from mam_sim.rank.measure import Measure
+        from mam_sim.rank.page import page
+
+        videos = {(t.verdict.name, t.joint, t.robot): f"videos/{t.film.name}"
+                  for t in tasks if t.film.is_file()}  # fmt: skip
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "rank.json").write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+        text = page(verdicts, rows, totals, Measure(episodes=self.episodes), videos)
+        (out / "index.html").write_text(text, encoding="utf-8")

@@ -1,0 +1,120 @@
+"""The measure of task success: its definition is pinned, and anybody's URDF is taken as it is."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mam_pipeline.config_file import plain
+from mam_pipeline.errors import InputError
+from mam_sim.cli import main
+from mam_sim.rank.foreign import foreign_asset
+from mam_sim.rank.measure import VERSION, Measure, Row, Share, Verdict, total
+from mam_sim.rank.page import page
+
+INERTIA = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'  # noqa: E501
+LIMIT = '<limit lower="0" upper="1.57" effort="100" velocity="2"/>'
+
+
+def _shape(origin: str, size: str) -> str:
+    inside = f'<origin xyz="{origin}"/><geometry><box size="{size}"/></geometry>'
+    return f"<visual>{inside}</visual><collision>{inside}</collision>"
+
+
+def _cabinet(path: Path, limit: str = LIMIT) -> Path:
+    """A cabinet as others write it: boxes, mass 1, visual as collision, no card."""
+    path.write_text(
+        f'<robot name="cabinet"><link name="body">{_shape("0 0 0", "0.4 0.4 0.4")}{INERTIA}</link>'
+        f'<link name="door">{_shape("0 -0.2 0", "0.02 0.38 0.38")}'
+        f'{_shape("-0.03 -0.35 0", "0.02 0.02 0.12")}{INERTIA}</link>'
+        '<joint name="hinge" type="revolute"><parent link="body"/><child link="door"/>'
+        f'<origin xyz="-0.215 0.2 0"/><axis xyz="0 0 -1"/>{limit}</joint></robot>'
+    )
+    return path
+
+
+@pytest.mark.sim
+def test_a_number_is_only_compared_with_one_of_the_same_measure() -> None:
+    """Whoever changes one of these raises VERSION, here, there, and on the page."""
+    from mam_envs.config import EnvConfig
+
+    assert VERSION == 1
+    assert asdict(Measure()) == {
+        "episodes": 5, "seed": 50_000_017, "max_steps": 200, "control_mode": "pd_joint_pos",
+    }  # fmt: skip
+    assert plain(EnvConfig().success) == {
+        "fraction": 0.75, "widest": np.pi / 2, "start": 0.6, "value": None, "tolerance": None,
+        "still_speed": [0.1, 0.5], "driven": 0.5, "touch_force": 0.1, "grace_steps": 5,
+        "max_steps": 200,
+    }  # fmt: skip
+    assert plain(EnvConfig().randomisation) == {
+        "position": 0.02, "yaw": 10.0, "robot_qpos": 0.01, "friction": [1.0, 1.0],
+        "damping": [1.0, 1.0], "mass": [1.0, 1.0], "start": None, "light": [1.0, 1.0],
+        "camera": 0.0, "colour": 0.0,
+    }  # fmt: skip
+    text = (Path(__file__).resolve().parents[2] / "docs/concepts/success.md").read_text()
+    assert f"Its version is {VERSION}," in text and "50 000 017" in text and "200 control" in text
+
+
+def test_what_cannot_be_tried_counts_as_failed() -> None:
+    verdicts = [
+        Verdict("a", "a", folder="a", lint=True, check=True, joints=(("d", "revolute"),) * 2),
+        Verdict("b", "b", why="no XML", lint=False, check=False),
+    ]
+    rows = [
+        Row("a", "d", "revolute", "panda", 5, successes=4, policy=3),
+        Row("a", "e", "revolute", "panda", 5, cause="force", why="it is too heavy"),
+    ]
+    found = total(verdicts, rows, "panda", 5)
+    assert (found.assets, found.loaded, found.lint, found.joints, found.tried) == (2, 1, 1, 2, 1)
+    assert found.success == Share.of(4, 15) and found.on_tried == Share.of(4, 5)
+    assert found.policy == Share.of(3, 15)
+    assert found.success.line() == "27 % [11, 52]"
+    html = page(verdicts, rows, [found], Measure(), {("a", "d", "panda"): "videos/x.mp4"})
+    assert "force: it is too heavy" in html and "no XML" in html and 'src="videos/x.mp4"' in html
+
+
+def test_a_stranger_s_urdf_keeps_its_file_and_gets_a_card(tmp_path: Path) -> None:
+    urdf = _cabinet(tmp_path / "cabinet.urdf")
+    asset = foreign_asset(urdf, tmp_path / "out")
+    assert asset.urdf_path.read_bytes() == urdf.read_bytes()
+    joint = asset.card.joints[0]
+    assert (joint.name, joint.type, joint.parent, joint.child) == (
+        "hinge", "revolute", "body", "door",
+    )  # fmt: skip
+    assert joint.upper == pytest.approx(1.57) and {g.joint for g in asset.card.grasps} == {"hinge"}
+    (tmp_path / "still.urdf").write_text('<robot name="s"><link name="a"/></robot>')
+    with pytest.raises(InputError):
+        foreign_asset(tmp_path / "still.urdf", tmp_path / "none")
+
+
+@pytest.mark.sim
+@pytest.mark.slow
+def test_what_can_be_run_is_run_and_what_cannot_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    good = _cabinet(tmp_path / "good.urdf")
+    endless = _cabinet(tmp_path / "endless.urdf", limit="")
+    broken, other = tmp_path / "broken.urdf", tmp_path / "other.xml"
+    broken.write_text("<robot><link name='a'")
+    other.write_text('<mujoco model="m"/>')
+    files = [str(f) for f in (good, endless, broken, other)]
+    command = ["rank", *files, "--episodes", "1", "--out", str(tmp_path / "out"), "--json"]
+    assert main(command) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["measure"]["version"] == VERSION
+    rows = {r["asset"].split("-")[0]: r for r in found["rows"]}
+    assert set(rows) == {"good", "endless"}
+    assert rows["good"]["cause"] == "" and rows["good"]["episodes"] == 1
+    assert rows["endless"]["cause"] == "asset" and "<limit>" in rows["endless"]["why"]
+    why = {a["name"].split("-")[0]: a["why"] for a in found["assets"]}
+    assert "XML" in why["broken"] and "MJCF" in why["other"]
+    kept = {p: p.stat().st_mtime_ns for p in (tmp_path / "out" / "rows").iterdir()}
+    assert main(command) == 0
+    assert json.loads(capsys.readouterr().out) == found
+    assert {p: p.stat().st_mtime_ns for p in (tmp_path / "out" / "rows").iterdir()} == kept
+    assert (tmp_path / "out" / "index.html").is_file()
