@@ -23,7 +23,16 @@ class BenchConfig:
     """With --fuse: cells of the grid along the longest side."""
     faces: int = 60_000
     """With --fuse: triangles of the surface."""
+    named: bool = False
+    """Generated objects only: give their nodes names, half of them without sense or false."""
+    word: bool = False
+    """Tell the engine the object's category in words, where its vocabulary has them."""
     execute: Annotated[bool, tyro.conf.arg(name="exec")] = True
     """Write each asset and test it in the simulator."""
     engine: EngineConfig = field(default_factory=EngineConfig)
     models: ModelConfig = field(default_factory=ModelConfig)
+
+    def told(self) -> str:
+        """What is special about the input, for the table's title; empty for authored meshes."""
+        sorts = {"fused input": self.fuse, "with names": self.named, "with its word": self.word}
+        return "".join(f", {sort}" for sort, on in sorts.items() if on)

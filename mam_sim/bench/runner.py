@@ -8,10 +8,9 @@ import multiprocessing
 import os
 import tempfile
 import time
-import zlib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ import numpy as np
 
 from mam_pipeline import backends
 from mam_pipeline.errors import ConfigError, HintNeeded, MamSimError, NotPhysicalError
+from mam_pipeline.evidence.spec import NOTHING, KinematicSpec, Said
 from mam_pipeline.geometry.front import moved
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.metrics import FoundJoint, JointScore, Scores, score
@@ -45,6 +45,8 @@ class Task:
     def load(self) -> GroundTruth:
         """Read or generate the truth."""
         if self.seed >= 0:
+            from mam_world.truth import generated_truth
+
             return generated_truth(self.category, self.seed)
         return read_object(self.source, self.id, self.category)
 
@@ -99,32 +101,14 @@ def find_tasks(dataset: str, only: Sequence[str] = (), limit: int | None = None)
     return tasks if limit is None else tasks[:limit]
 
 
-def generated_truth(category: str, seed: int) -> GroundTruth:
-    """A generated object as ground truth: its file's surface, turned by a quarter turn or none."""
-    from mam_world.object import make_object
-
-    made = make_object(category, seed)
-    turn = np.eye(4)
-    quarter = zlib.crc32(made.name.encode()) % 4
-    c, s = [(1, 0), (0, 1), (-1, 0), (0, -1)][quarter]
-    turn[:2, :2] = [[c, -s], [s, c]]
-    truth = moved(made.truth(), turn)
-    mesh = replace(truth.mesh, face_group=None, group_names=("mesh",))
-    order = np.random.default_rng(quarter).permutation(len(mesh.faces))
-    assert mesh.face_material is not None
-    mesh = replace(mesh, faces=mesh.faces[order], face_material=mesh.face_material[order])
-    label = truth.face_link[order]
-    links = tuple(
-        replace(link, faces=np.flatnonzero(label == i)) for i, link in enumerate(truth.links)
-    )
-    return GroundTruth(made.name, category, mesh, label, links, truth.joints)
-
-
 def run_task(task: Task, config: BenchConfig) -> Record:
     """Run the engine on one object and score it; a failure becomes a record too."""
     from mam_pipeline.asset.interiors import add_interiors
 
     truth = task.load()
+    if config.named:
+        truth = _with_names(truth, task)
+    spec = _spec(truth, config)
     mesh = truth.mesh
     if config.fuse:
         from mam_pipeline.geometry.fuse import fuse_mesh
@@ -134,7 +118,7 @@ def run_task(task: Task, config: BenchConfig) -> Record:
     began = time.perf_counter()
     try:
         with settings.given({**config.models.settings(), settings.SUBJECT: task.id}):
-            run = articulate_mesh(mesh, config=config.engine)
+            run = articulate_mesh(mesh, config=config.engine, spec=spec)
         found, _ = add_interiors(run.articulation)  # as the asset is delivered
     except HintNeeded as error:
         status, why = "asked", str(error)
@@ -167,6 +151,26 @@ def run_task(task: Task, config: BenchConfig) -> Record:
         reasons=reasons,
         used={} if run is None else dict(run.used),
     )
+
+
+def _with_names(truth: GroundTruth, task: Task) -> GroundTruth:
+    """The same object with names on its nodes."""
+    if task.seed < 0:
+        raise ConfigError(f"--named is for generated objects, not for {task.source}")
+    from mam_world.named import with_names
+
+    return with_names(truth)
+
+
+def _spec(truth: GroundTruth, config: BenchConfig) -> KinematicSpec:
+    """What the engine is told beside geometry."""
+    from mam_pipeline.evidence.names import object_of
+    from mam_pipeline.evidence.read import spec_of
+
+    what = truth.category.replace("_", " ")
+    if not config.word or object_of(what, Said("user", what)) is None:
+        what = ""
+    return spec_of(truth.mesh, what=what) if config.named or what else NOTHING
 
 
 def grouping_bound(mesh: Any, labels: Any, truth: GroundTruth) -> float:

@@ -96,7 +96,7 @@ class Bench(Verb):
         screen.out.width = max(screen.out.width, 136)  # the table must not lose digits in a pipe
         screen.out.print(table.objects_table(records))
         screen.out.print(table.rows_table(table.by_category(records), "categories"))
-        total = table.summarise("mam-sim" + (", fused input" if self.bench.fuse else ""), records)
+        total = table.summarise("mam-sim" + self.bench.told(), records)
         screen.out.print(table.rows_table([total, *table.PAPER], f"total of {self.dataset}"))
         screen.out.print(table.review_line(records))
         if self.out is not None:

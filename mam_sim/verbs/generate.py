@@ -17,7 +17,7 @@ class Generate(Verb):
     """Write procedural objects: static.glb (what a user would have) with its exact asset folder."""
 
     category: str = "all"
-    """One category, or "all": then --count objects of each."""
+    """One category, or "all": then --count objects of each that has joints."""
     count: int = 1
     """How many objects of each category."""
     seed: int = 0
@@ -29,7 +29,7 @@ class Generate(Verb):
     textures: bool = True
     """Draw procedural pictures on the materials."""
     plain: bool = False
-    """No styles: the static file is the exact object, metres, Z up in the asset frame."""
+    """No styles: the static file is the exact object."""
     jobs: int = 1
     """Processes; the files do not depend on how many."""
 
@@ -38,9 +38,9 @@ class Generate(Verb):
         from mam_pipeline.errors import ConfigError
 
         if self.list_:
-            from mam_world import CATEGORIES
+            from mam_world.registry import categories, motionless
 
-            for name, entry in CATEGORIES.items():
+            for name, entry in {**categories(), **motionless()}.items():
                 print(f"{name:<26} {entry.family}")
             return 0
         if self.out is None:

@@ -44,7 +44,8 @@ def write_dataset(
         seed: of the first object; the others follow. The same seed gives the same bytes.
         out: the folder to write.
         textures: draw procedural pictures on the materials.
-        plain: no styles: the static file is the exact object, metres, Z up in the asset frame.
+        plain: no styles: the static file is the exact object. All are written as glTF has it:
+            metres, +Y up, and with +Z in front where the object is not turned.
         jobs: processes; the files do not depend on how many.
         on_object: called with every row of the manifest when its object is written.
 
@@ -92,7 +93,9 @@ def _rows(
 def _write(name: str, seed: int, out: Path, textures: bool, plain: bool) -> list[object]:
     """Make one object and write its folder; returns its row of the manifest."""
     style = Style() if plain else draw_style(generator(name, seed, stream=1))
-    return write_object(make_object(name, seed, replace(style, textures=textures)), out)
+    # glTF fixes both: +Y is up and the unit is the metre
+    style = replace(style, textures=textures, y_up=True, unit="m")
+    return write_object(make_object(name, seed, style), out)
 
 
 def write_object(made: WorldObject, out: Path) -> list[object]:
@@ -101,7 +104,7 @@ def write_object(made: WorldObject, out: Path) -> list[object]:
     to_asset = np.linalg.inv(made.static_T_asset)
     with folders.work_folder(folder) as work:
         loose = work / "static.glb"
-        # the file keeps the object's own axes and unit: nothing is turned on the way
+        # the mesh is in the file's own axes already: nothing is turned on the way
         save_glb(made.static, loose, up="z")
         digest = sha256(loose.read_bytes()).hexdigest()
         asset = write_asset(

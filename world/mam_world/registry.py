@@ -53,6 +53,7 @@ FAMILIES: tuple[str, ...] = (
     "handheld",
     "park",
 )
+MOTIONLESS_FAMILY = "motionless"  # objects without a joint, kept apart from the others
 
 
 @dataclass(frozen=True)
@@ -81,13 +82,20 @@ def categories() -> dict[str, Category]:
     return out
 
 
+@lru_cache(maxsize=1)
+def motionless() -> dict[str, Category]:
+    """Name -> category of objects in which nothing moves; no family has one of the same name."""
+    module = importlib.import_module(f"mam_world.{MOTIONLESS_FAMILY}")
+    return {name: Category(name, MOTIONLESS_FAMILY) for name in module.CATEGORIES}
+
+
 def category(name: str) -> Category:
-    """The category of this name.
+    """The category of this name, motionless ones included.
 
     Raises:
         ConfigError: no such category; the message names the nearest.
     """
-    table = categories()
+    table = {**motionless(), **categories()}
     if name not in table:
         raise unknown_name("category", name, table)
     return table[name]

@@ -7,7 +7,7 @@ from typing import Literal
 
 from mam_pipeline.errors import unknown_name
 from mam_world.object import WorldObject, make_object
-from mam_world.registry import CATEGORIES
+from mam_world.registry import CATEGORIES, motionless
 
 Split = Literal["train", "validation", "test"]
 SPLITS: tuple[Split, ...] = ("train", "validation", "test")
@@ -21,13 +21,15 @@ TEST_ONLY = frozenset({
     "wood_stove", "hole_punch", "wheelchair", "lazy_susan", "vault_door", "radio_set",
     "hinged_case", "pinball",
 })  # fmt: skip
+# kinds in which nothing moves, held back in the same way
+MOTIONLESS_TEST_ONLY = frozenset({"hydrant", "animal", "bench", "spanner", "fixed_lamp", "stool"})
 # of ten seeds in a row, the last two are kept for validation and test
 _OF_TEN: dict[int, Split] = {8: "validation", 9: "test"}
 
 
 def split_of(category: str, seed: int) -> Split:
     """The split that an object belongs to."""
-    if category in TEST_ONLY:
+    if category in TEST_ONLY or category in MOTIONLESS_TEST_ONLY:
         return "test"
     if category in VALIDATION_ONLY:
         return "validation"
@@ -51,6 +53,23 @@ def iterate(split: str, count: int | None = None, start: int = 0) -> Iterator[tu
         if (split == "test" or n not in TEST_ONLY)
         and (split == "validation" or n not in VALIDATION_ONLY)
     ]  # fmt: skip
+    yield from _rounds(names, split, count, start)
+
+
+def iterate_motionless(
+    split: str, count: int | None = None, start: int = 0
+) -> Iterator[tuple[str, int]]:
+    """The same of objects in which nothing moves; see `iterate`."""
+    if split not in SPLITS:
+        raise unknown_name("split", split, SPLITS)
+    names = [n for n in motionless() if split == "test" or n not in MOTIONLESS_TEST_ONLY]
+    yield from _rounds(names, split, count, start)
+
+
+def _rounds(
+    names: list[str], split: str, count: int | None, start: int
+) -> Iterator[tuple[str, int]]:
+    """Round after round over some categories, the seeds of a split in turn."""
     yielded, block = 0, start
     while True:
         # one seed of every category in turn: ten seeds hold at least one of each split
