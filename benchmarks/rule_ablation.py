@@ -48,8 +48,8 @@ from mam_pipeline.run import EngineConfig
 from mam_pipeline.segment.geometric import GeometricSegmenter
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import KinematicTree, Mesh, Primitives
-from mam_sim.bench.runner import generated_truth
 from mam_world.splits import VALIDATION_ONLY, iterate
+from mam_world.truth import generated_truth
 
 METRICS = ("miou", "count", "type_error", "axis", "limits")
 MORE_IS_BETTER = ("miou", "count", "limits")

@@ -19,6 +19,7 @@ from mam_pipeline import config_file
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.read import read_asset
 from mam_pipeline.errors import ConfigError
+from mam_pipeline.evidence.spec import stated_groups
 from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.hints import Hints, load_hints, save_hints
 from mam_pipeline.joints.candidates import rank_hypotheses
@@ -143,7 +144,7 @@ class Session:
         stages = Path(self._copy.name) / "stages"
         stages.mkdir()
         copy_stages(self.place.asset / "stages", stages)
-        self._stages = Stages(self.place.config.engine, self._tell, StageStore(stages))
+        self._stages = Stages(self.place.config.engine_used, self._tell, StageStore(stages))
         with outside_allowed(self.place.config.allow_outside):
             read = read_source(source, kind, self.place.config, self._stages)
         hints = read.hints
@@ -151,9 +152,11 @@ class Session:
             hints = self._saved = load_hints(self.place.hints)
         self.mesh = read.mesh
         self._cut = self._stages.segment(read.mesh)
-        self.primitives = along_nodes(self._cut, read.mesh, hints)
+        self._spec = read.spec
+        groups = stated_groups(read.spec)
+        self.primitives = along_nodes(self._cut, read.mesh, hints, groups)
         self._prior = self._stages.observe(self.mesh, self.primitives, hints)
-        tree = self._stages.reason(self.mesh, self.primitives, self._prior, hints)
+        tree = self._stages.reason(self.mesh, self.primitives, self._prior, hints, read.spec)
         self._history = [self._solved(self._stages, tree, hints)]
 
     def _look_at(self, articulation: Articulation) -> None:
@@ -288,7 +291,7 @@ class Session:
     def _engine_says(self) -> KinematicTree:
         """The engine's own tree, without any word of a person's; edits in `stages/` are none."""
         prior = self._stages.observe(self.mesh, self.primitives)
-        return self._fresh.reason(self.mesh, self.primitives, prior)
+        return self._fresh.reason(self.mesh, self.primitives, prior, spec=self._spec)
 
     def prepare(self) -> None:
         """Do now what the first edit would have to wait for."""
@@ -315,7 +318,7 @@ class Session:
     @cached_property
     def _fresh(self) -> Stages:
         """Stages without a store: estimates are remembered in memory."""
-        return Stages(self.place.config.engine)
+        return Stages(self.place.config.engine_used)
 
 
 def _way(c: JointCandidate) -> str:

@@ -13,6 +13,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import MamSimError
+from mam_pipeline.formats.placement import Decision
 from mam_pipeline.models.ledger import Ledger, one_ledger
 from mam_pipeline.models.settings import given
 from mam_pipeline.optional import has
@@ -91,6 +92,8 @@ def describe(screen: Screen, asset: Asset) -> None:
     card = asset.card
     for note in card.notes:
         screen.say(note)
+    for row in card.placement:
+        screen.say(Decision(**row).told())
     count = len(card.joints)
     screen.say(f"{card.name}: {count} joint{'s' if count != 1 else ''}")
     for joint in card.joints:

@@ -33,6 +33,7 @@ class Rules:
         fittings: (parts) a lever or knob on a panel moves by itself only if its joint is clear.
         panes: (parts) a pane in a panel moves by itself only if its joint is clear.
         minor: (parts) so does what is small beside the largest part.
+        abstain: (parts) what is less likely a part than a calibrated bar stays still and is told.
         on_both_bodies: (joints) a hinge line gives way to a near one that stays on both bodies.
         when_stuck: (joints) the best hypothesis gives way to another where it leaves a part stuck.
         near_lines: (joints) geometry decides between lines that are nearly the same.
@@ -57,6 +58,7 @@ class Rules:
     fittings: bool = True
     panes: bool = True
     minor: bool = True
+    abstain: bool = True
     on_both_bodies: bool = True
     when_stuck: bool = True
     near_lines: bool = True

@@ -12,7 +12,7 @@ import json
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -23,9 +23,11 @@ from mam_pipeline import backends, config_file, folders
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.backends import KinematicPrior, Maker, Reconstruction
 from mam_pipeline.errors import ConfigError, InputError, NotPhysicalError
+from mam_pipeline.evidence.spec import NOTHING, Informed, KinematicSpec, stated_groups
 from mam_pipeline.formats.door import outside_allowed
+from mam_pipeline.formats.placement import Decision
 from mam_pipeline.formats.suffixes import MESHES, PHOTOS
-from mam_pipeline.geometry.front import front_yaw, moved
+from mam_pipeline.geometry.front import front_of, moved
 from mam_pipeline.hints import Hints, load_hints
 from mam_pipeline.models import settings
 from mam_pipeline.models.ledger import one_ledger
@@ -94,6 +96,8 @@ class MakeConfig:
 
     up: Literal["auto", "y", "z"] = "auto"
     """Up axis of the source."""
+    facing: Literal["auto", "x", "-x", "y", "-y", "z", "-z"] = "auto"
+    """Direction of the source's axes in which its front looks."""
     height: float | None = None
     """Height of the object, metres."""
     scale: float | None = None
@@ -102,6 +106,10 @@ class MakeConfig:
     """YAML file with what you know about the parts."""
     allow_outside: bool = False
     """Let a mesh or URDF of your own name files outside its folder (textures, meshes)."""
+    what: str | None = None
+    """What the object is, in your words: "toaster oven", "cabinet with 2 doors and 3 drawers"."""
+    names: bool = True
+    """Weigh the names, copies and animations in the file, and the file's own name."""
     visuals: Literal["obj", "glb"] = "obj"
     """Format of the visual meshes: OBJ is read by every simulator, GLB is one file per link."""
     interiors: bool = True
@@ -114,6 +122,13 @@ class MakeConfig:
     engine: EngineConfig = field(default_factory=EngineConfig)
     photo: PhotoConfig = field(default_factory=PhotoConfig)
     models: ModelConfig = field(default_factory=ModelConfig)
+
+    @property
+    def engine_used(self) -> EngineConfig:
+        """The engine's settings, which keep the unlikely where low confidence is accepted."""
+        if not self.photo.accept_low_confidence:
+            return self.engine
+        return replace(self.engine, rules=self.engine.rules.without("abstain"))
 
     def check(self) -> None:
         """Raise ConfigError for a length that is no positive number or an unknown backend."""
@@ -142,6 +157,8 @@ class Source:
     metres_per_unit: float
     metres_per_unit_source: str
     hints: Hints | None = None
+    spec: KinematicSpec = NOTHING
+    decisions: tuple[Decision, ...] = ()
     articulation: Articulation | None = None
     summary: str = ""
     notes: tuple[str, ...] = ()
@@ -186,25 +203,49 @@ def make_asset(
         (work / "stages").mkdir()
         copy_stages(out / "stages", work / "stages")
         store = StageStore(work / "stages")
-        stages = Stages(config.engine, on_stage, store)
+        stages = Stages(config.engine_used, on_stage, store)
         with outside_allowed(config.allow_outside):
             read = read_source(source, kind, config, stages)
         if read.articulation is None:
             save_geometry(read.mesh, store.folder / "0_mesh")
-            run = stages.articulate(read.mesh, given if given is not None else read.hints)
+            hints = given if given is not None else read.hints
+            run = stages.articulate(read.mesh, hints, read.spec)
             articulation, notes = run.articulation, list(run.notes)
         else:
             articulation, notes = read.articulation, []
             stages.makers["articulation"] = Maker("urdf")
-        yaw = front_yaw(articulation) if kind == "mesh" else np.eye(4)
+        yaw, placed = _turned_to_front(articulation, read, config)
         (store.folder / "frame.json").write_text(json.dumps({"asset_T_engine": yaw.tolist()}))
         stages.tell("asset")
         articulation, assumed = _finished(moved(articulation, yaw), read, config, stages)
         asset = _written(
             articulation, work, out, source, read, config, stages,
-            yaw @ read.source_to_asset, [read.summary, *read.notes, *store.notes, *notes, *assumed],
+            yaw @ read.source_to_asset, placed,
+            [read.summary, *read.notes, *store.notes, *notes, *assumed],
         )  # fmt: skip
     return Asset(out, asset.card)
+
+
+def _turned_to_front(
+    articulation: Articulation, read: Source, config: MakeConfig
+) -> tuple[FloatArray, tuple[Decision, ...]]:
+    """(4, 4) rotation that turns the front towards -X, and all decisions on how it stands."""
+    if read.kind != "mesh":
+        return np.eye(4), read.decisions
+    given = None
+    if config.facing != "auto":
+        letter, sign = config.facing[-1], -1.0 if config.facing.startswith("-") else 1.0
+        file_axis = sign * np.eye(3)["xyz".index(letter)]
+        given = read.source_to_asset[:3, :3] @ file_axis / read.metres_per_unit
+        if np.linalg.norm(given[:2]) < 0.5:
+            raise ConfigError(f"--facing {config.facing} points up or down; name a level axis")
+    # +Z of a Y-up file and -Y of a Z-up one are this direction of the engine's frame
+    found = front_of(articulation, (0.0, -1.0, 0.0), given)
+    towards = np.linalg.inv(found.yaw @ read.source_to_asset)[:3, :3] @ (-1.0, 0.0, 0.0)
+    axis = int(np.argmax(np.abs(towards)))
+    name = f"{'-' if towards[axis] < 0 else '+'}{'xyz'[axis]} of the file"
+    decision = Decision("front", name, found.why, found.runner_up, found.confidence)
+    return found.yaw, (*read.decisions, decision)
 
 
 def _finished(
@@ -224,7 +265,8 @@ def _finished(
 
 def _written(
     articulation: Articulation, work: Path, out: Path, source: Path, read: Source,
-    config: MakeConfig, stages: Stages, source_to_asset: FloatArray, notes: list[str],
+    config: MakeConfig, stages: Stages, source_to_asset: FloatArray,
+    placed: tuple[Decision, ...], notes: list[str],
 ) -> Asset:  # fmt: skip
     """Write and check the asset in the work folder, and put it in its place."""
     from mam_pipeline.asset.writer import write_asset
@@ -238,6 +280,7 @@ def _written(
         source_to_asset=source_to_asset,
         metres_per_unit=read.metres_per_unit,
         metres_per_unit_source=read.metres_per_unit_source,
+        placement=[asdict(decision) for decision in placed],
         backends={role: asdict(maker) for role, maker in stages.makers.items()},
         seconds=stages.seconds,
         notes=[note for note in notes if note],
@@ -280,12 +323,19 @@ def read_source(source: Path, kind: str, config: MakeConfig, stages: Stages) -> 
             made, note = read_urdf(source), coupling_note(source)
             notes = (note,) if note else ()
             return Source(kind, made.mesh, np.eye(4), 1.0, "urdf", articulation=made, notes=notes)
+        from mam_pipeline.evidence.read import spec_of, usual_size
         from mam_pipeline.formats.mesh_files import load_mesh
 
-        got = load_mesh(source, up=config.up, height=config.height, scale=config.scale)
+        usual = usual_size(source, config.what, config.names)
+        got = load_mesh(
+            source, up=config.up, height=config.height, scale=config.scale, usual=usual
+        )  # fmt: skip
+        spec = spec_of(
+            got.mesh, source, got.source_to_asset, config.what, use_names=config.names
+        )  # fmt: skip
         return Source(
             kind, got.mesh, got.source_to_asset, got.metres_per_unit, got.metres_per_unit_source,
-            notes=got.notes, shell=True,
+            spec=spec, decisions=got.decisions, notes=(*got.notes, *spec.notes), shell=True,
         )  # fmt: skip
 
 
@@ -325,14 +375,18 @@ def articulate_mesh(
     hints: Hints | None = None,
     config: EngineConfig = EngineConfig(),
     on_stage: OnStage | None = None,
+    spec: KinematicSpec = NOTHING,
 ) -> EngineRun:
     """Run the engine in memory on a mesh in the asset frame (metres, Z up).
+
+    Args:
+        hints: obeyed. spec: what else is known beside geometry; it weighs.
 
     Raises:
         NotPhysicalError: nothing movable was found.
         BackendError: a backend named in the config cannot run.
     """
-    return Stages(config, on_stage).articulate(mesh, hints)
+    return Stages(config, on_stage).articulate(mesh, hints, spec)
 
 
 class Stages:
@@ -362,17 +416,20 @@ class Stages:
         self._store = store
         self._digests: dict[str, str] = {}  # of the results, by role
 
-    def articulate(self, mesh: Mesh, hints: Hints | None = None) -> EngineRun:
+    def articulate(
+        self, mesh: Mesh, hints: Hints | None = None, spec: KinematicSpec = NOTHING
+    ) -> EngineRun:
         """From a mesh (metres, Z up) to joints."""
         from mam_pipeline.parts.rules.fittings import carried_notes
+        from mam_pipeline.parts.said import said_notes
         from mam_pipeline.parts.tree import left_out_note
 
-        primitives = along_nodes(self.segment(mesh), mesh, hints)
+        primitives = along_nodes(self.segment(mesh), mesh, hints, stated_groups(spec))
         prior = self.observe(mesh, primitives, hints)
-        tree = self.reason(mesh, primitives, prior, hints)
+        tree = self.reason(mesh, primitives, prior, hints, spec)
         articulation = self.solve(mesh, primitives, tree, hints)
         used = {role: maker.name for role, maker in self.makers.items()}
-        notes = (left_out_note(tree), *carried_notes(tree))
+        notes = (left_out_note(tree), *carried_notes(tree), *said_notes(tree))
         return EngineRun(primitives, prior, tree, articulation, used, self.seconds, notes)
 
     def reconstruct(
@@ -423,21 +480,29 @@ class Stages:
         primitives: Primitives,
         prior: KinematicPrior | None,
         hints: Hints | None = None,
+        spec: KinematicSpec = NOTHING,
     ) -> KinematicTree:
-        """Primitives and priors to parts, tree and joint subtypes; hints have the last word."""
+        """Primitives and priors to parts, tree and joint subtypes.
+
+        Hints have the last word; what else is known is given to a reasoner that listens.
+        """
+
+        said = {} if spec.empty else {"spec": text_digest(repr(spec))}
 
         def reasoned(backend: Any) -> KinematicTree:
             if backend is None:
                 whole = PartNode("body", "body", tuple(range(primitives.count)), -1, "fixed")
                 tree = KinematicTree((whole,))
             else:
+                if isinstance(backend, Informed) and not spec.empty:
+                    backend = backend.with_spec(spec)
                 tree = backend.reason(mesh, primitives, prior, seed=self.config.seed)
             return tree if hints is None else apply_hints(tree, primitives, mesh, hints)
 
         return self._stage(
             "reasoner", "hints" if _settled(hints) else self.config.reasoner, "reason",
             tree_codec(primitives.count), reasoned,
-            lambda: self._inputs(mesh, hints, "segmenter", "prior"),
+            lambda: self._inputs(mesh, hints, "segmenter", "prior") | said,
         )  # fmt: skip
 
     def solve(

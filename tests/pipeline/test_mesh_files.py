@@ -132,7 +132,7 @@ def test_nothing_is_welded(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("size", "unit", "word"),
-    [(0.8, 1.0, "plausible"), (800.0, 0.001, "millimetres"), (180.0, 0.01, "centimetres")],
+    [(0.8, 1.0, "plausible"), (800.0, 0.001, "millimetres"), (180.0, 0.001, "millimetres")],
 )
 def test_scale_is_guessed_from_the_size_and_said_so(
     tmp_path: Path, size: float, unit: float, word: str
@@ -141,7 +141,7 @@ def test_scale_is_guessed_from_the_size_and_said_so(
     loaded = load_mesh(tmp_path / "a.stl")
     assert loaded.metres_per_unit == unit
     assert word in loaded.metres_per_unit_source
-    assert any("--height" in note for note in loaded.notes)
+    assert word in loaded.decisions[1].told()
 
 
 def test_height_and_scale_settle_the_size(tmp_path: Path) -> None:

@@ -97,6 +97,7 @@ class AssetCard:
     source_to_asset: list[list[float]] = field(default_factory=lambda: np.eye(4).tolist())
     metres_per_unit: float = 1.0
     metres_per_unit_source: str = "assumed"
+    placement: list[dict[str, Any]] = field(default_factory=list)
     bounds: list[list[float]] = field(default_factory=list)
     parts: list[CardPart] = field(default_factory=list)
     joints: list[CardJoint] = field(default_factory=list)

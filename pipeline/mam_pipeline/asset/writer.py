@@ -36,6 +36,7 @@ def write_asset(
     source_to_asset: ArrayLike | None = None,
     metres_per_unit: float = 1.0,
     metres_per_unit_source: str = "assumed",
+    placement: Sequence[Mapping[str, Any]] = (),
     collision: Mapping[str, Sequence[CollisionShape]] | None = None,
     backends: Mapping[str, Any] | None = None,
     seconds: Mapping[str, float] | None = None,
@@ -50,7 +51,8 @@ def write_asset(
         name: of the asset.
         source: {path, sha256, kind} of the input.
         source_to_asset: (4, 4) file coordinates to asset frame, scale included.
-        metres_per_unit, metres_per_unit_source: the scale and who said so.
+        metres_per_unit, metres_per_unit_source: the scale and who said so. placement: decisions on
+            up, unit and front, for the card.
         collision: pieces by link name (asset frame); computed for links that it leaves out.
         backends, seconds, notes: for the card.
         visuals: format of the visual meshes; OBJ is what every simulator reads.
@@ -83,6 +85,7 @@ def write_asset(
             source_to_asset=_matrix(source_to_asset),
             metres_per_unit=float(metres_per_unit),
             metres_per_unit_source=metres_per_unit_source,
+            placement=[dict(decision) for decision in placement],
             backends=dict(backends or {}),
             seconds={**(seconds or {}), "write": round(time.perf_counter() - began, 3)},
             notes=[*notes, *written.notes],

@@ -22,15 +22,11 @@ from mam_pipeline.formats.gltf import read_gltf
 from mam_pipeline.formats.gltf_write import write_glb
 from mam_pipeline.formats.headers import check_header
 from mam_pipeline.formats.obj import read_obj, write_obj
+from mam_pipeline.formats.placement import Decision, choose_unit, choose_up
 from mam_pipeline.formats.soup import LIMITS, Budget, FileContent, Piece, checked, join
 from mam_pipeline.formats.suffixes import MESHES, STEP, USD
 from mam_pipeline.formats.threemf import read_3mf
 from mam_pipeline.types import FloatArray, IntArray, Material, Mesh, readonly
-
-PLAUSIBLE_METRES = (0.02, 5.0)
-"""Largest extent of things that a robot works with, metres; outside it the unit is a guess."""
-_TYPICAL_METRES = 0.7
-_UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "metres": 1.0}
 
 
 @dataclass(frozen=True)
@@ -43,6 +39,7 @@ class LoadedMesh:
         metres_per_unit: the scale alone.
         metres_per_unit_source: who said so: a flag, the format, or an assumption.
         notes: assumptions in words, and what is not taken over, for the card and the report.
+        decisions: on the up axis and the unit, with what else they might be.
     """
 
     mesh: Mesh
@@ -50,6 +47,7 @@ class LoadedMesh:
     metres_per_unit: float
     metres_per_unit_source: str
     notes: tuple[str, ...] = ()
+    decisions: tuple[Decision, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(
@@ -63,6 +61,7 @@ def load_mesh(
     up: Literal["auto", "y", "z"] = "auto",
     height: float | None = None,
     scale: float | None = None,
+    usual: float | None = None,
 ) -> LoadedMesh:
     """Read a mesh file (GLB, glTF, OBJ, PLY, STL, DAE, OFF) into the asset frame.
 
@@ -74,6 +73,7 @@ def load_mesh(
         up: which axis of the file points up; "auto" takes the format's word or looks at the shape.
         height: metres from floor to top after loading; settles the scale.
         scale: metres per unit of the file; settles the scale.
+        usual: largest side of such an object, metres, where its kind is known.
 
     Raises:
         InputError: missing, empty, of another kind than its name says, not finite, without faces,
@@ -89,19 +89,17 @@ def load_mesh(
     content = read_file(file)
     mesh = join(content.pieces, content.materials)
     _check(mesh, file)
-    notes = list(content.notes)
-    turn, why = _upright(mesh, content.up, up, file.suffix.lower())
-    notes.append(why)
+    turn, upward = choose_up(mesh, content.up, up, file.suffix.lower())
     turned = mesh.transformed(_matrix(turn))
     low, high = turned.bounds
-    unit, source = _unit(high - low, content.metres_per_unit, height, scale)
-    if source.startswith("assumed"):
-        notes.append(f"scale {source}; --height or --scale settles it")
+    unit, source, length = choose_unit(
+        high - low, content.metres_per_unit, height, scale, file.suffix.lower(), usual
+    )
     matrix = _matrix(turn * unit)
     middle = (low + high) / 2 * unit
     matrix[:3, 3] = [-middle[0], -middle[1], -low[2] * unit]
     placed = mesh.transformed(matrix)
-    return LoadedMesh(placed, matrix, unit, source, tuple(notes))
+    return LoadedMesh(placed, matrix, unit, source, content.notes, (upward, length))
 
 
 def read_file(file: Path, root: Path | None = None) -> FileContent:
@@ -229,68 +227,6 @@ def _check(mesh: Mesh, file: Path) -> None:
         raise InputError(f"{file} has no surface: all its vertices lie on one line")
     if spread[0] <= 1e-6 * spread[-1]:
         raise InputError(f"{file} is flat: all its vertices lie in one plane, so nothing can move")
-
-
-def _upright(mesh: Mesh, stated: str | None, wanted: str, suffix: str) -> tuple[FloatArray, str]:
-    """(3, 3) rotation that brings the file's up axis to Z, and the reason in words."""
-    if wanted in ("y", "z"):
-        axis, why = wanted, "as asked"
-    elif stated is not None:
-        axis, why = stated, "as the file format says"
-    else:
-        default = "y" if suffix == ".obj" else "z"
-        scores = {a: _stands(mesh, i) for a, i in (("y", 1), ("z", 2))}
-        if abs(scores["y"] - scores["z"]) > 0.25:
-            axis = max(scores, key=lambda a: scores[a])
-            why = f"assumed from the shape (stands {scores['y']:.2f} on y, {scores['z']:.2f} on z)"
-        else:
-            axis, why = default, f"assumed: usual for {suffix[1:].upper()} files"
-    turn = np.eye(3) if axis == "z" else np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
-    return turn, f"up axis {axis}, {why}"
-
-
-def _stands(mesh: Mesh, axis: int) -> float:
-    """How well the mesh stands when `axis` is up: floor at zero, wide flat support, 0..2.
-
-    A floor at coordinate 0 with the other axes centred is how people place furniture; support is
-    the share of the footprint spanned by the lowest 1 % of the height.
-    """
-    low, high = mesh.bounds
-    extent = high - low
-    others = [i for i in range(3) if i != axis]
-    floor = abs(low[axis]) < 0.01 * extent[axis]
-    centred = all(abs(low[i] + high[i]) < 0.1 * extent[i] for i in others)
-    points = mesh.vertices[mesh.faces.reshape(-1)]
-    feet = points[points[:, axis] < low[axis] + 0.01 * extent[axis]][:, others]
-    span = (feet.max(axis=0) - feet.min(axis=0)) / np.maximum(extent[others], 1e-12)
-    return float(floor and centred) + float(np.prod(span))
-
-
-def _unit(
-    extent: FloatArray, stated: float | None, height: float | None, scale: float | None
-) -> tuple[float, str]:
-    """Metres per unit of the file, and where it came from; `extent` has Z up."""
-    if scale is not None:
-        return float(scale), "given by --scale"
-    if height is not None:
-        return float(height) / float(extent[2]), "given by --height"
-    size = float(extent.max())
-    low, high = PLAUSIBLE_METRES
-    if stated is not None and low <= size * stated <= high:
-        return stated, "stated by the file format"
-    if low <= size <= high:
-        return 1.0, "assumed metres: the size is plausible"
-
-    def strangeness(unit: float) -> float:
-        # inches are rarer than metric units, so they need a clearly better size
-        return abs(np.log(size * unit / _TYPICAL_METRES)) + (0.5 if unit == 0.0254 else 0.0)
-
-    name = min(_UNITS, key=lambda n: strangeness(_UNITS[n]))
-    unit = _UNITS[name]
-    if low <= size * unit <= high:
-        return unit, f"assumed {name}: {size:.4g} units would be {size * unit:.2f} m"
-    unit = _TYPICAL_METRES / size
-    return unit, f"assumed: {size:.4g} units fit no common unit, so the largest side is 0.7 m"
 
 
 def _matrix(linear: FloatArray) -> FloatArray:

@@ -2,22 +2,87 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mam_pipeline.types import Articulation, FloatArray, Mesh
 
 
-def front_yaw(articulation: Articulation) -> FloatArray:
-    """(4, 4) rotation about Z that turns the object's front towards -X.
+@dataclass(frozen=True)
+class FrontThresholds:
+    """How a front is decided.
 
-    The front is where parts open to: drawers slide out of it, doors swing out of it, lids have
-    their free edge there, knobs point out of it. Votes are weighted by the part's extent; with no
-    vote, or a symmetric one, the object stays as it is.
+    Attributes:
+        clear: share of the parts' votes that must agree for them to decide alone.
+        stated: weight of the file's convention beside votes that do not agree.
+        wheels: wheels with one axis from which the object is a vehicle; it faces along its track.
+        low: share of the height below which the middle of a wheel lies.
     """
+
+    clear: float = 0.4
+    stated: float = 0.4
+    wheels: int = 2
+    low: float = 0.4
+
+
+FRONT = FrontThresholds()
+
+
+@dataclass(frozen=True)
+class Front:
+    """Where an object's front is.
+
+    Attributes:
+        yaw: (4, 4) rotation about Z that turns it towards -X. why: who says so.
+        runner_up: the other side it may be, in words. confidence: 0..1.
+    """
+
+    yaw: FloatArray
+    why: str
+    runner_up: str = ""
+    confidence: float = 1.0
+
+
+def front_of(
+    articulation: Articulation, stated: ArrayLike | None = None, given: ArrayLike | None = None
+) -> Front:
+    """Decide where the front is: as given, where parts open to, else as the file's format has it.
+
+    Drawers slide out of the front, doors swing out of it, lids have their free edge there, knobs
+    point out of it; votes are weighted by the part's extent. Where they do not agree (a car's
+    wheels, a lamp), the format's convention decides; with neither, the object stays as it is.
+
+    Args:
+        stated: (3,) front by the file's convention, frame of the articulation. given: by the user.
+    """
+    if given is not None:
+        return Front(_towards(articulation.mesh, np.asarray(given, float), False), "as asked")
+    vote, weight = _votes(articulation)
+    track = _track(articulation)
+    share = float(np.linalg.norm(vote) / weight) if weight > 0 else 0.0
+    direction = None if stated is None else np.asarray(stated, float)[:2]
+    if track is not None:
+        vote, share = track * 1e-9, 0.0  # a vehicle faces along its track, whatever opens
+        if direction is not None:
+            side = float(direction @ track)
+            direction = track * np.sign(side) if abs(side) > 0.3 else None
+    if share >= FRONT.clear or (direction is None and np.linalg.norm(vote) >= 1e-6):
+        yaw = _towards(articulation.mesh, vote, True)
+        return Front(yaw, "where its parts open to", "" if share > 0.7 else "another side",
+                     0.5 + 0.5 * share)  # fmt: skip
+    if direction is None:
+        return Front(np.eye(4), "unknown: as in the file", "any side; --facing settles it", 0.3)
+    total = vote / max(weight, 1e-12) + FRONT.stated * direction
+    yaw = _towards(articulation.mesh, total, True)
+    return Front(yaw, "as files of this format usually have it", "the opposite side", 0.6)
+
+
+def _votes(articulation: Articulation) -> tuple[FloatArray, float]:
+    """(2,) sum of the directions in which parts open, and the sum of their weights."""
     mesh = articulation.mesh
-    vote = np.zeros(2)
+    vote, weight = np.zeros(2), 0.0
     for joint in articulation.joints:
         points = mesh.vertices[mesh.faces[articulation.links[joint.child].faces].reshape(-1)]
         if not len(points):
@@ -36,10 +101,32 @@ def front_yaw(articulation: Articulation) -> FloatArray:
                 direction = arm
         flat = direction[:2] / max(float(np.linalg.norm(direction)), 1e-12)
         vote += flat * float(np.linalg.norm(high - low))
-    if np.linalg.norm(vote) < 1e-6:
-        return np.eye(4)
-    angle = np.pi - np.arctan2(vote[1], vote[0])
-    angle = _snap_to_faces(mesh, angle)
+        weight += float(np.linalg.norm(high - low))
+    return vote, weight
+
+
+def _track(articulation: Articulation) -> FloatArray | None:
+    """(2,) unit direction along which an object on wheels rolls; None where it has none."""
+    mesh = articulation.mesh
+    low, high = mesh.bounds
+    axes = []
+    for joint in articulation.joints:
+        points = mesh.vertices[mesh.faces[articulation.links[joint.child].faces].reshape(-1)]
+        if joint.type == "prismatic" or joint.subtype != "spin" or not len(points):
+            continue
+        middle = 0.5 * (points[:, 2].min() + points[:, 2].max())
+        if abs(joint.axis[2]) < 0.3 and middle < low[2] + FRONT.low * (high[2] - low[2]):
+            axes.append(joint.axis[:2] / np.linalg.norm(joint.axis[:2]))
+    if len(axes) < FRONT.wheels or abs(np.asarray(axes) @ axes[0]).min() < 0.95:
+        return None
+    return np.array([-axes[0][1], axes[0][0]])
+
+
+def _towards(mesh: Mesh, direction: FloatArray, snap: bool) -> FloatArray:
+    """(4, 4) rotation about Z that turns a level direction towards -X."""
+    angle = float(np.pi - np.arctan2(direction[1], direction[0]))
+    if snap:
+        angle = _snap_to_faces(mesh, angle)
     out = np.eye(4)
     out[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
     return out

@@ -12,11 +12,14 @@ from importlib import resources
 from importlib.resources.abc import Traversable
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import expit
 
 from mam_pipeline.backends import Availability, KinematicPrior
+from mam_pipeline.evidence.spec import NOTHING, KinematicSpec
 from mam_pipeline.geometry.sampling import SEED_STEP
 from mam_pipeline.joints.ranker import ranker_weights
+from mam_pipeline.parts.abstain import abstained
 from mam_pipeline.parts.configurations import enumerate_sets, set_features
 from mam_pipeline.parts.features import pair_features, primitive_features
 from mam_pipeline.parts.graph import Graph, build_graph
@@ -27,6 +30,7 @@ from mam_pipeline.parts.network import Reading, log_odds
 from mam_pipeline.parts.rules.bare_handles import with_boards
 from mam_pipeline.parts.rules.choice import lighter, nearest, with_sure, with_twins
 from mam_pipeline.parts.rules.extent import completed, without_spanning
+from mam_pipeline.parts.said import Heard, against_physics, with_masks
 from mam_pipeline.parts.scores import Kind, Scores, load_scores
 from mam_pipeline.parts.select import SELECTION
 from mam_pipeline.parts.settle import settled
@@ -66,11 +70,15 @@ class EmbeddedReasoner:
     Args:
         scores: for every object; by default the package's, those for fused meshes apart.
         rules: hand rules that are followed.
+        spec: what is known of the object beside its geometry.
     """
 
-    def __init__(self, scores: Scores | None = None, rules: Rules = ALL_RULES) -> None:
+    def __init__(
+        self, scores: Scores | None = None, rules: Rules = ALL_RULES, spec: KinematicSpec = NOTHING
+    ) -> None:
         self.scores = scores
         self.rules = rules
+        self.spec = spec
 
     @classmethod
     def available(cls) -> Availability:
@@ -84,7 +92,11 @@ class EmbeddedReasoner:
 
     def with_rules(self, rules: Rules) -> EmbeddedReasoner:
         """See `rules.Ruled`."""
-        return EmbeddedReasoner(self.scores, rules)
+        return EmbeddedReasoner(self.scores, rules, self.spec)
+
+    def with_spec(self, spec: KinematicSpec) -> EmbeddedReasoner:
+        """See `evidence.spec.Informed`."""
+        return EmbeddedReasoner(self.scores, self.rules, spec)
 
     def reason(
         self, mesh: Mesh, primitives: Primitives, prior: KinematicPrior | None, seed: int = 0
@@ -93,32 +105,38 @@ class EmbeddedReasoner:
         mesh, primitives = without_repeats(mesh, primitives)
         views = sampled_views(mesh, primitives, prior, seed, self.rules)
         kind: Kind = "fused" if primitives.is_fused else "authored"
-        masks, choice = decide(views, self.scores or load_scores(kind), self.rules)
-        return tree_of(views[0].graph, masks, choice, mesh, primitives, seed, self.rules)
+        heard = Heard.of(self.spec, mesh, primitives)
+        masks, choice = decide(views, self.scores or load_scores(kind), self.rules, heard)
+        return tree_of(views[0].graph, masks, choice, mesh, primitives, seed, self.rules, heard)
 
 
 def tree_of(
     graph: Graph, masks: Masks, choice: Choice, mesh: Mesh, primitives: Primitives, seed: int,
-    rules: Rules,
+    rules: Rules, heard: Heard | None = None,
 ) -> KinematicTree:  # fmt: skip
     """From chosen candidates to final parts, for which the joint estimator is asked.
 
     Args:
-        mesh: with one copy of every face.
+        mesh: with one copy of every face. heard: what is known beside geometry.
     """
-    tree = drafted(graph, masks, choice, mesh, primitives, seed, rules)
-    return settled(tree, mesh, primitives, clear_from(graph, tree, rules), seed, rules)
+    tree = drafted(graph, masks, choice, mesh, primitives, seed, rules, heard)
+    tree = against_physics(tree, mesh, primitives, seed)
+    tree = settled(tree, mesh, primitives, clear_from(graph, tree, rules), seed, rules)
+    return abstained(tree, mesh, primitives, seed, rules)
 
 
 def drafted(
     graph: Graph, masks: Masks, choice: Choice, mesh: Mesh, primitives: Primitives, seed: int,
-    rules: Rules,
+    rules: Rules, heard: Heard | None = None,
 ) -> KinematicTree:  # fmt: skip
     """The parts as they were chosen, with types, joint hypotheses and names."""
     masks, choice = with_base(graph, masks, choice)
-    odds = choice.subtype[list(choice.chosen)]
+    chosen = list(choice.chosen)
     tree = build_tree(graph, masks, choice)
-    return named(graph, with_joints(tree, odds, mesh, primitives, seed, rules))
+    tree = with_joints(tree, choice.subtype[chosen], mesh, primitives, seed, rules)
+    if heard is not None and choice.said is not None:
+        tree = heard.noted(tree, masks[chosen], choice.said[chosen])
+    return named(graph, tree)
 
 
 @dataclass(frozen=True)
@@ -166,6 +184,8 @@ class Scored:
         same, move: (E,), (P,) probabilities of the bonds and of moving.
         best: candidates of the set that ranks first, best first; empty where nothing may move.
         least: confidence below which a part stays in the base.
+        said: (C,) log odds that what is known beside geometry added; firm: (C,) candidates whose
+            faces it delimits. None where nothing is known.
     """
 
     graph: Graph
@@ -177,19 +197,29 @@ class Scored:
     move: FloatArray
     best: tuple[int, ...]
     least: float
+    said: FloatArray | None = None
+    firm: NDArray[np.bool_] | None = None
 
 
-def decide(views: Sequence[View], scores: Scores, rules: Rules = ALL_RULES) -> tuple[Masks, Choice]:
+def decide(
+    views: Sequence[View], scores: Scores, rules: Rules = ALL_RULES, heard: Heard | None = None
+) -> tuple[Masks, Choice]:
     """Candidates and what was chosen of them; every score is the mean over the views."""
-    return chosen_parts(scored(views, scores), rules)
+    return chosen_parts(scored(views, scores, heard), rules)
 
 
-def scored(views: Sequence[View], scores: Scores) -> Scored:
-    """Candidates, and the best set of them."""
+def scored(views: Sequence[View], scores: Scores, heard: Heard | None = None) -> Scored:
+    """Candidates, and the best set of them.
+
+    Args:
+        heard: what is known beside geometry; it weighs on the candidates' values.
+    """
     graph = views[0].graph
     readings = bonds_of(views, scores)
     same, move = readings[0].same, readings[0].move
     masks = enumerate_groups(graph, same, move)
+    if heard is not None:
+        masks = with_masks(masks, heard.stated)
     if len(masks) == 0 or graph.count < 2:
         none = np.zeros(0)
         empty = np.zeros((0, graph.count), dtype=bool)
@@ -206,6 +236,11 @@ def scored(views: Sequence[View], scores: Scores) -> Scored:
     value = _mean([scores.revise(with_rivals(t, masks, value)) for t in tables])
     odds = _mean([scores.subtype(t) for t in tables])
     value = np.where(masks @ graph.area > 1.0 - SELECTION.least_base, 0.0, value)  # something stays
+    said = firm = None
+    if heard is not None:
+        firm = heard.firm(masks, value)
+        said, value = heard.odds(masks, value), heard.heard(masks, value)
+        odds = heard.subtypes(masks, odds, SUBTYPES)
     best: list[int] = []
     if value.max() > REASONER.rescue:
         sets = enumerate_sets(masks, tables[0], value)
@@ -213,9 +248,13 @@ def scored(views: Sequence[View], scores: Scores) -> Scored:
             scores.choose(set_features(v.graph, masks, t, value, odds, sets, r.same, r.move))
             for (v, r), t in zip(seen, tables)
         ])  # fmt: skip
+        if heard is not None:
+            quality = quality + heard.quality([len(row) for row in sets.rows()])
         best = sorted(sets.rows()[int(np.argmax(quality))], key=lambda c: -value[c])
     confidence = scores.confidence(value)
-    return Scored(graph, masks, value, odds, confidence, same, move, tuple(best), scores.least)
+    return Scored(
+        graph, masks, value, odds, confidence, same, move, tuple(best), scores.least, said, firm
+    )
 
 
 def chosen_parts(found: Scored, rules: Rules = ALL_RULES) -> tuple[Masks, Choice]:
@@ -224,7 +263,7 @@ def chosen_parts(found: Scored, rules: Rules = ALL_RULES) -> tuple[Masks, Choice
     best, confidence = list(found.best), found.confidence
     highest = float(value.max(initial=0.0))
     if not best:
-        return masks, Choice((), value, odds, confidence, highest)
+        return masks, Choice((), value, odds, confidence, highest, said=found.said)
     if rules.lighter_moves and len(best) == 1 and odds[best[0]].argmax() == HINGE:
         best = [lighter(graph, masks, value, best[0])]
     left = [c for c in best[1:] if confidence[c] < found.least] if rules.unsure_stays else []
@@ -243,10 +282,13 @@ def chosen_parts(found: Scored, rules: Rules = ALL_RULES) -> tuple[Masks, Choice
     whole = parts
     if rules.handle_alone:
         whole = with_boards(graph, parts, found.move, value[chosen])
+    if found.firm is not None:
+        whole = np.where(found.firm[chosen][:, None], masks[chosen], whole)
     for k in np.flatnonzero((whole != parts).any(axis=1)):
         chosen[k] = nearest(graph, masks, whole[k], chosen)  # its type is the board's
     masks[chosen] = whole
-    return masks, Choice(tuple(chosen), value, odds, confidence, highest, tuple(left))
+    final, out = tuple(chosen), tuple(left)
+    return masks, Choice(final, value, odds, confidence, highest, out, found.said)
 
 
 def bonds_of(views: Sequence[View], scores: Scores) -> list[Reading]:

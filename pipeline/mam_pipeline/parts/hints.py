@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -70,13 +71,15 @@ def apply_hints(
     return _rebuild(nodes, owner, hints.parts)
 
 
-def along_nodes(primitives: Primitives, mesh: Mesh, hints: Hints | None) -> Primitives:
-    """Divide primitives that reach over the border of a node named in the hints.
+def along_nodes(
+    primitives: Primitives, mesh: Mesh, hints: Hints | None, more: Collection[str] = ()
+) -> Primitives:
+    """Divide primitives that reach over the border of a node named in the hints, or in `more`.
 
     A panel cut out of one flat face is no primitive of its own: its border is in the nodes alone.
     Unchanged, merges included, where no primitive straddles a named node.
     """
-    named = {n for p in (hints.parts if hints else ()) for n in p.nodes}
+    named = {n for p in (hints.parts if hints else ()) for n in p.nodes} | set(more)
     which = [k for k, name in enumerate(mesh.group_names) if name in named]
     if not which:
         return primitives

@@ -44,7 +44,8 @@ class Choice:
     Attributes:
         chosen: candidate indices, best first. value: (C,) expected overlap with a true part.
         subtype: (C, 3) probabilities of hinge, spin, slide. confidence: (C,) calibrated.
-        best: the highest value of any candidate. left: candidates of the best set whose confidence
+        best: the highest value of any candidate. said: (C,) log odds that what is known beside
+            geometry added; None where nothing is. left: candidates of the best set whose confidence
             is too low: they stay in the base.
     """
 
@@ -54,6 +55,7 @@ class Choice:
     confidence: FloatArray
     best: float
     left: tuple[int, ...] = ()
+    said: FloatArray | None = None
 
 
 def build_tree(graph: Graph, masks: Masks, choice: Choice) -> KinematicTree:
@@ -156,7 +158,10 @@ def named(graph: Graph, tree: KinematicTree) -> KinematicTree:
     counts: dict[str, int] = {}
     for i, node in enumerate(tree.nodes[1:], start=1):
         kind = kinds[i]
-        if share[i] < FITTINGS.area and moves_if_above(
+        named = node.evidence.get("said", {}).get("kind")
+        if named:
+            kind = named
+        elif share[i] < FITTINGS.area and moves_if_above(
             node.subtype, kind, kinds[node.parent], share[i]
         ):
             kind = "knob" if node.subtype == "spin" else "lever"

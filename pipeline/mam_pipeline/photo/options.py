@@ -40,7 +40,7 @@ class PhotoConfig:
     category: str | None = None
     """What it is: cabinet, fridge, microwave, oven, washing machine ..."""
     accept_low_confidence: bool = False
-    """Go on where confidence is low (for batches)."""
+    """Go on where confidence is low (for batches): with unclear photos and unlikely parts."""
 
     def given(self) -> dict[str, Any]:
         """The options that were given, as `Reconstructor.reconstruct` takes them."""

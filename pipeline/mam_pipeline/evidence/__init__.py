@@ -1,0 +1,1 @@
+"""What is known of an object beside its geometry: words, the file's nodes, its animation."""

@@ -1,0 +1,187 @@
+"""Whether a part is likely enough to become one: what is not is withheld and told.
+
+A chance that a part is real is calibrated on generated objects, of which many have nothing that
+moves (`mam_world.motionless`). Below the bar a part stays in what it hangs on and is a suggestion
+in the notes; with nothing above it the object has nothing movable.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from importlib import resources
+from importlib.resources.abc import Traversable
+from typing import Any
+
+import numpy as np
+from scipy.special import expit, logit
+
+from mam_pipeline.geometry.sampling import face_geometry
+from mam_pipeline.joints.estimate import Estimate, JointEstimator
+from mam_pipeline.rules import ALL_RULES, Rules
+from mam_pipeline.types import FloatArray, KinematicTree, Mesh, PartNode, Primitives
+
+SIGNS = (
+    "value", "confidence", "sure", "stays", "free", "area", "alike", "best", "pieces", "parts",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Bar:
+    """The calibrated chance that a part is real, and from where it becomes one.
+
+    Attributes:
+        bias, weights: of a logistic function of the signs (`signs_of`).
+        least: chance below which a part is withheld.
+    """
+
+    bias: float
+    weights: Mapping[str, float]
+    least: float
+
+    def chance(self, signs: Mapping[str, float], more: float = 0.0) -> float:
+        """Chance that a part is real; `more` are log odds from beside geometry."""
+        total = self.bias + sum(self.weights[name] * signs[name] for name in self.weights)
+        return float(expit(total + more))
+
+
+@lru_cache(maxsize=1)
+def load_bar() -> Bar | None:
+    """The fitted bar of this package; None in a build without it."""
+    file = bar_weights() / "abstention.json"
+    if not file.is_file():
+        return None
+    said = json.loads(file.read_text(encoding="utf-8"))
+    return Bar(said["bias"], said["weights"], said["least"])
+
+
+def bar_weights() -> Traversable:
+    """Where the fit lies."""
+    return resources.files("mam_pipeline.parts") / "weights" / "abstention"
+
+
+def abstained(
+    tree: KinematicTree, mesh: Mesh, primitives: Primitives, seed: int = 0,
+    rules: Rules = ALL_RULES,
+) -> KinematicTree:  # fmt: skip
+    """The tree without the parts that are too unlikely, and with the signs of all parts noted.
+
+    Args:
+        mesh: with one copy of every face. The joints are asked for as the solver will ask.
+    """
+    if len(tree.nodes) < 2:
+        return tree
+    estimator = JointEstimator(mesh, primitives, seed, rules)
+    turned = estimator.turned(tree)
+    found = {tree.nodes[i].name: estimator.estimate(turned, i) for i in range(1, len(tree.nodes))}
+    area: FloatArray = np.bincount(
+        primitives.labels, face_geometry(mesh.vertices, mesh.faces)[1], minlength=primitives.count
+    ).astype(np.float64)
+    signs = signs_of(tree, found, area)
+    judged = rules.abstain and not primitives.is_fused  # the scores of fused meshes are others
+    return withheld(tree, signs, load_bar() if judged else None)
+
+
+def signs_of(
+    tree: KinematicTree, found: Mapping[str, Estimate | None], area: FloatArray
+) -> dict[str, dict[str, float]]:
+    """What speaks for and against every part, by its name.
+
+    Args:
+        found: the estimated joint by the part's name. area: (P,) of the primitives, any unit.
+
+    Returns:
+        Numbers by the names in SIGNS, each within about -5 to 5: log odds of the scores, shares,
+        and logarithms of counts.
+    """
+    parts = tree.nodes[1:]
+    sizes = [float(area[list(n.primitives)].sum() / max(area.sum(), 1e-12)) for n in parts]
+    values = [float(n.evidence.get("expected_overlap", n.confidence)) for n in parts]
+    out = {}
+    for node, size, value in zip(parts, sizes, values):
+        estimate = found.get(node.name)
+        alike = sum(np.isclose(size, s, rtol=0.1) for s in sizes) - 1
+        out[node.name] = {
+            "value": _odds(value),
+            "confidence": _odds(node.confidence),
+            "sure": 0.0 if estimate is None else estimate.sure,
+            "stays": float(node.evidence.get("motion_view", {}).get("fixed", 0.0)),
+            "free": 0.0 if estimate is None else float(np.clip(estimate.share, 0.0, 1.0)),
+            "area": float(np.log(max(size, 1e-4))),
+            "alike": float(np.log1p(alike)),
+            "best": _odds(max(values)),
+            "pieces": float(np.log1p(len(area))),
+            "parts": float(np.log1p(len(parts))),
+        }
+    return out
+
+
+def withheld(
+    tree: KinematicTree, signs: Mapping[str, Mapping[str, float]], bar: Bar | None = None
+) -> KinematicTree:
+    """The tree without the parts that are too unlikely; they go to what they hang on, and the base
+    tells of them.
+
+    Args:
+        signs: by name of the part. bar: None only notes the signs.
+    """
+    nodes = [tree.nodes[0]]
+    for node in tree.nodes[1:]:
+        known = signs[node.name]
+        said: dict[str, Any] = {"signs": {k: round(v, 4) for k, v in known.items()}}
+        if bar is not None:
+            said["chance"] = round(bar.chance(known, said_odds(node)), 3)
+        nodes.append(replace(node, evidence={**node.evidence, **said}))
+    gone = [
+        i for i, node in enumerate(nodes)
+        if i and bar is not None and node.provenance == "inferred"
+        and node.evidence["chance"] < bar.least
+    ]  # fmt: skip
+    return without(replace(tree, nodes=tuple(nodes)), gone)
+
+
+def said_odds(node: PartNode) -> float:
+    """Log odds that something beside geometry gives a part, a name or an animation; mostly 0."""
+    return float(node.evidence.get("said", {}).get("odds", 0.0))
+
+
+def without(tree: KinematicTree, gone: list[int]) -> KinematicTree:
+    """The tree in which some nodes have become part of their parents; the base tells of them."""
+    if not gone:
+        return tree
+    nodes = list(tree.nodes)
+    told = list(nodes[0].evidence.get("left_out", ()))
+    for i in gone:
+        node, host = nodes[i], nodes[i].parent
+        while host in gone:
+            host = nodes[host].parent
+        told.append({
+            "primitives": list(node.primitives), "subtype": node.subtype,
+            "confidence": node.evidence.get("chance", round(node.confidence, 3)),
+        })  # fmt: skip
+        merged = tuple(sorted((*nodes[host].primitives, *node.primitives)))
+        nodes[host] = replace(nodes[host], primitives=merged)
+    kept = [i for i in range(len(nodes)) if i not in gone]
+    new = {old: k for k, old in enumerate(kept)} | {-1: -1}
+
+    def parent(i: int) -> int:
+        above = nodes[i].parent
+        while above in gone:
+            above = nodes[above].parent
+        return new[above]
+
+    nodes[0] = replace(nodes[0], evidence={**nodes[0].evidence, "left_out": told})
+    if len(kept) == 1:
+        surest = max(told, key=lambda t: t["confidence"])
+        why = (
+            f"the likeliest part, a {surest['subtype']}, has a chance of "
+            f"{surest['confidence']:.2f}; --accept-low-confidence makes it a joint"
+        )
+        nodes[0] = replace(nodes[0], evidence={**nodes[0].evidence, "nothing_movable": why})
+    return replace(tree, nodes=tuple(replace(nodes[i], parent=parent(i)) for i in kept))
+
+
+def _odds(share: float) -> float:
+    return float(logit(np.clip(share, 0.01, 0.99)))

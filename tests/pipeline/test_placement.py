@@ -1,0 +1,102 @@
+"""Up, unit and front: what is stated, then the shape, then the usual size."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from mam_pipeline.asset.card import Asset
+from mam_pipeline.errors import ConfigError
+from mam_pipeline.formats.mesh_files import load_mesh
+from mam_pipeline.formats.placement import choose_unit
+from mam_pipeline.geometry.front import front_of, moved
+from mam_pipeline.run import MakeConfig, Source, _turned_to_front
+from mam_pipeline.types import Articulation, Joint, Link, Mesh
+from mam_world.dataset import write_dataset
+from mam_world.object import make_object
+
+
+@pytest.mark.parametrize(
+    ("size", "suffix", "stated", "usual", "unit"),
+    [
+        (223.0, ".dae", 0.0254, None, 0.0254),  # a truck of 5.66 m is believed
+        (180.0, ".stl", None, None, 0.001), (35.0, ".stl", None, None, 0.001),
+        (1.2, ".stl", None, None, 1.0), (900.0, ".obj", None, None, 0.001),
+        (180.0, ".obj", None, 1.7, 0.01),  # a refrigerator of 180 units
+        (70.0, ".obj", None, 1.8, 0.0254), (9e5, ".glb", 1.0, None, 0.7 / 9e5),
+    ],
+)  # fmt: skip
+def test_a_stated_unit_is_believed_else_format_and_usual_size_decide(
+    size: float, suffix: str, stated: float | None, usual: float | None, unit: float
+) -> None:
+    extent = np.array([size / 2, size / 3, size])
+    found, _, decision = choose_unit(extent, stated, None, None, suffix, usual)
+    assert found == pytest.approx(unit)
+    assert decision.about == "unit" and 0.0 < decision.confidence <= 1.0
+
+
+def test_a_size_that_no_such_thing_has_is_doubted_aloud() -> None:
+    extent = np.array([150.0, 80.0, 90.0]) / 1000
+    _, _, decision = choose_unit(extent / 5, 1.0, None, None, ".glb", 2.0)
+    assert decision.confidence < 0.7 and "--scale" in decision.runner_up
+    _, _, sure = choose_unit(extent, 1.0, None, None, ".glb", 0.2)
+    assert sure.confidence > 0.9 and not sure.runner_up
+
+
+def test_generated_files_are_as_gltf_has_it(tmp_path: Path) -> None:
+    """Up, unit and front of the world's own files come back as they are."""
+    write_dataset("wardrobe", 2, 0, tmp_path, textures=False, plain=True)
+    for file in sorted(tmp_path.glob("*/static.glb")):
+        got = load_mesh(file)
+        card = Asset.load(file.parent).card
+        made = make_object("wardrobe", card_seed(file)).articulation
+        engine_T_asset = got.source_to_asset @ np.linalg.inv(card.source_to_asset)
+        assert np.allclose(engine_T_asset[:3, :3] @ [0, 0, 1], [0, 0, 1], atol=1e-6)
+        found = front_of(moved(made, engine_T_asset), (0, -1, 0))
+        front = found.yaw[:3, :3] @ engine_T_asset[:3, :3] @ [-1, 0, 0]
+        assert np.allclose(front, [-1, 0, 0], atol=0.05) and found.confidence > 0.8
+
+
+def card_seed(file: Path) -> int:
+    return int(file.parent.name.rpartition("_")[2])
+
+
+def _car() -> Articulation:
+    """A box on four wheels that stands along Y, metres."""
+    boxes = [trimesh.creation.box(extents=[0.8, 2.0, 0.5])]
+    boxes[0].apply_translation([0, 0, 0.5])
+    joints, links, start = [], [Link("body", "body", np.arange(12))], 12
+    for k, (x, y) in enumerate([(-0.4, -0.7), (0.4, -0.7), (-0.4, 0.7), (0.4, 0.7)]):
+        wheel = trimesh.creation.cylinder(0.2, 0.1, sections=8)
+        wheel.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
+        wheel.apply_translation([x, y, 0.2])
+        boxes.append(wheel)
+        links.append(Link(f"w{k}", "wheel", np.arange(start, start + len(wheel.faces))))
+        start += len(wheel.faces)
+        joints.append(Joint(
+            f"j{k}", "continuous", "spin", 0, k + 1, np.array([1.0, 0, 0]), np.array([x, y, 0.2]),
+            -np.inf, np.inf,
+        ))  # fmt: skip
+    whole: Any = trimesh.util.concatenate(boxes)
+    return Articulation(Mesh(whole.vertices, whole.faces), tuple(links), tuple(joints))
+
+
+def test_a_car_looks_along_its_track_to_the_side_that_the_format_has_in_front() -> None:
+    found = front_of(_car(), (0, -1, 0))
+    assert np.allclose(found.yaw[:3, :3] @ [0, -1, 0], [-1, 0, 0], atol=1e-6)
+    assert found.runner_up  # the other end is as likely by shape
+
+
+def test_the_user_says_the_front_in_the_files_axes() -> None:
+    car = _car()
+    turn = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # of a Y-up file
+    read = Source("mesh", car.mesh, turn, 1.0, "stated")
+    yaw, decisions = _turned_to_front(car, read, MakeConfig(facing="-z"))
+    assert np.allclose(yaw[:3, :3] @ turn[:3, :3] @ [0, 0, -1], [-1, 0, 0], atol=1e-6)
+    assert decisions[-1].chosen == "-z of the file" and decisions[-1].why == "as asked"
+    with pytest.raises(ConfigError, match="level axis"):
+        _turned_to_front(car, read, MakeConfig(facing="y"))

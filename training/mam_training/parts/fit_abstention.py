@@ -1,0 +1,270 @@
+"""Fits the chance that a part is real, and the bar below which it is withheld.
+
+Runs the engine on generated objects, with joints and without any, and keeps a row for every part
+that was found: its signs (`mam_pipeline.parts.abstain`) and whether it is a true part (IoU of 0.5
+or more of the surface). A logistic function is fitted to the rows of the training seeds, with
+every object of equal weight; the bar is the least chance at which, in cross-validation over kinds
+of objects, at most `false_objects` of the motionless objects keep a part.
+
+    python -m mam_training.parts.fit_abstention configs/train/abstention.yaml
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from itertools import count as count_from
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize
+from scipy.special import expit
+
+import mam_pipeline.parts
+from mam_pipeline.geometry.sampling import face_geometry
+from mam_pipeline.ground_truth import GroundTruth
+from mam_pipeline.metrics import rigid_parts
+from mam_pipeline.parts.abstain import SIGNS
+from mam_pipeline.parts.embedded import decide, sampled_views, tree_of
+from mam_pipeline.parts.scores import load_scores
+from mam_pipeline.rules import ALL_RULES
+from mam_pipeline.run import EngineConfig, Stages
+from mam_pipeline.segment.topology import without_repeats
+from mam_pipeline.types import KinematicTree, Mesh, Primitives
+from mam_training import manifest
+from mam_training.command import configured
+from mam_world.object import generator
+from mam_world.registry import CATEGORIES, motionless
+from mam_world.splits import MOTIONLESS_TEST_ONLY, TEST_ONLY, VALIDATION_ONLY
+from mam_world.style import draw_style
+from mam_world.truth import generated_truth
+
+Array = NDArray[np.float64]
+WEIGHTS = Path(mam_pipeline.parts.__file__).parent / "weights" / "abstention"
+# signs whose direction is known beforehand: few objects must not turn it round
+KNOWN = {"value": 1, "confidence": 1, "sure": 1, "stays": -1, "free": 1, "alike": 1, "best": 1}
+PULL = 1.0  # strength of the pull of weights towards zero, in parts
+REAL = 0.5  # IoU with a true part from which a part is real
+
+
+@dataclass(frozen=True)
+class AbstentionTraining:
+    """What the chance is fitted on, and where it goes."""
+
+    motionless: int = 8
+    """Objects of every kind in which nothing moves."""
+    movable: int = 1
+    """Objects of every kind with joints."""
+    start: int = 300
+    """First seed that is looked at; the last two of ten in a row are for validation and test."""
+    false_objects: float = 0.08
+    """Share of the motionless objects that may keep a part."""
+    cache: Path = Path("build/abstention.jsonl")
+    """Rows that were collected, which are read again."""
+    out: Path = WEIGHTS
+    """Folder that the fit and its manifest are written to."""
+
+
+def collect(path: Path, pairs: Sequence[tuple[str, int]]) -> None:
+    """Append a row per object that the file does not hold yet."""
+    have = {(r["category"], r["seed"]) for r in read(path)}
+    with path.open("a", encoding="utf-8") as file:
+        for name, seed in pairs:
+            if (name, seed) not in have:
+                file.write(json.dumps(observed(name, seed)) + "\n")
+                file.flush()
+
+
+def observed(name: str, seed: int) -> dict[str, Any]:
+    """What the engine finds in one object when it withholds nothing."""
+    truth = generated_truth(name, seed)
+    tree, primitives = found_in(truth.mesh)
+    parts = rows_of(tree, primitives, truth)
+    true = sum(joint.type != "fixed" for joint in truth.joints)
+    return {"category": name, "seed": seed, "true": true, "parts": parts}
+
+
+def found_in(mesh: Mesh) -> tuple[KinematicTree, Primitives]:
+    """The parts that the engine finds, the unlikely ones too; by one sampling, not four, which
+    costs a third of the time and tells the same within noise."""
+    config = EngineConfig(rules=ALL_RULES.without("abstain"))
+    stages = Stages(config)
+    primitives = stages.segment(mesh)
+    prior = stages.observe(mesh, primitives)
+    once, bare = without_repeats(mesh, primitives)
+    views = sampled_views(once, bare, prior, config.seed, config.rules, 1)
+    scores = load_scores("fused" if bare.is_fused else "authored")
+    masks, choice = decide(views, scores, config.rules)
+    tree = tree_of(views[0].graph, masks, choice, once, bare, config.seed, config.rules)
+    return tree, primitives
+
+
+def rows_of(
+    tree: KinematicTree, primitives: Primitives, truth: GroundTruth
+) -> list[dict[str, Any]]:
+    """Signs, confidence and truth of every part that was found."""
+    label = rigid_parts(truth.truth_articulation())[0][truth.face_link]
+    area = face_geometry(truth.mesh.vertices, truth.mesh.faces)[1]
+    out = []
+    for node in tree.nodes[1:]:
+        mine = np.isin(primitives.labels, node.primitives)
+        best = 0.0
+        for k in range(1, int(label.max()) + 1):
+            both = area[mine & (label == k)].sum()
+            best = max(best, float(both / max(area[mine | (label == k)].sum(), 1e-15)))
+        out.append({
+            "signs": node.evidence["signs"], "confidence": round(node.confidence, 4),
+            "iou": round(best, 3), "subtype": node.subtype,
+        })  # fmt: skip
+    return out
+
+
+def read(path: Path) -> list[dict[str, Any]]:
+    """Rows of a file, none if it does not exist."""
+    if not path.is_file():
+        return []
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line]
+
+
+def fitted(rows: Sequence[dict[str, Any]]) -> tuple[float, Array]:
+    """Bias and weights of a logistic function with bounded signs, each object of equal weight."""
+    x, y, weight, _ = table(rows)
+
+    def cost(w: Array) -> float:
+        z = w[0] + x @ w[1:]
+        return float(weight @ (np.logaddexp(0, z) - y * z) + 0.5 * PULL * (w[1:] ** 2).sum())
+
+    bounds: list[tuple[float | None, float | None]] = [(None, None)]
+    bounds += [{1: (0.0, None), -1: (None, 0.0)}.get(KNOWN.get(n, 0), (None, None)) for n in SIGNS]
+    w = np.asarray(optimize.minimize(cost, np.zeros(x.shape[1] + 1), bounds=bounds).x)
+    return float(w[0]), w[1:]
+
+
+def table(rows: Sequence[dict[str, Any]]) -> tuple[Array, Array, Array, NDArray[np.int64]]:
+    """Signs (n, k), whether real (n,), weights (n,) and the object (n,) of all parts."""
+    parts = [(i, p) for i, r in enumerate(rows) for p in r["parts"]]
+    x = np.array([[p["signs"][n] for n in SIGNS] for _, p in parts]).reshape(-1, len(SIGNS))
+    y = np.array([float(p["iou"] >= REAL) for _, p in parts])
+    weight = np.array([1.0 / len(rows[i]["parts"]) for i, _ in parts])
+    return x, y, weight, np.array([i for i, _ in parts], dtype=np.int64)
+
+
+def crossed(rows: Sequence[dict[str, Any]], folds: int = 5) -> Array:
+    """(n,) chance of every part by a function that was fitted without its kind of object."""
+    kinds = sorted({r["category"] for r in rows})
+    fold = {kind: i % folds for i, kind in enumerate(kinds)}
+    x, _, _, owner = table(rows)
+    out = np.zeros(len(x))
+    of = np.array([fold[rows[i]["category"]] for i in owner])
+    for k in range(folds):
+        bias, weights = fitted([r for r in rows if fold[r["category"]] != k])
+        out[of == k] = expit(bias + x[of == k] @ weights)
+    return out
+
+
+def least_chance(rows: Sequence[dict[str, Any]], chance: Array, most: float) -> float:
+    """The least bar at which no more than a share `most` of the motionless objects keep a part."""
+    owner = table(rows)[3]
+    still = [i for i, r in enumerate(rows) if not r["true"]]
+    highest = np.sort([chance[owner == i].max(initial=0.0) for i in still])[::-1]
+    allowed = int(most * len(still))
+    return float(np.ceil(1e3 * highest[allowed] + 1e-9) / 1e3) if allowed < len(still) else 0.0
+
+
+def reliability(chance: Array, real: Array, bins: int = 10) -> tuple[float, list[list[float]]]:
+    """Expected calibration error, and (mean chance, share that is real, parts) of every bin."""
+    at = np.minimum((chance * bins).astype(int), bins - 1)
+    rows = [
+        [float(chance[at == k].mean()), float(real[at == k].mean()), int((at == k).sum())]
+        for k in range(bins) if (at == k).any()
+    ]  # fmt: skip
+    error = sum(n * abs(said - was) for said, was, n in rows) / max(len(chance), 1)
+    return float(error), [[round(a, 3), round(b, 3), n] for a, b, n in rows]
+
+
+def record(rows: Sequence[dict[str, Any]], chance: Array, least: float) -> dict[str, Any]:
+    """What the bar does to these objects."""
+    _, real, _, owner = table(rows)
+    still = {i for i, r in enumerate(rows) if not r["true"]}
+    kept = chance >= least
+    of_still = np.isin(owner, sorted(still))
+    true = real.astype(bool)
+    error, bins = reliability(chance, real)
+    return {
+        "motionless_objects": len(still),
+        "with_a_part_before": len({int(i) for i in owner[of_still]}),
+        "with_a_part_after": len({int(i) for i in owner[of_still & kept]}),
+        "real_parts_found": int(true.sum()),
+        "real_parts_kept": int((true & kept).sum()),
+        "false_parts_of_movable_objects": int((~true & ~of_still).sum()),
+        "of_them_kept": int((~true & ~of_still & kept).sum()),
+        "expected_calibration_error": round(error, 3),
+        "reliability": bins,
+    }
+
+
+def planned(config: AbstentionTraining) -> list[tuple[str, int]]:
+    """Objects of both sorts, mixed, so that a run that is cut short has some of each."""
+    held = TEST_ONLY | VALIDATION_ONLY | MOTIONLESS_TEST_ONLY
+    pairs = [
+        (name, seed)
+        for names, count in ((motionless(), config.motionless), (CATEGORIES, config.movable))
+        for name in names if name not in held
+        for seed in handed_over(name, config.start, count, range(8))
+    ]  # fmt: skip
+    order = np.random.default_rng(config.start).permutation(len(pairs))
+    return [pairs[i] for i in order]
+
+
+def handed_over(name: str, start: int, count: int, digits: Sequence[int]) -> list[int]:
+    """The first seeds from `start` whose file has separate pieces in no dense tessellation: what
+    is one surface is judged by other scores, and is never withheld.
+
+    Args:
+        digits: last digits of the seeds that are looked at.
+    """
+    out: list[int] = []
+    for seed in count_from(start):
+        if len(out) == count:
+            return out
+        style = draw_style(generator(name, seed, stream=1))
+        if seed % 10 in digits and not style.fused and style.tessellation != "dense":
+            out.append(seed)
+    raise AssertionError("unreachable")
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Collect, fit, keep."""
+    config = configured(AbstentionTraining(), argv)
+    config.cache.parent.mkdir(parents=True, exist_ok=True)
+    pairs = planned(config)
+    collect(config.cache, pairs)
+    wanted = set(pairs)
+    rows = [r for r in read(config.cache) if (r["category"], r["seed"]) in wanted]
+    chance = crossed(rows)
+    least = least_chance(rows, chance, config.false_objects)
+    bias, weights = fitted(rows)
+    kept: dict[str, Any] = {
+        "bias": round(bias, 4),
+        "weights": {n: round(float(w), 4) for n, w in zip(SIGNS, weights)},
+        "least": least,
+        "record": record(rows, chance, least),
+    }
+    config.out.mkdir(parents=True, exist_ok=True)
+    (config.out / "abstention.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    manifest.write(
+        config.out,
+        "python -m mam_training.parts.fit_abstention configs/train/abstention.yaml",
+        config,
+        {"first seed": config.start},
+        {"objects": len(rows), "kinds without joints": len(motionless()),
+         "sha256": manifest.data_digest(json.dumps(r, sort_keys=True).encode() for r in rows)},
+    )  # fmt: skip
+    print(json.dumps({"least": least, **asdict(config), **kept["record"]}, indent=1, default=str))
+
+
+if __name__ == "__main__":
+    main()
