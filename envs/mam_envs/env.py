@@ -31,6 +31,7 @@ from mam_envs.tasks import Task, TaskState, rewards, task_class
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.config_file import fill
 from mam_pipeline.errors import ConfigError
+from mam_pipeline.types import coupled
 
 ENV_ID = "OperateJoint-v1"
 MAX_STEPS = 200
@@ -296,9 +297,11 @@ class OperateJointEnv(BaseEnv):
         """(dof,) float32 joints of one sub-scene's object: the task's, the others at rest."""
         item = self.layout(index)
         out = np.zeros(self.object.max_dof, dtype=np.float32)
-        start = {g.joint: self.task_type.start(g, drawn.start) for g in item.goals}
-        for k, joint in enumerate(self.objects[index].active_joints):
-            out[k] = start.get(joint.name, item.model.rest_value(joint.name))
+        names = [j.name for j in self.objects[index].active_joints]
+        start = {n: item.model.rest_value(n) for n in names if n not in item.model.couplings}
+        start |= {g.joint: self.task_type.start(g, drawn.start) for g in item.goals}
+        start = coupled(start, item.model.couplings)
+        out[: len(names)] = [start[n] for n in names]
         return out
 
     def set_state(self, state: Any, env_idx: torch.Tensor | None = None) -> None:

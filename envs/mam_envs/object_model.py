@@ -16,7 +16,7 @@ from mam_envs.kinematics import KinematicModel
 from mam_pipeline.asset.card import Asset, CardGrasp, CardJoint
 from mam_pipeline.errors import NotPhysicalError, unknown_name
 from mam_pipeline.formats.urdf.geometry import existing, origin_of, shape_triangles
-from mam_pipeline.types import FloatArray, IntArray
+from mam_pipeline.types import Coupling, FloatArray, IntArray
 
 GRAVITY = 9.81  # m/s^2
 Hull = tuple[FloatArray, FloatArray]
@@ -109,6 +109,19 @@ class ObjectModel:
             else:
                 closed, open_ = joint.upper, joint.lower
         return closed * unit, open_ * unit
+
+    @cached_property
+    def couplings(self) -> dict[str, Coupling]:
+        """What joints follow, by name of the one that follows, at this scale."""
+        cards = {j.name: j for j in self.asset.card.joints}
+        out = {}
+        for name, joint in cards.items():
+            if joint.coupling is not None:
+                own, leader = self.unit(joint), self.unit(cards[joint.coupling.joint])
+                multiplier = joint.coupling.multiplier * own / leader
+                offset = joint.coupling.offset * own
+                out[name] = Coupling(joint.coupling.joint, multiplier, offset)
+        return out
 
     def limits(self, joint: CardJoint) -> tuple[float, float]:
         """(lower, upper), infinite for continuous joints."""

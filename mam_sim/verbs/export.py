@@ -19,10 +19,10 @@ class Export(Verb):
 
     source: Positional[Path]
     """A run of mam-sim train or the folder of mam-sim collect (to lerobot), or an asset folder (to
-    mjcf, usd)."""
+    mjcf, usd, usdz: everything in one file)."""
     out: Path
     """The folder to write; an earlier export there is replaced."""
-    to: Literal["lerobot", "mjcf", "usd"] | None = None
+    to: Literal["lerobot", "mjcf", "usd", "usdz"] | None = None
     """The format; default: lerobot for a run or a collection. For an asset it must be said."""
     mapping: Path | None = None
     """Joint mapping between simulation and the real arm (YAML). For arms that LeRobot drives it
@@ -55,7 +55,7 @@ class Export(Verb):
         from mam_pipeline.asset.card import Asset
 
         Asset.card_of(self.source)
-        raise ConfigError(f"{self.source} is an asset; add --to mjcf or --to usd")
+        raise ConfigError(f"{self.source} is an asset; add --to mjcf, --to usd or --to usdz")
 
     def _lerobot(self, screen: Screen) -> int:
         from mam_policies.lerobot.export import export_dataset, export_run
@@ -91,4 +91,4 @@ def _asset(source: Path, out: Path, to: str) -> Path:
         return export_mjcf(found, out / "object.xml")
     from mam_pipeline.asset.usd import export_usd
 
-    return export_usd(found, out / "object.usd")
+    return export_usd(found, out / f"object.{to}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -91,7 +91,10 @@ def read_object(urdf: str | Path, name: str = "", category: str = "unknown") -> 
         Link("base" if i == 0 else f"link_{i}", "body", np.flatnonzero(face_link == i))
         for i in range(len(bodies))
     )
-    joints = tuple(tree.joint(n, bodies) for n in list(bodies)[1:])
+    joints = tuple(
+        replace(tree.joint(n, bodies), name=f"joint_{i}", coupling=None)
+        for n, i in list(bodies.items())[1:]
+    )
     return GroundTruth(name, category, mesh, face_link, links, joints)
 
 

@@ -320,7 +320,8 @@ def read_source(source: Path, kind: str, config: MakeConfig, stages: Stages) -> 
             from mam_pipeline.formats.urdf.read import read_urdf
             from mam_pipeline.formats.urdf.tree import coupling_note
 
-            made, note = read_urdf(source), coupling_note(source)
+            made = read_urdf(source)
+            note = coupling_note(source, made)
             notes = (note,) if note else ()
             return Source(kind, made.mesh, np.eye(4), 1.0, "urdf", articulation=made, notes=notes)
         from mam_pipeline.evidence.read import spec_of, usual_size

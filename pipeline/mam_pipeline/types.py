@@ -272,6 +272,48 @@ class RangeBasis:
 
 
 @dataclass(frozen=True)
+class Coupling:
+    """What a joint follows (`<mimic>` in a URDF): value = multiplier * leader's value + offset.
+
+    Attributes:
+        joint: name of the leader, which follows none.
+        multiplier: rad or m of this joint for each rad or m of the leader. offset: rad or m.
+    """
+
+    joint: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+    def value(self, leader: float) -> float:
+        """Value of the joint that follows."""
+        return self.multiplier * leader + self.offset
+
+
+def coupled(
+    values: Mapping[str, float], couplings: Mapping[str, Coupling | None]
+) -> dict[str, float]:
+    """Joint values that agree with their couplings: of each group one value moves all.
+
+    Args:
+        values: of some joints; the last one that is named of a group decides.
+        couplings: of all joints by name; None for those that follow none.
+    """
+    out = dict(values)
+    leaders = {}
+    for name, value in values.items():
+        own = couplings.get(name)
+        if own is None:
+            leaders[name] = value
+        elif own.multiplier:
+            leaders[own.joint] = (value - own.offset) / own.multiplier
+    for name, own in couplings.items():
+        if own is not None and own.joint in leaders:
+            out[own.joint] = leaders[own.joint]
+            out[name] = own.value(leaders[own.joint])
+    return out
+
+
+@dataclass(frozen=True)
 class Joint:
     """One estimated joint between two links.
 
@@ -286,6 +328,7 @@ class Joint:
         confidence: 0..1; below `NEEDS_REVIEW` the report says so.
         evidence: anything that explains the choice, for asset.json and the report alone.
         basis: why the range is what it is. provenance: who says that the part moves so.
+        coupling: what the joint follows; None where it moves on its own.
     """
 
     name: str
@@ -307,6 +350,7 @@ class Joint:
     evidence: Mapping[str, Any] = field(default_factory=dict)
     basis: RangeBasis = field(default_factory=RangeBasis)
     provenance: Provenance = "inferred"
+    coupling: Coupling | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axis", readonly(self.axis, np.float64, (3,)))

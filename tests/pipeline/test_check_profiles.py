@@ -139,13 +139,13 @@ def test_names_are_mended_everywhere(tmp_path: Path) -> None:
     assert '<mimic joint="hinge_1"' in text and '<joint name="hinge_1"' in text
 
 
-def test_a_coupling_that_is_lost_is_said_on_the_card(tmp_path: Path) -> None:
-    from mam_pipeline.run import MakeConfig, make_asset
-
-    plain = make_asset(written(tmp_path), tmp_path / "plain", MakeConfig())
-    assert not any("mimic" in note for note in plain.card.notes)
-    coupled = make_asset(written(tmp_path, MIMIC), tmp_path / "coupled", MakeConfig())
-    assert any("the coupling of second is not kept" in note for note in coupled.card.notes)
+def test_sapien_inverts_the_coupling_of_siblings(tmp_path: Path) -> None:
+    aside = ('link="door"/><child link="flap"/>', 'link="body"/><child link="flap"/>')
+    twice = ('<mimic joint="hinge"/>', '<mimic joint="hinge" multiplier="2"/>')
+    for changes, codes in (((MIMIC,), []), ((MIMIC, aside), []), ((MIMIC, twice), []),
+                           ((MIMIC, aside, twice), ["mimic_ignored"])):  # fmt: skip
+        report = check_profile(written(tmp_path, *changes), "sapien")
+        assert [f.code for f in report.findings] == codes
 
 
 def test_an_unknown_profile_names_those_that_exist(tmp_path: Path) -> None:

@@ -13,9 +13,12 @@ from mani_skill.utils import sapien_utils
 from mani_skill.utils.building.ground import build_ground
 from mani_skill.utils.building.urdf_loader import URDFLoader
 from mani_skill.utils.structs import Articulation
+from sapien.wrapper.articulation_builder import MimicJointRecord
 
 from mam_envs.config import CameraSpec, SceneConfig
+from mam_envs.object_model import ObjectModel
 from mam_envs.scene.layout import Layout
+from mam_pipeline.errors import InputError
 from mam_pipeline.formats.urdf.admit import through_door
 from mam_pipeline.types import FloatArray
 
@@ -52,10 +55,41 @@ def build_object(scene: ManiSkillScene, layout: Layout, index: int, name: str) -
     builder = loader.parse(str(layout.model.asset.urdf_path))["articulation_builders"][0]
     builder.set_scene_idxs([index])
     builder.initial_pose = sapien.Pose(layout.world_asset)
+    builder.mimic_joint_records = _couplings(layout.model)
     built = builder.build(name=name)
     for link in built.links:
         link.set_collision_group_bit(group=2, bit_idx=OBJECT_BIT, bit=1)
     return built
+
+
+def _couplings(model: ObjectModel) -> list[MimicJointRecord]:
+    """Coupled joints as SAPIEN's builder takes them, at the object's scale.
+
+    The builder ties two joints with a tendon: `joint` = multiplier * `mimic` + offset if `joint`
+    hangs on the link that `mimic` moves; if both hang on one link, the names change places.
+
+    Raises:
+        InputError: the two joints are farther apart in the tree, where it ties nothing.
+    """
+    joints = {j.name: j for j in model.kinematics.joints}
+    out = []
+    for name, coupling in model.couplings.items():
+        own, leader = joints[name], joints[coupling.joint]
+        if own.parent == leader.child:
+            follows = (name, leader.name, coupling.multiplier, coupling.offset)
+        elif own.parent == leader.parent:
+            follows = (leader.name, name, coupling.multiplier, coupling.offset)
+        elif leader.parent == own.child and coupling.multiplier:
+            factor = 1.0 / coupling.multiplier
+            follows = (leader.name, name, factor, -factor * coupling.offset)
+        else:
+            raise InputError(
+                f"{model.asset.card.name}: joint {name!r} follows {leader.name!r}, and SAPIEN can "
+                "couple only joints of one link or of neighbours; take <mimic> out of the URDF and "
+                "coupling out of asset.json to let it move on its own"
+            )
+        out.append(MimicJointRecord(*follows))
+    return out
 
 
 def surface_of(config: SceneConfig, layout: Layout) -> str:

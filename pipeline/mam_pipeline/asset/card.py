@@ -17,7 +17,7 @@ from mam_pipeline.errors import InputError
 from mam_pipeline.formats.door import Door
 from mam_pipeline.formats.suffixes import MESHES, PHOTOS
 from mam_pipeline.formats.urdf.admit import admitted
-from mam_pipeline.types import MOVES, NEEDS_REVIEW, Provenance, RangeBasis
+from mam_pipeline.types import MOVES, NEEDS_REVIEW, Coupling, Provenance, RangeBasis
 
 SCHEMA = 2
 """Schema 1 differs in its visuals alone (GLB files), so its cards are read as they are."""
@@ -60,6 +60,7 @@ class CardJoint:
     evidence: dict[str, Any] = field(default_factory=dict)
     basis: RangeBasis = field(default_factory=RangeBasis)
     provenance: Provenance = "inferred"
+    coupling: Coupling | None = None
 
     @property
     def review(self) -> str:
@@ -214,7 +215,10 @@ def unlike(card: AssetCard, robot: ET.Element) -> Iterator[str]:
 
 
 def _joint(row: dict[str, Any]) -> CardJoint:
-    return CardJoint(**{**row, "basis": RangeBasis(**row.get("basis", {}))})
+    read: dict[str, Any] = {"basis": RangeBasis(**row.get("basis", {}))}
+    if row.get("coupling") is not None:
+        read["coupling"] = Coupling(**row["coupling"])
+    return CardJoint(**{**row, **read})
 
 
 def _plain(value: Any) -> Any:

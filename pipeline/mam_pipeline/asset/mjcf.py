@@ -119,6 +119,8 @@ def _exact(text: str, model: Any) -> str:
         element.set("frictionloss", numbers(model.dof_frictionloss[joint.dofadr]))
         if element.get("range") is not None:
             element.set("range", numbers(joint.range))
+    for element, data in zip(root.findall("equality/joint"), model.eq_data):
+        element.set("polycoef", numbers(data[:5]))
     for element in root.findall("keyframe/key"):
         element.set("qpos", numbers(model.key(element.get("name")).qpos))
     ET.indent(root, " ")

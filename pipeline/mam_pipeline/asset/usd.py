@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from mam_pipeline import folders
 from mam_pipeline.asset.card import Asset
+from mam_pipeline.errors import InputError
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.soup import join
 from mam_pipeline.formats.urdf.geometry import existing, origin_of, read_triangles
@@ -23,16 +26,33 @@ def export_usd(asset: Asset, path: str | Path | None = None) -> Path:
 
     Metres, Z up, one rigid body per link with mass properties, convex collision pieces, and
     revolute or prismatic joints with limits, damping and friction attributes; the base is fixed to
-    the world and is the articulation root.
+    the world and is the articulation root. Friction and damping of joints, and what they follow,
+    are written as Newton's and as PhysX's schemas have it. A path that ends in .usdz packs
+    everything into one file.
 
     Raises:
         MissingExtra: usd-core is not installed.
+        InputError: a slide follows a hinge, or the other way round.
     """
     require("USD export", "pxr")
     target = Path(path) if path is not None else asset.folder / "object.usd"
     with folders.new_entries(target.parent, target.name) as work:
-        _Exporter(asset, work / target.name).write()
+        if target.suffix == ".usdz":
+            _pack(asset, work / target.name)
+        else:
+            _Exporter(asset, work / target.name).write()
     return target
+
+
+def _pack(asset: Asset, target: Path) -> None:
+    """One file with the stage and its textures."""
+    from pxr import UsdUtils
+
+    with TemporaryDirectory() as folder:
+        stage = Path(folder) / "object.usdc"
+        _Exporter(asset, stage).write()
+        if not UsdUtils.CreateNewUsdzPackage(str(stage), str(target)):
+            raise InputError(f"USD could not pack {target}; is the folder writable?")
 
 
 class _Exporter:
@@ -169,7 +189,7 @@ class _Exporter:
         prim.CreatePurposeAttr("guide")  # drawn only on demand
 
     def _joint(self, joint: Any) -> None:
-        from pxr import Gf, Sdf, UsdPhysics
+        from pxr import Gf, UsdPhysics
 
         path = f"/object/joints/{joint.name}"
         moves = joint.type in MOVING  # planar and floating joints count as fixed
@@ -196,13 +216,49 @@ class _Exporter:
             made.CreateUpperLimitAttr(float(joint.limit.upper) * unit)
         card = self.cards.get(joint.name)
         if card is not None:
-            drive = UsdPhysics.DriveAPI.Apply(made.GetPrim(), "linear" if slides else "angular")
+            way = "linear" if slides else "angular"
+            drive = UsdPhysics.DriveAPI.Apply(made.GetPrim(), way)
             drive.CreateStiffnessAttr(0.0)
-            drive.CreateDampingAttr(float(card.damping) / unit)
-            # Coulomb friction, N or N m: UsdPhysics has no attribute for it, Newton has
-            made.GetPrim().AddAppliedSchema("NewtonJointAPI")
-            friction = made.GetPrim().CreateAttribute("newton:friction", Sdf.ValueTypeNames.Float)
-            friction.Set(float(card.friction))
+            drive.CreateDampingAttr(0.0)
+            # UsdPhysics knows no friction of a joint; Newton and PhysX do, each in its own words
+            damping, friction = float(card.damping) / unit, float(card.friction)
+            numbers = {"newton:damping": damping, "newton:friction": friction}
+            _apply(made, "NewtonJointAPI", numbers)
+            words = ("staticFrictionEffort", "dynamicFrictionEffort", "viscousFrictionCoefficient")
+            names = [f"physxJointAxis:{way}:{word}" for word in words]
+            numbers = dict(zip(names, (friction, friction, damping)))
+            _apply(made, f"PhysxJointAxisAPI:{way}", numbers)
+        if joint.mimic is not None:
+            self._couple(made, joint, unit)
+
+    def _couple(self, made: Any, joint: Any, unit: float) -> None:
+        """What a mimic joint follows, for Newton and for PhysX; offsets in degrees or metres."""
+        leader = next(j for j in self.robot.joints if j.name == joint.mimic.joint)
+        if (leader.type == "prismatic") != (joint.type == "prismatic"):
+            raise InputError(
+                f"{self.asset.card.name}: joint {joint.name!r} follows {leader.name!r}, and USD "
+                "couples no slide with a hinge; take <mimic> out of the URDF to export it"
+            )
+        multiplier = float(joint.mimic.multiplier)
+        offset = float(joint.mimic.offset) * unit
+        leads = f"/object/joints/{leader.name}"
+        numbers = {"newton:mimicCoef0": offset, "newton:mimicCoef1": multiplier}
+        _apply(made, "NewtonMimicAPI", numbers)
+        made.GetPrim().CreateRelationship("newton:mimicJoint").SetTargets([leads])
+        # PhysX: own value + gearing * leader's value + offset = 0
+        name = "physxMimicJoint:rotX"
+        numbers = {f"{name}:gearing": -multiplier, f"{name}:offset": -offset}
+        _apply(made, "PhysxMimicJointAPI:rotX", numbers)
+        made.GetPrim().CreateRelationship(f"{name}:referenceJoint").SetTargets([leads])
+
+
+def _apply(made: Any, schema: str, numbers: Mapping[str, float]) -> None:
+    """Put a schema that usd-core does not know on a prim, with its numbers."""
+    from pxr import Sdf
+
+    made.GetPrim().AddAppliedSchema(schema)
+    for name, value in numbers.items():
+        made.GetPrim().CreateAttribute(name, Sdf.ValueTypeNames.Float, False).Set(value)
 
 
 def _place(prim: Any, matrix: FloatArray, scale: FloatArray | None = None) -> None:

@@ -101,6 +101,7 @@ def _valid(articulation: Articulation) -> Articulation:
     names = _unique([link.name for link in articulation.links], "link")
     links = tuple(replace(link, name=n) for link, n in zip(articulation.links, names))
     joint_names = _unique([j.name for j in articulation.joints], "joint")
+    old_joint = {j.name: n for j, n in zip(articulation.joints, joint_names)}
     joints = []
     for joint, joint_name in zip(articulation.joints, joint_names):
         length = float(np.linalg.norm(joint.axis))
@@ -111,8 +112,11 @@ def _valid(articulation: Articulation) -> Articulation:
             raise NotPhysicalError(
                 f"joint {joint.name!r} has limits {joint.lower:.4g} > {joint.upper:.4g}"
             )
-        joints.append(replace(joint, name=joint_name, axis=joint.axis / length))
-    old_joint = {j.name: n for j, n in zip(articulation.joints, joint_names)}
+        follows = joint.coupling
+        if follows is not None:
+            follows = replace(follows, joint=old_joint[follows.joint])
+        axis = joint.axis / length
+        joints.append(replace(joint, name=joint_name, axis=axis, coupling=follows))
     old_link = {link.name: n for link, n in zip(articulation.links, names)}
     grasps = tuple(
         replace(g, joint=old_joint.get(g.joint, g.joint), link=old_link.get(g.link, g.link))

@@ -16,7 +16,7 @@ import numpy as np
 from mam_pipeline.asset.dynamics import set_joint_friction
 from mam_pipeline.check.simulate import load_physics, physics_scene
 from mam_pipeline.thresholds import MAX_DRIVE, THRESHOLDS, Thresholds
-from mam_pipeline.types import FloatArray
+from mam_pipeline.types import Coupling, FloatArray, coupled
 
 STEP = 1.0 / 200.0
 RAMP_SECONDS = 1.5
@@ -58,6 +58,7 @@ def drive_urdf(
     thresholds: Thresholds = THRESHOLDS,
     budget: int = MAX_DRIVE,
     poses: Mapping[str, Mapping[str, float]] | None = None,
+    couplings: Mapping[str, Coupling] | None = None,
 ) -> DriveResult:
     """Load a URDF with a fixed base and drive its joints one after another.
 
@@ -70,6 +71,7 @@ def drive_urdf(
         poses: joint name -> values of the joints while it is driven; where none is given they are
             at zero, or at the limit nearest to it. A joint's own value is where it starts and
             must return to.
+        couplings: joint name -> what it follows: joints that are coupled are driven together.
     """
     try:
         scene = physics_scene(STEP)
@@ -78,7 +80,8 @@ def drive_urdf(
         return DriveResult({}, failure=f"{type(error).__name__}: {error}".splitlines()[0])
     if robot is None:
         return DriveResult({}, failure="the loader returned nothing")
-    return _Driver(scene, robot, frictions, thresholds, budget, poses or {}).run()
+    follow = couplings or {}
+    return _Driver(scene, robot, frictions, thresholds, budget, poses or {}, follow).run()
 
 
 class _Driver:
@@ -92,8 +95,9 @@ class _Driver:
         thresholds: Thresholds,
         budget: int,
         poses: Mapping[str, Mapping[str, float]],
+        couplings: Mapping[str, Coupling],
     ) -> None:
-        self.scene, self.robot = scene, robot
+        self.scene, self.robot, self.couplings = scene, robot, couplings
         self.frictions, self.thresholds, self.budget = frictions, thresholds, budget
         self.joints = list(robot.active_joints)
         bounds = np.asarray(robot.get_qlimits(), dtype=float).reshape(-1, 2)
@@ -130,6 +134,15 @@ class _Driver:
         wanted = [values.get(j.name, 0.0) for j in self.joints]
         return np.asarray(np.clip(wanted, self.bounds[:, 0], self.bounds[:, 1]), dtype=np.float64)
 
+    def _with(self, index: int, value: float) -> FloatArray:
+        """The rest pose with one joint elsewhere, and those that are coupled to it."""
+        named = {self.joints[index].name: value}
+        moved = coupled(named, self.couplings) if self.couplings else named
+        q = np.array([moved.get(j.name, r) for j, r in zip(self.joints, self.rest)], dtype=float)
+        q = np.clip(q, self.bounds[:, 0], self.bounds[:, 1])
+        q[index] = value
+        return np.asarray(q, dtype=np.float64)
+
     def _reset(self, q: FloatArray) -> None:
         self.robot.set_qpos(q.astype(np.float32))
         self.robot.set_qvel(np.zeros(len(q), dtype=np.float32))
@@ -158,12 +171,15 @@ class _Driver:
         return float(min(reached, 1.0)), abs(seen[-1] - home) / float(self.span[index])
 
     def _ramp(self, index: int, goal: float) -> float:
-        joint, start = self.joints[index], float(self.robot.get_qpos()[index])
+        start = float(self.robot.get_qpos()[index])
         steps = int(RAMP_SECONDS / STEP)
         for k in range(steps + int(SETTLE_SECONDS / STEP)):
             share = min((k + 1) / steps, 1.0)
             smooth = share * share * (3.0 - 2.0 * share)
-            joint.set_drive_target(start + (goal - start) * smooth)
+            targets = self._with(index, start + (goal - start) * smooth)
+            for joint, target, rest in zip(self.joints, targets, self.rest):
+                if target != rest or joint is self.joints[index]:
+                    joint.set_drive_target(float(target))
             self.robot.set_qf(self.robot.compute_passive_force(True, True))
             if not self._step():
                 break
@@ -176,8 +192,7 @@ class _Driver:
         for value in (self.rest[index], 0.5 * (self.low[index] + self.high[index])):
             if self.exploded:
                 break
-            q = self.rest.copy()
-            q[index] = value
+            q = self._with(index, float(value))
             for joint, slides in zip(self.joints, self.slide):
                 friction, damping = self.frictions.get(joint.name, (0.0, 0.0))
                 kind = "prismatic" if slides else "revolute"

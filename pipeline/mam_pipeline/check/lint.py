@@ -50,7 +50,7 @@ class Linter:
             self._say("card_differs", "asset.json", why)
         for joint in self.joints:
             self._joint(joint)
-        moved = {self._ref(j, "child") for j in self.joints if j.get("type") in MOVING}
+        moved = {self.end(j, "child") for j in self.joints if j.get("type") in MOVING}
         surface = False
         for name, link in self.links.items():
             self._inertial(name, link, name in moved)
@@ -94,7 +94,7 @@ class Linter:
         names: set[str] = set()
         for joint in self.joints:
             name = joint.get("name") or ""
-            parent, child = self._ref(joint, "parent"), self._ref(joint, "child")
+            parent, child = self.end(joint, "parent"), self.end(joint, "child")
             if not name or name in names:
                 self._say("bad_tree", name or "joint", "a joint has no name, or one that is taken")
             names.add(name)
@@ -117,7 +117,8 @@ class Linter:
                 break
 
     @staticmethod
-    def _ref(joint: ET.Element, key: str) -> str:
+    def end(joint: ET.Element, key: str) -> str:
+        """Name of the link that a joint's `parent` or `child` element names."""
         found = joint.find(key)
         return "" if found is None else found.get("link") or ""
 
@@ -127,6 +128,7 @@ class Linter:
         if kind not in KNOWN:
             self._say("bad_joint", name, f"type {kind!r} is not one of {', '.join(KNOWN)}")
             return
+        self._mimic(joint, name)
         if kind == "fixed":
             return
         axis_element = joint.find("axis")
@@ -142,6 +144,24 @@ class Linter:
                 value = self._numbers(dynamics.get(key) or "0", 1, name)
                 if value is not None and value[0] < 0:
                     self._say("bad_joint", name, f"its {key} is negative")
+
+    def _mimic(self, joint: ET.Element, name: str) -> None:
+        mimic = joint.find("mimic")
+        if mimic is None:
+            return
+        for key in ("multiplier", "offset"):
+            self._numbers(mimic.get(key) or "0", 1, name)
+        follows = {j.get("name"): _leader(j) for j in self.joints}
+        seen, at = {name}, mimic.get("joint")
+        while at is not None:
+            if at not in follows:
+                self._say("bad_joint", name, f"it follows the joint {at!r}, which does not exist")
+                return
+            if at in seen:
+                self._say("bad_joint", name, "it follows itself")
+                return
+            seen.add(at)
+            at = follows[at]
 
     def _limit(self, joint: ET.Element, name: str) -> None:
         limit = joint.find("limit")
@@ -273,3 +293,8 @@ class Linter:
             self._say("bad_joint", where, f"{text!r} should be {count} numbers")
             return None
         return np.array(values)
+
+
+def _leader(joint: ET.Element) -> str | None:
+    mimic = joint.find("mimic")
+    return None if mimic is None else mimic.get("joint")

@@ -39,7 +39,8 @@ class Profile:
         max_hull_points: vertices of one convex piece, 0 for no limit.
         possible_inertia: it refuses an inertia that breaks the triangle inequality.
         turned_inertia: it reads the rotation of an inertial frame.
-        mimic: it couples mimic joints.
+        mimic: which mimic joints it couples: all, none, or `near` ones: of neighbours, and of
+            one link by a multiplier of 1 or -1 without offset.
         needs_effort: without effort and velocity a joint cannot be driven, or is refused.
         reads_friction: it reads the friction of `<dynamics>`.
         needs_inertial: it drops a link that has no inertial element.
@@ -54,7 +55,7 @@ class Profile:
     max_hull_points: int = 0
     possible_inertia: bool = False
     turned_inertia: bool = True
-    mimic: bool = True
+    mimic: Literal["all", "near", "none"] = "all"
     needs_effort: bool = False
     reads_friction: bool = True
     needs_inertial: bool = False
@@ -65,13 +66,14 @@ class Profile:
 _GENERAL = frozenset({".obj", ".stl", ".dae"})
 PROFILES: dict[str, Profile] = {
     "sapien": Profile(
-        _GENERAL | {".glb", ".gltf", ".ply"}, max_hull_points=64, reads_friction=False
+        _GENERAL | {".glb", ".gltf", ".ply"}, max_hull_points=64, reads_friction=False,
+        mimic="near",
     ),
     "mujoco": Profile(
         frozenset({".obj", ".stl"}), refuses_format=True, possible_inertia=True,
         needs_effort=True, first_object=True,
     ),
-    "pybullet": Profile(_GENERAL, refuses_format=True, mimic=False, needs_effort=True),
+    "pybullet": Profile(_GENERAL, refuses_format=True, mimic="none", needs_effort=True),
     "isaac": Profile(
         _GENERAL, identifiers=True, max_hulls=64, max_hull_points=60, turned_inertia=False,
         needs_effort=True,
@@ -115,7 +117,7 @@ def _names(linter: Linter, profile: Profile) -> Iterator[Finding]:
 
 
 def _links(linter: Linter, profile: Profile) -> Iterator[Finding]:
-    moved = {_child(j) for j in linter.joints if j.get("type") in MOVING}
+    moved = {linter.end(j, "child") for j in linter.joints if j.get("type") in MOVING}
     for name, link in linter.links.items():
         hulls = len(link.findall("collision"))
         if 0 < profile.max_hulls < hulls:
@@ -141,8 +143,12 @@ def _joints(linter: Linter, profile: Profile) -> Iterator[Finding]:
         name, kind = joint.get("name") or "joint", joint.get("type")
         if kind in ("floating", "planar") and not profile.any_joint:
             yield Finding("joint_type", name, f"a {kind} joint is refused or becomes a fixed one")
-        if joint.find("mimic") is not None and not profile.mimic:
+        mimic = joint.find("mimic")
+        if mimic is not None and profile.mimic == "none":
             yield Finding("mimic_ignored", name, "its <mimic> is ignored: it moves freely")
+        if mimic is not None and profile.mimic == "near" and not _near(joint, mimic, linter):
+            text = "its <mimic> is ignored or inverted; our environments couple it themselves"
+            yield Finding("mimic_ignored", name, text, warning=True)
         if kind not in MOVING:
             continue
         limit = joint.find("limit")
@@ -157,6 +163,18 @@ def _joints(linter: Linter, profile: Profile) -> Iterator[Finding]:
         if rubs and not profile.reads_friction:
             text = "the friction of <dynamics> is ignored; set it after loading"
             yield Finding("friction_ignored", name, text, warning=True)
+
+
+def _near(joint: ET.Element, mimic: ET.Element, linter: Linter) -> bool:
+    """Whether SAPIEN's own builder couples a joint as the file says."""
+    leader = next((j for j in linter.joints if j.get("name") == mimic.get("joint")), None)
+    if leader is None:
+        return False
+    if linter.end(joint, "parent") == linter.end(leader, "child"):
+        return True
+    factor, offset = float(mimic.get("multiplier") or 1), float(mimic.get("offset") or 0)
+    same = linter.end(joint, "parent") == linter.end(leader, "parent")
+    return same and abs(factor) == 1.0 and offset == 0.0
 
 
 def _meshes(linter: Linter, profile: Profile) -> Iterator[Finding]:
@@ -329,11 +347,6 @@ def _positive(text: str | None) -> bool:
 
 def _is_identifier(name: str) -> bool:
     return re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name) is not None
-
-
-def _child(joint: ET.Element) -> str:
-    found = joint.find("child")
-    return "" if found is None else found.get("link") or ""
 
 
 def _content(file: Path, root: Path) -> FileContent | None:

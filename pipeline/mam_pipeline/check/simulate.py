@@ -19,6 +19,13 @@ class PhysicsLoader(URDFLoader):
         through_door(link, Path(self.urdf_dir))
         super()._build_link(link, link_builder)
 
+    def parse(self, *args: Any, **kwargs: Any) -> Any:
+        """Without SAPIEN's coupling of mimic joints, which takes 1 / multiplier for siblings."""
+        parsed = super().parse(*args, **kwargs)
+        for builder in parsed[0]:
+            builder.mimic_joint_records = []
+        return parsed
+
 
 def physics_scene(timestep: float = 1 / 200) -> sapien.Scene:
     """An empty scene with CPU physics only; no Vulkan driver is needed."""

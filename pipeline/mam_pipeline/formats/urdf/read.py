@@ -46,10 +46,7 @@ def read_urdf(path: str | Path) -> Articulation:
     mesh = join(pieces, materials)
     labels = np.concatenate([np.full(len(p.faces), bodies[o]) for p, o in zip(pieces, owner)])
     links = tuple(Link(n, "body", np.flatnonzero(labels == i)) for n, i in bodies.items())
-    joints = tuple(
-        _bounded(replace(tree.joint(n, bodies), name=tree.inbound[n].name))
-        for n in list(bodies)[1:]
-    )
+    joints = tuple(_bounded(tree.joint(n, bodies)) for n in list(bodies)[1:])
     return Articulation(mesh, links, joints)
 
 

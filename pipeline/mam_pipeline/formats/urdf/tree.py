@@ -13,7 +13,7 @@ import yourdfpy
 
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.urdf.admit import admitted
-from mam_pipeline.types import FloatArray, Joint
+from mam_pipeline.types import Articulation, Coupling, FloatArray, Joint
 
 MOVING = {"revolute", "continuous", "prismatic"}
 
@@ -81,16 +81,11 @@ class UrdfTree:
         A link without a surface hands its motion to the body behind it (of a chain of joints the
         last that is not a mimic counts). A revolute joint without limits is continuous.
         """
-        chain = [self.inbound[body]]
-        parent = self.carrier(self.inbound[body].parent)
-        while parent not in bodies:  # a moving link without a surface
-            chain.append(self.inbound[parent])
-            parent = self.carrier(self.inbound[parent].parent)
-        source = next((j for j in chain if j.mimic is None), chain[0])
+        source, parent = self._source(body, bodies)
         frame = self.frames[source.child]
         lower, upper, kind = _limits(source)
         return Joint(
-            name=f"joint_{bodies[body]}",
+            name=self.inbound[body].name,
             type=kind,
             subtype={"prismatic": "slide", "continuous": "spin"}.get(kind, "hinge"),  # type: ignore[arg-type]
             parent=bodies[parent],
@@ -99,16 +94,45 @@ class UrdfTree:
             origin=frame[:3, 3],
             lower=min(lower, upper),
             upper=max(lower, upper),
+            coupling=self._coupling(source, bodies),
         )
 
+    def _source(self, body: str, bodies: Mapping[str, int]) -> tuple[Any, str]:
+        """The URDF's joint that gives a body its motion, and the body that it hangs on."""
+        chain = [self.inbound[body]]
+        parent = self.carrier(self.inbound[body].parent)
+        while parent not in bodies:  # a moving link without a surface
+            chain.append(self.inbound[parent])
+            parent = self.carrier(self.inbound[parent].parent)
+        return next((j for j in chain if j.mimic is None), chain[0]), parent
 
-def coupling_note(path: Path) -> str:
-    """A sentence about mimic joints, whose coupling nothing here keeps; "" where there is none."""
-    names = [j.name for j in parse_urdf(path).joints if j.mimic is not None]
+    def _coupling(self, source: Any, bodies: Mapping[str, int]) -> Coupling | None:
+        """What a mimic joint follows at last; None where that moves no body."""
+        named = {j.name: j for j in self.robot.joints}
+        multiplier, offset, seen = 1.0, 0.0, set[str]()
+        while source.mimic is not None:
+            if source.name in seen or source.mimic.joint not in named:
+                return None
+            seen.add(source.name)
+            own = source.mimic
+            factor = 1.0 if own.multiplier is None else float(own.multiplier)
+            offset += multiplier * float(own.offset or 0.0)
+            multiplier *= factor
+            source = named[own.joint]
+        for body in bodies:
+            if seen and body != self.root and self._source(body, bodies)[0] is source:
+                return Coupling(self.inbound[body].name, multiplier, offset)
+        return None
+
+
+def coupling_note(path: Path, kept: Articulation) -> str:
+    """A sentence about mimic joints of a file that `kept` does not couple; "" for none."""
+    follow = {j.name for j in kept.joints if j.coupling is not None}
+    names = [j.name for j in parse_urdf(path).joints if j.mimic and j.name not in follow]
     if not names:
         return ""
     said = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
-    return f"mimic joints move on their own: the coupling of {said} is not kept"
+    return f"the coupling of {said} is not kept: what follows, or what leads, shows no surface"
 
 
 def parse_urdf(path: Path) -> Any:

@@ -106,5 +106,10 @@ def _joint(
     if joint.type != "continuous":
         limit = {"lower": numbers([joint.lower]), "upper": numbers([joint.upper]), **limit}
     ET.SubElement(element, "limit", limit)
+    if joint.coupling is not None:
+        follows = joint.coupling
+        factors = {"multiplier": follows.multiplier, "offset": follows.offset}
+        given = {k: numbers([v]) for k, v in factors.items()}
+        ET.SubElement(element, "mimic", {"joint": follows.joint, **given})
     dynamics = {"damping": numbers([joint.damping]), "friction": numbers([joint.friction])}
     ET.SubElement(element, "dynamics", dynamics)
