@@ -22,7 +22,7 @@ def save(out: Path | None, result: Any) -> None:
     script = Path(sys.argv[0]).name
     head = {
         "command": " ".join(["python", f"benchmarks/{script}", *sys.argv[1:]]),
-        "commit": _commit(),
+        "commit": commit(),
         "machine": f"{platform.machine()}, {os.cpu_count()} cores, Python {sys.version.split()[0]}",
     }
     text = json.dumps({**head, "result": result}, indent=1, default=_plain)
@@ -36,7 +36,8 @@ def load(out: Path | None) -> Any:
     return json.loads(out.read_text(encoding="utf-8"))["result"]
 
 
-def _commit() -> str:
+def commit() -> str:
+    """The working tree's commit, as git describes it."""
     done = subprocess.run(
         ["git", "-C", str(ROOT), "describe", "--always", "--dirty"], capture_output=True, text=True
     )

@@ -15,7 +15,8 @@ class Thresholds:
         penetration_share: depth over the sweep beyond that at rest.
         penetration_area: share of the part's area that must be that deep before it counts; a few
             samples that graze an edge are no collision.
-        gap_share: detachment, beyond the gap at rest.
+        gap_share: detachment, beyond the gap at rest; also of a slide from the end of its channel.
+        askew_angle: from an axis to the direction along which part and body are built, radians.
         hold_seconds, hold_share: how long a pose must be held, and within which part of the range.
         return_share: how near to the rest pose, as a part of the range, driving back must come.
         max_turn_speed, max_slide_speed: anything faster is an explosion; rad/s, m/s.
@@ -29,6 +30,7 @@ class Thresholds:
     penetration_share: float = 0.005
     penetration_area: float = 0.004
     gap_share: float = 0.02
+    askew_angle: float = 0.026
     hold_seconds: float = 2.0
     hold_share: float = 0.02
     return_share: float = 0.02

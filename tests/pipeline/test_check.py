@@ -107,6 +107,7 @@ def tilted(axis: np.ndarray, degrees: float) -> np.ndarray:
         ("hinge", {"lower": -0.8, "upper": 2.4}, "penetration"),
         ("slide", {"upper": 0.56}, "detached"),
         ("slide", {"lower": -0.14}, "penetration"),
+        ("hinge", {"axis": tilted(Z, 2.0)}, "askew"),
     ],
 )
 def test_wrong_joints_are_rejected(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from mam_pipeline.errors import InputError, MamSimError
 from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.optional import has, install_command
 from mam_pipeline.thresholds import MAX_SWEEP, THRESHOLDS, Thresholds
-from mam_pipeline.types import Joint
+from mam_pipeline.types import Joint, coupled
 
 NOT_DRIVEN = f"SAPIEN is not installed, so no joint was driven: {install_command('sapien')}"
 _CLAUSE_OF = {
@@ -28,6 +28,7 @@ _CLAUSE_OF = {
     "cavity_filled": "penetration",
     "detached": "contact",
     "off_axis": "contact",
+    "askew": "contact",
     "frozen": "reach",
     "drift": "base",
     "exploded": "stable",
@@ -45,6 +46,7 @@ def check_asset(
     picture: Path | None = None,
     thresholds: Thresholds = THRESHOLDS,
     allow_outside: bool = False,
+    only: Collection[str] = (),
 ) -> CheckReport:
     """Check an asset folder or any URDF; its work is bounded by the sizes that the lint allows.
 
@@ -54,13 +56,14 @@ def check_asset(
         picture: where to save the worst frame as PNG, None for no picture.
         thresholds: what counts as a failure.
         allow_outside: let the URDF name files outside its folder.
+        only: names of the joints that are moved; all, where none is named.
 
     Raises:
         InputError: there is nothing to check at `path`.
     """
     target = _locate(Path(path))
     with outside_allowed(allow_outside):
-        return _run(str(path), target, drive, picture, thresholds)
+        return _run(str(path), target, drive, picture, thresholds, only)
 
 
 def check_profile(
@@ -116,8 +119,9 @@ class _Target:
 
 
 def _run(
-    path: str, target: _Target, drive: bool, picture: Path | None, thresholds: Thresholds
-) -> CheckReport:
+    path: str, target: _Target, drive: bool, picture: Path | None, thresholds: Thresholds,
+    only: Collection[str],
+) -> CheckReport:  # fmt: skip
     urdf, seconds = target.urdf, dict[str, float]()
     clauses: dict[str, bool | None] = dict.fromkeys(CLAUSES)
     began = time.perf_counter()
@@ -140,7 +144,7 @@ def _run(
         clauses["lint"] = False
         return CheckReport(path, False, clauses, (), tuple(findings), seconds)
     began = time.perf_counter()
-    joints, poses = _sweep(model, target, thresholds)
+    joints, poses = _sweep(model, target, thresholds, only)
     seconds["sweep"] = _since(began)
     if drive and not has("sapien"):
         drive = False
@@ -188,7 +192,7 @@ def _locate(path: Path) -> _Target:
 
 
 def _sweep(
-    model: CheckModel, target: _Target, limit: Thresholds
+    model: CheckModel, target: _Target, limit: Thresholds, only: Collection[str]
 ) -> tuple[list[JointReport], dict[str, dict[str, float]]]:
     """Reports of all joints, and the pose in which each was tested.
 
@@ -196,9 +200,13 @@ def _sweep(
     tested with its neighbours open, as it would be used, and the report says so.
     """
     joints = [j for j in model.articulation.joints if j.type != "fixed"]
+    follow = {j.name: j.coupling for j in joints}
     closed = {j.name: target.closed.get(j.name, _nearest_to_zero(j)) for j in joints}
+    closed = coupled({n: v for n, v in closed.items() if follow[n] is None}, follow)
     out, poses = [], {}
     for joint in joints:
+        if only and joint.name not in only:
+            continue
         pose = {**closed, joint.name: 0.0}
         found = _sweep_at(model, joint, pose, limit)
         after: tuple[str, ...] = ()
@@ -209,7 +217,7 @@ def _sweep(
             if other.penetration <= limit.penetration_share:
                 found, pose = other, opened
                 after = tuple(j.name for j in neighbours)
-        poses[joint.name] = {**pose, joint.name: closed[joint.name]}
+        poses[joint.name] = coupled({**pose, joint.name: closed[joint.name]}, follow)
         out.append(_report(joint, found, after, limit))
     return out, poses
 
@@ -255,6 +263,8 @@ def _report(
         reasons.append("cavity_filled")
     if s.gap is not None and s.gap > limit.gap_share:
         reasons.append("detached")
+    if s.askew > limit.askew_angle:
+        reasons.append("askew")
     if s.line_gap is not None and s.line_gap > limit.gap_share:
         reasons.append("off_axis")
     return JointReport(
@@ -266,6 +276,7 @@ def _report(
         penetration_at=s.penetration_at,
         gap=s.gap,
         line_gap=s.line_gap,
+        askew=s.askew,
         filled=s.filled,
         after=after,
         reasons=tuple(reasons),
@@ -282,7 +293,9 @@ def _drive(
     from mam_pipeline.check.drive import drive_urdf
 
     urdf = target.urdf
-    result = drive_urdf(urdf, target.friction or model.friction, limit, poses=poses)
+    follow = {j.name: j.coupling for j in model.articulation.joints if j.coupling is not None}
+    friction = target.friction or model.friction
+    result = drive_urdf(urdf, friction, limit, poses=poses, couplings=follow)
     if result.failure:
         return joints, [Finding("load_failed", urdf.name, result.failure)]
     findings = []

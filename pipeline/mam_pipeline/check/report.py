@@ -25,8 +25,9 @@ REASONS: dict[str, str] = {
     "not_finite": "a number is NaN or infinite",
     "load_failed": "SAPIEN does not load it",
     "penetration": "a part runs into another within its range",
-    "detached": "a sliding part loses contact within its range",
-    "off_axis": "a hinge line does not stay on both bodies",
+    "detached": "a sliding part loses contact, or leaves its channel, within its range",
+    "off_axis": "a hinge line is not on both bodies, or misses the middle of a wheel or knob",
+    "askew": "an axis lies beside the direction along which the part and its body are built",
     "cavity_filled": "a collision piece fills space in which another part moves",
     "frozen": "a joint cannot be driven to the ends of its range",
     "drift": "the base moves",
@@ -67,6 +68,8 @@ class Finding:
 class JointReport:
     """Figures of one joint; shares are of the diagonal (lengths) or of the range (motion).
 
+    `askew` is an angle in radians.
+
     None where a figure was not measured. `after` names the joints that must be open first, as the
     door in front of a drawer; all others are closed while a joint is tested.
     """
@@ -80,6 +83,7 @@ class JointReport:
     penetration_at: float | None = None
     gap: float | None = None
     line_gap: float | None = None
+    askew: float | None = None
     filled: float | None = None
     hold_drift: float | None = None
     return_error: float | None = None

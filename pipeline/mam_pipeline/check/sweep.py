@@ -8,11 +8,14 @@ the surfaces themselves.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.check.model import CheckModel, Hull
+from mam_pipeline.geometry.alignment import askew
+from mam_pipeline.geometry.boxes import least_rectangle
 from mam_pipeline.geometry.hinge_line import HingeBodies
 from mam_pipeline.geometry.motion import Motion, motion_points
 from mam_pipeline.geometry.paths import PartPaths, Rule, steps_to
@@ -28,11 +31,12 @@ class JointSweep:
     Attributes:
         penetration: depth beyond rest reached by more than a few samples; at which joint value.
         area: share of the part's area that is deeper than the sweep's own small tolerance.
-        gap: largest distance between part and rest beyond that at rest (slides); of a part too
-            short to keep contact by itself, the travel beyond the length of what it slides in;
-            None where that is not exceeded.
+        gap: largest distance between part and rest beyond that at rest, or by which the part has
+            left the end of its channel (slides); of a part too short to keep contact by itself,
+            the travel beyond the length of what it slides in; None where that is not exceeded.
         line_gap: distance of the hinge line from either body, or twice its stray (hinges), beyond
-            the distance of the bodies at rest.
+            the distance of the bodies at rest; or from the middle of a wheel or knob.
+        askew: angle from the axis to the direction along which part and body are built, radians.
         filled: share of the part's area inside other links' collision pieces where their mesh is
             not solid.
     """
@@ -42,6 +46,7 @@ class JointSweep:
     area: float
     gap: float | None
     line_gap: float | None
+    askew: float
     filled: float
 
 
@@ -70,13 +75,16 @@ class _Sweep:
 
     def run(self) -> JointSweep:
         if not len(self.part) or not len(self.static):
-            return JointSweep(0.0, 0.0, 0.0, None, None, 0.0)
+            return JointSweep(0.0, 0.0, 0.0, None, None, 0.0, 0.0)
         paths = PartPaths(self.mesh, self.part, self.static)
         depth, at, area, gap = self._penetration(paths)
         line_gap = self._line_gap()
         if line_gap is not None:  # a line between bodies that rest apart cannot lie on both
             line_gap = max(line_gap - paths.rest_gap / self.diagonal, 0.0)
-        return JointSweep(depth, at, area, gap, line_gap, self._filled(paths))
+            line_gap = max(line_gap, self._off_centre())
+        parent = self._faces_of([self.joint.parent])
+        turned = askew(self.mesh, [self.part, parent], self.joint.axis)
+        return JointSweep(depth, at, area, gap, line_gap, turned, self._filled(paths))
 
     def _sides(self) -> list[FloatArray]:
         """Joint values to visit on either side of the rest pose, away from it."""
@@ -98,7 +106,7 @@ class _Sweep:
         if self.motion == "prismatic" and not slides:
             unguided = self._unguided()
             return depth, at, area, unguided if unguided > 0.0 else None
-        return depth, at, area, gap if slides else None
+        return depth, at, area, max(gap, self._left()) if slides else None
 
     def _unguided(self) -> float:
         """How much farther a slide goes than anything that stands still reaches along its axis.
@@ -117,13 +125,42 @@ class _Sweep:
         points = self.mesh.vertices[self.mesh.faces[self.part].reshape(-1)]
         return float(np.ptp(points @ self.joint.axis)) >= 0.5 * (self.high - self.low)
 
+    def _left(self) -> float:
+        """How far the part leaves the channel that it slides through.
+
+        The channel is what stands still beside the part, ahead of it and behind it: walls, rails.
+        """
+        axis, margin = self.joint.axis, self.thresholds.gap_share * self.diagonal
+        points = self.mesh.vertices[np.unique(self.mesh.faces[self.part])]
+        aside = least_rectangle(points, axis)[:2]
+        low, high = (points @ aside.T).min(axis=0) - margin, (points @ aside.T).max(axis=0) + margin
+        corners = self.mesh.faces[self.static]
+        spots = sample_surface(self.mesh.vertices, corners, 6000, 5).points
+        spots = np.concatenate([spots, self.mesh.vertices[np.unique(corners)]])
+        beside = ((spots @ aside.T > low) & (spots @ aside.T < high)).all(axis=1)
+        if not beside.any():
+            return 0.0
+        start, end = float((points @ axis).min()), float((points @ axis).max())
+        first, last = float((spots[beside] @ axis).min()), float((spots[beside] @ axis).max())
+        values = np.array([0.0, self.low, self.high])
+        common = np.minimum(end + values, last) - np.maximum(start + values, first)
+        # a button before its hole is in no channel at rest
+        return max(float(min(common[0], 0.0) - common.min()) / self.diagonal, 0.0)
+
+    @cached_property
+    def _bodies(self) -> HingeBodies:
+        parent = self._faces_of([self.joint.parent])
+        return HingeBodies(self.mesh, self.part, parent if len(parent) else self.static)
+
+    def _off_centre(self) -> float:
+        joint = self.joint
+        return self._bodies.off_centre(joint.axis, joint.origin, joint.type == "continuous")
+
     def _line_gap(self) -> float | None:
         """How far the hinge line strays from both bodies; None for slides."""
-        joint = self.joint
+        joint, bodies = self.joint, self._bodies
         if self.motion == "prismatic":
             return None
-        parent = self._faces_of([joint.parent])
-        bodies = HingeBodies(self.mesh, self.part, parent if len(parent) else self.static)
         if joint.type == "continuous":
             return bodies.hub_gap(joint.axis, joint.origin)
 

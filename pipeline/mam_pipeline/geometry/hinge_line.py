@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from mam_pipeline.geometry.motion import points_about
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import sample_surface, unit
 from mam_pipeline.geometry.surface import hull_of
@@ -24,6 +25,11 @@ SECTORS, ROUND = 12, 1.3
 """A part is round about a line if its reach in all sectors differs by less than this factor."""
 STEEPEST = 0.3
 """A part that leaves the hinge line faster is shaped so; slower, the line runs askew."""
+FOLDS, ALIKE = (3, 4, 5, 6), 0.05
+"""A part is alike from several sides if a turn by one of these shares of a circle moves its surface
+by less than this share of its radius; two sides are alike of any board."""
+FAR = 3.0
+"""Farther from a part than this many of its radii, a hinge line swings the part as a whole."""
 
 
 class HingeBodies:
@@ -94,6 +100,31 @@ class HingeBodies:
         normals = unit(np.cross(b - a, c - a))
         outside = float((np.einsum("ij,ij->i", normals, spots - a)).max())
         return max(outside, 0.0) / self.diagonal
+
+    def off_centre(self, axis: FloatArray, origin: FloatArray, endless: bool) -> float:
+        """How far a line misses the middle of a part that looks alike from several sides about it.
+
+        Wheels, knobs and handles with three spokes or more turn about their middle. A limited
+        joint may still swing such a part as a whole, about a line that is far from it.
+
+        Args:
+            axis, origin: the line. endless: the part turns round and round.
+
+        Returns:
+            Distance as a share of the diagonal; 0 of a part that does not look so.
+        """
+        points = self.spots[0][len(self.corners[0]) :]
+        middle = points.mean(axis=0)
+        radius = float(np.linalg.norm(np.cross(points - middle, axis), axis=1).max())
+        off = float(np.linalg.norm(np.cross(middle - origin, axis)))
+        if off < 0.1 * radius or (not endless and off > FAR * radius):
+            return 0.0
+        for fold in FOLDS:
+            turned = points_about(axis[None], middle[None], points, np.array([2 * np.pi / fold]))
+            stray = np.quantile(self.scenes[0].distance(turned[0, 0]), 0.9)
+            if stray < ALIKE * radius:
+                return off / self.diagonal
+        return 0.0
 
     def _round_about(self, axis: FloatArray, origin: FloatArray) -> bool:
         """Whether the part is a ring, cap or knob about the line: the line need not touch it."""
