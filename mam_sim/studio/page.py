@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
 from contextlib import redirect_stdout
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mam_pipeline.errors import MamSimError
+from mam_pipeline.run import MakeConfig
+from mam_sim.console import STAGES
 from mam_sim.studio import server as studio_server
 from mam_sim.studio.look import Look
 from mam_sim.studio.mend import Mend
 from mam_sim.studio.picking import Camera, face_under, primitives_in_box
+from mam_sim.studio.queue import Queue
+from mam_sim.studio.review import Review
 from mam_sim.studio.scene import Scene
-from mam_sim.studio.session import Place, Session
+from mam_sim.studio.session import Place, Session, place_of
 from mam_sim.studio.trying import Trying
 from mam_sim.studio.workspace import Workspace
 
@@ -48,13 +51,15 @@ class Page:
         self.work = Workspace(self.server, Scene(self.server.scene))
         self.head = gui.add_markdown("Reading …")
         self.url = f"http://{studio_server.HOST}:{self.server.get_port()}/"
-        self._built = False
+        self._build()
 
     def open(self, place: Place) -> None:
         """Read an object, saying how far it is, and show it."""
 
         def tell(stage: str) -> None:
-            self.head.content = f"**{place.asset.stem}**: {stage} …"
+            self.head.content = (
+                f"**{(place.source or place.asset).name}**: {STAGES.get(stage, stage)} …"
+            )
 
         try:
             session = Session(place, tell)
@@ -67,9 +72,30 @@ class Page:
 
     def put(self, session: Session) -> None:
         """Show an open object."""
-        if not self._built:
-            self._build()
         self.work.put(session)
+
+    def review(self, review: Review, config: MakeConfig) -> None:
+        """Show the objects of a folder one by one, and go on where the last review stopped.
+
+        Args:
+            review: of the folder. config: with which assets are made.
+        """
+
+        def go_to(index: int) -> None:
+            given = review.folder / review.entries[index].path
+            out = None if given.is_dir() else given.with_name(f"{given.stem}-asset")
+            try:
+                self.open(place_of(given, replace(config, hints=None), out))
+            except MamSimError as error:
+                self.work.drop()
+                self.head.content = f"**{given.name}** cannot be opened: {error}"
+            queue.opened(index)
+
+        with self._tabs.add_tab("Queue", icon="list-check"):
+            queue = Queue(self.work, review, go_to)
+        self.work.panels.append(queue)
+        first = review.next_from(-1)
+        go_to(0 if first is None else first)
 
     def stop(self) -> None:
         """End the server."""
@@ -85,10 +111,10 @@ class Page:
         self.head.content = " · ".join(r for r in rows if r)
 
     def _build(self) -> None:
-        """Panels, once there is something to show."""
+        """The panels; they are filled when an object is open."""
         gui: Any = self.server.gui
         work = self.work
-        tabs = gui.add_tab_group()
+        self._tabs = tabs = gui.add_tab_group()
         with tabs.add_tab("Look", icon="eye"):
             look = Look(work)
         with tabs.add_tab("Put right", icon="tool"):
@@ -97,7 +123,6 @@ class Page:
             trying = Trying(work, look)
         work.panels = [self, look, mend, trying]
         self._pointer()
-        self._built = True
 
     def _pointer(self) -> None:
         """Clicks select a piece, with shift one more; a box with shift selects what lies in it."""
@@ -135,9 +160,3 @@ class Page:
         found = primitives_in_box(mesh, work.open.primitives.labels, tracer, seen, low, high)
         work.selected |= set(found)
         work.choose(work.part)
-
-
-def places_in(folder: Path, suffixes: Sequence[str]) -> list[Path]:
-    """Assets and files of a folder that can be opened, by name."""
-    found = [p.parent for p in folder.glob("*/asset.json")]
-    return sorted({*found, *(p for p in folder.iterdir() if p.suffix.lower() in suffixes)})

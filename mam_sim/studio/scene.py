@@ -32,7 +32,7 @@ SELECTED, AXIS, CHOSEN, BAD = (255, 140, 0), (60, 110, 200), (230, 70, 50), (214
 NUMBERS = 150  # pieces that can be told apart by a number
 CELLS = tuple(float(m * 10.0**e) for e in range(-4, 3) for m in (1, 2, 5))  # metres
 STEPS = 24  # of the arc that shows a range
-FIT = 1.35  # distance of the camera, diagonals
+FIT = 1.2  # distance of the camera, diagonals
 
 
 class Scene:

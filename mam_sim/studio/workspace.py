@@ -96,6 +96,12 @@ class Workspace:
             for client in self.server.get_clients().values():
                 self.scene.view(client.camera)
 
+    def drop(self) -> None:
+        """Show nothing: the next object could not be opened."""
+        with self.lock:
+            self.session, self.selected, self.part = None, set(), ""
+            self.scene.clear()
+
     def edit(self, change: Change) -> None:
         """Change the hints and draw what comes of it; the collision pieces are then out of date."""
         self.open.edit(change)

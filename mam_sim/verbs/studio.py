@@ -9,6 +9,7 @@ from typing import Annotated
 
 from tyro.conf import OmitArgPrefixes, Positional
 
+from mam_pipeline.errors import ConfigError
 from mam_pipeline.optional import require
 from mam_pipeline.run import MakeConfig
 from mam_sim.options import Verb
@@ -23,7 +24,7 @@ class Studio(Verb):
     """
 
     source: Positional[Path]
-    """An asset folder, a mesh, a photo or a URDF."""
+    """An asset folder, a mesh, a photo or a URDF; or a folder of these, to review one by one."""
     out: Path | None = None
     """The asset folder to write; default: <name>-asset here, or the asset that was opened."""
     port: int = 0
@@ -36,9 +37,14 @@ class Studio(Verb):
         """Serve the page until it is interrupted."""
         require("the studio", "viser")
         from mam_sim.studio.page import Page
+        from mam_sim.studio.review import FILE, Review
         from mam_sim.studio.session import place_of
 
-        place = place_of(self.source, self.pipeline, self.out)
+        many = self.source.is_dir() and not (self.source / "asset.json").is_file()
+        if many and (self.out is not None or self.pipeline.hints is not None):
+            raise ConfigError("--out and --hints are of one object; a folder has many")
+        review = Review(self.source) if many else None
+        place = None if many else place_of(self.source, self.pipeline, self.out)
         page = Page(self.port)
         print(f"page:  {page.url}   (ctrl-c ends)", file=sys.stderr, flush=True)
         if self.open:
@@ -46,13 +52,17 @@ class Studio(Verb):
 
             webbrowser.open(page.url)
         try:
-            page.open(place)
+            if place is not None:
+                page.open(place)
+            else:
+                assert review is not None
+                page.review(review, self.pipeline)
             page.server.sleep_forever()
         except KeyboardInterrupt:
             print("", file=sys.stderr)
         finally:
             page.stop()
-        session = page.work.session
-        if session is not None and place.hints.is_file():
-            print(place.hints)
+        written = self.source / FILE if place is None else place.hints
+        if written.is_file():
+            print(written)
         return 0

@@ -14,12 +14,18 @@ from mam_sim.options import Verb
 
 @dataclass(frozen=True, kw_only=True)
 class View(Verb):
-    """Draw an asset closed and open, and every joint moving, into one folder."""
+    """Draw an asset closed and open, and every joint moving, into one folder.
+
+    With --html: one page instead that opens offline, turns, and has a slider for every joint.
+    """
 
     asset: Positional[Path]
     """Asset folder or URDF."""
     out: Path | None = None
-    """Where closed.png, open.png and moving.gif go; default: ASSET/view."""
+    """Where closed.png, open.png and moving.gif go; default: ASSET/view. With --html: the file;
+    default: ASSET/view.html."""
+    html: bool = False
+    """Write one self-contained web page instead of pictures."""
     size: int = 360
     """Pixels along each side."""
     frames: int = 24
@@ -41,6 +47,8 @@ class View(Verb):
 
         with outside_allowed(self.allow_outside):
             articulation, folder = _read(self.asset)
+        if self.html:
+            return self._write_page(articulation, folder)
         target = self.out or Door(folder).may_write(folder / "view")
         shares = [0.0, 1.0, *there_and_back(self.frames)]
         size = (self.size, self.size)
@@ -57,6 +65,18 @@ class View(Verb):
             names = ", ".join(j.name for j in articulation.joints)
             print(f"closed.png, open.png, moving.gif; joints: {names}", file=sys.stderr)
             print(f"next: mam-sim check {self.asset}", file=sys.stderr)
+        return 0
+
+    def _write_page(self, articulation: Articulation, folder: Path) -> int:
+        from mam_sim.viewer import page
+
+        name = self.asset.stem if self.asset.is_file() else folder.name
+        target = self.out or folder / "view.html"
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(page(articulation, name), encoding="utf-8")
+        print(target)
+        if not self.quiet:
+            print("open it in any browser; it needs no network", file=sys.stderr)
         return 0
 
 

@@ -23,6 +23,7 @@ from mam_pipeline.run import MakeConfig, make_asset
 from mam_pipeline.types import FloatArray, Joint, KinematicTree, Mesh, PartNode, Primitives
 from mam_sim.studio import edits
 from mam_sim.studio.picking import Camera, Snap, primitives_in_box, snapped, snaps
+from mam_sim.studio.review import Review
 from mam_sim.studio.session import Session, place_of
 from mam_sim.studio.words import joint_text, line, verdict_text
 
@@ -284,6 +285,62 @@ def test_a_urdf_is_looked_at_only(session: Session, tmp_path: Path) -> None:
         seen.edit(lambda h, t: h)
 
 
+def test_a_folder_is_reviewed_in_order_of_doubt_and_goes_on_where_it_stopped(
+    tmp_path: Path,
+) -> None:
+    from mam_pipeline.asset.card import AssetCard, CardJoint
+
+    def card(name: str, confidence: float, passed: bool) -> None:
+        joint = CardJoint("j", "revolute", "hinge", "a", "b", [0, 0, 1], [0, 0, 0], 0, 1,
+                          confidence=confidence)  # fmt: skip
+        reasons = [] if passed else ["penetration"]
+        checks = {"executability": {"passed": passed, "driven": True, "reasons": reasons}}
+        (tmp_path / name).mkdir()
+        made = {"path": f"{name}.glb"}
+        urdf = (
+            '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="revolute">'
+            '<parent link="a"/><child link="b"/><limit lower="0" upper="1"/></joint></robot>'
+        )
+        (tmp_path / name / "object.urdf").write_text(urdf)
+        AssetCard(name, joints=[joint], checks=checks, source=made).save(tmp_path / name)
+
+    for name, confidence, passed in (
+        ("sure", 0.95, True), ("unsure", 0.3, True), ("fails", 0.99, False)
+    ):  # fmt: skip
+        card(name, confidence, passed)
+    for file in ("new.glb", "sure.glb", "notes.txt"):
+        (tmp_path / file).touch()
+    review = Review(tmp_path)
+    assert [e.path for e in review.entries] == ["fails", "unsure", "new.glb", "sure"]
+    assert "runs into another" in review.entries[0].why
+    assert "needs review" in review.entries[1].why
+    review.decide(0, "reject", "a lamp, really", 3.2)
+    review.decide(2, "accept", "", 1.0)
+
+    again = Review(tmp_path)
+    assert again.done == 2 and again.entries[0].note == "a lamp, really"
+    assert again.next_from(0) == 1 and again.next_from(2) == 3
+    again.decide(0, "mend", "", 2.0)
+    assert Review(tmp_path).entries[0].seconds == 5.2
+    (tmp_path / "review.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(InputError, match="is not a review"):
+        Review(tmp_path)
+    (tmp_path / "none").mkdir()
+    with pytest.raises(InputError, match="holds no asset"):
+        Review(tmp_path / "none")
+
+
+def test_the_viewers_script_was_built_from_its_source() -> None:
+    import hashlib
+    from importlib import resources
+
+    folder = resources.files("mam_sim.viewer")
+    digest = hashlib.sha256(folder.joinpath("source.js").read_bytes()).hexdigest()
+    built = folder.joinpath("viewer.js").read_text(encoding="utf-8")
+    assert digest in built[:200], "run scripts/build_viewer.sh"
+    assert "three.js authors" in built[:2000] and len(built) < 1_000_000
+
+
 @pytest.fixture(scope="module")
 def window() -> Iterator[Any]:
     """A window of a browser without a screen; skips where there is none."""
@@ -394,6 +451,29 @@ def test_in_a_browser_a_slider_moves_its_part_and_edits_are_undone_saved_and_rea
     assert saved == session.state.hints and saved.parts[0].name == part
     session.place.hints.unlink()
     assert all(u.startswith((page.url, "blob:", "data:")) for u in requests), requests
+
+
+def test_the_page_that_is_given_away_opens_offline_and_its_slider_moves_the_part(
+    window: Any, session: Session, tmp_path: Path
+) -> None:
+    from mam_sim import viewer
+
+    part = door(session).name
+    file = tmp_path / "view.html"
+    file.write_text(viewer.page(session.state.articulation, "cab</script>inet"), encoding="utf-8")
+    requests: list[str] = []
+    window.on("request", lambda request: requests.append(request.url))
+    window.goto(file.as_uri())
+    window.wait_for_function("document.body.dataset.ready === 'yes'")
+    assert window.get_by_role("heading").inner_text() == "cab</script>inet"
+    before, box = seen(window), canvas(window)
+    slider = window.get_by_role("slider", name=part, exact=True)
+    slider.focus()
+    slider.press("End")
+    assert until(lambda: changed(before, seen(window), box)) is not None
+    slider.press("Home")
+    until(lambda: True if changed(before, seen(window), box) is None else None)
+    assert all(u.startswith(("file:", "blob:")) for u in requests), requests
 
 
 def test_other_sites_pages_are_refused(page: Any) -> None:

@@ -1,0 +1,145 @@
+"""Reviewing a folder of objects: in order of doubt, each accepted, mended or rejected, in a CSV."""
+
+from __future__ import annotations
+
+import csv
+import os
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Literal, get_args
+
+from mam_pipeline.asset.card import Asset, AssetCard
+from mam_pipeline.check.report import REASONS
+from mam_pipeline.errors import InputError, MamSimError
+from mam_pipeline.formats.suffixes import MESHES, PHOTOS
+
+Decision = Literal["", "accept", "mend", "reject"]
+DECISIONS: tuple[Decision, ...] = get_args(Decision)[1:]
+FILE = "review.csv"
+UNMADE = 0.5  # doubt about what nobody has looked at yet
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One object of a folder.
+
+    Attributes:
+        path: below the folder. doubt: 0 (nothing speaks against it) .. 1 (the check fails).
+        why: the doubt in words. decision, note: the person's. seconds: it took.
+    """
+
+    path: str
+    doubt: float = 0.0
+    why: str = ""
+    decision: Decision = ""
+    note: str = ""
+    seconds: float = 0.0
+
+
+class Review:
+    """The objects of a folder, most doubtful first, with what was decided so far.
+
+    Attributes:
+        folder: of the objects and of the CSV. entries: of all of them.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Find the objects, and go on where the CSV in the folder stops.
+
+        Raises:
+            InputError: nothing in the folder can be opened, or its CSV is another's.
+        """
+        self.folder = folder
+        known = {entry.path: entry for entry in self._read()}
+        found = [_doubted(folder, path) for path in _objects(folder)]
+        if not found:
+            raise InputError(f"{folder} holds no asset, mesh, photo or URDF")
+        found.sort(key=lambda e: (-e.doubt, e.path))
+        self.entries = [
+            replace(e, decision=k.decision, note=k.note, seconds=k.seconds)
+            if (k := known.get(e.path)) is not None
+            else e
+            for e in found
+        ]
+
+    @property
+    def done(self) -> int:
+        """How many are decided."""
+        return sum(bool(entry.decision) for entry in self.entries)
+
+    def next_from(self, index: int) -> int | None:
+        """The first undecided entry after one, round and round; None when all are decided."""
+        count = len(self.entries)
+        order = ((index + 1 + k) % count for k in range(count))
+        return next((i for i in order if not self.entries[i].decision), None)
+
+    def decide(self, index: int, decision: Decision, note: str, seconds: float) -> None:
+        """Write a decision down at once; the time adds to that of earlier visits."""
+        entry = self.entries[index]
+        spent = round(entry.seconds + seconds, 1)
+        self.entries[index] = replace(entry, decision=decision, note=note, seconds=spent)
+        temporary = self.folder / f".{FILE}.{os.getpid()}"
+        with temporary.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, [f.name for f in fields(Entry)])
+            writer.writeheader()
+            writer.writerows(asdict(e) for e in self.entries)
+        temporary.replace(self.folder / FILE)
+
+    def _read(self) -> list[Entry]:
+        path = self.folder / FILE
+        if not path.is_file():
+            return []
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        try:
+            return [
+                Entry(
+                    row["path"], float(row["doubt"]), row["why"],
+                    _decision(row["decision"]), row["note"], float(row["seconds"]),
+                )
+                for row in rows
+            ]  # fmt: skip
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{path} is not a review of the studio: {error!r}") from error
+
+
+def doubt(card: AssetCard) -> tuple[float, str]:
+    """How doubtful an asset is, and why: a failed check, a stuck joint, then low confidence."""
+    verdict = card.checks.get("executability", {})
+    if not verdict.get("passed", True):
+        return 1.0, "; ".join(REASONS.get(r, r) for r in verdict["reasons"])
+    if not card.joints:
+        return 0.9, "nothing moves"
+    looked_at = [joint for joint in card.joints if joint.review]
+    unsure = 1.0 - min(j.confidence if j.provenance != "user" else 1.0 for j in card.joints)
+    if looked_at:
+        return max(0.6, unsure), "; ".join(f"{j.name} {j.review}" for j in looked_at)
+    return round(min(unsure, 0.5), 4), ""
+
+
+def _decision(text: str) -> Decision:
+    return next(d for d in get_args(Decision) if d == text)
+
+
+def _objects(folder: Path) -> list[Path]:
+    """Assets of a folder, and files from which no asset beside them was made."""
+    assets = sorted(p.parent for p in folder.glob("*/asset.json"))
+    made = set()
+    for path in assets:
+        try:
+            made.add(str(Asset.load(path).card.source.get("path")))
+        except MamSimError:
+            continue  # it is listed, and says itself what is wrong with it
+    suffixes = {*MESHES, *PHOTOS, ".urdf"}
+    files = (p for p in sorted(folder.iterdir()) if p.suffix.lower() in suffixes)
+    return [*assets, *(p for p in files if p.is_file() and p.name not in made)]
+
+
+def _doubted(folder: Path, path: Path) -> Entry:
+    name = str(path.relative_to(folder))
+    if not path.is_dir():
+        return Entry(name, UNMADE, "not made yet")
+    try:
+        return Entry(name, *doubt(Asset.load(path).card))
+    except MamSimError as error:
+        return Entry(name, 1.0, str(error))
