@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-import os
+import io
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Literal, get_args
@@ -11,6 +11,7 @@ from typing import Literal, get_args
 from mam_pipeline.asset.card import Asset, AssetCard
 from mam_pipeline.check.report import REASONS
 from mam_pipeline.errors import InputError, MamSimError
+from mam_pipeline.folders import write_text
 from mam_pipeline.formats.suffixes import MESHES, PHOTOS
 
 Decision = Literal["", "accept", "mend", "reject"]
@@ -78,12 +79,11 @@ class Review:
         entry = self.entries[index]
         spent = round(entry.seconds + seconds, 1)
         self.entries[index] = replace(entry, decision=decision, note=note, seconds=spent)
-        temporary = self.folder / f".{FILE}.{os.getpid()}"
-        with temporary.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, [f.name for f in fields(Entry)])
-            writer.writeheader()
-            writer.writerows(asdict(e) for e in self.entries)
-        temporary.replace(self.folder / FILE)
+        text = io.StringIO()
+        writer = csv.DictWriter(text, [f.name for f in fields(Entry)], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(asdict(e) for e in self.entries)
+        write_text(self.folder / FILE, text.getvalue())
 
     def _read(self) -> list[Entry]:
         path = self.folder / FILE

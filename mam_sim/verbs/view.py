@@ -68,12 +68,14 @@ class View(Verb):
         return 0
 
     def _write_page(self, articulation: Articulation, folder: Path) -> int:
+        from mam_pipeline.folders import write_text
+        from mam_pipeline.formats.door import Door
         from mam_sim.viewer import page
 
         name = self.asset.stem if self.asset.is_file() else folder.name
-        target = self.out or folder / "view.html"
+        target = self.out or Door(folder).may_write(folder / "view.html")
         target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_text(page(articulation, name), encoding="utf-8")
+        write_text(target, page(articulation, name))
         print(target)
         if not self.quiet:
             print("open it in any browser; it needs no network", file=sys.stderr)
