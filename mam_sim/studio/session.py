@@ -185,7 +185,8 @@ class Session:
     @property
     def unsaved(self) -> bool:
         """Whether the hints file lacks what was said."""
-        return self.can_undo and self.state.hints != self._saved
+        kept = self._history[0].hints if self._saved is None else self._saved
+        return self.state.hints != kept
 
     @property
     def can_undo(self) -> bool:
@@ -247,8 +248,10 @@ class Session:
         if place.source is None:
             raise ConfigError(self.why_fixed)
         config = place.config
-        if not self.why_fixed and (self.can_undo or place.hints.is_file()):
-            config = replace(config, hints=self.save())
+        if self.unsaved:
+            self.save()
+        if not self.why_fixed and place.hints.is_file():
+            config = replace(config, hints=place.hints)
         return make_asset(place.source, place.asset, config, tell)
 
     def best_subtype(self, primitives: Iterable[int]) -> str:

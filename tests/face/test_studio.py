@@ -446,7 +446,7 @@ def test_in_a_browser_a_slider_moves_its_part_and_edits_are_undone_saved_and_rea
     until(session.place.hints.is_file)
 
     window.reload()
-    window.get_by_text("saved").wait_for()
+    window.get_by_text("· saved").wait_for()
     saved = load_hints(session.place.hints)
     assert saved == session.state.hints and saved.parts[0].name == part
     session.place.hints.unlink()
