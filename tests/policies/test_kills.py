@@ -21,15 +21,17 @@ from mam_policies.run import EnvChoice, RunInfo
 pytestmark = pytest.mark.slow  # each starts processes with a simulator and kills them
 
 
-def kill_when(command: list[str], ready: Callable[[], object]) -> None:
-    """Start a command and send it SIGKILL as soon as `ready()` is true."""
+def kill_when(
+    command: list[str], ready: Callable[[], object], number: int = signal.SIGKILL
+) -> None:
+    """Start a command and send it a signal as soon as `ready()` is true."""
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 300
     while not ready():
         assert process.poll() is None, "it ended before it could be killed"
         assert time.monotonic() < deadline, "it never came so far"
         time.sleep(0.02)
-    process.send_signal(signal.SIGKILL)
+    process.send_signal(number)
     process.wait()
 
 
@@ -124,3 +126,18 @@ def test_killed_export_leaves_nothing_half(run_folder: Path, tmp_path: Path) -> 
     for name in ("config.json", "model.safetensors", "README.md", "joint_mapping.yaml"):
         assert (out / name).is_file()
     assert not list(tmp_path.glob(".policy.*"))
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_a_stopped_make_env_leaves_the_old_asset(
+    drawer: Path, tmp_path: Path, number: signal.Signals
+) -> None:
+    command = mam_sim("articulate", str(drawer / "object.urdf"), "--out", str(tmp_path / "env"))
+    assert subprocess.run(command, check=False).returncode in (0, 1)
+    before = {p: p.read_bytes() for p in (tmp_path / "env").rglob("*") if p.is_file()}
+    kill_when(command, lambda: list(tmp_path.glob(".env.partial-*")), number)
+    assert {p: p.read_bytes() for p in (tmp_path / "env").rglob("*") if p.is_file()} == before
+    if number == signal.SIGTERM:
+        assert [p.name for p in tmp_path.iterdir()] == ["env"]
+    assert subprocess.run(command, check=False).returncode in (0, 1)
+    assert [p.name for p in tmp_path.iterdir()] == ["env"]

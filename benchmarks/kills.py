@@ -1,0 +1,160 @@
+"""Kills make-env, collect, train and export at random moments, and runs each command again.
+
+    python benchmarks/kills.py --kill 15 --term 5 [--seed 0] [--out kills.json]
+
+After SIGTERM no half-made file or folder may be left. After either signal the same command must
+end as an unkilled one does, leave nothing half-made, and keep every episode that had ended before
+the signal, byte for byte. Moments are drawn evenly over the time that an unkilled run took.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import tyro
+from common import save
+
+HALF_MADE = re.compile(r"\..*\.(partial|old)-\d+.*|.*\.part(ial)?\.\w+")
+
+
+@dataclass
+class Case:
+    """One verb: its command, where it writes, and which of its files must outlive a signal."""
+
+    name: str
+    command: list[str]
+    out: Path
+    kept: str = ""
+    seconds: float = 0.0
+    rows: list[dict[str, object]] = field(default_factory=list)
+
+    def ended(self) -> dict[str, bytes]:
+        """What a signal may not take: episodes that have ended."""
+        if not self.kept:
+            return {}
+        return {str(p): p.read_bytes() for p in sorted(self.out.glob(self.kept))}
+
+
+def half_made(folder: Path) -> list[str]:
+    """Names of files and folders that were never finished."""
+    found = [p for p in folder.rglob("*") if HALF_MADE.fullmatch(p.name)]
+    return sorted(str(p.relative_to(folder)) for p in found)
+
+
+def run(command: list[str], root: Path, after: float | None = None, number: int = 9) -> int | None:
+    """Run a verb; its status, or None where it was signalled `after` seconds."""
+    words = [sys.executable, "-m", "mam_sim.cli", *command, "--quiet"]
+    process = subprocess.Popen(
+        words, cwd=root, stdout=subprocess.DEVNULL, stderr=(root / "said.txt").open("w")
+    )
+    try:
+        return process.wait(timeout=after)
+    except subprocess.TimeoutExpired:
+        process.send_signal(number)
+        process.wait(timeout=60)
+        return None
+
+
+def cases(root: Path, category: str) -> list[Case]:
+    """The verbs in an order in which each finds what it needs."""
+    assert run(["generate", "--category", category, "--out", "made"], root) == 0
+    asset = next((root / "made").glob("*/asset.json")).parent
+    urdf, drawer = str(asset / "object.urdf"), str(asset)
+    return [
+        Case("make-env", ["make-env", urdf, "--out", "env"], root / "env"),
+        Case("collect", ["collect", drawer, "--episodes", "3", "--out", "demos"], root / "demos",
+             "attempts/[0-9]*.json"),
+        Case("train", ["train", drawer, "--episodes", "2", "--epochs", "60", "--test", "0",
+                       "--out", "run"], root / "run", "demos/[0-9]*.npz"),
+        Case("export", ["export", "run", "--out", "policy"], root / "policy"),
+    ]  # fmt: skip
+
+
+def strike(case: Case, root: Path, number: int, rng: random.Random) -> None:
+    """Signal a run of the case at a random moment and note what it left."""
+    before = case.ended()
+    while run(case.command, root, rng.uniform(0.0, case.seconds), number) is not None:
+        before = case.ended()  # it had ended before the signal came
+    left = half_made(root)
+    case.rows.append({
+        "verb": case.name,
+        "signal": signal.Signals(number).name,
+        "half_made": left,
+        "lost": [k for k, v in before.items() if case.ended().get(k) != v],
+    })  # fmt: skip
+    print(case.rows[-1], flush=True)
+
+
+def main(
+    kill: int = 15,
+    term: int = 5,
+    seed: int = 0,
+    category: str = "nightstand",
+    only: tuple[str, ...] = (),
+    out: Path | None = None,
+) -> None:
+    """Signal the verbs in turn.
+
+    Args:
+        kill, term: how many SIGKILLs and SIGTERMs in all.
+        seed: of the moments.
+        category: of the generated object that all is done with.
+        only: these verbs; default: all four.
+        out: JSON file for all rows.
+    """
+    rng = random.Random(seed)
+    numbers = [signal.SIGKILL] * kill + [signal.SIGTERM] * term
+    rng.shuffle(numbers)
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        todo = cases(root, category)
+        chosen = [c for c in todo if not only or c.name in only]
+        good = True
+        for case in todo:
+            needed = case.name == "train" and any(c.name == "export" for c in chosen)
+            if case not in chosen and not needed:
+                continue
+            mine = numbers[chosen.index(case) :: len(chosen)] if case in chosen else []
+            good &= measure(case, root, mine, rng)
+        rows = [row for case in todo for row in case.rows]
+    bad = [r for r in rows if r["lost"] or (r["signal"] == "SIGTERM" and r["half_made"])]
+    print(f"{len(rows)} signals, {len(bad)} of them lost something or left something half-made")
+    save(out, rows)
+    raise SystemExit(0 if good and not bad else 1)
+
+
+def measure(case: Case, root: Path, numbers: list[signal.Signals], rng: random.Random) -> bool:
+    """One verb: an unkilled run, the signals, and the same command to its end."""
+    began = time.monotonic()
+    status = run(case.command, root)
+    case.seconds = time.monotonic() - began
+    assert status in (0, 1), (root / "said.txt").read_text()
+    if not numbers:
+        return True
+    files = {str(p.relative_to(case.out)) for p in case.out.rglob("*") if p.is_file()}
+    if case.kept:  # what is there already would not be made again
+        case.out.rename(root / f"unkilled_{case.name}")
+    for number in numbers:
+        strike(case, root, number, rng)
+    kept = case.ended()
+    again = run(case.command, root)
+    now = {str(p.relative_to(case.out)) for p in case.out.rglob("*") if p.is_file()}
+    steady = {f for f in files ^ now if "events.out" not in f}  # TensorBoard names them by the time
+    lost = [k for k, v in kept.items() if case.ended().get(k) != v]
+    good = again == status and not half_made(root) and not lost and not steady
+    print(f"{case.name}: {len(numbers)} signals over {case.seconds:.0f} s; the same command again "
+          f"ends with {again} (unkilled {status}), half-made {half_made(root)}, lost {lost}, "
+          f"files that differ {sorted(steady)}", flush=True)  # fmt: skip
+    return good
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
