@@ -224,6 +224,8 @@ HOSTILE_URDF = {
         "is negative",
     ),
     "limit": (urdf(*TWO).replace('upper="1"', 'upper="nan"'), "is not finite"),
+    "point": (urdf(*TWO, shape=BOX.replace("1 1 1", "0 0 0")), "no extent"),
+    "flat": (urdf(*TWO, shape=BOX.replace("1 1 1", "1 1 0")), "is flat"),
     "entities": ('<!DOCTYPE a [<!ENTITY b "c">]>' + urdf(*TWO), "DOCTYPE or entity"),
 }  # fmt: skip
 
@@ -256,3 +258,11 @@ def test_a_mesh_that_many_links_show_is_read_once(
     articulation = read_urdf(tmp_path / "a.urdf")
     assert len(read) == 1 and len(articulation.mesh.faces) == 6
     assert np.isclose(np.ptp(articulation.mesh.vertices[:, 0]), 2.0)  # one number scales all axes
+
+
+def test_a_hinge_of_a_hundred_turns_turns_without_end(tmp_path: Path) -> None:
+    """Its way would be cut into as many steps as it has degrees."""
+    (tmp_path / "a.urdf").write_text(urdf(*TWO).replace('upper="1"', 'upper="1e30"', 1))
+    one, other = read_urdf(tmp_path / "a.urdf").joints
+    assert (one.type, one.upper) == ("continuous", np.inf)
+    assert (other.type, other.upper) == ("revolute", 1.0)

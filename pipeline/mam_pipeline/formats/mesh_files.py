@@ -88,7 +88,7 @@ def load_mesh(
         raise ConfigError("give either --height or --scale, not both")
     content = read_file(file)
     mesh = join(content.pieces, content.materials)
-    _check(mesh, file)
+    check_surface(mesh, file)
     turn, upward = choose_up(mesh, content.up, up, file.suffix.lower())
     turned = mesh.transformed(_matrix(turn))
     low, high = turned.bounds
@@ -210,8 +210,12 @@ def _trimesh_appearance(part: trimesh.Trimesh) -> tuple[Material, Any, Any]:
     return Material(name, rgba, data, None if data is None else "png"), uv, None  # type: ignore[arg-type]
 
 
-def _check(mesh: Mesh, file: Path) -> None:
-    """Refuse what no later stage could work with, in one sentence."""
+def check_surface(mesh: Mesh, file: Path) -> None:
+    """Refuse what no later stage could work with, in one sentence.
+
+    Raises:
+        InputError: vertices that are not finite or absurdly far, no extent, or a flat surface.
+    """
     points = mesh.vertices[np.unique(mesh.faces)]
     bad = int((~np.isfinite(points)).any(axis=1).sum())
     if bad:

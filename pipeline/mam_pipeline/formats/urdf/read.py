@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mam_pipeline.errors import InputError
-from mam_pipeline.formats.mesh_files import read_file
+from mam_pipeline.formats.mesh_files import check_surface, read_file
 from mam_pipeline.formats.soup import Budget, FileContent, Piece, join
 from mam_pipeline.formats.urdf.geometry import existing, mesh_scale, origin_of, shape_triangles
 from mam_pipeline.formats.urdf.tree import UrdfTree
@@ -44,6 +44,7 @@ def read_urdf(path: str | Path) -> Articulation:
     if len(bodies) < 2:
         raise InputError(f"{tree.path} has no joint that moves a body with a surface")
     mesh = join(pieces, materials)
+    check_surface(mesh, tree.path)
     labels = np.concatenate([np.full(len(p.faces), bodies[o]) for p, o in zip(pieces, owner)])
     links = tuple(Link(n, "body", np.flatnonzero(labels == i)) for n, i in bodies.items())
     joints = tuple(_bounded(tree.joint(n, bodies)) for n in list(bodies)[1:])

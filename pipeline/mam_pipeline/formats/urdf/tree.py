@@ -16,6 +16,8 @@ from mam_pipeline.formats.urdf.admit import admitted
 from mam_pipeline.types import Articulation, Coupling, FloatArray, Joint
 
 MOVING = {"revolute", "continuous", "prismatic"}
+MOST_TURN = 200.0 * np.pi
+"""Radians; a hinge with a wider range turns without end."""
 
 
 @dataclass(frozen=True)
@@ -197,6 +199,6 @@ def _limits(joint: Any) -> tuple[float, float, Any]:
         lower, upper = joint.limit.lower or 0.0, joint.limit.upper or 0.0
         if joint.limit.lower is None and joint.limit.upper is None and kind == "revolute":
             lower, upper = -np.inf, np.inf
-    if kind == "revolute" and not np.isfinite(upper - lower):
-        kind = "continuous"
+    if kind == "revolute" and not abs(upper - lower) < MOST_TURN:
+        lower, upper, kind = -np.inf, np.inf, "continuous"
     return lower, upper, kind
