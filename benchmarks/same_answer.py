@@ -25,7 +25,7 @@ from common import save
 from tyro.conf import Positional
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-SECONDS = re.compile(r'(?:"|&#34;)seconds(?:"|&#34;): \{[^}]*\}')
+SECONDS = re.compile(r"seconds: \{[^}]*\}")
 
 
 @contextmanager

@@ -16,6 +16,8 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from mam_pipeline.errors import ConfigError
+
 MADE = ("passes", "fails check", "no environment")
 """Outcomes with an asset folder."""
 GUARDED = ("timeout", "memory")
@@ -91,6 +93,12 @@ class Target:
     def path(self, *parts: str) -> str:
         """A place in the target, as its file system names it."""
         return posixpath.join(self.root, *parts)
+
+    def refuse_foreign(self) -> None:
+        """Raise ConfigError where the target holds something else than a batch."""
+        held = self.names("")
+        if held and not held & {".lock", "batch.yaml", "records"}:
+            raise ConfigError(f"{self.root} is not empty and holds no batch; name another --out")
 
     def prepare(self) -> None:
         """Make the folders; what a killed run left half done goes."""

@@ -66,6 +66,7 @@ class Batch(Verb):
         self._check()
         screen, target = Screen(self.quiet or self.json), Target(self.out)
         items = find_inputs(self.inputs)
+        target.refuse_foreign()
         with held(target), given(self.pipeline.models.settings()):
             target.prepare()
             work = Work(self.pipeline, self.environment, self.robot, self.report)

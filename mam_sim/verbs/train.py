@@ -90,6 +90,7 @@ class Train(Verb):
             self.env,
         )  # fmt: skip
         refuse_foreign(self.out)
+        folders.check_place(self.out)  # the simulator takes long to start
         fresh = not self.out.exists()
         try:
             with PhaseBar(screen) as update:

@@ -48,6 +48,16 @@ def work_folder(out: Path) -> Iterator[Path]:
                 folder.rmdir()
 
 
+def check_place(out: Path) -> None:
+    """Try to write beside `out`, so that what the disk refuses is said before any work is done.
+
+    Raises:
+        OSError: it cannot be done.
+    """
+    with work_folder(out):
+        pass
+
+
 @contextmanager
 def new_folder(out: Path) -> Iterator[Path]:
     """A fresh folder that takes the place of `out`, and of what is there, once it is whole."""

@@ -80,6 +80,7 @@ def collect(
     settings = task_settings(config.task) if env_config is None else env_config
     claim = _Claim(out, {"asset": asset, "collect": config, "env": settings})
     claim.check()
+    folders.check_place(out)
     done = finished(attempts)
     resumed = len(done)
     said = progress or (lambda _got, _want, _text: None)

@@ -218,3 +218,15 @@ def test_a_mesh_becomes_an_asset_and_is_not_made_again(
     assert (tmp_path / "out" / "pictures" / f"{made['name']}.jpg").is_file()
     assert main(command) == 1
     assert json.loads(capsys.readouterr().out) == first and card.stat().st_mtime_ns == written
+
+
+def test_a_folder_that_is_no_batch_is_left_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    theirs, source = tmp_path / "theirs", tmp_path / "a.urdf"
+    theirs.mkdir()
+    (theirs / "thesis.tex").write_text("mine")
+    source.write_text("<robot/>")
+    assert main(["batch", str(source), "--out", str(theirs), "--quiet"]) == 2
+    assert "is not empty and holds no batch" in capsys.readouterr().err
+    assert [p.name for p in theirs.iterdir()] == ["thesis.tex"]
