@@ -28,6 +28,7 @@ from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.formats.placement import Decision
 from mam_pipeline.formats.suffixes import MESHES, PHOTOS
 from mam_pipeline.geometry.front import front_of, moved
+from mam_pipeline.geometry.stand_in import restored, stand_in
 from mam_pipeline.hints import Hints, load_hints
 from mam_pipeline.models import settings
 from mam_pipeline.models.ledger import one_ledger
@@ -207,10 +208,8 @@ def make_asset(
         with outside_allowed(config.allow_outside):
             read = read_source(source, kind, config, stages)
         if read.articulation is None:
-            save_geometry(read.mesh, store.folder / "0_mesh")
             hints = given if given is not None else read.hints
-            run = stages.articulate(read.mesh, hints, read.spec)
-            articulation, notes = run.articulation, list(run.notes)
+            articulation, notes = _articulated(read, hints, stages, store)
         else:
             articulation, notes = read.articulation, []
             stages.makers["articulation"] = Maker("urdf")
@@ -246,6 +245,24 @@ def _turned_to_front(
     name = f"{'-' if towards[axis] < 0 else '+'}{'xyz'[axis]} of the file"
     decision = Decision("front", name, found.why, found.runner_up, found.confidence)
     return found.yaw, (*read.decisions, decision)
+
+
+def _articulated(
+    read: Source, hints: Hints | None, stages: Stages, store: StageStore
+) -> tuple[Articulation, list[str]]:
+    """Parts and joints of a mesh, found on a lighter one where it is heavy; notes for the card."""
+    made = stand_in(read.mesh)
+    if made is not None:
+        save_geometry(made.mesh, store.folder / "0_mesh")
+        run = stages.articulate(made.mesh, hints, read.spec)
+        whole = restored(run.articulation, read.mesh, made)
+        if whole is not None:
+            light, heavy = len(made.mesh.faces), len(read.mesh.faces)
+            note = f"parts and joints were found on a copy of {light} of the {heavy} faces"
+            return whole, [note, *run.notes]
+    save_geometry(read.mesh, store.folder / "0_mesh")
+    run = stages.articulate(read.mesh, hints, read.spec)
+    return run.articulation, list(run.notes)
 
 
 def _finished(

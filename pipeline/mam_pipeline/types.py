@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -82,11 +83,11 @@ class Mesh:
         if self.colors is not None:
             put(self, "colors", readonly(self.colors, np.uint8, (v, 4)))
 
-    @property
+    @cached_property
     def bounds(self) -> FloatArray:
         """(2, 3) lower and upper corner of the axis-aligned box of the used vertices, metres."""
         points = self.vertices[self.faces.reshape(-1)]
-        return np.stack([points.min(axis=0), points.max(axis=0)])
+        return readonly([points.min(axis=0), points.max(axis=0)], np.float64, (2, 3))
 
     @property
     def diagonal(self) -> float:

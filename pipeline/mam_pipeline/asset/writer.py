@@ -21,6 +21,7 @@ from mam_pipeline.asset.inertia import link_inertials
 from mam_pipeline.asset.visuals import VisualFormat, write_visuals
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.formats.urdf.write import link_origins, urdf_text
+from mam_pipeline.geometry.stand_in import lightened
 from mam_pipeline.types import Articulation, CollisionShape, FloatArray, Inertial
 
 LONGEST_NAME = 100
@@ -63,13 +64,14 @@ def write_asset(
     out = Path(out)
     began = time.perf_counter()
     articulation = _valid(articulation)
-    inertials = link_inertials(articulation)
-    articulation = with_dynamics(articulation, inertials)
+    light = lightened(articulation)  # what is felt; what is seen keeps every triangle
+    inertials = link_inertials(light)
+    light = with_dynamics(light, inertials)
     pieces = {k: list(v) for k, v in (collision or {}).items()}
-    if any(link.name not in pieces for link in articulation.links):
-        pieces = {**collision_shapes(articulation, skip=frozenset(pieces)), **pieces}
-    if not articulation.grasps:
-        articulation = replace(articulation, grasps=find_grasps(articulation))
+    if any(link.name not in pieces for link in light.links):
+        pieces = {**collision_shapes(light, skip=frozenset(pieces)), **pieces}
+    grasps = articulation.grasps or find_grasps(light)
+    articulation = replace(articulation, joints=light.joints, grasps=grasps)
     with folders.new_folder(out) as work:
         (work / "visual").mkdir()
         (work / "collision").mkdir()

@@ -78,7 +78,7 @@ def components(
     kept = np.asarray(source)[index]
     if not len(faces):
         return []
-    labels = _edge_labels(faces, None if corners is None else corners[index])
+    labels = edge_labels(faces, None if corners is None else corners[index])
     out = []
     for label in range(labels.max() + 1):
         mine = faces[labels == label]
@@ -145,8 +145,12 @@ def _edges(faces: IntArray) -> IntArray:
     return faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
 
 
-def _edge_labels(faces: IntArray, corners: IntArray | None) -> IntArray:
-    """(F,) component of every face; see `components` for the rule."""
+def edge_labels(faces: IntArray, corners: IntArray | None) -> IntArray:
+    """(F,) component of every face; see `components` for the rule.
+
+    Args:
+        faces: (F, 3) of a welded surface. corners: (F, 3) vertex indices of the source, if known.
+    """
     edges = np.sort(_edges(faces), axis=1)
     owner = np.repeat(np.arange(len(faces)), 3)
     _, edge, count = np.unique(row_keys(edges), return_inverse=True, return_counts=True)
