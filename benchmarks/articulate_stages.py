@@ -38,12 +38,13 @@ def one(source: Path) -> dict[str, Any]:
         marks.append((stage, time.process_time(), time.perf_counter() - began))
 
     from mam_pipeline.errors import MamSimError
+    from mam_pipeline.formats.mesh_files import files_kept
     from mam_pipeline.run import MakeConfig, make_asset
     from mam_sim.report import write_report
     from mam_sim.verbs import articulate  # noqa: F401
 
     said = ""
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, files_kept():
         try:
             asset = make_asset(source, Path(folder) / "asset", MakeConfig(), mark)
             mark("report")

@@ -13,6 +13,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import MamSimError
+from mam_pipeline.formats.mesh_files import files_kept
 from mam_pipeline.formats.placement import Decision
 from mam_pipeline.models.ledger import Ledger, one_ledger
 from mam_pipeline.models.settings import given
@@ -41,7 +42,7 @@ class Articulate(Verb):
         """Write the asset and its report; print what was found."""
         screen = Screen(self.quiet or self.json)
         names = ["read", "segment", "prior", "reason", "joints", "asset", "check", "report"]
-        with screen.stages(names) as bar:
+        with screen.stages(names) as bar, files_kept():
             with given(self.pipeline.models.settings()), one_ledger() as ledger:
                 asset = make(self.source, self.out, self.pipeline, bar)
             bar("report")

@@ -6,6 +6,9 @@ front is, only the articulation can tell (see `mam_pipeline.geometry.front`).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -17,6 +20,7 @@ import trimesh
 from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.formats.apart import read_apart
 from mam_pipeline.formats.collada import read_collada
+from mam_pipeline.formats.door import is_file
 from mam_pipeline.formats.door_resolver import DoorResolver
 from mam_pipeline.formats.gltf import read_gltf
 from mam_pipeline.formats.gltf_write import write_glb
@@ -27,6 +31,8 @@ from mam_pipeline.formats.soup import LIMITS, Budget, FileContent, Piece, checke
 from mam_pipeline.formats.suffixes import MESHES, STEP, USD
 from mam_pipeline.formats.threemf import read_3mf
 from mam_pipeline.types import FloatArray, IntArray, Material, Mesh, readonly
+
+_KEPT: ContextVar[dict[tuple[int, ...], FileContent] | None] = ContextVar("kept", default=None)
 
 
 @dataclass(frozen=True)
@@ -63,7 +69,7 @@ def load_mesh(
     scale: float | None = None,
     usual: float | None = None,
 ) -> LoadedMesh:
-    """Read a mesh file (GLB, glTF, OBJ, PLY, STL, DAE, OFF) into the asset frame.
+    """Read a mesh file (see `MESHES`) into the asset frame.
 
     Vertices are neither welded nor reordered, texture coordinates and image bytes stay as they
     are; per-node groups become `Mesh.face_group`.
@@ -102,12 +108,36 @@ def load_mesh(
     return LoadedMesh(placed, matrix, unit, source, content.notes, (upward, length))
 
 
+@contextmanager
+def files_kept() -> Iterator[None]:
+    """Keep what is read in memory, for those who read the same files again and again.
+
+    A file is known by its place on the disk, its time and its size; what it names must not change.
+    """
+    token = _KEPT.set({})
+    try:
+        yield
+    finally:
+        _KEPT.reset(token)
+
+
 def read_file(file: Path, root: Path | None = None) -> FileContent:
     """Read a mesh file as it is, in its own frame and unit; see `load_mesh` for the errors.
 
     Args:
         root: folder whose files it may name; default: its own.
     """
+    kept = _KEPT.get()
+    if kept is None or not is_file(file):
+        return _read_file(file, root)
+    at = file.stat()
+    key = (at.st_dev, at.st_ino, at.st_mtime_ns, at.st_size)
+    if key not in kept:
+        kept[key] = _read_file(file, root)
+    return kept[key]
+
+
+def _read_file(file: Path, root: Path | None) -> FileContent:
     suffix = file.suffix.lower()
     if not file.exists():
         raise InputError(f"no file at {file}")

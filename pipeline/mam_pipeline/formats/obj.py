@@ -388,21 +388,26 @@ def write_obj_part(mesh: Mesh, path: Path, picture: str = "", *, textured: bool 
         textured: whether to write texture coordinates.
     """
     stem = path.stem
-    lines = [f"mtllib {stem}.mtl", f"o {stem}"]
-    lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in mesh.vertices.tolist()]
-    triangles = (mesh.faces + 1).tolist()
+    text = [f"mtllib {stem}.mtl\no {stem}\n", _rows("v %.9g %.9g %.9g\n", mesh.vertices)]
+    triangles = mesh.faces + 1
     if textured and mesh.uv is not None:
         flipped = 1.0 - mesh.uv[:, 1].astype(float)
-        lines += [f"vt {u:.9g} {v!r}" for u, v in zip(mesh.uv[:, 0].tolist(), flipped.tolist())]
-        faces = [f"f {a}/{a} {b}/{b} {c}/{c}" for a, b, c in triangles]
+        pairs = zip(mesh.uv[:, 0].tolist(), flipped.tolist())
+        text += [f"vt {u:.9g} {v!r}\n" for u, v in pairs]
+        corners = _rows("f %d/%d %d/%d %d/%d\n", np.repeat(triangles, 2, axis=1))
     else:
-        faces = [f"f {a} {b} {c}" for a, b, c in triangles]
-    lines += [f"usemtl {stem}", *faces]
-    path.write_text("\n".join(lines) + "\n", encoding="ascii")
-    text = [f"newmtl {stem}", *_mtl_numbers(mesh.materials[0])]
+        corners = _rows("f %d %d %d\n", triangles)
+    text += [f"usemtl {stem}\n", corners]
+    path.write_text("".join(text), encoding="ascii")
+    lines = [f"newmtl {stem}", *_mtl_numbers(mesh.materials[0])]
     if picture:
-        text.append(f"map_Kd {picture}")
-    path.with_suffix(".mtl").write_text("\n".join(text) + "\n", encoding="ascii")
+        lines.append(f"map_Kd {picture}")
+    path.with_suffix(".mtl").write_text("\n".join(lines) + "\n", encoding="ascii")
+
+
+def _rows(pattern: str, table: NDArray[Any]) -> str:
+    """A line for every row of a table; in one go, since a large visual has a million of them."""
+    return (pattern * len(table)) % tuple(table.reshape(-1).tolist())
 
 
 def _mtl_numbers(material: Material) -> list[str]:
