@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,8 @@ from mam_training.parts.fit_abstention import REAL, collect, handed_over, read, 
 from mam_world.registry import CATEGORIES, motionless
 from mam_world.splits import MOTIONLESS_TEST_ONLY
 
+BARS = (0.02, 0.04, 0.07, 0.1, 0.2, 0.3, 0.5, 0.7)
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -32,6 +34,7 @@ class Settings:
     Attributes:
         motionless: objects of every kind in which nothing moves. movable: of every `step`-th kind
             with joints. start: first seed that is looked at; test seeds end in 9.
+        most: objects in all, the first of a mixed order.
         log: JSON lines of the engine's answers, which are read again. out: JSON file.
     """
 
@@ -39,6 +42,7 @@ class Settings:
     movable: int = 1
     step: int = 3
     start: int = 509
+    most: int | None = None
     log: Path = Path("build/false_joints.jsonl")
     out: Path | None = None
 
@@ -59,25 +63,43 @@ def planned(settings: Settings) -> list[tuple[str, int]]:
 
 def sums(rows: Sequence[dict[str, Any]], bar: Bar) -> dict[str, Any]:
     """Counts over some objects, with and without the bar."""
-    parts = [(r, p, bar.chance(p["signs"])) for r in rows for p in r["parts"]]
-    kept = [(r, p, c) for r, p, c in parts if c >= bar.least]
+    parts = [(r, p) for r in rows for p in r["parts"]]
+    kept = [
+        (r, p) for r in rows
+        for p, stays in zip(r["parts"], bar.keeps([bar.chance(p["signs"]) for p in r["parts"]]))
+        if stays
+    ]  # fmt: skip
     return {
         "objects": len(rows),
         "with a joint, nothing withheld": sum(bool(r["parts"]) for r in rows),
-        "with a joint": len({(r["category"], r["seed"]) for r, _, _ in kept}),
+        "with a joint": len({(r["category"], r["seed"]) for r, _ in kept}),
         "true joints": sum(r["true"] for r in rows),
-        "true parts found, nothing withheld": sum(p["iou"] >= REAL for _, p, _ in parts),
-        "true parts found": sum(p["iou"] >= REAL for _, p, _ in kept),
-        "false parts, nothing withheld": sum(p["iou"] < REAL for _, p, _ in parts),
-        "false parts": sum(p["iou"] < REAL for _, p, _ in kept),
+        "true parts found, nothing withheld": sum(p["iou"] >= REAL for _, p in parts),
+        "true parts found": sum(p["iou"] >= REAL for _, p in kept),
+        "false parts, nothing withheld": sum(p["iou"] < REAL for _, p in parts),
+        "false parts": sum(p["iou"] < REAL for _, p in kept),
     }
+
+
+def _other_bars(rows: Sequence[dict[str, Any]], bar: Bar) -> dict[str, Any]:
+    """What higher and lower bars would do."""
+    still = [r for r in rows if not r["true"]]
+    moving = [r for r in rows if r["true"]]
+    out = {}
+    for least in BARS:
+        other = replace(bar, least=least, others=min(bar.others, least))
+        out[f"{least:g}"] = {
+            "motionless objects with a joint": sums(still, other)["with a joint"],
+            "true parts found": sums(moving, other)["true parts found"],
+        }
+    return out
 
 
 def main(settings: Settings) -> None:
     """Collect, count, save."""
     bar = load_bar()
     settings.log.parent.mkdir(parents=True, exist_ok=True)
-    pairs = planned(settings)
+    pairs = planned(settings)[: settings.most]
     collect(settings.log, pairs)
     if bar is None:
         raise SystemExit("no bar was fitted: python -m mam_training.parts.fit_abstention")
@@ -101,7 +123,8 @@ def main(settings: Settings) -> None:
         for name in motionless()
     }
     result = {
-        "bar": bar.least, "groups": found, "motionless kinds with a joint": kinds,
+        "bar": bar.least, "groups": found, "other bars": _other_bars(rows, bar),
+        "motionless kinds with a joint": kinds,
         "expected calibration error": round(error, 3), "reliability": bins,
     }  # fmt: skip
     print(json.dumps(result, indent=1))

@@ -13,6 +13,7 @@ from mam_pipeline.errors import ConfigError
 from mam_training import manifest
 from mam_training.command import configured
 from mam_training.joints.train import JointTraining
+from mam_training.parts.fit_abstention import AbstentionTraining
 from mam_training.parts.train import PartsTraining
 from mam_training.photo.fit_confidence import ConfidenceTraining
 from mam_training.photo.train_handles import HandleTraining
@@ -25,7 +26,7 @@ FOLDERS = sorted({
 })  # fmt: skip
 TRAINERS = {
     "parts": PartsTraining, "joints": JointTraining, "photo_handles": HandleTraining,
-    "photo_confidence": ConfidenceTraining,
+    "photo_confidence": ConfidenceTraining, "abstention": AbstentionTraining,
 }  # fmt: skip
 
 
@@ -35,7 +36,7 @@ def test_weights_have_a_manifest_that_is_true(folder: Path) -> None:
 
 
 def test_all_weights_lie_in_such_folders() -> None:
-    assert len(FOLDERS) == 5
+    assert len(FOLDERS) == 6
     loose = [f for p in ("*.gz", "*.npz", "*.xz") for f in PIPELINE.rglob(p)
              if f.parent not in FOLDERS]  # fmt: skip
     assert loose == []

@@ -1,14 +1,15 @@
 """Whether a part is likely enough to become one: what is not is withheld and told.
 
-A chance that a part is real is calibrated on generated objects, of which many have nothing that
-moves (`mam_world.motionless`). Below the bar a part stays in what it hangs on and is a suggestion
-in the notes; with nothing above it the object has nothing movable.
+The chance that a part is real is fitted on generated objects, of which many have nothing that
+moves (`mam_world.motionless`). Where no part of an object reaches the bar, nothing in it moves;
+where one does, others need less. What is withheld stays in what it hangs on and is a suggestion in
+the notes. How many pieces an object has is no sign: that tells how it was modelled.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import resources
@@ -23,9 +24,7 @@ from mam_pipeline.joints.estimate import Estimate, JointEstimator
 from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.types import FloatArray, KinematicTree, Mesh, PartNode, Primitives
 
-SIGNS = (
-    "value", "confidence", "sure", "stays", "free", "area", "alike", "best", "pieces", "parts",
-)  # fmt: skip
+SIGNS = ("value", "confidence", "sure", "stays", "free", "area", "alike", "best")
 
 
 @dataclass(frozen=True)
@@ -34,12 +33,19 @@ class Bar:
 
     Attributes:
         bias, weights: of a logistic function of the signs (`signs_of`).
-        least: chance below which a part is withheld.
+        least: chance that the likeliest part of an object must have. others: what the others must
+            have then.
     """
 
     bias: float
     weights: Mapping[str, float]
     least: float
+    others: float
+
+    def keeps(self, chances: Sequence[float]) -> list[bool]:
+        """Which parts of one object become parts, by their chances."""
+        any_moves = max(chances, default=0.0) >= self.least
+        return [any_moves and chance >= self.others for chance in chances]
 
     def chance(self, signs: Mapping[str, float], more: float = 0.0) -> float:
         """Chance that a part is real; `more` are log odds from beside geometry."""
@@ -54,7 +60,7 @@ def load_bar() -> Bar | None:
     if not file.is_file():
         return None
     said = json.loads(file.read_text(encoding="utf-8"))
-    return Bar(said["bias"], said["weights"], said["least"])
+    return Bar(said["bias"], said["weights"], said["least"], said["others"])
 
 
 def bar_weights() -> Traversable:
@@ -112,8 +118,6 @@ def signs_of(
             "area": float(np.log(max(size, 1e-4))),
             "alike": float(np.log1p(alike)),
             "best": _odds(max(values)),
-            "pieces": float(np.log1p(len(area))),
-            "parts": float(np.log1p(len(parts))),
         }
     return out
 
@@ -134,11 +138,11 @@ def withheld(
         if bar is not None:
             said["chance"] = round(bar.chance(known, said_odds(node)), 3)
         nodes.append(replace(node, evidence={**node.evidence, **said}))
-    gone = [
-        i for i, node in enumerate(nodes)
-        if i and bar is not None and node.provenance == "inferred"
-        and node.evidence["chance"] < bar.least
-    ]  # fmt: skip
+    if bar is None:
+        return replace(tree, nodes=tuple(nodes))
+    # what a person or an animation shows moves for certain
+    shown = [1.0 if n.provenance != "inferred" else n.evidence["chance"] for n in nodes[1:]]
+    gone = [i for i, kept in enumerate(bar.keeps(shown), start=1) if not kept]
     return without(replace(tree, nodes=tuple(nodes)), gone)
 
 
