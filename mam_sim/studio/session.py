@@ -155,6 +155,8 @@ class Session:
         self._spec = read.spec
         groups = stated_groups(read.spec)
         self.primitives = along_nodes(self._cut, read.mesh, hints, groups)
+        unhinted = along_nodes(self._cut, read.mesh, None, groups)
+        self._cut_by_hints = self.primitives.count != unhinted.count
         self._prior = self._stages.observe(self.mesh, self.primitives, hints)
         tree = self._stages.reason(self.mesh, self.primitives, self._prior, hints, read.spec)
         self._history = [self._solved(self._stages, tree, hints)]
@@ -207,7 +209,7 @@ class Session:
         if self.why_fixed:
             raise ConfigError(self.why_fixed)
         now = self.state
-        if self.primitives is not self._cut:
+        if self._cut_by_hints:
             raise ConfigError(
                 f"{self.place.hints} names nodes that cut primitives in two: edit the file by hand"
             )
