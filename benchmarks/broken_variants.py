@@ -170,7 +170,7 @@ def _write_table(
         columns |= {f"{name}: caught": "d", f"{name}: of": "d", f"{name}: free": "d"}
         columns[f"{name}: share"] = ".1%"
     rows = []
-    for kind in [*KINDS, "*sound joints accepted*"]:
+    for kind in [*KINDS, "*joints accepted as they are*"]:
         values: dict[str, float] = {}
         for name, count in zip(said, counts):
             hit, free, every = count.kinds.get(kind, [0, 0, 0])
