@@ -81,7 +81,7 @@ def _stages(asset: Asset, articulation: Articulation) -> list[Figure]:
     stages = asset.folder / "stages"
     kept = stages / "1_primitives" / PRIMITIVES.filename
     if kept.is_file():
-        labels = PRIMITIVES.load(kept).labels
+        labels = PRIMITIVES.load(kept, kept).labels
         turned = load_geometry(stages / "0_mesh").transformed(_engine_to_asset(asset))
         picture = render_mesh(turned, face_colors=palette(labels + 1), **CAMERA)
         figures.append(_figure(picture, f"{int(labels.max()) + 1} primitives"))

@@ -45,7 +45,7 @@ def make_part(
     chosen = _some(primitives)
     part = HintPart(
         free_name(kind, tree), kind, tuple(chosen), parent=tree.nodes[0].name,
-        joint=HintJoint(subtype),
+        joint=HintJoint(subtype),  # type: ignore[arg-type]
     )  # fmt: skip
     return _with(_without(hints, chosen), part)
 
@@ -117,7 +117,7 @@ def set_subtype(hints: Hints, tree: KinematicTree, name: str, subtype: str) -> H
     if subtype == "fixed":
         return do_not_move(hints, _node(tree, name).primitives)
     part = _stated(hints, tree, _node(tree, name))
-    return _with(hints, replace(part, joint=HintJoint(subtype)))
+    return _with(hints, replace(part, joint=HintJoint(subtype)))  # type: ignore[arg-type]
 
 
 def set_line(
@@ -125,7 +125,8 @@ def set_line(
 ) -> Hints:
     """The axis (unit, positive motion opens) and a point on it, metres, in the engine's frame."""
     part = _stated(hints, tree, _node(tree, name))
-    joint = HintJoint(subtype, axis=_triple(axis), origin=_triple(origin))
+    line = {"axis": _triple(axis), "origin": _triple(origin)}
+    joint = HintJoint(subtype, **line)  # type: ignore[arg-type]
     return _with(hints, replace(part, joint=joint))
 
 

@@ -104,7 +104,7 @@ class Evaluate(Verb):
             if self.expert:
                 acting = replace(choice, joint=found.joint, control_mode="pd_joint_pos")
                 best = evaluate_expert(acting, self.episodes)
-        verdict = Asset.load(folder).card.checks.get("executability", {}).get("passed")
+        verdict = Asset.load(folder).card.executable
         said = {True: "passes", False: "fails", None: "-"}[verdict]
         bar = best.line() if best else "-"
         screen.say(f"{found.asset:<28} {found.joint:<22} {said:<7} {bar:<20} {found.line()}")

@@ -13,16 +13,16 @@ import typing
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, TypeVar, Union
+from typing import Annotated, Any, TypeVar, Union
 
 import numpy as np
 import yaml
 
 from mam_pipeline import folders
+from mam_pipeline.edited import read_yaml, shown, value_as
 from mam_pipeline.errors import ConfigError
 
 T = TypeVar("T")
-WORDS = {int: "a whole number", float: "a number", bool: "true or false", str: "text"}
 
 
 def read(file: str | Path) -> dict[str, Any]:
@@ -34,14 +34,11 @@ def read(file: str | Path) -> dict[str, Any]:
     path = Path(file)
     if not path.is_file():
         raise ConfigError(f"there is no configuration file {path}")
-    try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
+    values = read_yaml(path).values
     if values is None:
         return {}
     if not isinstance(values, dict):
-        raise ConfigError(f"{path} must hold names and values, not {_shown(values)}")
+        raise ConfigError(f"{path} must hold names and values, not {shown(values)}")
     return values
 
 
@@ -87,9 +84,9 @@ def _fill(base: T, values: Any, where: str, place: str) -> T:
     if not isinstance(values, Mapping):
         raise ConfigError(
             f"{place}{where or type(base).__name__} must hold names and values, "
-            f"not {_shown(values)}"
+            f"not {shown(values)}"
         )
-    hints = typing.get_type_hints(type(base))
+    hints = typing.get_type_hints(type(base), include_extras=True)
     known = [f.name for f in fields(base)]  # type: ignore[arg-type]
     out = {}
     for key, value in values.items():
@@ -131,45 +128,28 @@ def _value(kind: Any, base: Any, value: Any, name: str, place: str) -> Any:
     Raises:
         ConfigError: it is of another type.
     """
-    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     value = value.item() if isinstance(value, np.generic) else value
-    if kind is Any:
+    bare = typing.get_args(kind)[0] if typing.get_origin(kind) is Annotated else kind
+    origin, arguments = typing.get_origin(bare), typing.get_args(bare)
+    if bare is Any:
         return value
-    if origin in (Union, types.UnionType):
+    if origin in (Union, types.UnionType) and any(_nested(k) for k in arguments):
         return _one_of(arguments, base, value, name, place)
-    if origin is Literal:
-        if value in arguments:
-            return value
-        near = difflib.get_close_matches(str(value), [str(a) for a in arguments], n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        told = ", ".join(str(a) for a in arguments)
-        raise ConfigError(f"{place}{name} must be one of {told}, not {_shown(value)}{hint}")
-    if isinstance(kind, type) and is_dataclass(kind):
-        start = base if isinstance(base, kind) else kind()
+    if isinstance(bare, type) and is_dataclass(bare):
+        start = base if isinstance(base, bare) else bare()
         return _fill(start, value, name, place)
     if isinstance(origin, type) and issubclass(origin, Mapping):
         return _mapping(arguments, base, value, name, place)
-    if isinstance(origin, type) and issubclass(origin, Sequence):
-        return _sequence(origin, arguments, value, name, place)
-    if kind is type(None):
-        good = value is None
-    elif kind is float:
-        good = isinstance(value, int | float | str) and not isinstance(value, bool)
-        try:
-            value = float(value) if good else value  # YAML reads 1e-3 as text
-        except ValueError:
-            good = False
-    elif kind is int:
-        good = isinstance(value, int) and not isinstance(value, bool)
-    elif kind is Path:
-        good = isinstance(value, str | Path)
-        value = Path(value).expanduser() if good else value
-    else:
-        good = isinstance(value, kind)
-    if not good:
-        wanted = WORDS.get(kind, "empty" if kind is type(None) else f"a {kind.__name__.lower()}")
-        raise ConfigError(f"{place}{name} must be {wanted}, not {_shown(value)}")
-    return value
+    made = value_as(kind, value, name, place.removesuffix(": "))
+    return made.expanduser() if isinstance(made, Path) else made
+
+
+def _nested(kind: Any) -> bool:
+    """Whether an annotation holds settings of its own."""
+    origin = typing.get_origin(kind)
+    return (isinstance(kind, type) and is_dataclass(kind)) or (
+        isinstance(origin, type) and issubclass(origin, Mapping)
+    )
 
 
 def _one_of(kinds: Sequence[Any], base: Any, value: Any, name: str, place: str) -> Any:
@@ -178,8 +158,6 @@ def _one_of(kinds: Sequence[Any], base: Any, value: Any, name: str, place: str) 
     wanted = [k for k in kinds if k is not type(None)]
     errors = []
     for kind in wanted:
-        if kind is float and isinstance(value, str) and str in wanted:
-            continue
         try:
             return _value(kind, base, value, name, place)
         except ConfigError as error:
@@ -189,23 +167,7 @@ def _one_of(kinds: Sequence[Any], base: Any, value: Any, name: str, place: str) 
 
 def _mapping(kinds: Sequence[Any], base: Any, value: Any, name: str, place: str) -> dict[str, Any]:
     if not isinstance(value, Mapping):
-        raise ConfigError(f"{place}{name} must hold names and values, not {_shown(value)}")
+        raise ConfigError(f"{place}{name} must hold names and values, not {shown(value)}")
     kind = kinds[1] if len(kinds) > 1 else Any
     before = base if isinstance(base, Mapping) else {}
     return {str(k): _value(kind, before.get(k), v, f"{name}.{k}", place) for k, v in value.items()}
-
-
-def _sequence(origin: type, kinds: Sequence[Any], value: Any, name: str, place: str) -> Any:
-    if not isinstance(value, list | tuple):
-        raise ConfigError(f"{place}{name} must be a list, not {_shown(value)}")
-    repeated = origin is not tuple or (len(kinds) == 2 and kinds[1] is Ellipsis)
-    each = [kinds[0]] * len(value) if repeated else list(kinds)
-    if len(each) != len(value):
-        raise ConfigError(f"{place}{name} must be a list of {len(each)}, not of {len(value)}")
-    made = [_value(k, None, v, f"{name}[{i}]", place) for i, (k, v) in enumerate(zip(each, value))]
-    return tuple(made) if origin is not list else made
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -203,7 +203,7 @@ def make_asset(
     with settings.given(config.models.settings()), one_ledger(), folders.work_folder(out) as work:
         (work / "stages").mkdir()
         copy_stages(out / "stages", work / "stages")
-        store = StageStore(work / "stages")
+        store = StageStore(work / "stages", out / "stages")
         stages = Stages(config.engine_used, on_stage, store)
         with outside_allowed(config.allow_outside):
             read = read_source(source, kind, config, stages)
@@ -286,6 +286,7 @@ def _written(
     placed: tuple[Decision, ...], notes: list[str],
 ) -> Asset:  # fmt: skip
     """Write and check the asset in the work folder, and put it in its place."""
+    from mam_pipeline.asset.read import read_asset
     from mam_pipeline.asset.writer import write_asset
     from mam_pipeline.check.shorten import written_and_checked
 
@@ -309,6 +310,7 @@ def _written(
     (work / "stages" / "config.json").unlink(missing_ok=True)
     config_file.save({"pipeline": config}, work / "stages" / "config.yaml")
     (work / "stages").rename(work / "asset" / "stages")
+    read_asset(Asset.load(work / "asset"))  # before anything is replaced: what was made can be read
     folders.put_in_place(work / "asset", out)
     return asset
 

@@ -16,35 +16,142 @@ import os
 import shutil
 import stat
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
-from typing import Any, Generic, TypeVar, get_args
+from typing import Annotated, Any, Generic, TypeVar
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
 from PIL import Image
+from pydantic import Field
 
 from mam_pipeline.backends import KinematicPrior, Maker, Reconstruction
-from mam_pipeline.errors import ConfigError, InputError
+from mam_pipeline.edited import (
+    STRICT,
+    Direction,
+    Finite,
+    Index,
+    Limit,
+    NotNegative,
+    Share,
+    Text,
+    Vector,
+    Word,
+    Wrong,
+    no_cycle,
+    no_doubles,
+    read_json,
+    read_yaml,
+    validated,
+)
+from mam_pipeline.errors import ConfigError, InputError, MamSimError
 from mam_pipeline.hints import load_hints, save_hints
 from mam_pipeline.types import (
     Articulation,
+    Coupling,
     Joint,
     JointCandidate,
     JointSubtype,
+    JointType,
     KinematicTree,
     Link,
     Material,
     Mesh,
     PartNode,
     Primitives,
+    Provenance,
     RangeBasis,
     UsualTravel,
 )
 
+MOST_ROWS = 2000
+"""Parts, candidates, links or joints in one list."""
 T = TypeVar("T")
 Prints = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class CandidateRow:
+    """A joint hypothesis in parts.yaml; see `JointCandidate`."""
+
+    __pydantic_config__ = STRICT
+    subtype: JointSubtype
+    axis: Direction
+    origin: Vector
+    score: Finite = 0.0
+    evidence: dict[str, Any] = field(default_factory=dict)
+    kind_probability: Share | None = None
+    within_kind: Share | None = None
+    travel: UsualTravel | None = None
+
+
+@dataclass(frozen=True)
+class PartRow:
+    """A part in parts.yaml; see `PartNode`."""
+
+    __pydantic_config__ = STRICT
+    name: Word
+    kind: Word
+    primitives: tuple[Index, ...]
+    parent: int
+    subtype: JointSubtype
+    confidence: Share = 1.0
+    runner_up: Text = ""
+    provenance: Provenance = "inferred"
+    candidates: Annotated[tuple[CandidateRow, ...], Field(max_length=MOST_ROWS)] = ()
+    limits: tuple[Limit, Limit] | None = None
+    evidence: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class LinkRow:
+    """A link in joints.yaml; see `Link`."""
+
+    __pydantic_config__ = STRICT
+    name: Word
+    kind: Word
+    primitives: tuple[Index, ...] = ()
+
+
+@dataclass(frozen=True)
+class JointRow:
+    """A joint in joints.yaml, its links by name; see `Joint`."""
+
+    __pydantic_config__ = STRICT
+    name: Word
+    type: JointType
+    subtype: JointSubtype
+    parent: Word
+    child: Word
+    axis: Direction
+    origin: Vector
+    lower: Limit
+    upper: Limit
+    closed: Finite = 0.0
+    open: Finite = 0.0
+    damping: NotNegative = 0.0
+    friction: NotNegative = 0.0
+    effort: NotNegative = 100.0
+    velocity: NotNegative = 2.0
+    confidence: Share = 1.0
+    evidence: dict[str, Any] = field(default_factory=dict)
+    basis: RangeBasis = field(default_factory=RangeBasis)
+    provenance: Provenance = "inferred"
+    coupling: Coupling | None = None
+
+
+@dataclass(frozen=True)
+class JointFile:
+    """What joints.yaml holds."""
+
+    __pydantic_config__ = STRICT
+    links: Annotated[tuple[LinkRow, ...], Field(min_length=1, max_length=MOST_ROWS)]
+    joints: Annotated[tuple[JointRow, ...], Field(max_length=MOST_ROWS)]
+
+
+PartRows = Annotated[tuple[PartRow, ...], Field(min_length=1, max_length=MOST_ROWS)]
+"""What parts.yaml holds."""
 
 
 @dataclass(frozen=True)
@@ -53,14 +160,15 @@ class Codec(Generic[T]):
 
     Attributes:
         filename: of the artefact that a person may edit; `save` may write more beside it.
-        save, load: write and read it; `load` raises ConfigError for what cannot be used.
+        save, load: write and read it; `load` takes the path that errors name as well, and raises
+            ConfigError for what cannot be used.
         prints: what is remembered of the generated result, to find out what was edited.
         marked: the edited result with what differs from those prints marked as a person's.
     """
 
     filename: str
     save: Callable[[T, Path], None]
-    load: Callable[[Path], T]
+    load: Callable[[Path, Path], T]
     prints: Callable[[T], Prints] = lambda _value: {}
     marked: Callable[[T, Prints], T] = lambda value, _prints: value
 
@@ -81,8 +189,10 @@ class StageStore:
         notes: sentences on edits that could not be used any more, for the card.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, shown: Path | None = None) -> None:
+        """`shown`: the folder as the user knows it, where this one is a copy."""
         self.folder = folder
+        self.shown = shown or folder
         self.notes: list[str] = []
 
     def stage(
@@ -108,15 +218,15 @@ class StageStore:
         artefact, note = folder / codec.filename, folder / "stage.json"
         made_by = asdict(maker)
         key = text_digest(json.dumps([name, made_by, settings, inputs], default=str))
-        before = json.loads(note.read_text()) if artefact.is_file() and note.is_file() else {}
+        before = self._note(name, codec.filename)
         if before:
             digest = file_digest(artefact)
             edited = digest != before["digest"]
             if edited and before["inputs"] == inputs:
-                value = codec.marked(codec.load(artefact), before["prints"])
+                value = codec.marked(self._loaded(name, codec), before["prints"])
                 return Kept(value, digest, replace(Maker(**before["made_by"]), edited=True))
             if not edited and before["key"] == key:
-                return Kept(codec.load(artefact), digest, maker)
+                return Kept(self._loaded(name, codec), digest, maker)
             if edited:
                 self._set_aside(name, artefact)
         shutil.rmtree(folder, ignore_errors=True)
@@ -128,6 +238,39 @@ class StageStore:
         record |= {"inputs": inputs, "prints": codec.prints(value)}
         note.write_text(json.dumps(record, default=str))
         return Kept(value, digest, maker)
+
+    def _note(self, name: str, filename: str) -> dict[str, Any]:
+        """What stage.json says of a result that is there; nothing where it cannot be used."""
+        note = self.folder / name / "stage.json"
+        if not (note.is_file() and (self.folder / name / filename).is_file()):
+            return {}
+        try:
+            said = read_json(note).values
+            Maker(**said["made_by"])
+            if {"key", "digest", "inputs", "prints"} <= said.keys():
+                return dict(said)
+        except (InputError, TypeError, KeyError, AttributeError):
+            pass
+        self.notes.append(f"stages/{name}/stage.json could not be read: the stage was made anew")
+        return {}
+
+    def _loaded(self, name: str, codec: Codec[T]) -> T:
+        """The artefact that is there.
+
+        Raises:
+            ConfigError: it was edited or damaged into something unusable.
+        """
+        shown = self.shown / name / codec.filename
+        try:
+            return codec.load(self.folder / name / codec.filename, shown)
+        except MamSimError:
+            raise
+        except Exception as error:  # each library fails in its own way at a damaged file
+            what = f"{type(error).__name__}: {str(error) or 'damaged'}".splitlines()[0]
+            raise ConfigError(
+                f"{shown} or a file beside it cannot be used ({what}); "
+                f"delete {shown.parent} to have it made anew"
+            ) from error
 
     def _set_aside(self, name: str, artefact: Path) -> None:
         kept = self.folder / f"{name}.edited{artefact.suffix}"
@@ -207,7 +350,7 @@ def _save_primitives(value: Primitives, path: Path) -> None:
     np.savez_compressed(path, **kept)
 
 
-def _load_primitives(path: Path) -> Primitives:
+def _load_primitives(path: Path, _shown: Path) -> Primitives:
     with np.load(path) as data:
         fronts = data["fronts"] if "fronts" in data else np.zeros((0, 0), dtype=bool)
         return Primitives(data["labels"], data["merges"], str(data["method"]), fronts)
@@ -229,7 +372,7 @@ def _save_prior(value: KinematicPrior | None, path: Path) -> None:
     )
 
 
-def _load_prior(path: Path) -> KinematicPrior | None:
+def _load_prior(path: Path, _shown: Path) -> KinematicPrior | None:
     with np.load(path) as data:
         if "mobility" not in data:
             return None
@@ -251,14 +394,14 @@ def tree_codec(count: int) -> Codec[KinematicTree]:
         count: of the primitives; an edited tree must give each to one part.
     """
 
-    def load(path: Path) -> KinematicTree:
-        rows = _yaml(path)
+    def load(path: Path, shown: Path) -> KinematicTree:
+        document = read_yaml(path, shown)
+        rows: tuple[PartRow, ...] = validated(PartRows, document)
         try:
-            tree = KinematicTree(tuple(_node(row) for row in rows))
-            _check_tree(tree, count)
-            return tree
-        except (TypeError, ValueError, KeyError, AttributeError) as error:
-            raise ConfigError(f"{path} was edited into something unusable: {error}") from error
+            tree = _tree(rows, count)
+        except Wrong as wrong:
+            raise document.wrong(wrong.place, str(wrong)) from wrong
+        return tree
 
     return Codec("parts.yaml", _save_tree, load, _tree_prints, _marked_tree)
 
@@ -281,45 +424,44 @@ def _candidate_row(candidate: JointCandidate) -> dict[str, Any]:
     return {k: v for k, v in _fields(candidate).items() if v is not None}
 
 
-def _node(row: Mapping[str, Any]) -> PartNode:
-    data = dict(row)
-    data["primitives"] = tuple(data["primitives"])
-    data["candidates"] = tuple(_candidate(c) for c in data.get("candidates", ()))
-    if data.get("limits") is not None:
-        lower, upper = data["limits"]
-        data["limits"] = (float(lower), float(upper))
-    return PartNode(**data)
+def _tree(rows: Sequence[PartRow], count: int) -> KinematicTree:
+    """The tree of all rows.
 
-
-def _candidate(row: dict[str, Any]) -> JointCandidate:
-    travel = row.get("travel")
-    return JointCandidate(**{**row, "travel": None if travel is None else UsualTravel(**travel)})
-
-
-def _check_tree(tree: KinematicTree, count: int) -> None:
-    """Raise ValueError, in words for who edited the tree, where it is none."""
+    Raises:
+        Wrong: they are none: its place is in the list of rows.
+    """
+    no_doubles([row.name for row in rows], (), "part")
     owner: dict[int, str] = {}
-    names = [node.name for node in tree.nodes]
-    for node in tree.nodes:
-        if names.count(node.name) > 1:
-            raise ValueError(f"two parts are named {node.name!r}")
-        if node.subtype not in get_args(JointSubtype):
-            raise ValueError(f"part {node.name!r} moves by {node.subtype!r}, which is no joint")
-        for piece in node.primitives:
-            if piece not in range(count):
-                raise ValueError(f"part {node.name!r}: no primitive {piece} (0 to {count - 1})")
+    for i, row in enumerate(rows):
+        if not (row.parent == -1 if i == 0 else 0 <= row.parent < len(rows)):
+            least = "-1: the first part is the base" if i == 0 else f"from 0 to {len(rows) - 1}"
+            raise Wrong((i, "parent"), f"of part {row.name!r} must be {least}, not {row.parent}")
+        if i == 0 and row.subtype != "fixed":
+            raise Wrong((i, "subtype"), f"of the base must be fixed, not {row.subtype!r}")
+        if row.limits is not None and not row.limits[0] <= row.limits[1]:
+            raise Wrong((i, "limits"), f"of part {row.name!r} must be the lower, then the upper")
+        for piece in row.primitives:
+            if piece >= count:
+                text = f"of part {row.name!r}: no primitive {piece} (0 to {count - 1})"
+                raise Wrong((i, "primitives"), text)
             if piece in owner:
-                raise ValueError(f"primitive {piece} is in {owner[piece]!r} and in {node.name!r}")
-            owner[piece] = node.name
-    missing = sorted(set(range(count)) - set(owner))
+                text = f"of part {row.name!r}: primitive {piece} is in {owner[piece]!r} too"
+                raise Wrong((i, "primitives"), text)
+            owner[piece] = row.name
+    missing = [k for k in range(count) if k not in owner]
     if missing:
-        raise ValueError(f"primitives {missing} are in no part; what does not move is the base's")
-    for i, node in enumerate(tree.nodes):
-        seen = {i}
-        while (i := tree.nodes[i].parent) != -1:
-            if i in seen:
-                raise ValueError(f"part {node.name!r} hangs on itself")
-            seen.add(i)
+        said = f"{', '.join(map(str, missing[:10]))}{' ...' if len(missing) > 10 else ''}"
+        raise Wrong((), f"primitives {said} are in no part; what does not move is the base's")
+    no_cycle({r.name: None if r.parent < 0 else rows[r.parent].name for r in rows}, ())
+    return KinematicTree(tuple(_node(row) for row in rows))
+
+
+def _node(row: PartRow) -> PartNode:
+    data = {f.name: getattr(row, f.name) for f in fields(row)}
+    data["candidates"] = tuple(
+        JointCandidate(**{f.name: getattr(c, f.name) for f in fields(c)}) for c in row.candidates
+    )
+    return PartNode(**data)
 
 
 def _tree_prints(tree: KinematicTree) -> Prints:
@@ -361,26 +503,55 @@ def articulation_codec(mesh: Mesh) -> Codec[Articulation]:
         )
         path.write_text("# Joints in the engine's frame (metres, radians). Edit freely.\n" + text)
 
-    def load(path: Path) -> Articulation:
-        data = _yaml(path)
+    def load(path: Path, shown: Path) -> Articulation:
+        document = read_yaml(path, shown)
+        file = validated(JointFile, document)
         with np.load(path.with_name("links.npz")) as kept:
             face_link = kept["face_link"]
         try:
-            links = tuple(
-                Link(r["name"], r["kind"], np.flatnonzero(face_link == i), tuple(r["primitives"]))
-                for i, r in enumerate(data["links"])
-            )
-            index = {link.name: i for i, link in enumerate(links)}
-            joints = []
-            for row in data["joints"]:
-                row = dict(row, parent=index[row["parent"]], child=index[row["child"]])
-                row["basis"] = RangeBasis(**row.get("basis", {}))
-                joints.append(Joint(**{k: _finite(v) for k, v in row.items()}))
-            return Articulation(mesh, links, tuple(joints))
-        except (TypeError, ValueError, KeyError) as error:
-            raise ConfigError(f"{path} was edited into something unusable: {error!r}") from error
+            _check_joints(file, int(face_link.max()) + 1)
+        except Wrong as wrong:
+            raise document.wrong(wrong.place, str(wrong)) from wrong
+        links = tuple(
+            Link(row.name, row.kind, np.flatnonzero(face_link == i), row.primitives)
+            for i, row in enumerate(file.links)
+        )
+        index = {link.name: i for i, link in enumerate(links)}
+        joints = []
+        for row in file.joints:
+            data = {f.name: getattr(row, f.name) for f in fields(row)}
+            joints.append(Joint(**data | {"parent": index[row.parent], "child": index[row.child]}))
+        return Articulation(mesh, links, tuple(joints))
 
     return Codec("joints.yaml", save, load, _joint_prints, _marked_joints)
+
+
+def _check_joints(file: JointFile, count: int) -> None:
+    """Raise `Wrong` where the joints do not hold `count` links together as a tree."""
+    names = [link.name for link in file.links]
+    if len(names) != count:
+        raise Wrong(("links",), f"must be the {count} that the parts make, not {len(names)}")
+    no_doubles(names, ("links",), "link")
+    no_doubles([joint.name for joint in file.joints], ("joints",), "joint")
+    held = {names[0]}
+    for i, joint in enumerate(file.joints):
+        for key, link in (("parent", joint.parent), ("child", joint.child)):
+            if link not in names:
+                raise Wrong(("joints", i, key), f"names no link: {link!r} ({', '.join(names)})")
+        if joint.child in held:
+            text = f"is {joint.child!r}, which another joint holds or which is the base"
+            raise Wrong(("joints", i, "child"), text)
+        if joint.parent not in held:
+            text = f"is {joint.parent!r}, which no joint before this one holds"
+            raise Wrong(("joints", i, "parent"), text)
+        held.add(joint.child)
+        finite = joint.type == "continuous" or np.isfinite(joint.upper - joint.lower)
+        if not (joint.lower <= joint.upper and finite):
+            text = f"must be finite and not below lower, {joint.lower:g}, not {joint.upper:g}"
+            raise Wrong(("joints", i, "upper"), text)
+    loose = [name for name in names if name not in held]
+    if loose:
+        raise Wrong(("joints",), f"hold no {', '.join(loose)}: every link but the first needs one")
 
 
 def _joint_row(joint: Joint, links: Sequence[str]) -> dict[str, Any]:
@@ -413,11 +584,11 @@ def _save_photo(made: Reconstruction, path: Path) -> None:
     path.with_name("report.json").write_text(json.dumps(told, indent=1, default=str))
 
 
-def _load_photo(path: Path) -> Reconstruction:
+def _load_photo(path: Path, shown: Path) -> Reconstruction:
     told = json.loads(path.with_name("report.json").read_text())
     pictures = {p.stem: np.asarray(Image.open(p)) for p in sorted(path.parent.glob("*.png"))}
     return Reconstruction(
-        load_mesh(path.with_name("mesh.npz")), load_hints(path), told["confidence"],
+        load_mesh(path.with_name("mesh.npz")), load_hints(path, shown), told["confidence"],
         told["summary"], tuple(told["assumed"]), pictures, told["details"],
     )  # fmt: skip
 
@@ -499,17 +670,6 @@ def plain(value: Any) -> Any:
     if value is None or isinstance(value, bool | int | float | str):
         return value
     return str(value)
-
-
-def _finite(value: Any) -> Any:
-    return float(value) if value in ("inf", "-inf", "nan") else value
-
-
-def _yaml(path: Path) -> Any:
-    try:
-        return yaml.safe_load(path.read_text())
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{path} is not YAML any more: {str(error).splitlines()[0]}") from error
 
 
 PRIMITIVES = Codec("primitives.npz", _save_primitives, _load_primitives)

@@ -18,6 +18,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 JointType = Literal["fixed", "revolute", "continuous", "prismatic"]
 JointSubtype = Literal["fixed", "hinge", "spin", "slide"]
+GraspKind = Literal["handle", "knob", "edge", "rim", "push"]
 Provenance = Literal["observed", "inferred", "assumed", "user"]
 RangeRule = Literal[
     "", "given", "usual", "collision", "contact_loss", "endless", "token", "paper", "drawer_box"
@@ -387,7 +388,7 @@ class Grasp:
 
     joint: str
     link: str
-    kind: Literal["handle", "knob", "edge", "rim", "push"]
+    kind: GraspKind
     position: FloatArray
     approach: FloatArray
     closing: FloatArray

@@ -85,7 +85,8 @@ def write_asset(folder: Path, kind: str) -> Path:
     )
     (folder / "object.urdf").write_text(urdf, encoding="utf-8")
     joint = CardJoint(
-        "joint_1", kind_, sub, "base", "part_1", list(axis), list(origin), 0.0, float(upper),
+        "joint_1", kind_, sub,  # type: ignore[arg-type]
+        "base", "part_1", list(axis), list(origin), 0.0, float(upper),
         0.0, float(upper), damping=0.5, friction=0.1,
     )
     card = AssetCard(

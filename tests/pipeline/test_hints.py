@@ -44,16 +44,32 @@ def test_round_trip(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        ({"part": []}, "unknown key 'part'; did you mean 'parts'?"),
-        ({"parts": [{"nam": "x"}]}, "parts[0]: unknown key 'nam'; did you mean 'name'?"),
+        ({"part": []}, "part is an unknown key; did you mean 'parts'?"),
+        ({"parts": [{"name": "d", "kid": "x"}]}, "parts[0].kid is an unknown key; did you mean"),
         ({"parts": [{"kind": "door"}]}, "parts[0] has no name"),
-        ({"parts": [{"name": "d", "joint": {"subtype": "hing"}}]}, "'hing' is not one of fixed"),
-        ({"parts": [{"name": "d", "joint": {"axis": [0, 0, 0]}}]}, "axis has zero length"),
-        ({"parts": [{"name": "d", "joint": {"axis": [0, 1]}}]}, "expected three numbers, got 2"),
-        ({"parts": [{"name": "d", "primitives": [-1]}]}, "expected non-negative integers"),
-        ({"merge": 3}, "expected a list, got int"),
-        ({"schema": 7}, "schema 7 is unknown"),
-        ([1], "expected a mapping, got list"),
+        (
+            {"parts": [{"name": "d", "joint": {"subtype": "hing"}}]},
+            "parts[0].joint.subtype must be one of fixed, hinge, spin, slide, not 'hing'; did you",
+        ),
+        ({"parts": [{"name": "d", "joint": {"axis": [0, 0, 0]}}]}, "axis must not have zero"),
+        ({"parts": [{"name": "d", "joint": {"axis": [0, 1]}}]}, "axis must be a list of 3, not"),
+        ({"parts": [{"name": "d", "joint": {"axis": [0, 1, ".nan"]}}]}, "axis[2] must be a number"),
+        ({"parts": [{"name": "d", "joint": {"lower": float("nan")}}]}, "lower must be a finite"),
+        ({"parts": [{"name": "d", "joint": {"lower": 1, "upper": 0}}]}, "upper 0, which is not"),
+        ({"parts": [{"name": "d", "primitives": [-1]}]}, "primitives[0] must be at least 0"),
+        ({"parts": [{"name": "d", "primitives": [True]}]}, "must be a whole number, not True"),
+        ({"parts": [{"name": "d", "confidence": 7}]}, "must be a number from 0 to 1, not 7"),
+        ({"parts": [{"name": "d"}, {"name": "d"}]}, "parts[1] is a second part named 'd'"),
+        ({"parts": [{"name": "d", "parent": "d"}]}, "parts[0] is its own ancestor"),
+        (
+            {"parts": [{"name": "a", "primitives": [1]}, {"name": "b", "primitives": [1]}]},
+            "parts[1].primitives names primitive 1, which is in 'a' already",
+        ),
+        ({"parts": [{"name": "d" * 300}]}, "name must be text of at most 200 characters"),
+        ({"photo_front": [1, 2]}, "photo_front must be eight numbers, not 2"),
+        ({"merge": 3}, "merge must be a list, not 3"),
+        ({"schema": 7}, "schema must be one of 1, not 7"),
+        ([1], "must hold names and values, not [1]"),
     ],
 )
 def test_errors_name_the_place(data: object, message: str) -> None:
@@ -68,3 +84,25 @@ def test_missing_and_malformed_files(tmp_path: Path) -> None:
     (tmp_path / "bad.yaml").write_text("parts: [")
     with pytest.raises(ConfigError, match="is not YAML"):
         load_hints(tmp_path / "bad.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("up: z\nparts:\n- name: d\n  kind: 3\n", "bad.yaml, line 4: parts[0].kind must be text"),
+        ("merge: [&a [1, 2], *a]\n", "line 1: YAML aliases"),
+        ("up: !!python/object:os.system z\n", "line 1: YAML tags"),
+        ("up: y\nup: z\n", "line 2: the key 'up' is there twice"),
+        ("fixed: " + "[" * 40 + "]" * 40, "nested deeper than 32"),
+        ("up: z\n---\nup: y\n", "line 2: a second document"),
+        ("fixed: [" + "9" * 5000 + "]", "is no number that can be read"),
+        ("? [a]\n: 1\n", "a key must be a name"),
+        ("parts:\n- {name: d, joint: {axis: [.inf, 0, 0]}}\n", "axis[0] must be a finite"),
+        ("\x00", "is not YAML"),
+    ],
+)
+def test_what_a_file_may_hold(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "bad.yaml").write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        load_hints(tmp_path / "bad.yaml")
+    assert message in str(caught.value) and "\n" not in str(caught.value)

@@ -140,7 +140,7 @@ def test_every_prior_writes_masks_that_a_file_prior_reads(
 def test_a_stage_keeps_the_prior_whole(tmp_path: Path, boxes: Boxes) -> None:
     prior = backends.load("prior", "embedded")[1].observe(*boxes)
     stage_store.PRIOR.save(prior, tmp_path / "prior.npz")
-    again = stage_store.PRIOR.load(tmp_path / "prior.npz")
+    again = stage_store.PRIOR.load(tmp_path / "prior.npz", tmp_path)
     for name in ("mobility", "affinity", "masks", "views", "labels"):
         np.testing.assert_array_equal(getattr(again, name), getattr(prior, name))
     assert again is not None and again.fov == pytest.approx(prior.fov)

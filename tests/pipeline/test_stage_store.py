@@ -54,7 +54,7 @@ def text_codec() -> Codec[str]:
     def save(value: str, path: Path) -> None:
         path.write_text(value)
 
-    return Codec("text.yaml", save, Path.read_text)
+    return Codec("text.yaml", save, lambda path, _shown: path.read_text())
 
 
 def made(store: StageStore, value: str, maker: Maker = ME, **inputs: str) -> tuple[str, Maker]:
@@ -88,7 +88,7 @@ def test_an_edit_outlives_a_new_version_and_is_set_aside_with_its_input(tmp_path
 def test_a_tree_is_read_back_as_it_was(tmp_path: Path) -> None:
     codec = tree_codec(4)
     codec.save(TREE, tmp_path / "parts.yaml")
-    back = codec.load(tmp_path / "parts.yaml")
+    back = codec.load(tmp_path / "parts.yaml", tmp_path)
     assert codec.prints(back) == codec.prints(TREE)
     assert back.nodes[1].limits == (0.0, 1.0) and back.nodes[1].candidates[0].travel == LINE.travel
     assert codec.marked(back, codec.prints(TREE)) == back
@@ -109,7 +109,7 @@ def test_an_edited_part_is_the_persons_and_no_other_is(
     rows = yaml.safe_load(file.read_text())
     rows[1] |= change
     file.write_text(yaml.safe_dump(rows))
-    base, door, knob = codec.marked(codec.load(file), codec.prints(TREE)).nodes
+    base, door, knob = codec.marked(codec.load(file, file), codec.prints(TREE)).nodes
     assert (base.provenance, door.provenance, knob.provenance) == ("inferred", "user", "inferred")
     assert len(door.candidates) == left  # what was ranked for the former part is not obeyed
     assert len(knob.candidates) == 1
@@ -119,12 +119,15 @@ def test_an_edited_part_is_the_persons_and_no_other_is(
     ("change", "said"),
     [
         ({"primitives": [1, 9]}, "'door': no primitive 9 (0 to 3)"),
-        ({"primitives": [1, 2]}, "primitive 2 is in 'door' and in 'knob'"),
-        ({"primitives": []}, r"primitives [1] are in no part"),
-        ({"parent": 2}, "'door' hangs on itself"),
-        ({"name": "knob"}, "two parts are named 'knob'"),
-        ({"subtype": "swing"}, "moves by 'swing', which is no joint"),
-        ({"colour": "red"}, "colour"),
+        ({"primitives": [1, 2]}, "part 'knob': primitive 2 is in 'door' too"),
+        ({"primitives": []}, "primitives 1 are in no part"),
+        ({"parent": 2}, "is its own ancestor: 'door' hangs on 'knob'"),
+        ({"name": "knob"}, "is a second part named 'knob'"),
+        ({"subtype": "swing"}, "subtype must be one of fixed, hinge, spin, slide, not 'swing'"),
+        ({"colour": "red"}, "colour is an unknown key"),
+        ({"confidence": 1.5}, "line 32: [1].confidence must be a number from 0 to 1, not 1.5"),
+        ({"limits": [1.0, 0.0]}, "must be the lower, then the upper"),
+        ({"parent": 7}, "must be from 0 to 2, not 7"),
     ],
 )
 def test_an_edit_that_is_no_tree_is_refused_in_words(
@@ -136,22 +139,24 @@ def test_an_edit_that_is_no_tree_is_refused_in_words(
     rows[1] |= change
     file.write_text(yaml.safe_dump(rows))
     with pytest.raises(ConfigError) as error:
-        codec.load(file)
+        codec.load(file, file)
     assert said in str(error.value) and str(file) in str(error.value)
 
 
 def test_an_edited_joint_keeps_the_persons_range(tmp_path: Path) -> None:
-    links = (Link("base", "body", np.array([0])), Link("door", "door", np.array([1])))
-    joint = Joint("hinge", "revolute", "hinge", 0, 1, UP, np.zeros(3), 0.0, np.inf, confidence=0.4,
-                  basis=RangeBasis("collision", 0.3))  # fmt: skip
-    whole = Articulation(TRIANGLES, links, (joint, replace(joint, name="other")))
-    codec, file = articulation_codec(TRIANGLES), tmp_path / "joints.yaml"
+    mesh = Mesh(np.eye(3)[[0, 1, 2] * 3], np.arange(9).reshape(3, 3))
+    names = ("base", "door", "flap")
+    links = tuple(Link(name, "body", np.array([i])) for i, name in enumerate(names))
+    joint = Joint("hinge", "continuous", "spin", 0, 1, UP, np.zeros(3), -np.inf, np.inf,
+                  confidence=0.4, basis=RangeBasis("collision", 0.3))  # fmt: skip
+    whole = Articulation(mesh, links, (joint, replace(joint, name="other", child=2)))
+    codec, file = articulation_codec(mesh), tmp_path / "joints.yaml"
     codec.save(whole, file)
-    assert codec.load(file).joints[0].basis == RangeBasis("collision", 0.3)
+    assert codec.load(file, file).joints[0].basis == RangeBasis("collision", 0.3)
     data = yaml.safe_load(file.read_text())
     data["joints"][0]["upper"] = 0.7
     file.write_text(yaml.safe_dump(data))
-    first, second = codec.marked(codec.load(file), codec.prints(whole)).joints
+    first, second = codec.marked(codec.load(file, file), codec.prints(whole)).joints
     assert (first.upper, first.provenance, first.basis.rule) == (0.7, "user", "given")
     assert second.provenance == "inferred" and second.basis.share == 0.3
 
@@ -220,3 +225,53 @@ def test_edited_hints_of_a_photo_are_the_persons(
     edited, count = photographed()
     assert count == 1
     assert [p.provenance for p in edited.hints.parts] == ["user", "observed"]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"joints": []}, "joints hold no door, flap: every link but the first needs one"),
+        ({"links": []}, "links must be a list of 1, not of 0"),
+        ({"parent": "flap"}, "joints[0].parent is 'flap', which no joint before this one holds"),
+        ({"child": "base"}, "joints[0].child is 'base', which another joint holds or which is"),
+        ({"child": "x"}, "joints[0].child names no link: 'x' (base, door, flap)"),
+        ({"upper": "much"}, "joints[0].upper must be a number, not 'much'"),
+        ({"upper": float("nan")}, "joints[0].upper must be a number, not nan"),
+        ({"upper": -1.0}, "joints[0].upper must be finite and not below lower"),
+        ({"axis": [0, 0, 0]}, "joints[0].axis must not have zero length"),
+        ({"type": "floating"}, "joints[0].type must be one of fixed, revolute"),
+        ({"name": "other"}, "joints[1] is a second joint named 'other'"),
+        ({"friction": -1}, "joints[0].friction must be at least 0, not -1"),
+    ],
+)
+def test_edited_joints_hold_every_link(tmp_path: Path, change: dict[str, Any], said: str) -> None:
+    mesh = Mesh(np.eye(3)[[0, 1, 2] * 3], np.arange(9).reshape(3, 3))
+    links = tuple(
+        Link(name, "body", np.array([i])) for i, name in enumerate(("base", "door", "flap"))
+    )
+    joint = Joint("hinge", "revolute", "hinge", 0, 1, UP, np.zeros(3), 0.0, 1.0)
+    whole = Articulation(mesh, links, (joint, replace(joint, name="other", child=2)))
+    codec, file = articulation_codec(mesh), tmp_path / "joints.yaml"
+    codec.save(whole, file)
+    data = yaml.safe_load(file.read_text())
+    if not change.keys() <= data.keys():
+        data["joints"][0] |= change
+    else:
+        data |= change
+    file.write_text(yaml.safe_dump(data))
+    with pytest.raises(ConfigError) as error:
+        codec.load(file, Path("mine/joints.yaml"))
+    assert said in str(error.value) and str(error.value).startswith("mine/joints.yaml")
+
+
+def test_a_damaged_stage_says_how_to_go_on(tmp_path: Path) -> None:
+    store = StageStore(tmp_path / "copy", tmp_path / "mine")
+    codec: Codec[Any] = Codec("a.npz", lambda value, path: np.savez(path, a=value),
+                              lambda path, _shown: np.load(path)["a"])  # fmt: skip
+    store.stage("1", ME, {}, {}, codec, lambda: 1)
+    (tmp_path / "copy" / "1" / "a.npz").write_bytes(b"PK nonsense")
+    with pytest.raises(ConfigError, match=r"mine/1/a\.npz or a file beside it cannot be used"):
+        store.stage("1", ME, {}, {}, codec, lambda: 1)
+    (tmp_path / "copy" / "1" / "stage.json").write_text("{")
+    assert store.stage("1", ME, {}, {}, codec, lambda: 2).value == 2
+    assert "stages/1/stage.json could not be read" in store.notes[0]

@@ -263,7 +263,8 @@ def _card(
 ) -> CardGrasp:  # fmt: skip
     link = model.kinematics.joint(goal.joint).child
     return CardGrasp(
-        goal.joint, link, kind, position.tolist(), approach.tolist(), closing.tolist(), width,
+        goal.joint, link, kind,  # type: ignore[arg-type]  # "hook" is found here, never written
+        position.tolist(), approach.tolist(), closing.tolist(), width,
         depth=SEARCH.depth, confidence=0.5,
     )  # fmt: skip
 

@@ -8,55 +8,86 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from mam_pipeline import folders
+from mam_pipeline.edited import (
+    STRICT,
+    Finite,
+    Index,
+    NotNegative,
+    Positive,
+    Share,
+    Text,
+    Word,
+    Wrong,
+    no_doubles,
+    read_json,
+    shown,
+    validated,
+)
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.door import Door
 from mam_pipeline.formats.suffixes import MESHES, PHOTOS
 from mam_pipeline.formats.urdf.admit import admitted
-from mam_pipeline.types import MOVES, NEEDS_REVIEW, Coupling, Provenance, RangeBasis
+from mam_pipeline.thresholds import MAX_LINKS
+from mam_pipeline.types import (
+    MOVES,
+    NEEDS_REVIEW,
+    Coupling,
+    GraspKind,
+    JointSubtype,
+    JointType,
+    Provenance,
+    RangeBasis,
+)
 
-SCHEMA = 2
+SCHEMA: Literal[2] = 2
 """Schema 1 differs in its visuals alone (GLB files), so its cards are read as they are."""
 READABLE = (1, 2)
+MOST_GRASPS = 20_000
+Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+Row = Annotated[list[Finite], Field(min_length=4, max_length=4)]
 
 
 @dataclass(frozen=True)
 class CardPart:
     """A link: its kind, source primitives, mass (kg), handle visuals, and assumed material."""
 
-    link: str
-    name: str
-    kind: str
-    primitives: list[int] = field(default_factory=list)
-    mass: float = 0.0
-    handles: list[str] = field(default_factory=list)
-    material: str = ""
+    __pydantic_config__ = STRICT
+    link: Word
+    name: Word
+    kind: Word
+    primitives: list[Index] = field(default_factory=list)
+    mass: NotNegative = 0.0
+    handles: list[Word] = field(default_factory=list)
+    material: Text = ""
 
 
 @dataclass(frozen=True)
 class CardJoint:
     """A joint in the asset frame at q = 0; infinite limits are stored as null."""
 
-    name: str
-    type: str
-    subtype: str
-    parent: str
-    child: str
-    axis: list[float]
-    origin: list[float]
-    lower: float | None
-    upper: float | None
-    closed: float = 0.0
-    open: float = 0.0
-    damping: float = 0.0
-    friction: float = 0.0
-    effort: float = 100.0
-    velocity: float = 2.0
-    confidence: float = 1.0
+    __pydantic_config__ = STRICT
+    name: Word
+    type: JointType
+    subtype: JointSubtype
+    parent: Word
+    child: Word
+    axis: Triple
+    origin: Triple
+    lower: Finite | None
+    upper: Finite | None
+    closed: Finite = 0.0
+    open: Finite = 0.0
+    damping: NotNegative = 0.0
+    friction: NotNegative = 0.0
+    effort: NotNegative = 100.0
+    velocity: NotNegative = 2.0
+    confidence: Share = 1.0
     evidence: dict[str, Any] = field(default_factory=dict)
     basis: RangeBasis = field(default_factory=RangeBasis)
     provenance: Provenance = "inferred"
@@ -75,39 +106,50 @@ class CardJoint:
 class CardGrasp:
     """Where to take hold of a link at q = 0, asset frame (see mam_pipeline.types.Grasp)."""
 
-    joint: str
-    link: str
-    kind: str
-    position: list[float]
-    approach: list[float]
-    closing: list[float]
-    width: float
-    depth: float = 0.02
-    confidence: float = 1.0
-    provenance: str = "inferred"
+    __pydantic_config__ = STRICT
+    joint: Word
+    link: Word
+    kind: GraspKind
+    position: Triple
+    approach: Triple
+    closing: Triple
+    width: NotNegative
+    depth: NotNegative = 0.02
+    confidence: Share = 1.0
+    provenance: Provenance = "inferred"
 
 
 @dataclass(frozen=True)
 class AssetCard:
     """Everything that asset.json says; paths are relative to the folder."""
 
-    name: str
-    urdf: str = "object.urdf"
-    schema: int = SCHEMA
+    __pydantic_config__ = STRICT
+    name: Word
+    urdf: Word = "object.urdf"
+    schema: Literal[1, 2] = SCHEMA
     source: dict[str, Any] = field(default_factory=dict)
-    source_to_asset: list[list[float]] = field(default_factory=lambda: np.eye(4).tolist())
-    metres_per_unit: float = 1.0
-    metres_per_unit_source: str = "assumed"
+    source_to_asset: Annotated[list[Row], Field(min_length=4, max_length=4)] = field(
+        default_factory=lambda: np.eye(4).tolist()
+    )
+    metres_per_unit: Positive = 1.0
+    metres_per_unit_source: Text = "assumed"
     placement: list[dict[str, Any]] = field(default_factory=list)
-    bounds: list[list[float]] = field(default_factory=list)
-    parts: list[CardPart] = field(default_factory=list)
-    joints: list[CardJoint] = field(default_factory=list)
-    grasps: list[CardGrasp] = field(default_factory=list)
+    bounds: Annotated[list[Triple], Field(max_length=2)] = field(default_factory=list)
+    parts: Annotated[list[CardPart], Field(max_length=MAX_LINKS)] = field(default_factory=list)
+    joints: Annotated[list[CardJoint], Field(max_length=MAX_LINKS)] = field(default_factory=list)
+    grasps: Annotated[list[CardGrasp], Field(max_length=MOST_GRASPS)] = field(default_factory=list)
     backends: dict[str, Any] = field(default_factory=dict)
     checks: dict[str, Any] = field(default_factory=dict)
-    seconds: dict[str, float] = field(default_factory=dict)
+    seconds: dict[str, Finite] = field(default_factory=dict)
     exports: dict[str, str] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
+    notes: list[Text] = field(default_factory=list)
+
+    @property
+    def executable(self) -> bool | None:
+        """What the check said when the asset was made; None where nobody checked."""
+        found = self.checks.get("executability")
+        passed = found.get("passed") if isinstance(found, dict) else None
+        return passed if isinstance(passed, bool) else None
 
     def save(self, folder: Path) -> None:
         """Write asset.json into `folder` (UTF-8, no NaN)."""
@@ -164,20 +206,18 @@ class Asset:
         door = Door(folder)
         if door.find(file.name, file) is None:
             raise InputError(f"no asset.json in {folder}; make one with: mam-sim make-env INPUT")
+        document = read_json(file)
+        if isinstance(document.values, dict) and document.values.get("schema") not in READABLE:
+            raise InputError(
+                f"{file} has schema {shown(document.values.get('schema'))}, and this version reads "
+                "1 and 2; make it again with: mam-sim make-env INPUT"
+            )
+        card: AssetCard = validated(AssetCard, document)
         try:
-            data = json.loads(file.read_text(encoding="utf-8"))
-            if data.get("schema") not in READABLE:
-                found = data.get("schema")
-                raise InputError(
-                    f"{file} has schema {found!r}, and this version reads 1 and 2; make it again "
-                    "with: mam-sim make-env INPUT"
-                )
-            data["parts"] = [CardPart(**p) for p in data.get("parts", [])]
-            data["joints"] = [_joint(j) for j in data.get("joints", [])]
-            data["grasps"] = [CardGrasp(**g) for g in data.get("grasps", [])]
-            asset = Asset(folder.resolve(), AssetCard(**data))
-        except (json.JSONDecodeError, TypeError, AttributeError) as error:
-            raise InputError(f"{file} is not a valid asset card: {error}") from error
+            _consistent(card)
+        except Wrong as wrong:
+            raise document.wrong(wrong.place, str(wrong)) from wrong
+        asset = Asset(folder.resolve(), card)
         if door.find(asset.card.urdf, file) is None:
             raise InputError(f"{folder} names {asset.card.urdf}, which does not exist")
         return asset
@@ -214,11 +254,23 @@ def unlike(card: AssetCard, robot: ET.Element) -> Iterator[str]:
                 yield f"grasp {i} of asset.json is of {key} {getattr(grasp, key)!r}, which is none"
 
 
-def _joint(row: dict[str, Any]) -> CardJoint:
-    read: dict[str, Any] = {"basis": RangeBasis(**row.get("basis", {}))}
-    if row.get("coupling") is not None:
-        read["coupling"] = Coupling(**row["coupling"])
-    return CardJoint(**{**row, **read})
+def _consistent(card: AssetCard) -> None:
+    """Raise `Wrong` for what no single value tells."""
+    no_doubles([part.link for part in card.parts], ("parts",), "link")
+    no_doubles([joint.name for joint in card.joints], ("joints",), "joint")
+    if len(card.bounds) == 1:
+        raise Wrong(("bounds",), "must be a lower and an upper corner")
+    leaders = {joint.name for joint in card.joints if joint.coupling is None}
+    for i, joint in enumerate(card.joints):
+        if joint.coupling is not None and joint.coupling.joint not in leaders:
+            text = f"must name a joint that follows none, not {joint.coupling.joint!r}"
+            raise Wrong(("joints", i, "coupling", "joint"), text)
+        if joint.type == "fixed":
+            continue
+        if sum(v * v for v in joint.axis) < 1e-12:
+            raise Wrong(("joints", i, "axis"), "must not have zero length")
+        if None not in (joint.lower, joint.upper) and not joint.lower <= joint.upper:  # type: ignore[operator]
+            raise Wrong(("joints", i, "upper"), f"must not be below lower, {joint.lower:g}")
 
 
 def _plain(value: Any) -> Any:

@@ -56,19 +56,24 @@ def apply_hints(
         primitives.labels, face_geometry(mesh.vertices, mesh.faces)[1], minlength=primitives.count
     )
     for group in hints.merge:
-        members = _checked(group, primitives.count, "merge")
+        members = _checked(group, primitives.count, f"{_file(hints)}: merge")
         weight = np.bincount(owner[members], area[members] + 1e-12, minlength=len(tree.nodes))
         owner[members] = int(np.argmax(weight))
-    owner[_checked(hints.fixed, primitives.count, "fixed")] = 0
+    owner[_checked(hints.fixed, primitives.count, f"{_file(hints)}: fixed")] = 0
     nodes = list(tree.nodes)
     for part in hints.parts:
-        members = part_primitives(part, primitives, mesh)
+        members = part_primitives(part, primitives, mesh, _file(hints))
         if part.joint is not None and part.joint.subtype == "fixed":
             owner[members] = 0
             continue
         owner[members] = len(nodes)
         nodes.append(_hinted(part, mesh, primitives, members))
-    return _rebuild(nodes, owner, hints.parts)
+    return _rebuild(nodes, owner, hints.parts, _file(hints))
+
+
+def _file(hints: Hints) -> str:
+    """Where the hints come from, in an error."""
+    return hints.source or "hints"
 
 
 def along_nodes(
@@ -93,13 +98,19 @@ def along_nodes(
     return Primitives(labels.reshape(-1), method=primitives.method)
 
 
-def part_primitives(part: HintPart, primitives: Primitives, mesh: Mesh) -> IntArray:
-    """Sorted primitives that a hint names by index, by source node or by box."""
-    chosen = [_checked(part.primitives, primitives.count, f"part {part.name!r}")]
+def part_primitives(
+    part: HintPart, primitives: Primitives, mesh: Mesh, file: str = "hints"
+) -> IntArray:
+    """Sorted primitives that a hint names by index, by source node or by box.
+
+    Args:
+        file: where the hint comes from, for errors.
+    """
+    chosen = [_checked(part.primitives, primitives.count, f"{file}: part {part.name!r}")]
     assert mesh.face_group is not None
     for name in part.nodes:
         if name not in mesh.group_names:
-            raise unknown_name(f"node for part {part.name!r}", name, mesh.group_names)
+            raise unknown_name(f"node for part {part.name!r} of {file}", name, mesh.group_names)
         inside = mesh.face_group == mesh.group_names.index(name)
         chosen.append(_mostly(inside, primitives, mesh))
     if part.box is not None:
@@ -111,7 +122,7 @@ def part_primitives(part: HintPart, primitives: Primitives, mesh: Mesh) -> IntAr
     out = np.unique(np.concatenate(chosen)).astype(np.int64)
     if len(out) == 0:
         raise ConfigError(
-            f"part {part.name!r} in the hints has no primitive: name primitives or nodes, "
+            f"{file}: part {part.name!r} has no primitive: name primitives or nodes, "
             "or widen its box"
         )
     return out
@@ -134,7 +145,7 @@ def _checked(indices: tuple[int, ...], count: int, where: str) -> IntArray:
     out = np.asarray(indices, dtype=np.int64).reshape(-1)
     if len(out) and (out.min() < 0 or out.max() >= count):
         bad = int(out[(out < 0) | (out >= count)][0])
-        raise ConfigError(f"hints, {where}: no primitive {bad}; there are {count}, from 0")
+        raise ConfigError(f"{where}: no primitive {bad}; there are {count}, from 0")
     return out
 
 
@@ -209,7 +220,9 @@ def _side_line(side: str, low: FloatArray, high: FloatArray) -> tuple[FloatArray
     return np.asarray(axis), np.array([middle[0], y, z])
 
 
-def _rebuild(nodes: list[PartNode], owner: IntArray, parts: tuple[HintPart, ...]) -> KinematicTree:
+def _rebuild(
+    nodes: list[PartNode], owner: IntArray, parts: tuple[HintPart, ...], file: str
+) -> KinematicTree:
     """Drop what is empty, renumber, settle parents and make names unique."""
     members = [tuple(int(p) for p in np.flatnonzero(owner == k)) for k in range(len(nodes))]
     alive = [k for k in range(len(nodes)) if k == 0 or members[k]]
@@ -226,7 +239,7 @@ def _rebuild(nodes: list[PartNode], owner: IntArray, parts: tuple[HintPart, ...]
         hint = hinted.get(node.name) if node.provenance != "inferred" or k else None
         if k and hint is not None and hint.parent is not None:
             if hint.parent not in names:
-                raise unknown_name(f"parent for part {node.name!r}", hint.parent, names)
+                raise unknown_name(f"parent for part {node.name!r} of {file}", hint.parent, names)
             parent = names[hint.parent]
         while parent > 0 and parent not in new:
             parent = heirs[parent]

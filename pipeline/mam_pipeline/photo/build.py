@@ -269,7 +269,8 @@ def _movable(b: _Builder, cell: CellSpec) -> HintPart:
     return HintPart(
         cell.name, cell.kind, nodes=tuple(nodes), box=box, parent="body",
         joint=_joint(b, cell, (s0, t0, s1, t1)), handle=_handle_box(b, cell),
-        confidence=round(float(cell.confidence), 3), provenance=cell.provenance,
+        confidence=round(float(cell.confidence), 3),
+        provenance=cell.provenance,  # type: ignore[arg-type]
     )  # fmt: skip
 
 
@@ -323,7 +324,7 @@ def _joint(b: _Builder, cell: CellSpec, r: tuple[float, float, float, float]) ->
     s0, t0, s1, t1 = r
     if cell.kind == "drawer":
         origin = b.at(0, (s0 + s1) / 2, (t0 + t1) / 2)
-        travel = 0.75 * (b.s.depth - 0.05)
+        travel = max(0.75 * (b.s.depth - 0.05), 0.1 * b.s.depth)  # of a flat body, something
         return HintJoint("slide", (-1.0, 0.0, 0.0), _xyz(origin), 0.0, float(round(travel, 4)))
     side = cell.hinge_side or "left"
     at = {
@@ -335,7 +336,7 @@ def _joint(b: _Builder, cell: CellSpec, r: tuple[float, float, float, float]) ->
         "bottom": (0.0, -1.0, 0.0), "top": (0.0, 1.0, 0.0),
     }[side]  # fmt: skip
     upper = 1.5708 if side in ("bottom", "top") else 1.745
-    return HintJoint("hinge", axis, _xyz(at), 0.0, upper, side)
+    return HintJoint("hinge", axis, _xyz(at), 0.0, upper, side)  # type: ignore[arg-type]
 
 
 def _xyz(p: Array) -> tuple[float, float, float]:
