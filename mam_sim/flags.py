@@ -84,10 +84,16 @@ def _with_word(kind: Any) -> Any:
         return Annotated[str, tyro.conf.arg(metavar=WORDS[str])]
     if typing.get_origin(kind) not in (Union, types.UnionType):
         return kind
-    wanted = [k for k in typing.get_args(kind) if k is not type(None)]
+    wanted = [_bare(k) for k in typing.get_args(kind) if k is not type(None)]
     if len(wanted) != 1 or len(typing.get_args(kind)) != 2:
         return kind
     many = typing.get_args(wanted[0]) if typing.get_origin(wanted[0]) is tuple else wanted
+    many = [_bare(k) for k in many]
     if not all(k in WORDS for k in many):
         return kind
     return Annotated[kind, tyro.conf.arg(metavar=" ".join(WORDS[k] for k in many))]
+
+
+def _bare(kind: Any) -> Any:
+    """A type without what is annotated to it."""
+    return typing.get_args(kind)[0] if typing.get_origin(kind) is Annotated else kind

@@ -16,6 +16,7 @@ from typing import Annotated, Any, ClassVar, Self, TypeVar
 import tyro
 
 from mam_pipeline import config_file
+from mam_pipeline.edited import check_ranges
 from mam_sim.preset_files import values_of
 
 V = TypeVar("V", bound="Verb")
@@ -60,11 +61,24 @@ def parse(kind: type[Verb], prog: str, args: Sequence[str]) -> Verb:
     values = values_of(file)
     base = kind.start(args, values)
     said = _parsed(fill(base, values, file or ""), prog, args)
+    _check_ranges(said)
     home = said.home()
     if home is said:
         return said
     found = {name: getattr(home, name) for name, value in settings(home).items()}
-    return _parsed(fill(replace(base, **found), values, file or ""), prog, args)
+    said = _parsed(fill(replace(base, **found), values, file or ""), prog, args)
+    _check_ranges(said)
+    return said
+
+
+def _check_ranges(options: Verb) -> None:
+    """Raise ConfigError where a number is outside the range that its type says."""
+    for f in fields(options):
+        value = getattr(options, f.name)
+        if is_dataclass(value) and not isinstance(value, type):
+            check_ranges(value, "env." if f.name == "env" else "", flag=True)
+    bare = {f.name: f for f in fields(options) if not is_dataclass(getattr(options, f.name))}
+    check_ranges(options, flag=True, only=bare)
 
 
 def _parsed(base: Verb, prog: str, args: Sequence[str]) -> Verb:

@@ -5,11 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from mam_pipeline import config_file
+from mam_pipeline.edited import (
+    Finite,
+    NotNegative,
+    Positive,
+    Range,
+    Share,
+    Vector,
+    check_ranges,
+)
+
+Factor = Annotated[float, Range(0, 1000)]
 
 
 @dataclass(frozen=True)
@@ -33,16 +44,16 @@ class SuccessConfig:
         max_steps: control steps of one episode (used by the verbs; gym.make takes its own).
     """
 
-    fraction: float = 0.75
-    widest: float = np.pi / 2
-    start: float = 0.6
-    value: float | None = None
-    tolerance: float | None = None
-    still_speed: tuple[float, float] = (0.1, 0.5)
-    driven: float = 0.5
-    touch_force: float = 0.1
-    grace_steps: int = 5
-    max_steps: int = 200
+    fraction: Annotated[float, Range(0, 1, above=True)] = 0.75
+    widest: Annotated[float, Range(0, 100, above=True)] = np.pi / 2
+    start: Share = 0.6
+    value: Annotated[float, Range(-1000, 1000)] | None = None
+    tolerance: Positive | None = None
+    still_speed: tuple[Positive, Positive] = (0.1, 0.5)
+    driven: Share = 0.5
+    touch_force: NotNegative = 0.1
+    grace_steps: Annotated[int, Range(0, 1000)] = 5
+    max_steps: Annotated[int, Range(1, 100_000)] = 200
 
 
 @dataclass(frozen=True)
@@ -59,12 +70,12 @@ class RewardConfig:
         action_rate: mean squared change of the action since the last step.
     """
 
-    reach: float = 1.0
-    contact: float = 0.5
-    progress: float = 3.0
-    success: float = 2.0
-    untouched_motion: float = -1.0
-    action_rate: float = -0.01
+    reach: Finite = 1.0
+    contact: Finite = 0.5
+    progress: Finite = 3.0
+    success: Finite = 2.0
+    untouched_motion: Finite = -1.0
+    action_rate: Finite = -0.01
 
 
 @dataclass(frozen=True)
@@ -83,16 +94,16 @@ class RandomisationConfig:
         colour: share of random tint of the object, 0..1, at every reconfiguration.
     """
 
-    position: float = 0.02
-    yaw: float = 10.0
-    robot_qpos: float = 0.01
-    friction: tuple[float, float] = (1.0, 1.0)
-    damping: tuple[float, float] = (1.0, 1.0)
-    mass: tuple[float, float] = (1.0, 1.0)
-    start: tuple[float, float] | None = None
-    light: tuple[float, float] = (1.0, 1.0)
-    camera: float = 0.0
-    colour: float = 0.0
+    position: Annotated[float, Range(0, 1)] = 0.02
+    yaw: Annotated[float, Range(0, 180)] = 10.0
+    robot_qpos: Annotated[float, Range(0, 1)] = 0.01
+    friction: tuple[Factor, Factor] = (1.0, 1.0)
+    damping: tuple[Factor, Factor] = (1.0, 1.0)
+    mass: tuple[Factor, Factor] = (1.0, 1.0)
+    start: tuple[Share, Share] | None = None
+    light: tuple[Factor, Factor] = (1.0, 1.0)
+    camera: Annotated[float, Range(0, 1)] = 0.0
+    colour: Share = 0.0
 
 
 @dataclass(frozen=True)
@@ -101,11 +112,11 @@ class CameraSpec:
     and robot base, from their middle, y towards the side where the arm does not hide the object;
     else in metres in the world. fov in degrees."""
 
-    eye: tuple[float, float, float] = (-0.8, 0.85, 0.6)
-    target: tuple[float, float, float] = (-0.02, 0.0, 0.02)
-    width: int = 128
-    height: int = 128
-    fov: float = 55.0
+    eye: Vector = (-0.8, 0.85, 0.6)
+    target: Vector = (-0.02, 0.0, 0.02)
+    width: Annotated[int, Range(1, 8192)] = 128
+    height: Annotated[int, Range(1, 8192)] = 128
+    fov: Annotated[float, Range(1, 170)] = 55.0
     relative: bool = True
 
 
@@ -122,7 +133,7 @@ class SceneConfig:
     """
 
     surface: Literal["auto", "table", "floor"] = "auto"
-    table_height: float = 0.75
+    table_height: Annotated[float, Range(0, 10)] = 0.75
     wall: bool = True
     background: str | None = None
     cameras: Mapping[str, CameraSpec] = field(default_factory=lambda: {"front": CameraSpec()})
@@ -173,7 +184,9 @@ class EnvConfig:
         if isinstance(value, str | Path):
             source, value = str(value), config_file.read(value)
         inside = value.get("env", value) if isinstance(value, Mapping) else value
-        return config_file.fill(start, inside, source)
+        made = config_file.fill(start, inside, source)
+        check_ranges(made)
+        return made
 
     def plain(self) -> dict[str, Any]:
         """As nested plain values, to be saved beside a result."""

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import tyro
 
+from mam_pipeline.edited import Range
 from mam_pipeline.models.settings import ModelConfig
 from mam_pipeline.run import EngineConfig
 
@@ -17,11 +18,11 @@ class BenchConfig:
 
     fuse: bool = False
     """First turn each input into one watertight surface, as a generator would."""
-    noise: float = 0.0
+    noise: Annotated[float, Range(0, 1)] = 0.0
     """With --fuse: displacement of the surface, as a share of the diagonal."""
-    resolution: int = 192
+    resolution: Annotated[int, Range(16, 1024)] = 192
     """With --fuse: cells of the grid along the longest side."""
-    faces: int = 60_000
+    faces: Annotated[int, Range(100, 3_000_000)] = 60_000
     """With --fuse: triangles of the surface."""
     named: bool = False
     """Generated objects only: give their nodes names, half of them without sense or false."""

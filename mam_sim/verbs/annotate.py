@@ -5,9 +5,11 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from tyro.conf import Positional
 
+from mam_pipeline.edited import Range
 from mam_sim.options import Verb
 
 
@@ -22,7 +24,7 @@ class Annotate(Verb):
     """The photo."""
     out: Path | None = None
     """The hints file to write; default: <name>-hints.yaml beside the photo."""
-    port: int = 0
+    port: Annotated[int, Range(0, 65535)] = 0
     """Port of the local server; 0 takes any free one."""
     browser: bool = True
     """Open the page in the default browser."""

@@ -7,11 +7,12 @@ import sys
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from tyro.conf import Positional
 
 from mam_pipeline import folders
+from mam_pipeline.edited import Range, Seed
 from mam_sim.options import Verb
 
 
@@ -26,11 +27,11 @@ class BenchPhoto(Verb):
 
     folder: Positional[Path | None] = None
     """Photos with YOLO label files beside them or in labels/."""
-    count: int = 20
+    count: Annotated[int, Range(1, 100_000)] = 20
     """Synthetic photos per level."""
     level: Literal["clean", "medium", "clutter", "all"] = "all"
     """Difficulty of the synthetic photos."""
-    seed: int = 0
+    seed: Seed = 0
     """Number of the first synthetic photo."""
     layout: bool = False
     """Tell the reconstructor the true layout (as with --layout), where rows can say it."""

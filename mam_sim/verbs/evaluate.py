@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from tyro.conf import Positional
 
 from mam_envs.config import EnvConfig
 from mam_pipeline import folders
+from mam_pipeline.edited import Range
 from mam_pipeline.errors import ConfigError
 from mam_sim.console import PhaseBar, Screen
 from mam_sim.options import Verb
@@ -22,7 +23,7 @@ class Evaluate(Verb):
 
     policy: Positional[Path]
     """A run folder of mam-sim train, or a zip of stable-baselines3 (with --trust, --asset)."""
-    episodes: int = 20
+    episodes: Annotated[int, Range(1, 100_000)] = 20
     """How many, per asset."""
     asset: tuple[Path, ...] = ()
     """Other asset folders to try it on (held-out assets); default: its own."""
@@ -55,8 +56,6 @@ class Evaluate(Verb):
         from mam_pipeline.asset.card import Asset
         from mam_policies.run import EnvChoice, RunInfo
 
-        if self.episodes < 1:
-            raise ConfigError("--episodes must be at least 1")
         foreign = self.policy.suffix == ".zip"
         if foreign and not self.asset:
             raise ConfigError("a zip does not say what it was trained on; add --asset")

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import tyro
 
+from mam_pipeline.edited import Range, Seed
 from mam_sim.options import Verb
 
 
@@ -18,9 +19,9 @@ class Generate(Verb):
 
     category: str = "all"
     """One category, or "all": then --count objects of each that has joints."""
-    count: int = 1
+    count: Annotated[int, Range(1, 100_000)] = 1
     """How many objects of each category."""
-    seed: int = 0
+    seed: Seed = 0
     """Seed of the first object; the others follow. The same seed gives the same bytes."""
     out: Path | None = None
     """Folder to write; one asset folder per object and a MANIFEST.csv."""
@@ -30,7 +31,7 @@ class Generate(Verb):
     """Draw procedural pictures on the materials."""
     plain: bool = False
     """No styles: the static file is the exact object."""
-    jobs: int = 1
+    jobs: Annotated[int, Range(1, 1024)] = 1
     """Processes; the files do not depend on how many."""
 
     def run(self) -> int:

@@ -12,6 +12,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_envs.config import EnvConfig
 from mam_pipeline import config_file, folders
+from mam_pipeline.edited import Range
 from mam_pipeline.errors import ConfigError
 from mam_policies.run import EnvChoice, refuse_foreign, task_settings
 from mam_sim.console import PhaseBar, Screen
@@ -42,9 +43,9 @@ class Train(Verb):
     suggests."""
     robot: str = "panda"
     """Name of the arm: panda, so100, fetch, xarm6_robotiq, or that of a plug-in."""
-    max_steps: int = 200
+    max_steps: Annotated[int, Range(1, 100_000)] = 200
     """Control steps of one episode."""
-    test: int = 20
+    test: Annotated[int, Range(0, 100_000)] = 20
     """Episodes of evaluation at the end, at unseen seeds (0: none)."""
     env: EnvConfig = field(default_factory=EnvConfig)
     json: bool = False

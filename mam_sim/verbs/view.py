@@ -5,9 +5,11 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from tyro.conf import Positional
 
+from mam_pipeline.edited import Range
 from mam_pipeline.types import Articulation
 from mam_sim.options import Verb
 
@@ -26,13 +28,13 @@ class View(Verb):
     default: ASSET/view.html."""
     html: bool = False
     """Write one self-contained web page instead of pictures."""
-    size: int = 360
+    size: Annotated[int, Range(16, 4096)] = 360
     """Pixels along each side."""
-    frames: int = 24
+    frames: Annotated[int, Range(2, 1000)] = 24
     """Frames of the film, over one opening and closing."""
-    azimuth: float = -35.0
+    azimuth: Annotated[float, Range(-360, 360)] = -35.0
     """Degrees from the front towards the viewer's right."""
-    elevation: float = 25.0
+    elevation: Annotated[float, Range(-90, 90)] = 25.0
     """Degrees above the horizon."""
     allow_outside: bool = False
     """Let a URDF of your own name files outside its folder."""

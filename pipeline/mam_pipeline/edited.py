@@ -13,7 +13,7 @@ import json
 import math
 import re
 import typing
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -93,8 +93,9 @@ class Range:
             return f"a number above {self.low:g}" if self.above else f"at least {self.low:g}"
         if math.isinf(self.low):
             return f"at most {self.high:g}"
-        start = f"above {self.low:g}" if self.above else f"{self.low:g}"
-        return f"a number {'' if self.above else 'from '}{start} to {self.high:g}"
+        if self.above:
+            return f"a number above {self.low:g} and at most {self.high:g}"
+        return f"a number from {self.low:g} to {self.high:g}"
 
 
 def _limit(value: Any) -> Any:
@@ -117,8 +118,10 @@ def _direction(value: tuple[float, float, float]) -> tuple[float, float, float]:
 Finite = Annotated[float, Range(-1e9, 1e9)]
 NotNegative = Annotated[float, Range(0, 1e9)]
 Positive = Annotated[float, Range(0, 1e9, above=True)]
+Length = Annotated[float, Range(0, 1000, above=True)]
 Share = Annotated[float, Range(0, 1)]
 Index = Annotated[int, Range(0, 2**31)]
+Seed = Annotated[int, Range(0, 2**31 - 1)]
 Limit = Annotated[
     float, Field(allow_inf_nan=True), AfterValidator(_not_nan), BeforeValidator(_limit)
 ]
@@ -268,8 +271,15 @@ def value_as(kind: Any, value: Any, name: str, source: str = "") -> Any:
         raise ConfigError(f"{source}: {name} cannot be used: {error}") from error
 
 
-def check_ranges(config: Any, above: str = "") -> None:
+def check_ranges(
+    config: Any, above: str = "", *, flag: bool = False, only: Collection[str] = ()
+) -> None:
     """Hold every number of a dataclass, and of those in it, against the range of its annotation.
+
+    Args:
+        above: what stands before the names.
+        flag: say them as flags; without a beginning (env.), those of sections stand alone.
+        only: names of the fields that are looked at; all where none is given.
 
     Raises:
         ConfigError: one is outside; the sentence names it and its range.
@@ -278,16 +288,22 @@ def check_ranges(config: Any, above: str = "") -> None:
     hints = _hints(kind)
     for f in fields(config):
         value = getattr(config, f.name)
+        if only and f.name not in only:
+            continue
         if is_dataclass(value) and not isinstance(value, type):
-            check_ranges(value, f"{above}{f.name}.")
+            check_ranges(value, "" if flag and not above else f"{above}{f.name}.", flag=flag)
         elif isinstance(value, Mapping):
             for name, inner in value.items():
                 if is_dataclass(inner) and not isinstance(inner, type):
-                    check_ranges(inner, f"{above}{f.name}.{name}.")
+                    check_ranges(inner, f"{above}{f.name}.{name}.", flag=flag)
         elif value is not None and range_of(hints[f.name]) is not None:
-            value_as(hints[f.name], value, f"{above}{f.name}")
+            value_as(hints[f.name], value, _spelt(above, f.name, flag))
         elif isinstance(value, float) and not math.isfinite(value):
-            raise ConfigError(f"{above}{f.name} must be a finite number, not {value}")
+            raise ConfigError(f"{_spelt(above, f.name, flag)} must be a finite number, not {value}")
+
+
+def _spelt(above: str, name: str, flag: bool) -> str:
+    return f"--{above}{name}".replace("_", "-") if flag else f"{above}{name}"
 
 
 def range_of(kind: Any) -> Range | None:

@@ -22,6 +22,7 @@ import numpy as np
 from mam_pipeline import backends, config_file, folders
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.backends import KinematicPrior, Maker, Reconstruction
+from mam_pipeline.edited import Length, Positive, Seed, check_ranges
 from mam_pipeline.errors import ConfigError, InputError, NotPhysicalError
 from mam_pipeline.evidence.spec import NOTHING, Informed, KinematicSpec, stated_groups
 from mam_pipeline.formats.door import outside_allowed
@@ -80,7 +81,7 @@ class EngineConfig:
     """Finds parts, tree and joint types: embedded, vlm, file."""
     solver: str = "auto"
     """Estimates joints: embedded, or the paper's init, lm, nelder-mead."""
-    seed: int = 0
+    seed: Seed = 0
     """Seed of everything random."""
     rules: Rules = ALL_RULES
     """Hand rules that are followed."""
@@ -99,9 +100,9 @@ class MakeConfig:
     """Up axis of the source."""
     facing: Literal["auto", "x", "-x", "y", "-y", "z", "-z"] = "auto"
     """Direction of the source's axes in which its front looks."""
-    height: float | None = None
+    height: Length | None = None
     """Height of the object, metres."""
-    scale: float | None = None
+    scale: Positive | None = None
     """Metres per unit of the source; give this or the height."""
     hints: Path | None = None
     """YAML file with what you know about the parts."""
@@ -133,19 +134,11 @@ class MakeConfig:
 
     def check(self) -> None:
         """Raise ConfigError for a length that is no positive number or an unknown backend."""
+        check_ranges(self, flag=True)
         backends.check_name("reconstructor", self.reconstructor)
         self.engine.check()
-        for name in ("height", "scale"):
-            _positive(name, getattr(self, name))
-        for name in ("width", "depth"):
-            _positive(name, getattr(self.photo, name))
         if self.height is not None and self.scale is not None:
             raise ConfigError("give --height or --scale, not both")
-
-
-def _positive(name: str, value: float | None) -> None:
-    if value is not None and not (np.isfinite(value) and value > 0):
-        raise ConfigError(f"--{name} must be a positive number, got {value}")
 
 
 @dataclass(frozen=True)

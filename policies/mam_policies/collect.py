@@ -23,7 +23,8 @@ from mam_envs.config import EnvConfig
 from mam_envs.env import OperateJointEnv
 from mam_pipeline import config_file, folders
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.errors import ConfigError, InputError, NotPhysicalError
+from mam_pipeline.edited import check_ranges
+from mam_pipeline.errors import InputError, NotPhysicalError
 from mam_policies.collection import CollectConfig, Collection, Names, finished
 from mam_policies.expert import Expert, PlanningError
 from mam_policies.lerobot.dataset import write_dataset
@@ -73,8 +74,7 @@ def collect(
         InputError: `out` holds the data of another collection.
     """
     torch.set_num_threads(1)
-    if config.episodes < 1:
-        raise ConfigError(f"episodes must be at least 1, not {config.episodes}")
+    check_ranges(config)
     attempts = out / "attempts"
     asset = str(Path(asset).resolve())
     settings = task_settings(config.task) if env_config is None else env_config

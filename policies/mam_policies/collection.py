@@ -11,13 +11,14 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mam_envs.config import EnvConfig
 from mam_pipeline import config_file
+from mam_pipeline.edited import Range, Seed
 from mam_pipeline.errors import InputError
 from mam_policies.run import task_settings
 
@@ -55,7 +56,7 @@ class Names:
 class CollectConfig:
     """Which demonstrations of the scripted expert are collected."""
 
-    episodes: int = 20
+    episodes: Annotated[int, Range(1, 100_000)] = 20
     """Successes that are wanted."""
     joint: str | None = None
     """Joint to operate; by default the surest one that the arm can do."""
@@ -64,17 +65,17 @@ class CollectConfig:
     suggests."""
     robot: str = "panda"
     """Name of the arm: panda, so100, fetch, xarm6_robotiq, or that of a plug-in."""
-    seed: int = 0
+    seed: Seed = 0
     """Seed of the first attempt; attempt k uses seed + k."""
-    noise: float = 0.0
+    noise: Annotated[float, Range(0, 1)] = 0.0
     """Standard deviation of noise on the arm's targets, radians; labels stay clean."""
     video: bool = False
     """Record the cameras into the LeRobot dataset (needs a Vulkan driver)."""
     keep_failures: bool = False
     """Keep failed attempts in the data as well."""
-    settle: int = 5
+    settle: Annotated[int, Range(0, 1000)] = 5
     """Control steps that are recorded after success."""
-    max_steps: int = 220
+    max_steps: Annotated[int, Range(1, 100_000)] = 220
     """Control steps of one attempt."""
 
 

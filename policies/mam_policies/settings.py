@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+from mam_pipeline.edited import Range, Seed
 from mam_pipeline.errors import ConfigError
 
 
@@ -13,13 +14,13 @@ from mam_pipeline.errors import ConfigError
 class DemonstrationConfig:
     """Settings of the demonstrations."""
 
-    episodes: int = 80
+    episodes: Annotated[int, Range(0, 100_000)] = 80
     """Successful demonstrations of the scripted expert."""
-    noise: float = 0.008
+    noise: Annotated[float, Range(0, 1)] = 0.008
     """Standard deviation of the expert's execution noise, radians; every third episode has none."""
-    settle: int = 6
+    settle: Annotated[int, Range(0, 1000)] = 6
     """Control steps of standing still that are recorded after success."""
-    seed: int = 0
+    seed: Seed = 0
     """Of everything random."""
 
 
@@ -58,7 +59,7 @@ class BcConfig(DemonstrationConfig):
 class Sb3Config(DemonstrationConfig):
     """Settings that ppo and sac share."""
 
-    episodes: int = 80
+    episodes: Annotated[int, Range(0, 100_000)] = 80
     """Demonstrations of the expert cloned into the actor first; 0 starts from scratch."""
     demos_from: Path | None = None
     """Run folder whose demonstrations are used; default: the run's own."""
@@ -143,11 +144,11 @@ class SacConfig(Sb3Config):
 class LeRobotConfig:
     """Settings of act, diffusion and smolvla."""
 
-    episodes: int = 80
+    episodes: Annotated[int, Range(0, 100_000)] = 80
     """Successful demonstrations of the scripted expert."""
-    noise: float = 0.008
+    noise: Annotated[float, Range(0, 1)] = 0.008
     """Standard deviation of the expert's execution noise in them, radians."""
-    seed: int = 0
+    seed: Seed = 0
     """Of everything random."""
     steps: int = 20_000
     """Training steps, in every round."""

@@ -95,7 +95,7 @@ def test_flags_are_checked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     source.write_text("".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "f 1 2 3\nf 2 3 8\n")
     out = str(tmp_path / "out")
     assert main(["articulate", str(source), "--out", out, "--height", "-1"]) == 2
-    assert "--height must be a positive number" in capsys.readouterr().err
+    assert "--height must be a number above 0" in capsys.readouterr().err
     assert main(["articulate", str(source), "--out", out, "--segmenter", "geometrik"]) == 2
     assert "did you mean 'geometric'?" in capsys.readouterr().err
     assert not Path(out).exists()

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from mam_envs.config import EnvConfig, RewardConfig
+from mam_envs.config import EnvConfig, RewardConfig, SuccessConfig
 from mam_pipeline import config_file
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.run import MakeConfig
@@ -199,3 +199,44 @@ def test_a_wrong_file_is_refused_in_one_sentence(
 def test_a_missing_file_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "a", "--config", "none.yaml"]) == 2
     assert capsys.readouterr().err == "mam-sim: there is no configuration file none.yaml\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["view", "X", "--size", "9999999"], "--size must be a number from 16 to 4096, not"),
+        (["view", "X", "--frames", "0"], "--frames must be a number from 2 to 1000, not 0"),
+        (["view", "X", "--azimuth", "nan"], "--azimuth must be a number from -360 to 360, not nan"),
+        (["collect", "X", "--out", "Y", "--noise", "-1"], "--noise must be a number from 0 to 1"),
+        (["collect", "X", "--out", "Y", "--seed", "-1"], "--seed must be at least 0, not -1"),
+        (["generate", "--out", "Y", "--count", "0"], "--count must be a number from 1 to 100000"),
+        (["eval", "X.zip", "--episodes", "0"], "--episodes must be a number from 1 to"),
+        (["train", "X", "--out", "Y", "--noise", "inf"], "--noise must be a number from 0 to 1"),
+        (["make-env", "X", "--seed", str(10**20)], "--seed must be a number from 0 to"),
+        (["annotate", "X", "--port", "99999"], "--port must be a number from 0 to 65535"),
+        (
+            ["collect", "X", "--out", "Y", "--env.randomisation.yaw", "nan"],
+            "--env.randomisation.yaw must be a number from 0 to 180, not nan",
+        ),
+        (
+            ["collect", "X", "--out", "Y", "--env.success.still-speed", "0.1", "-1"],
+            "--env.success.still-speed[1] must be a number above 0, not -1.0",
+        ),
+    ],
+)
+def test_numbers_have_ranges(
+    words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == 2
+    assert sentence in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_python_caller_meets_the_same_ranges(tmp_path: Path) -> None:
+    bad = {"randomisation": {"friction": [float("nan"), 1.0]}}
+    with pytest.raises(ConfigError, match=r"friction\[0\] must be"):
+        EnvConfig.make(bad)
+    made = EnvConfig(success=SuccessConfig(fraction=float("nan")))
+    with pytest.raises(ConfigError, match=r"success\.fraction must be a number above 0"):
+        EnvConfig.make(made)
+    with pytest.raises(ConfigError, match="--scale must be a number above 0"):
+        MakeConfig(scale=float("inf")).check()

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import json
 import shutil
+import socket
 import subprocess
 import threading
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.hints import load_hints
+from mam_pipeline.photo import annotate
 from mam_pipeline.photo.annotate import Annotation, make_server, spec_of_state
 
 ROOT = Path(__file__).resolve().parents[2]
 CHROMIUM = next(
     (p for n in ("chromium", "chromium-browser", "google-chrome") if (p := shutil.which(n))), None
 )
-STATE = {
+STATE: dict[str, Any] = {
     "front": [[100, 100], [300, 110], [290, 400], [105, 390]],
     "panels": [
         {"kind": "drawer", "hinge": "left", "rect": [0.05, 0.05, 0.95, 0.4],
@@ -75,18 +78,52 @@ def test_bad_states_are_explained(address: str) -> None:
         ({"width": 90}, "width"), ({"front": [[0, 0]] * 4}, "front"),
         ({"panels": [{"kind": "lid", "rect": [0, 0, 1, 1], "handles": []}]}, "lid"),
         ({"panels": [{"kind": "door", "rect": [1, 0, 0, 1], "handles": []}]}, "no area"),
-        ({"panels": [{}]}, "incomplete"),
+        ({"panels": [{}]}, "panels[0] has no kind"),
+        ({"width": float("nan")}, "width must be a finite number"),
+        ({"front": [[-1e9, -1e9], [1e9, -1e9], [1e9, 1e9], [-1e9, 1e9]]}, "far from the photo"),
+        ({"panels": [STATE["panels"][1]] * 999}, "panels must be a list of 200, not of"),
     ):  # fmt: skip
         code, answer = post(f"{address}/save", {**STATE, **change})
         assert code == 400 and word in answer["error"]
-    with pytest.raises(ConfigError, match="incomplete"):
+    far = {"front": [[-1e9, -1e9], [1e9, 0], [1e9, 1e9], [0, 9]]}
+    code, answer = post(f"{address}/detect", far)
+    assert code == 400 and "far from the photo" in answer["error"]
+    with pytest.raises(ConfigError, match="there is no front"):
         spec_of_state({})
 
 
 def test_strangers_are_turned_away(address: str) -> None:
     assert post(f"{address}/save", STATE, Host="evil.example")[0] == 403
     assert post(f"{address}/save", STATE, Origin="http://evil.example")[0] == 403
+    assert post(f"{address}/save", STATE, Origin="http://127.0.0.1:1")[0] == 403
+    assert post(f"{address}/save", STATE, Host="127.0.0.1")[0] == 403
+    assert post(f"{address}/save", STATE, Origin=address)[0] == 200
     assert post(f"{address}/nothing", STATE)[0] == 404
+
+
+@pytest.mark.parametrize(
+    ("length", "body", "answer"),
+    [
+        ("-1", b"", b"411"), ("x", b"", b"411"), ("", b"", b"411"), ("9" * 30, b"", b"413"),
+        ("1000001", b"", b"413"), ("3", b"[1]", b"400"), ("4", b"{\"a:", b"400"),
+        ("20000", b"[" * 20000, b"400"), ("50", b"{}", b""),
+    ],
+)  # fmt: skip
+def test_no_request_holds_the_server(
+    annotation: Annotation, length: str, body: bytes, answer: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(annotate, "PATIENCE", 0.5)
+    server = make_server(annotation)
+    port = server.server_address[1]
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        with socket.create_connection(("127.0.0.1", port), timeout=20) as line:
+            head = f"POST /save HTTP/1.0\r\nHost: 127.0.0.1:{port}\r\n"
+            line.sendall(f"{head}Content-Length: {length}\r\n\r\n".encode() + body)
+            assert answer in line.makefile("rb").readline()  # nothing: the rest never came
+    finally:
+        server.shutdown()
+        server.server_close()
 
 
 def test_the_page_needs_nothing_from_elsewhere(address: str) -> None:

@@ -162,8 +162,8 @@ def _sized(asset: Asset, request: _Request, scale: float | str) -> Layout:
 
 
 def _at_scale(asset: Asset, request: _Request, scale: float) -> Layout:
-    if not scale > 0:
-        raise ConfigError(f"scale must be positive, not {scale}")
+    if not 0 < scale < np.inf:
+        raise ConfigError(f"scale must be a positive number, not {scale}")
     model = ObjectModel.load(asset, scale)
     goals = tuple(
         request.task.goal(name, model, joint, request.success)

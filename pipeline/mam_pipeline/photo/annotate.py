@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
+from mam_pipeline.edited import STRICT, Document, Finite, Range, validated
 from mam_pipeline.errors import ConfigError, MamSimError
 from mam_pipeline.hints import save_hints
 from mam_pipeline.photo.build import BodySpec, CellSpec, HandleSpec, build_object
@@ -25,9 +27,52 @@ from mam_pipeline.photo.measure import jpeg
 from mam_pipeline.photo.options import PhotoOptions, parse_options
 from mam_pipeline.photo.reconstruct import sizes_of
 
-KINDS = ("drawer", "door", "open", "fixed")
 HOSTS = ("127.0.0.1", "localhost")
+Metres = Annotated[float, Range(0.02, 20)]
 MAX_BODY = 1_000_000
+"""Bytes of a request."""
+PATIENCE = 10.0
+"""Seconds in which a request must have arrived."""
+NEAR = 1.0
+"""Corners lie at most so many widths or heights of the photo outside it."""
+MOST_PANELS = 200
+Unit = Annotated[float, Range(-1, 2)]
+Rect = tuple[Unit, Unit, Unit, Unit]
+Corner = tuple[Finite, Finite]
+Corners = tuple[Corner, Corner, Corner, Corner]
+MORE: dict[str, Any] = {**STRICT, "extra": "ignore"}
+
+
+@dataclass(frozen=True)
+class PanelState:
+    """A panel as the page says it, in front coordinates."""
+
+    __pydantic_config__ = STRICT
+    kind: Literal["drawer", "door", "open", "fixed"]
+    rect: Rect
+    hinge: Literal["left", "right", "top", "bottom"] = "left"
+    handles: Annotated[tuple[Rect, ...], Field(max_length=MOST_PANELS)] = ()
+
+
+@dataclass(frozen=True)
+class PageState:
+    """What the page sends to be saved; it sends back what it was told as well."""
+
+    __pydantic_config__ = MORE
+    front: Corners
+    width: Metres
+    height: Metres
+    depth: Metres
+    panels: Annotated[tuple[PanelState, ...], Field(max_length=MOST_PANELS)]
+    legs: Annotated[float, Range(0, 20)] = 0.0
+
+
+@dataclass(frozen=True)
+class FrontState:
+    """What the page sends to have the front read again."""
+
+    __pydantic_config__ = MORE
+    front: Corners
 
 
 class Annotation:
@@ -43,6 +88,7 @@ class Annotation:
         """What is on the photo; with `front` (8 pixels) the corners are taken as given."""
         options = self.options
         if front is not None:
+            self._near(front)
             options = parse_options({"front": list(front)})
             options = replace(self.options, front=options.front)
         found = find_object(self.photo, options)
@@ -59,6 +105,15 @@ class Annotation:
             "out": str(self.out),
         }
 
+    def _near(self, front: Sequence[float]) -> None:
+        """Raise ConfigError for corners that lie far from the photo."""
+        size = [v / self.photo.scale for v in self.photo.size]
+        for k, value in enumerate(front):
+            side = size[k % 2]
+            if not -NEAR * side <= value <= (1 + NEAR) * side:
+                where = f"{size[0]:.0f} x {size[1]:.0f}"
+                raise ConfigError(f"a corner lies at {value:.4g}, far from the photo ({where})")
+
     def save(self, state: Mapping[str, Any]) -> str:
         """Write the hints file from a page's state; returns the next command.
 
@@ -66,6 +121,7 @@ class Annotation:
             ConfigError: numbers are missing, or corners or rectangles that cannot be.
         """
         spec, front = spec_of_state(state)
+        self._near(front)
         _, hints = build_object(spec)
         save_hints(replace(hints, photo_front=front), self.out)
         self.saved += 1
@@ -91,25 +147,14 @@ def _panels(found: Found) -> list[dict[str, Any]]:
 
 def spec_of_state(state: Mapping[str, Any]) -> tuple[BodySpec, tuple[float, ...]]:
     """The body to build and the front corners (8 pixels) from a page's state."""
-    try:
-        front = parse_options({"front": [v for p in state["front"] for v in p]}).front
-        width, height, depth = (float(state[k]) for k in ("width", "height", "depth"))
-        legs = float(state.get("legs", 0.0))
-        rows = [
-            (str(p["kind"]), str(p.get("hinge", "left")), _unit_rect(p["rect"]), p["handles"])
-            for p in state["panels"]
-        ]
-        marks = [[_unit_rect(k) for k in handles] for *_, handles in rows]
-    except (KeyError, TypeError, ValueError) as error:
-        raise ConfigError(f"the annotation is incomplete: {error!r}") from error
-    for name, value in (("width", width), ("height", height), ("depth", depth)):
-        if not 0.02 <= value <= 20:
-            raise ConfigError(f"{name} must be metres between 0.02 and 20, got {value}")
+    page: PageState = validated(PageState, Document(dict(state), "the annotation"))
+    front = parse_options({"front": [v for corner in page.front for v in corner]}).front
+    width, height, depth = page.width, page.height, page.depth
+    rows = [(p.kind, p.hinge, _unit_rect(p.rect)) for p in page.panels]
+    marks = [[_unit_rect(k) for k in p.handles] for p in page.panels]
     numbers: dict[str, int] = {}
     cells = []
-    for (kind, hinge, rect, _), handles in zip(rows, marks):
-        if kind not in KINDS:
-            raise ConfigError(f"{kind!r} is not one of {', '.join(KINDS)}")
+    for (kind, hinge, rect), handles in zip(rows, marks):
         n = numbers.get(kind, 0)
         numbers[kind] = n + 1
 
@@ -121,7 +166,7 @@ def spec_of_state(state: Mapping[str, Any]) -> tuple[BodySpec, tuple[float, ...]
         cells.append(CellSpec(f"{kind}_{n}", kind, metric(rect), side, specs, 1.0, "user"))
     assert front is not None  # parse_options checked it
     corners = tuple(float(v) for p in front for v in p)
-    return BodySpec(width, depth, height, tuple(cells), max(0.0, legs)), corners
+    return BodySpec(width, depth, height, tuple(cells), page.legs), corners
 
 
 def _unit_rect(value: Sequence[float]) -> tuple[float, float, float, float]:
@@ -138,14 +183,18 @@ def make_server(annotation: Annotation, port: int = 0) -> ThreadingHTTPServer:
     class Handler(BaseHTTPRequestHandler):
         """Serves the page, the photo and the state; takes new corners and the saved state."""
 
+        timeout = PATIENCE  # of the socket: a request that never ends ends here
+
         def log_message(self, format: str, *args: Any) -> None:
             """Stay quiet."""
 
         def _local(self) -> bool:
-            host = (self.headers.get("Host") or "").rsplit(":", 1)[0]
+            """Whether the page of this very server asks: host and origin with its port."""
+            port = self.connection.getsockname()[1]
+            own = {f"{host}:{port}" for host in HOSTS}
             origin = self.headers.get("Origin")
-            same = origin is None or origin.split("//")[-1].rsplit(":", 1)[0] in HOSTS
-            if host in HOSTS and same:
+            same = origin is None or origin.removeprefix("http://") in own
+            if (self.headers.get("Host") or "") in own and same:
                 return True
             self._send(403, b"only the local page may talk to this server", "text/plain")
             return False
@@ -179,21 +228,37 @@ def make_server(annotation: Annotation, port: int = 0) -> ThreadingHTTPServer:
             """New corners (read the front again) or the finished state (save)."""
             if not self._local():
                 return
-            length = int(self.headers.get("Content-Length") or 0)
-            if length > MAX_BODY:
-                self._json({"error": "too large"}, 413)
-                return
-            try:
-                data = json.loads(self.rfile.read(length) or b"{}")
-            except ValueError:
-                self._json({"error": "not JSON"}, 400)
+            data = self._body()
+            if data is None:
                 return
             if self.path == "/detect":
-                self._answer(lambda d: annotation.state([v for p in d["front"] for v in p]), data)
+                self._answer(self._front, data)
             elif self.path == "/save":
                 self._answer(lambda d: {"next": annotation.save(d)}, data)
             else:
                 self._send(404, b"not found", "text/plain")
+
+        def _body(self) -> dict[str, Any] | None:
+            """What was sent; None where it cannot be used, which has been answered then."""
+            said = self.headers.get("Content-Length") or ""
+            if not (said.isascii() and said.isdigit()):
+                self._json({"error": "Content-Length must say how many bytes follow"}, 411)
+            elif len(said) > 9 or int(said) > MAX_BODY:
+                self._json({"error": f"more than {MAX_BODY} bytes"}, 413)
+            else:
+                try:
+                    data = json.loads(self.rfile.read(int(said)) or b"{}")
+                    if isinstance(data, dict):
+                        return data
+                    self._json({"error": "the request must hold names and values"}, 400)
+                except (ValueError, RecursionError):
+                    self._json({"error": "not JSON"}, 400)
+            self.close_connection = True
+            return None
+
+        def _front(self, data: dict[str, Any]) -> dict[str, Any]:
+            page: FrontState = validated(FrontState, Document(data, "the request"))
+            return annotation.state([v for corner in page.front for v in corner])
 
         def _answer(self, make: Any, data: Any) -> None:
             try:

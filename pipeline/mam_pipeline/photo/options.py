@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from mam_pipeline.edited import Length
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.hints import Hints, load_hints
 
@@ -33,9 +34,9 @@ class PhotoConfig:
     """Corners of the front, pixels, x y each: top left, top right, bottom right, bottom left."""
     layout: str | None = None
     """What the front holds, row by row: "3 drawers", "2x3 drawers", "2 drawers / 2 doors"."""
-    width: float | None = None
+    width: Length | None = None
     """Width of the object, metres."""
-    depth: float | None = None
+    depth: Length | None = None
     """Depth of the object, metres."""
     category: str | None = None
     """What it is: cabinet, fridge, microwave, oven, washing machine ..."""

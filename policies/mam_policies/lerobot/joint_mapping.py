@@ -18,6 +18,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from mam_pipeline.edited import read_yaml
 from mam_pipeline.errors import ConfigError, HintNeeded, unknown_name
 
 UNITS = {"degrees": np.pi / 180.0, "radians": 1.0, "metres": 1.0}
@@ -129,10 +130,10 @@ def load_mapping(file: str | Path, joints: Sequence[str]) -> JointMapping:
     if not path.is_file():
         raise ConfigError(f"no joint mapping {path}")
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-        listed = dict(data["joints"])
+        data = read_yaml(path).values
+        listed = {motor: dict(row) for motor, row in data["joints"].items()}
         robot = str(data["robot"])
-    except (yaml.YAMLError, KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise ConfigError(f"{path} is no joint mapping (robot, joints): {error}") from None
     empty = [
         f"{motor}.{key}"
@@ -154,7 +155,7 @@ def _motor(path: Path, motor: str, row: Any) -> MotorMap:
         unit, joint = str(row["unit"]), str(row.get("sim", motor))
         if unit == "percent":
             closed, opened = float(row["closed"]), float(row["open"])
-            if abs(opened - closed) < 1e-6:
+            if not abs(opened - closed) >= 1e-6 or not np.isfinite(opened - closed):
                 raise ConfigError(f"{path}: {motor} is closed and open at the same value")
             return MotorMap(motor, joint, unit, (opened - closed) / 100.0, closed)
         if unit not in UNITS:
@@ -162,6 +163,8 @@ def _motor(path: Path, motor: str, row: Any) -> MotorMap:
         sign, offset = float(row["sign"]), float(row["offset"])
     except (KeyError, TypeError, ValueError) as error:
         raise ConfigError(f"{path}: {motor} has no usable {error}") from None
+    if not np.isfinite(offset):
+        raise ConfigError(f"{path}: the offset of {motor} must be a finite number, not {offset}")
     if sign not in (1.0, -1.0):
         raise ConfigError(f"{path}: the sign of {motor} is 1 or -1, not {sign:g}")
     return MotorMap(motor, joint, unit, sign * UNITS[unit], offset)
