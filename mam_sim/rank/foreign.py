@@ -42,7 +42,7 @@ def foreign_asset(urdf: Path, out: Path) -> Asset:
         joints.append(
             CardJoint(
                 name=joint.name,
-                type=str(element.get("type")),
+                type=str(element.get("type")),  # type: ignore[arg-type]
                 subtype="slide" if joint.type == "prismatic" else "hinge",
                 axis=joint.axis.tolist(),
                 origin=joint.origin.tolist(),
