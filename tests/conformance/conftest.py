@@ -90,7 +90,7 @@ def _page(data: dict[str, Any]) -> str:
         "PyBullet colours materials without a texture only if it is told to:",
         "`loadURDF(file, flags=p.URDF_USE_MATERIAL_COLORS_FROM_MTL)`.",
         "urdf-usd-converter needs an environment of its own: its usd-exchange and usd-core both",
-        "hold the package `pxr`. Isaac Sim, Newton, Genesis and Gazebo were not run.",
+        "hold the package `pxr`. Isaac Sim, Genesis and Gazebo were not run.",
     ]
     return "\n".join(lines) + "\n"
 
