@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +80,7 @@ def test_parts_and_joints_of_any_values(
     for codec in codecs:
         file = folder / codec.filename
         edited(file, yaml.safe_load(file.read_text()), rng)
-        ours(lambda codec=codec, file=file: codec.load(file, file))
+        ours(partial(codec.load, file, file))
 
 
 @usual
