@@ -61,7 +61,7 @@ def test_half_a_turn_has_a_rotation_vector() -> None:
 
 def test_bad_files_and_names_say_what_is_wrong(tmp_path: Path) -> None:
     (tmp_path / "x.urdf").write_text("no xml")
-    with pytest.raises(InputError, match="is not a readable URDF"):
+    with pytest.raises(InputError, match="is not well-formed XML"):
         KinematicModel.load(tmp_path / "x.urdf")
     with pytest.raises(ConfigError, match="no robot named 'pandra'; did you mean 'panda'"):
         robot_spec("pandra")

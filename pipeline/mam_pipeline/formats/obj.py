@@ -220,7 +220,8 @@ def _numbers(text: str, dtype: Any) -> NDArray[Any]:
     """Numbers between blanks; fewer than there are where one of them is none."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
-        return np.fromstring(text, dtype, sep=" ")
+        plain = text.encode("ascii", "replace").decode("ascii")  # bytes that are no text: no number
+        return np.fromstring(plain, dtype, sep=" ")
 
 
 @dataclass
