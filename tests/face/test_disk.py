@@ -61,7 +61,7 @@ def test_a_full_disk_leaves_the_old_asset(
     small_disk: Path, source: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = small_disk / "a"
-    assert main(["articulate", str(source), "--out", str(out), "--quiet"]) in (0, 1)  # 1: fails its check
+    assert main(["articulate", str(source), "--out", str(out), "--quiet"]) < 2
     before = everything(small_disk)
     fill = small_disk / "fill"
     fill.write_bytes(bytes(shutil.disk_usage(small_disk).free - (8 << 10)))
@@ -80,7 +80,7 @@ def test_a_disk_that_cannot_be_written(
     small_disk: Path, source: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = small_disk / "a"
-    assert main(["articulate", str(source), "--out", str(out), "--quiet"]) in (0, 1)  # 1: fails its check
+    assert main(["articulate", str(source), "--out", str(out), "--quiet"]) < 2
     before = everything(small_disk)
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
     for words in (

@@ -220,7 +220,7 @@ def _numbers(text: str, dtype: Any) -> NDArray[Any]:
     """Numbers between blanks; fewer than there are where one of them is none."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
-        plain = text.encode("ascii", "replace").decode("ascii")  # bytes that are no text: no number
+        plain = text.encode("ascii", "replace").decode("ascii")
         return np.fromstring(plain, dtype, sep=" ")
 
 
