@@ -261,7 +261,7 @@ def _report(
         reasons.append("penetration")
     if s.filled > limit.filled_area:
         reasons.append("cavity_filled")
-    if s.apart > limit.gap_share or (s.gap is not None and s.gap > limit.gap_share):
+    if s.gap is not None and s.gap > limit.gap_share:
         reasons.append("detached")
     if s.askew > limit.askew_angle:
         reasons.append("askew")
