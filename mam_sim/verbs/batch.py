@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import yaml
 from tyro.conf import OmitArgPrefixes, Positional
 
+from mam_pipeline.edited import Count, Positive
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.models.settings import given
 from mam_pipeline.run import MakeConfig
@@ -34,13 +35,13 @@ class Batch(Verb):
     (.txt) with one of these a line."""
     out: str
     """Folder to write, or an address of fsspec (s3://bucket/run)."""
-    jobs: int = 1
+    jobs: Count = 1
     """Objects at once, each in a process of its own."""
     ray: str | None = None
     """Address of a Ray cluster that makes them instead ("auto": the one that runs here)."""
-    time_limit: float = 1800.0
+    time_limit: Positive = 1800.0
     """Seconds after which an object is given up."""
-    memory_limit: float = 8.0
+    memory_limit: Positive = 8.0
     """Gigabytes of memory at which an object is given up."""
     retry: bool = False
     """Try again what has no asset yet for whatever reason."""
@@ -92,12 +93,6 @@ class Batch(Verb):
         """Raise ConfigError for what cannot be, before anything is loaded."""
         if not self.inputs:
             raise ConfigError("name at least one input: a file, a folder, a pattern or a list")
-        if self.jobs < 1:
-            raise ConfigError(f"--jobs must be at least 1, got {self.jobs}")
-        for name in ("time_limit", "memory_limit"):
-            if not getattr(self, name) > 0:
-                flag = name.replace("_", "-")
-                raise ConfigError(f"--{flag} must be more than 0, got {getattr(self, name)}")
         self.pipeline.check()
         if self.pipeline.engine.reasoner == "vlm":
             raise ConfigError("batch has no --reasoner vlm: the cost cap is kept in one process")

@@ -11,6 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_pipeline import config_file, folders
+from mam_pipeline.edited import Count
 from mam_pipeline.errors import ConfigError, HintNeeded
 from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.models.settings import given
@@ -33,9 +34,9 @@ class Bench(Verb):
     settings."""
     only: tuple[str, ...] = ()
     """Ids of objects to run."""
-    limit: int | None = None
+    limit: Count | None = None
     """At most this many objects (generated: 50 unless told)."""
-    jobs: int = 1
+    jobs: Count = 1
     """Processes."""
     bench: Annotated[BenchConfig, OmitArgPrefixes] = field(default_factory=BenchConfig)
     json: bool = False
@@ -45,10 +46,6 @@ class Bench(Verb):
         """Run and score every object; print the tables."""
         from mam_sim.bench.table import as_json
 
-        if self.jobs < 1:
-            raise ConfigError(f"--jobs must be at least 1, got {self.jobs}")
-        if self.limit is not None and self.limit < 1:
-            raise ConfigError(f"--limit must be at least 1, got {self.limit}")
         if self.bench.engine.reasoner == "vlm" and self.jobs > 1:
             raise ConfigError("--reasoner vlm needs --jobs 1: the cost cap is kept in one process")
         self.bench.engine.check()

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal
 
 from tyro.conf import Positional
 
+from mam_pipeline.edited import Count, Positive
 from mam_pipeline.errors import ConfigError
 from mam_sim.console import Screen, counting_bar
 from mam_sim.options import Verb
@@ -32,19 +33,19 @@ class Rank(Verb):
     """Asset folders, or URDF files."""
     robots: str = "panda"
     """Names of arms, with commas between them."""
-    episodes: int = 5
+    episodes: Count = 5
     """Of every joint and robot."""
     policy: Literal["none", "bc"] = "none"
     """Train and test this policy on every joint too; takes minutes each."""
-    jobs: int = 1
+    jobs: Count = 1
     """Rows at once, each in a process of its own."""
     out: Path | None = None
     """Folder for rank.json, index.html and every row; what it holds is not measured again."""
     video: bool = False
     """Film the first episodes of every row, for the page (needs --out and a Vulkan driver)."""
-    time_limit: float = 1800.0
+    time_limit: Positive = 1800.0
     """Seconds after which a row is given up."""
-    memory_limit: float = 8.0
+    memory_limit: Positive = 8.0
     """Gigabytes of memory at which a row is given up."""
     json: bool = False
     """Print the result as JSON instead of tables."""
@@ -70,9 +71,6 @@ class Rank(Verb):
             raise ConfigError("name at least one asset folder or URDF")
         if not names:
             raise ConfigError("--robots needs at least one name")
-        for name in ("episodes", "jobs"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"--{name} must be at least 1, got {getattr(self, name)}")
         if self.video and self.out is None:
             raise ConfigError("--video needs --out DIR: where the videos stay")
         return names

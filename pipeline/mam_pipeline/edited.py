@@ -121,6 +121,7 @@ Positive = Annotated[float, Range(0, 1e9, above=True)]
 Length = Annotated[float, Range(0, 1000, above=True)]
 Share = Annotated[float, Range(0, 1)]
 Index = Annotated[int, Range(0, 2**31)]
+Count = Annotated[int, Range(1, 1e9)]
 Seed = Annotated[int, Range(0, 2**31 - 1)]
 Limit = Annotated[
     float, Field(allow_inf_nan=True), AfterValidator(_not_nan), BeforeValidator(_limit)

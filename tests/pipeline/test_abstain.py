@@ -74,5 +74,5 @@ def test_low_confidence_is_accepted_for_batches() -> None:
 
 def test_the_fitted_bar_knows_its_signs() -> None:
     bar = load_bar()
-    assert bar is not None and set(bar.weights) == set(SIGNS)
+    assert set(bar.weights) == set(SIGNS)
     assert 0.0 < bar.others < bar.least < 1.0

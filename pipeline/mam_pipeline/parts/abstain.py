@@ -54,12 +54,9 @@ class Bar:
 
 
 @lru_cache(maxsize=1)
-def load_bar() -> Bar | None:
-    """The fitted bar of this package; None in a build without it."""
-    file = bar_weights() / "abstention.json"
-    if not file.is_file():
-        return None
-    said = json.loads(file.read_text(encoding="utf-8"))
+def load_bar() -> Bar:
+    """The fitted bar of this package."""
+    said = json.loads((bar_weights() / "abstention.json").read_text(encoding="utf-8"))
     return Bar(said["bias"], said["weights"], said["least"], said["others"])
 
 
