@@ -192,7 +192,7 @@ def test_what_cannot_be_is_said_at_once(tmp_path: Path, capsys: pytest.CaptureFi
     assert main(["batch", "--out", str(tmp_path / "out")]) == 2
     assert main(["batch", str(source), "--out", str(tmp_path / "out"), "--jobs", "0"]) == 2
     assert main(["batch", str(source), "--out", str(tmp_path / "out"), "--time-limit", "0"]) == 2
-    assert "--time-limit must be more than 0" in capsys.readouterr().err
+    assert "--time-limit must be a number above 0" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 

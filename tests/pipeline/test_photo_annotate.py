@@ -146,7 +146,7 @@ def test_the_page_drags_labels_and_saves_in_a_browser(
             "--disable-dev-shm-usage", f"--user-data-dir={tmp_path}", "--timeout=90000",
             "--virtual-time-budget=60000", "--dump-dom", f"{address}/?selftest",
         ],
-        capture_output=True, text=True, timeout=180, check=False,
+        capture_output=True, encoding="utf-8", timeout=180, check=False,
     )  # fmt: skip
     assert "<title>self-test passed</title>" in done.stdout, done.stdout[-600:] + done.stderr[-600:]
     assert annotation.saved == saved + 1
