@@ -1,4 +1,4 @@
-"""Your own stable-baselines3 code on an asset of mam-sim: only gymnasium, ManiSkill and SB3.
+"""Your own stable-baselines3 code on an asset of mam-sim: only gymnasium and SB3.
 
     python examples/own_sb3.py ASSET --steps 200000 --out mine.zip
     mam-sim eval mine.zip --asset ASSET --control pd_joint_delta_pos --trust
@@ -7,23 +7,17 @@
 import argparse
 
 import gymnasium as gym
-from mani_skill.utils.wrappers.gymnasium import CPUGymWrapper
 from stable_baselines3 import PPO
 from stable_baselines3.common.monitor import Monitor
 
 
 def make(asset: str, steps: int = 120) -> gym.Env:
-    """One plain environment: NumPy in and out; the time limit is a truncation.
-
-    Success does not end an episode: with a reward in every step, an end would be a loss.
-    """
+    """One plain environment: NumPy in and out; success does not end an episode, time does."""
     env = gym.make(
-        "mam_envs:OperateJoint-v1", asset=asset, obs_mode="state",
-        control_mode="pd_joint_delta_pos", reward_mode="normalized_dense",
-        max_episode_steps=steps,
+        "mam_envs:OperateJointNumpy-v1", asset=asset, obs_mode="state",
+        control_mode="pd_joint_delta_pos", max_episode_steps=steps,
     )  # fmt: skip
-    env = CPUGymWrapper(env, ignore_terminations=True, record_metrics=False)
-    return Monitor(env, info_keywords=("success",))
+    return Monitor(env, info_keywords=("is_success",))
 
 
 def main() -> None:

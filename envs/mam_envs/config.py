@@ -39,6 +39,10 @@ class SuccessConfig:
         driven: least share of the joint's motion that must have happened while the robot touched
             the moving part or just after: what springs open by itself is no success.
         touch_force: newtons between robot and part above which they touch.
+        part_force: newtons with which the robot may pull or push the part, mean over a control
+            step; what two fingers squeeze between them cancels out. More is a failure for good;
+            None = no limit.
+        link_force: the same for each link of the robot against anything else.
         grace_steps: control steps (20 a second) after a touch for which motion counts as the
             robot's.
         max_steps: control steps of one episode (used by the verbs; gym.make takes its own).
@@ -52,6 +56,8 @@ class SuccessConfig:
     still_speed: tuple[Positive, Positive] = (0.1, 0.5)
     driven: Share = 0.5
     touch_force: NotNegative = 0.1
+    part_force: Positive | None = 60.0
+    link_force: Positive | None = 150.0
     grace_steps: Annotated[int, Range(0, 1000)] = 5
     max_steps: Annotated[int, Range(1, 100_000)] = 200
 

@@ -47,7 +47,7 @@ class OperateJointEnv(BaseEnv):
     Randomizations: the object's place and yaw, the arm's start, and whatever else
     `RandomisationConfig` asks for.
 
-    Success: as the task says.
+    Success: as the task says. An episode also ends by what the task calls a failure (`fail`).
 
     Observations: `agent` (qpos, qvel) and `extra` (tcp_pose) are what a real arm knows;
     `extra/privileged` (what the task observes) only exists in state modes and comes last in the
@@ -334,6 +334,8 @@ class OperateJointEnv(BaseEnv):
             q=self._joints(self.object.get_qpos()),
             speed=self._joints(self.object.get_qvel()),
             force=self._probe.peak,
+            part_force=self._probe.part_force,
+            link_force=self._probe.link_force,
             handle=torch.stack(handles, dim=1),
             tool=self.tool_pose().raw_pose,
             action_rate=self._rate,

@@ -230,6 +230,7 @@ def _run(
             break
         clean = expert.clean_action()
         obs, reward, _, truncated, info = env.step(action)
+        failed = bool(info.get("fail", [False])[0]) and not success
         success = success or bool(info["success"][0])
         target = np.append(expert.target, expert.gripper)
         for key, value in (
@@ -244,11 +245,12 @@ def _run(
         _keep(rows, "env_states", base.get_state_dict())
         _see(rows, base, obs)
         left -= success
-        if left < 0 or bool(truncated[0]):
+        if failed or left < 0 or bool(truncated[0]):
             break
     outcome |= {"success": success, "steps": len(rows.get("actions", ()))}
     outcome |= {"plans": len(expert.plans), "open_fraction": float(info["open_fraction"][0])}
-    outcome["reason"] = "" if success else expert.reason or "out of time"
+    why = "too much force" if failed else expert.reason or "out of time"
+    outcome["reason"] = "" if success else why
 
 
 def _see(rows: dict[str, list[Any]], base: OperateJointEnv, obs: Any) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from mani_skill.utils import common
 
-from mam_envs.config import EnvConfig
+from mam_envs.config import EnvConfig, SuccessConfig
 from mam_policies.algorithms import Actor, algorithm
 from mam_policies.expert import Expert, PlanningError
 from mam_policies.run import EnvChoice, RunInfo, few_objects
@@ -23,7 +23,8 @@ HELD_OUT = 50_000_017  # evaluation seeds start here; demonstrations use seeds f
 
 @dataclass(frozen=True)
 class EpisodeResult:
-    """One episode: success, steps to it, greatest contact force (N), where the joint ended."""
+    """One episode: success, steps to it, where the joint ended, the greatest forces (N): between
+    robot and part with squeeze, and on part and robot link as `SuccessConfig` limits them."""
 
     seed: int
     success: bool
@@ -31,6 +32,8 @@ class EpisodeResult:
     open_fraction: float
     peak_force: float
     reason: str
+    part_force: float = 0.0
+    link_force: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -202,24 +205,32 @@ def _episode(
     except PlanningError as error:
         return EpisodeResult(seed, False, 0, 0.0, 0.0, str(error))
     steps, force, success = 0, 0.0, False
+    loads = {"part_force": 0.0, "link_force": 0.0}
     while True:
-        obs, _, _, truncated, info = env.step(policy(obs))
+        obs, _, terminated, truncated, info = env.step(policy(obs))
         steps += 1
         force = max(force, _first(info["contact_force"]))
+        for key in loads:
+            loads[key] = max(loads[key], _first(info.get(key, 0.0)))
         if frames is not None and steps % 2 == 0:
             picture = np.asarray(common.to_numpy(env.render()))  # on the GPU where one renders
             frames.append(picture.reshape(picture.shape[-3:]))
         success = bool(_first(info["success"]))
-        if success or bool(_first(truncated)):
+        if success or bool(_first(terminated)) or bool(_first(truncated)):
             break
     fraction = _first(info["open_fraction"])
     touched = force > env.unwrapped.config.success.touch_force
-    return EpisodeResult(seed, success, steps, fraction, force, _why(success, info, touched))
+    why = _why(success, info, touched, env.unwrapped.config.success)
+    return EpisodeResult(seed, success, steps, fraction, force, why, **loads)
 
 
-def _why(success: bool, info: dict[str, Any], touched: bool) -> str:
+def _why(success: bool, info: dict[str, Any], touched: bool, limits: SuccessConfig) -> str:
     if success:
         return ""
+    for key, words in (("part_force", "pulled or pushed the part"), ("link_force", "pressed")):
+        limit = getattr(limits, key)
+        if limit is not None and _first(info.get(key, 0.0)) > limit:
+            return f"{words} with more than {limit:g} N"
     progress = _first(info["progress"])
     if not touched:
         return "never touched the part"

@@ -48,6 +48,49 @@ def test_one_environment_has_a_time_limit(drawer: Path) -> None:
     made.close()
 
 
+def test_the_return_rises_with_success_under_plain_sb3(drawer: Path) -> None:
+    from stable_baselines3.common.monitor import Monitor
+
+    from mam_policies.expert import Expert
+
+    made: Any = Monitor(
+        gym.make(mam_envs.NUMPY_ID, asset=drawer, control_mode="pd_joint_pos", max_episode_steps=90)
+    )
+    returns = {}
+    for short in (False, True):  # the same motion, but the hand stops just before success
+        made.reset(seed=0)
+        expert = Expert(made.unwrapped.inner)
+        expert.reset()
+        action, done = expert.act(), False
+        while not done:
+            _, _, terminated, truncated, info = made.step(action)
+            done = terminated or truncated
+            if not (short and info["progress"] > 0.6):
+                action = expert.act()
+        assert bool(info["is_success"]) is not short
+        returns[short] = info["episode"]["r"]
+    assert returns[False] > 1.1 * returns[True]
+    made.close()
+
+
+def test_brute_force_ends_an_episode(drawer: Path) -> None:
+    made = mam_envs.make(
+        drawer, control_mode="pd_joint_pos", success={"part_force": 1.0, "link_force": None}
+    )
+    from mam_policies.expert import Expert
+
+    made.reset(seed=0)
+    expert = Expert(made)
+    expert.reset()
+    for _ in range(200):
+        _, _, terminated, _, info = made.step(expert.act())
+        if bool(terminated):
+            break
+    assert bool(info["fail"]) and not bool(info["success"])
+    assert 1.0 < float(info["part_force"]) < 60.0 and float(info["link_force"]) > 1.0
+    made.close()
+
+
 def _maker(asset: str) -> Callable[[], Any]:
     def make() -> Any:
         torch.set_num_threads(1)
@@ -61,7 +104,7 @@ def _maker(asset: str) -> Callable[[], Any]:
 def test_sb3_takes_it_without_a_wrapper(drawer: Path) -> None:
     from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
-    vector: Any = VecMonitor(DummyVecEnv([_maker(str(drawer))]), info_keywords=("success",))
+    vector: Any = VecMonitor(DummyVecEnv([_maker(str(drawer))]), info_keywords=("is_success",))
     vector.seed(0)
     assert vector.reset().dtype == np.float32
     _, reward, _, _ = vector.step(np.stack([vector.action_space.sample()]))

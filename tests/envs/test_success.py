@@ -50,6 +50,18 @@ def test_only_motion_with_contact_or_just_after_it_counts() -> None:
     assert not bool(tracker.evaluate(t(0.35), t(0.2))[0][0])  # too fast
 
 
+def test_too_much_force_is_a_failure_for_good() -> None:
+    limits = SuccessConfig(part_force=60.0, link_force=None)
+    tracker = SuccessTracker([[goal()], [goal()]], limits, CPU)
+    tracker.load(t(61.0, 59.0), t(500.0, 500.0))
+    tracker.load(t(0.0, 0.0), t(0.0, 0.0))
+    tracker.update(t(0.35, 0.35), t(5.0, 5.0))
+    assert tracker.overloaded.tolist() == [True, False]
+    assert tracker.evaluate(t(0.35, 0.35), t(0.0, 0.0))[0].tolist() == [False, True]
+    tracker.reset(torch.tensor([0]), torch.zeros(1, 1))
+    assert not bool(tracker.overloaded[0])
+
+
 def test_a_value_is_met_within_its_tolerance_only() -> None:
     tracker = SuccessTracker([[goal(tolerance=0.02)]], CONFIG, CPU)
     tracker.update(t(0.29), t(1.0))

@@ -39,6 +39,7 @@ def state(q: float, speed: float = 0.0, force: float = 0.0, away: float = 0.0) -
     tool = torch.tensor([[away, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]])
     return TaskState(
         q=torch.tensor([[q]]), speed=torch.tensor([[speed]]), force=torch.tensor([force]),
+        part_force=torch.tensor([force]), link_force=torch.tensor([force]),
         handle=torch.zeros(1, 1, 3), tool=tool, action_rate=torch.zeros(1),
     )  # fmt: skip
 

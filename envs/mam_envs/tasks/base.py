@@ -64,6 +64,9 @@ class TaskState:
             (per second); a task on one joint has one stage.
         force: (b,) newtons between the robot and the part of the present stage, the most of the
             last control step.
+        part_force: (b,) newtons of the robot on that part as one vector (what fingers squeeze
+            between them cancels out), mean over the last control step.
+        link_force: (b,) the same for the robot's link that presses hardest on anything.
         handle: (b, stages, 3) point to grasp, world.
         tool: (b, 7) tool frame in the world: position, quaternion (w, x, y, z).
         action_rate: (b,) mean squared change of the action since the last control step.
@@ -72,6 +75,8 @@ class TaskState:
     q: torch.Tensor
     speed: torch.Tensor
     force: torch.Tensor
+    part_force: torch.Tensor
+    link_force: torch.Tensor
     handle: torch.Tensor
     tool: torch.Tensor
     action_rate: torch.Tensor
@@ -144,7 +149,7 @@ class Task(ABC):
 
         `success` (bool), `progress` (0 at the start, 1 at success), `open_fraction` and
         `by_contact` (bool: it was the robot that moved the joint) are expected by the expert and
-        the trainers; more is logged under its name.
+        the trainers; `fail` (bool) ends an episode; more is logged under its name.
         """
 
     def observe(self, now: TaskState, info: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:

@@ -24,7 +24,7 @@ class OperateJoint(Task):
     Success: the joint has gone `SuccessConfig.fraction` of its way (or is within `tolerance` of
     the asked value), is slower than `still_speed`, and at least the share `driven` of its motion
     happened while the robot touched the moving part. In a sequence every joint must get there in
-    turn.
+    turn. A force above `part_force` or `link_force` ends the episode as failed.
     """
 
     def __init__(
@@ -49,6 +49,7 @@ class OperateJoint(Task):
 
     def update(self, now: TaskState) -> None:
         self.tracker.update(self.pick(now.q), now.force)
+        self.tracker.load(now.part_force, now.link_force)
 
     def evaluate(self, now: TaskState) -> dict[str, torch.Tensor]:
         """See `Task.evaluate`; a sequence goes on to its next joint here."""
@@ -61,10 +62,13 @@ class OperateJoint(Task):
             q = self.pick(now.q)
         return {
             "success": success,
+            "fail": self.tracker.overloaded.clone(),
             "open_fraction": self.tracker.open_fraction(q),
             "progress": self.tracker.progress(q),
             "by_contact": by_contact,
             "contact_force": self.tracker.force,
+            "part_force": now.part_force,
+            "link_force": now.link_force,
             "stage": self.stage.clone(),
         }
 

@@ -22,6 +22,7 @@ class SuccessTracker:
         stage: (b,) index of the joint that is to be moved now.
         force: (b,) newtons between robot and moving part, the most of the last control step.
         untouched: (b,) share of the range that moved without contact in the last control step.
+        overloaded: (b,) whether a force was ever above its limit in this episode.
     """
 
     def __init__(
@@ -43,6 +44,7 @@ class SuccessTracker:
         self._last, self._driven, self._moved = zero.clone(), zero.clone(), zero.clone()
         self.untouched, self.force = zero.clone(), zero.clone()
         self._since_touch = torch.full_like(zero, 1e6)
+        self.overloaded = torch.zeros(n, dtype=torch.bool, device=device)
 
     # -- goals -----------------------------------------------------------------------------
     def pick(self, values: torch.Tensor) -> torch.Tensor:
@@ -81,12 +83,19 @@ class SuccessTracker:
         for memory in (self._driven, self._moved, self.untouched, self.force):
             memory[env_idx] = 0.0
         self._since_touch[env_idx] = 1e6
+        self.overloaded[env_idx] = False
         self._begin[env_idx] = begin
         self._last[env_idx] = begin[:, 0]
 
     def teleported(self, q: torch.Tensor) -> None:
         """Take note that the joint was put elsewhere, which is no motion."""
         self._last = q.clone()
+
+    def load(self, part: torch.Tensor, link: torch.Tensor) -> None:
+        """Hold a control step's forces (b,), newtons, against their limits."""
+        for force, limit in ((part, self._config.part_force), (link, self._config.link_force)):
+            if limit is not None:
+                self.overloaded = self.overloaded | (force > limit)
 
     def update(self, q: torch.Tensor, force: torch.Tensor) -> None:
         """Credit a control step's motion to the robot if it touches, or has just touched."""
@@ -109,7 +118,7 @@ class SuccessTracker:
         near = (q - self.now("q_goal")).abs() <= tolerance
         reached = torch.where(tolerance > 0, near, self.progress(q) >= 1.0)
         still = speed.abs() <= self.now("still_speed")
-        done = reached & still & self.by_contact
+        done = reached & still & self.by_contact & ~self.overloaded
         last = self.stage >= self.stages - 1
         return done & last, done & ~last
 

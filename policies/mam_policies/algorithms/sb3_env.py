@@ -64,13 +64,14 @@ class Plain(gym.Wrapper):
 
     def step(self, action: Any) -> Any:
         """See gymnasium."""
-        obs, reward, _, truncated, info = self.env.step(action)
+        obs, reward, terminated, truncated, info = self.env.step(action)
         success = bool(np.asarray(info["success"]).reshape(-1)[0])
         helped = bool(getattr(self.env, "helped", False))
         out = {"success": success, "is_success": success, "helped": helped}
-        late = bool(np.asarray(truncated).reshape(-1)[0]) and not success
+        ended = success or bool(np.asarray(terminated).reshape(-1)[0])
+        late = bool(np.asarray(truncated).reshape(-1)[0]) and not ended
         value = float(np.asarray(reward).reshape(-1)[0])
-        return flat(obs), value / ((1 - self.gamma) if success else 1.0), success, late, out
+        return flat(obs), value / ((1 - self.gamma) if success else 1.0), ended, late, out
 
 
 def make_training_env(choice: EnvChoice, share: float, seed: int, gamma: float) -> gym.Env:

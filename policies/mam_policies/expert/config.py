@@ -26,6 +26,10 @@ class ExpertConfig:
     pause_steps: int = 4
     """Steps in which the arm catches up with its target before it closes or pushes: fingers that
     close 5 mm too early close beside a shallow pull."""
+    lag: float = 0.1
+    """Radians that a joint may still be off when the hand closes; a slow controller lags."""
+    catch_up: int = 25
+    """Steps that it is waited for."""
     close_steps: int = 6
     """Steps in which the hand closes."""
     settle_steps: int = 25

@@ -100,7 +100,7 @@ class Expert:
     def _begin(self, now: PlannerState) -> None:
         self.plan = plan(now, self.skip, self.config)
         self.plans.append(self.plan)
-        self.at = self.corrections = 0
+        self.at = self.corrections = self.waited = 0
         self.retreat: list[FloatArray] = []
         self.gripper = float(self.plan.gripper[0])
         self.phase = self.plan.phase[0]
@@ -131,6 +131,9 @@ class Expert:
                 return self._action(now)
             self._give_up(now)
             return self.act()
+        if self._lags(now):
+            self.waited += 1
+            return self._action(now)
         self.target = self.plan.arm[self.at]
         self.gripper = float(self.plan.gripper[self.at])
         self.phase = self.plan.phase[self.at]
@@ -139,6 +142,13 @@ class Expert:
             return self.act()
         self.at += 1
         return self._action(now)
+
+    def _lags(self, now: PlannerState) -> bool:
+        """Whether the arm is still on its way where the hand is to close next."""
+        phases = self.plan.phase[max(self.at - 1, 0) : self.at + 1]
+        off = float(np.abs(now.arm - self.target).max())
+        ready = off <= self.config.lag or self.waited >= self.config.catch_up
+        return phases == ("approach", "close") and not ready
 
     def _slipped(self, now: PlannerState) -> bool:
         way = now.goal.q_goal - self.plan.path.q[0]

@@ -39,7 +39,7 @@ class Faults:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How the running episode stands."""
+    """How the running episode stands; `truncated`: out of time, or ended by too much force."""
 
     seed: int
     steps: int = 0
@@ -132,7 +132,7 @@ class RobotInterface:
             success=now.success or _flag(info["success"]),
             open_fraction=float(np.asarray(info["open_fraction"]).reshape(-1)[0]),
             reward=float(np.asarray(reward).reshape(-1)[0]),
-            truncated=_flag(truncated),
+            truncated=_flag(truncated) or _flag(info.get("fail", False)),
         )
         return self.state()
 
