@@ -1,4 +1,4 @@
-"""Forces between the robot and the world: what opens by itself, or by brute force, is no success."""
+"""Forces between robot and world: what opens by itself, or by brute force, is no success."""
 
 from __future__ import annotations
 
