@@ -68,6 +68,7 @@ def make_env(
     joint: str | None = None,
     robot: str = "panda",
     config: EnvConfig | Mapping[str, Any] | str | Path | None = None,
+    batched: bool = True,
     **arguments: Any,
 ) -> Any:
     """Make a gymnasium (ManiSkill) environment in which a robot arm operates a joint of an asset.
@@ -83,6 +84,8 @@ def make_env(
         robot: panda, so100, fetch, xarm6_robotiq, or the name of a plug-in.
         config: settings of the environment, a mapping of them, a YAML file with a section
             `env`, or the name of a preset.
+        batched: give tensors with a batch axis, as ManiSkill's tools want them; False gives NumPy
+            without one, as gymnasium's `check_env` and Stable-Baselines3 want them.
         **arguments: further arguments of `mam_envs.env.OperateJointEnv` (task, obs_mode,
             control_mode, num_envs, max_episode_steps ...).
 
@@ -95,7 +98,8 @@ def make_env(
     import mam_envs
 
     config = located(config) if isinstance(config, str | Path) else config
-    return mam_envs.make(asset, joint=joint, robot_uids=robot, config=config, **arguments)
+    env_id = "OperateJoint-v1" if batched else "OperateJointNumpy-v1"
+    return mam_envs.make(asset, env_id, joint=joint, robot_uids=robot, config=config, **arguments)
 
 
 def check(

@@ -49,8 +49,8 @@ if "OperateJoint-v1" not in _gym.registry:
     )
 
 
-def make(asset: _Any, **kwargs: _Any) -> _Any:
-    """gym.make of OperateJoint-v1 whose errors say only what the user must know.
+def make(asset: _Any, env_id: str = "OperateJoint-v1", **kwargs: _Any) -> _Any:
+    """gym.make of one of our environments whose errors say only what the user must know.
 
     Args:
         asset: asset folder or folders; kwargs as in mam_envs.env.OperateJointEnv.
@@ -58,7 +58,7 @@ def make(asset: _Any, **kwargs: _Any) -> _Any:
     from mam_pipeline.errors import MamSimError
 
     try:
-        return _gym.make("OperateJoint-v1", asset=asset, **kwargs)
+        return _gym.make(env_id, asset=asset, **kwargs)
     except MamSimError as error:  # gymnasium appends all arguments to the message
         cause = error.__cause__
         raise (cause if isinstance(cause, MamSimError) else error) from None

@@ -28,6 +28,7 @@ from mam_envs.scene.contact_probe import ContactProbe
 from mam_envs.scene.layout import Layout, arrange, several
 from mam_envs.scene.randomisation import Draw, ObjectDynamics, draw, draw_clear
 from mam_envs.tasks import Task, TaskState, rewards, task_class
+from mam_envs.truth import as_claimed, true_layout
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.config_file import fill
 from mam_pipeline.errors import ConfigError
@@ -73,6 +74,7 @@ class OperateJointEnv(BaseEnv):
         reward: Mapping[str, Any] | None = None,
         scene: Mapping[str, Any] | None = None,
         success: Mapping[str, Any] | None = None,
+        truth: str | Path | None = None,
         exact: bool = True,
         num_envs: int = 1,
         reconfiguration_freq: int | None = None,
@@ -95,6 +97,8 @@ class OperateJointEnv(BaseEnv):
                 to its reach.
             config: EnvConfig, mapping or YAML file; randomisation, reward, scene and
                 success override single settings of it.
+            truth: asset folder of the true object, in the asset's frame; it is simulated in the
+                asset's place, while planners go on knowing the asset (mam_envs.truth).
             exact: a reset with a seed rebuilds the scene (0.2 s and more, CPU only), so that the
                 same seed gives the same trajectory bit for bit; PhysX remembers contacts of the
                 episode before otherwise. Resets without a seed never rebuild.
@@ -116,6 +120,13 @@ class OperateJointEnv(BaseEnv):
         if not found:
             raise ConfigError("asset is an empty list")
         self.layouts = [arrange(a, joint, task, self.robot_spec, scale, self.config) for a in found]
+        self.claimed = self.layouts  # what planners know
+        if truth is not None:
+            real = Asset.load(truth)
+            self.layouts = [
+                true_layout(item, real, self.task_type, self.config.success)
+                for item in self.claimed
+            ]
         if len({len(item.goals) for item in self.layouts}) > 1:
             raise ConfigError("all assets need the same number of joints in a sequence")
         self._chosen = [0] * num_envs
@@ -361,7 +372,7 @@ class OperateJointEnv(BaseEnv):
         joints = [j.name for j in self.objects[index].active_joints]
         names = [j.name for j in self.agent.robot.active_joints]
         arm = common.to_numpy(self.agent.robot.get_qpos())[index]
-        return PlannerState(
+        state = PlannerState(
             layout=item,
             goal=goal,
             base=item.placement.base,
@@ -370,6 +381,8 @@ class OperateJointEnv(BaseEnv):
             others={n: float(values[k]) for k, n in enumerate(joints) if n != goal.joint},
             arm=np.array([arm[names.index(n)] for n in self.robot_spec.arm], dtype=float),
         )
+        claimed = self.claimed[self._chosen[index]]
+        return state if claimed is item else as_claimed(state, claimed, int(self.stage[index]))
 
     # -- stepping --------------------------------------------------------------------------
     def _step_action(self, action: Any) -> Any:

@@ -7,10 +7,12 @@ author's. The card says what our writer would have said beside them: joints, and
 from __future__ import annotations
 
 import shutil
-from dataclasses import asdict
+import xml.etree.ElementTree as ET
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mam_pipeline.asset.card import Asset, AssetCard, CardGrasp, CardJoint, CardPart
 from mam_pipeline.asset.grasps import find_grasps
@@ -78,3 +80,42 @@ def foreign_asset(urdf: Path, out: Path) -> Asset:
     )
     card.save(out)
     return Asset.load(out)
+
+
+def true_asset(urdf: Path, asset: Asset, out: Path) -> Asset:
+    """The true object of an asset as an asset folder `out` in the same frame and size.
+
+    Args:
+        urdf: it stands as the file did that the asset was made from.
+
+    Raises:
+        InputError: see foreign_asset.
+    """
+    made = foreign_asset(urdf, out)
+    place = np.array(asset.card.source_to_asset, dtype=float)
+    scale = float(np.cbrt(np.linalg.det(place[:3, :3])))
+    tree = ET.parse(made.urdf_path)
+    root = tree.getroot()
+    links = [str(link.get("name")) for link in root.findall("link")]
+    children = {str(c.get("link")) for c in root.iter("child")}
+    old, new = next(name for name in links if name not in children), "asset_frame"
+    while new in links:
+        new += "_"
+    link = ET.SubElement(root, "link", name=new)
+    inertial = ET.SubElement(link, "inertial")
+    ET.SubElement(inertial, "mass", value="1")
+    ET.SubElement(
+        inertial, "inertia", ixx="0.01", iyy="0.01", izz="0.01", ixy="0", ixz="0", iyz="0"
+    )
+    joint = ET.SubElement(root, "joint", name=f"{new}_joint", type="fixed")
+    angles = Rotation.from_matrix(place[:3, :3] / scale).as_euler("xyz")
+    words = {"xyz": place[:3, 3] / scale, "rpy": angles}
+    ET.SubElement(
+        joint, "origin", {k: " ".join(f"{x:.9g}" for x in v) for k, v in words.items()}
+    )
+    ET.SubElement(joint, "parent", link=new)
+    ET.SubElement(joint, "child", link=old)
+    tree.write(made.urdf_path, encoding="utf-8", xml_declaration=True)
+    card = replace(made.card, grasps=[], metres_per_unit=scale)
+    card.save(out)
+    return Asset(out, card)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.errors import InputError, MamSimError
+from mam_pipeline.errors import InputError, MamSimError, NotPhysicalError
 from mam_sim.batch.inputs import content_digest
 from mam_sim.forkserver import Ending, Limits, run_all
 from mam_sim.rank.measure import VERSION, Measure, Row, Verdict
@@ -118,10 +118,12 @@ class Try:
     sha256: str
     video: bool = False
     limits: Limits = field(default_factory=Limits)
+    truth: Subject | None = None
 
     @property
     def file(self) -> Path:
         words = [VERSION, self.sha256, self.joint, self.robot, self.measure, self.policy]
+        words += [] if self.truth is None else [self.truth.sha256]
         return self.out / "rows" / f"{_digest(repr(words))}.json"
 
     @property
@@ -148,6 +150,8 @@ class Try:
             row = self._measured()
         except PlacementError as error:
             row = self.row(cause=error.cause, why=str(error))
+        except NotPhysicalError as error:
+            row = self.row(cause="truth" if self.truth else "asset", why=str(error))
         except MamSimError as error:
             row = self.row(cause="asset", why=str(error))
         _write(self.file, asdict(replace(row, seconds=round(time.perf_counter() - began, 1))))
@@ -160,8 +164,8 @@ class Try:
         choice = EnvChoice(
             (self.verdict.folder,), self.joint, None, self.robot, m.control_mode, m.max_steps
         )
-        film = self.film if self.video else None
-        found = evaluate_expert(choice, m.episodes, m.seed, video=film)
+        film, truth = self.film if self.video else None, self._truth()
+        found = evaluate_expert(choice, m.episodes, m.seed, video=film, truth=truth)
         policy = None
         if self.policy != "none":
             from mam_policies.algorithms import algorithm, settings_of
@@ -171,10 +175,19 @@ class Try:
             learnt = replace(choice, control_mode=learner.control_mode)
             try:
                 learner.train(learnt, settings_of(self.policy)(), folder)
-                policy = evaluate_run(folder, m.episodes, seed=m.seed).successes
+                policy = evaluate_run(folder, m.episodes, seed=m.seed, truth=truth).successes
             except TrainingError:  # an expert that fails teaches nothing
                 policy = 0
         return self.row(successes=found.successes, policy=policy, reasons=found.reasons)
+
+    def _truth(self) -> Path | None:
+        """The folder of the true object in the asset's frame, made once for each row."""
+        if self.truth is None:
+            return None
+        from mam_sim.rank.foreign import true_asset
+
+        asset = Asset.load(self.verdict.folder)
+        return true_asset(self.truth.path, asset, self.out / "truth" / self.file.stem).folder
 
     def ended(self, ending: Ending) -> Row:
         """The row after its process has ended."""
@@ -199,13 +212,16 @@ def examine(
 
 def attempts(
     paths: Sequence[Path], verdicts: Sequence[Verdict], robots: Sequence[str], measure: Measure,
-    policy: str, out: Path, limits: Limits, video: bool = False,
+    policy: str, out: Path, limits: Limits, video: bool = False, truths: Sequence[Path] = (),
 ) -> list[Try]:  # fmt: skip
-    """A task for every joint and robot of the assets that can be loaded."""
+    """A task for every joint and robot of the assets that can be loaded; `truths`: one URDF per
+    path, or none."""
+    real: list[Subject | None] = [Subject.of(t) for t in truths]
+    real = real or [None] * len(paths)
     return [
         Try(verdict, joint, kind, robot, measure, policy, out, Subject.of(path).sha256, video,
-            limits)
-        for path, verdict in zip(paths, verdicts)
+            limits, truth)
+        for path, verdict, truth in zip(paths, verdicts, real)
         if verdict.folder
         for joint, kind in verdict.joints
         for robot in robots

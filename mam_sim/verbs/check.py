@@ -27,8 +27,10 @@ class Check(Verb):
     """Asset folder, or a URDF file (ours or anybody's; nothing outside its folder is read)."""
     allow_outside: bool = False
     """Let a URDF of your own name files outside its folder."""
-    json: Path | None = None
-    """Also write the whole report to this file ("-" for the screen instead of the table)."""
+    out: Path | None = None
+    """JSON file for the whole report."""
+    json: bool = False
+    """Print the whole report as JSON instead of the table."""
     picture: Path | None = None
     """Save the worst frame as a PNG here."""
     drive: bool = True
@@ -56,15 +58,14 @@ class Check(Verb):
             )  # fmt: skip
         if report.fixed is not None:
             print(f"mended copy: {report.fixed}, beside the URDF", file=sys.stderr)
-        if self.json is not None:
-            text = json.dumps(report.as_dict(), indent=1)
-            if str(self.json) == "-":
-                print(text)
-            else:
-                self.json.parent.mkdir(parents=True, exist_ok=True)
-                folders.write_text(self.json, text + "\n")
-                print(f"report: {self.json}", file=sys.stderr)
-        if not self.quiet and str(self.json) != "-":
+        text = json.dumps(report.as_dict(), indent=1)
+        if self.out is not None:
+            self.out.parent.mkdir(parents=True, exist_ok=True)
+            folders.write_text(self.out, text + "\n")
+            print(f"report: {self.out}", file=sys.stderr)
+        if self.json:
+            print(text)
+        elif not self.quiet:
             print_table(report)
         if self.picture is not None and report.picture is not None:
             print(f"picture: {self.picture}", file=sys.stderr)

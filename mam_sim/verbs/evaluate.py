@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 from tyro.conf import Positional
@@ -12,25 +15,32 @@ from tyro.conf import Positional
 from mam_envs.config import EnvConfig
 from mam_pipeline import folders
 from mam_pipeline.edited import Range
-from mam_pipeline.errors import ConfigError
+from mam_pipeline.errors import ConfigError, MamSimError
 from mam_sim.console import PhaseBar, Screen
 from mam_sim.options import Verb
 
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluate(Verb):
-    """Measure how often a policy succeeds, with a Wilson 95 % interval."""
+    """Measure how often a policy, or the scripted expert, succeeds, with Wilson 95 % intervals."""
 
-    policy: Positional[Path]
-    """A run folder of mam-sim train, or a zip of stable-baselines3 (with --trust, --asset)."""
+    policy: Positional[Path | None] = None
+    """A run folder of mam-sim train, or a zip of stable-baselines3 (with --trust, --asset); without
+    one, --expert and --asset measure the expert alone."""
     episodes: Annotated[int, Range(1, 100_000)] = 20
     """How many, per asset."""
     asset: tuple[Path, ...] = ()
-    """Other asset folders to try it on (held-out assets); default: its own."""
+    """Other asset folders to try it on, or folders that hold some; default: its own. What cannot
+    be tried is a row that says why."""
+    held_out: bool = False
+    """Try it on the assets that mam-sim train --split held out."""
     joint: str | None = None
     """The joint on them."""
     expert: bool = False
     """Run the scripted expert on the same seeds beside it."""
+    truth: Path | None = None
+    """URDF of the true object, standing as the file did that the asset was made from; it is
+    simulated in the asset's place."""
     video: bool = False
     """Write a grid of episodes as evaluation.mp4 in the run folder (needs a Vulkan driver)."""
     trust: bool = False
@@ -38,79 +48,157 @@ class Evaluate(Verb):
     control: str = "pd_joint_delta_pos"
     """Control mode that such a zip was trained with."""
     robot: str = "panda"
-    """Robot that such a zip was trained with."""
+    """Robot that such a zip was trained with, or that the expert alone drives."""
     env: EnvConfig = field(default_factory=EnvConfig)
-    json: Path | None = None
-    """Write the result to this file."""
+    out: Path | None = None
+    """JSON file for the result."""
+    json: bool = False
+    """Print the result as JSON instead of the table."""
+
+    @property
+    def foreign(self) -> bool:
+        """Whether the policy is a zip of stable-baselines3."""
+        return self.policy is not None and self.policy.suffix == ".zip"
 
     def home(self) -> Evaluate:
         """A run is tested in the environment that it was trained in, unless told otherwise."""
         from mam_policies.run import RunInfo
 
-        if self.policy.suffix == ".zip":
+        if self.policy is None or self.foreign:
             return self
         return replace(self, env=RunInfo.load(self.policy).env.config)
 
     def run(self) -> int:
         """Evaluate on every asset, a line for each."""
-        from mam_pipeline.asset.card import Asset
-        from mam_policies.run import EnvChoice, RunInfo
-
-        foreign = self.policy.suffix == ".zip"
-        if foreign and not self.asset:
-            raise ConfigError("a zip does not say what it was trained on; add --asset")
-        screen = Screen(self.quiet)
-        named = tuple(str(Asset.load(a).folder) for a in self.asset)
-        if foreign:
-            home = EnvChoice(named, self.joint, None, self.robot, self.control, config=self.env)
-        else:
-            home = replace(RunInfo.load(self.policy).env, config=self.env)
+        screen = Screen(self.quiet or self.json)
+        home, named = self._choice()
+        if self.truth is not None and len(named) != 1:
+            raise ConfigError(f"--truth is of one asset; {len(named)} are to be tried")
         screen.say(f"{'asset':<28} {'joint':<22} {'check':<7} {'expert':<20} policy")
         rows: list[dict[str, Any]] = []
-        for folder in named or home.assets:
+        errors: list[MamSimError] = []
+        for folder in named:
             choice = replace(home, assets=(folder,), joint=self.joint or home.joint)
-            rows.append(self._row(choice, screen, film=self.video and not rows))
-        if self.json is not None:
-            text = json.dumps({"run": str(self.policy), "results": rows}, indent=1)
-            folders.write_text(self.json, text)
-            screen.say(f"json:  {self.json}")
+            try:
+                rows.append(self._row(choice, screen, film=self.video and not rows))
+            except MamSimError as error:
+                errors.append(error)
+                rows.append({"asset": Path(folder).name, "refused": str(error)})
+                if len(named) > 1:
+                    screen.say(f"{Path(folder).name:<28} refused: {error}")
+        if len(errors) == len(named):
+            raise errors[0]
+        total = _total(rows)
+        run = None if self.policy is None else str(self.policy)
+        result = {"run": run, "results": rows, "total": total}
+        if len(rows) > 1:
+            screen.say(f"{'total':<28} {total['line']}")
+        if self.out is not None:
+            folders.write_text(self.out, json.dumps(result, indent=1))
+            screen.say(f"result: {self.out}")
+        if self.json:
+            screen.json(result)
         if self.video:
-            screen.say(f"video: {_film(self.policy)}")
+            screen.say(f"video: {self._film()}")
         return 0
+
+    def _choice(self) -> tuple[Any, tuple[str, ...]]:
+        """The environment, and the assets to try."""
+        from mam_policies.run import EnvChoice, RunInfo
+        from mam_sim.asset_list import asset_folders
+
+        named = tuple(map(str, asset_folders(self.asset)))
+        if self.policy is None and not self.expert:
+            raise ConfigError("name a run folder, or measure the expert alone with --expert")
+        if self.policy is None or self.foreign:
+            if not named:
+                who = "the expert" if self.policy is None else "a zip"
+                raise ConfigError(f"{who} does not say what it is to be tried on; add --asset")
+            control = "pd_joint_pos" if self.policy is None else self.control
+            return EnvChoice(named, self.joint, None, self.robot, control, config=self.env), named
+        home = replace(RunInfo.load(self.policy).env, config=self.env)
+        if self.held_out:
+            file = self.policy / "split.json"
+            if not file.is_file():
+                raise ConfigError(f"{self.policy} held no assets out; train it with --split")
+            named += tuple(json.loads(file.read_text(encoding="utf-8"))["held_out"])
+        return home, named or home.assets
 
     def _row(self, choice: Any, screen: Screen, film: bool) -> dict[str, Any]:
         """Evaluate on one asset and print its line."""
         from mam_pipeline.asset.card import Asset
-        from mam_policies.evaluate import evaluate_expert, evaluate_run, evaluate_zip, plain
 
-        folder = choice.assets[0]
-        video = _film(self.policy) if film else None
+        asset = Asset.load(choice.assets[0])
+        scratch = nullcontext("") if self.truth is None else TemporaryDirectory()
+        with scratch as folder:
+            found, best = self._measure(choice, screen, self._truth(asset, folder), film)
+        verdict = asset.card.executable
+        said = {True: "passes", False: "fails", None: "-"}[verdict]
+        bar, line = best.line() if best else "-", found.line() if found else "-"
+        shown = found or best
+        screen.say(f"{shown.asset:<28} {shown.joint:<22} {said:<7} {bar:<20} {line}")
+        for reason, count in shown.reasons.items():
+            screen.say(f"    {count} x {reason}")
+        from mam_policies.evaluate import plain
+
+        rest = plain(shown)
+        if found is None:
+            rest = {"asset": shown.asset, "joint": shown.joint}
+        return {"check": verdict, "expert": plain(best) if best else None, **rest}
+
+    def _truth(self, asset: Any, folder: str) -> Path | None:
+        if self.truth is None:
+            return None
+        from mam_sim.rank.foreign import true_asset
+
+        return true_asset(self.truth, asset, Path(folder) / "truth").folder
+
+    def _measure(self, choice: Any, screen: Screen, truth: Path | None, film: bool) -> Any:
+        """The evaluations of the policy and of the expert; None for what is not asked for."""
+        from mam_policies.evaluate import evaluate_expert, evaluate_run, evaluate_zip
+
+        found = best = None
+        more: dict[str, Any] = {"truth": truth, "video": self._film() if film else None}
         with PhaseBar(screen) as update:
 
             def tell(n: int, s: int) -> None:
-                update(Path(folder).name, n / self.episodes, f"{s} of {n}")
+                update(Path(choice.assets[0]).name, n / self.episodes, f"{s} of {n}")
 
-            if self.policy.suffix == ".zip":
+            if self.policy is None:
+                return None, evaluate_expert(choice, self.episodes, on_episode=tell, **more)
+            if self.foreign:
                 found = evaluate_zip(
-                    self.policy, choice, self.episodes, self.trust, video=video, on_episode=tell
+                    self.policy, choice, self.episodes, self.trust, on_episode=tell, **more
                 )
             else:
                 found = evaluate_run(
-                    self.policy, self.episodes, (folder,), choice.joint, video=video,
-                    on_episode=tell, env_config=self.env,
+                    self.policy, self.episodes, choice.assets, choice.joint, on_episode=tell,
+                    env_config=self.env, **more,
                 )  # fmt: skip
-            best = None
             if self.expert:
-                acting = replace(choice, joint=found.joint, control_mode="pd_joint_pos")
-                best = evaluate_expert(acting, self.episodes)
-        verdict = Asset.load(folder).card.executable
-        said = {True: "passes", False: "fails", None: "-"}[verdict]
-        bar = best.line() if best else "-"
-        screen.say(f"{found.asset:<28} {found.joint:<22} {said:<7} {bar:<20} {found.line()}")
-        for reason, count in found.reasons.items():
-            screen.say(f"    {count} x {reason}")
-        return {"check": verdict, "expert": plain(best) if best else None, **plain(found)}
+                # the true joint may have another name than the asset's
+                joint = found.joint if truth is None else choice.joint
+                acting = replace(choice, joint=joint, control_mode="pd_joint_pos")
+                best = evaluate_expert(acting, self.episodes, truth=truth)
+        return found, best
+
+    def _film(self) -> Path:
+        run = self.policy
+        if run is None:
+            return Path("evaluation.mp4")
+        return run.with_suffix(".mp4") if self.foreign else run / "evaluation.mp4"
 
 
-def _film(run: Path) -> Path:
-    return run.with_suffix(".mp4") if run.suffix == ".zip" else run / "evaluation.mp4"
+def _total(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Successes over all assets that could be tried, of the policy or else of the expert."""
+    from mam_policies.wilson import wilson
+
+    tried = [r if "successes" in r else r["expert"] for r in rows if "refused" not in r]
+    good, count = (sum(r[key] for r in tried) for key in ("successes", "episodes"))
+    low, high = wilson(good, count)
+    refused = len(rows) - len(tried)
+    line = f"{good}/{count} = {100 * good / count:.0f} % [{100 * low:.0f}, {100 * high:.0f}]"
+    return {
+        "successes": good, "episodes": count, "low": low, "high": high, "assets": len(rows),
+        "refused": refused, "line": line + (f"; {refused} refused" if refused else ""),
+    }  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -58,6 +58,7 @@ class Export(Verb):
         raise ConfigError(f"{self.source} is an asset; add --to mjcf, --to usd or --to usdz")
 
     def _lerobot(self, screen: Screen) -> int:
+        from mam_policies.lerobot.dataset import REPO_ID
         from mam_policies.lerobot.export import export_dataset, export_run
 
         if (self.source / "run.json").is_file():
@@ -69,11 +70,14 @@ class Export(Verb):
                 f"{self.source} is neither a run nor a collection; --to lerobot needs one"
             )
         if self.json:
-            screen.json({"folder": self.out, "kind": found.kind, "notes": found.notes})
+            screen.json(asdict(found))
         screen.say(f"{found.kind}: {found.folder}")
         screen.say(f"mapping: {found.mapping}")
         for note in found.notes:
             screen.say(f"note: {note}")
+        if found.dataset is not None:
+            screen.say(f"root:    {found.dataset}")
+            screen.say(f'next:    LeRobotDataset("{REPO_ID}", root="{found.dataset}")')
         if found.kind == "policy":
             screen.say(f"next: the command lines in {found.folder / 'README.md'}")
         return 0

@@ -37,6 +37,10 @@ class Rank(Verb):
     """Of every joint and robot."""
     policy: Literal["none", "bc"] = "none"
     """Train and test this policy on every joint too; takes minutes each."""
+    truth: tuple[Path, ...] = ()
+    """URDFs of the true objects, one per asset in the same order, standing as the files did that
+    the assets were made from. They are simulated in the assets' place: what an asset claims is
+    planned with, and what the true object can do counts."""
     jobs: Count = 1
     """Rows at once, each in a process of its own."""
     out: Path | None = None
@@ -71,6 +75,10 @@ class Rank(Verb):
             raise ConfigError("name at least one asset folder or URDF")
         if not names:
             raise ConfigError("--robots needs at least one name")
+        if self.truth and len(self.truth) != len(self.assets):
+            raise ConfigError(
+                f"--truth needs one URDF per asset: {len(self.assets)}, not {len(self.truth)}"
+            )
         if self.video and self.out is None:
             raise ConfigError("--video needs --out DIR: where the videos stay")
         return names
@@ -86,12 +94,14 @@ class Rank(Verb):
         with counting_bar(screen, len(self.assets), 0) as tell:
             verdicts = examine(self.assets, out, self.jobs, limits, lambda w: tell(w, "check"))
         tasks = attempts(
-            self.assets, verdicts, robots, measure, self.policy, out, limits, self.video
-        )
+            self.assets, verdicts, robots, measure, self.policy, out, limits, self.video,
+            self.truth,
+        )  # fmt: skip
         with counting_bar(screen, len(tasks), sum(t.file.is_file() for t in tasks)) as tell:
             rows = measured(tasks, self.jobs, lambda w: tell(w, "expert"))
         totals = [total(verdicts, rows, robot, self.episodes) for robot in robots]
         data = as_json(verdicts, rows, totals, measure)
+        data["truth"] = [str(path) for path in self.truth]
         if self.out is not None:
             self._save(out, data, verdicts, rows, totals, tasks)
         if self.json:

@@ -29,6 +29,7 @@ from mam_policies.collection import CollectConfig, Collection, Names, finished
 from mam_policies.expert import Expert, PlanningError
 from mam_policies.lerobot.dataset import write_dataset
 from mam_policies.run import task_settings
+from mam_policies.task_words import task_words
 
 
 @dataclass(frozen=True)
@@ -201,7 +202,7 @@ def _attempt(env: Any, config: CollectConfig, seed: int, file: Path) -> dict[str
     obs, _ = env.reset(seed=seed)
     goal = base.layout().goals[0]
     outcome: dict[str, Any] = {"seed": seed, "success": False, "steps": 0, "joint": goal.joint}
-    outcome |= {"task": _words(base), "reason": ""}
+    outcome |= {"task": task_words(base), "reason": ""}
     rows: dict[str, list[Any]] = {}
     try:
         expert.reset()
@@ -270,16 +271,6 @@ def _keep(rows: dict[str, list[Any]], prefix: str, value: Any) -> None:
             _keep(rows, f"{prefix}/{k}", v)
     else:
         rows.setdefault(prefix, []).append(common.to_numpy(value)[0])
-
-
-def _words(base: OperateJointEnv) -> str:
-    """The task in words: "open the drawer drawer_1 of nightstand"."""
-    layout = base.layout()
-    goal, asset = layout.goals[0], layout.model.asset
-    child = layout.model.card_joint(goal.joint).child
-    kind = next((p.kind for p in asset.card.parts if p.link == child), "part")
-    verb = {"turn_to": "turn"}.get(goal.task, goal.task)
-    return f"{verb} the {kind} {child} of {asset.card.name}".replace("_", " ")
 
 
 def _write_names(env: Any, attempts: Path) -> None:

@@ -75,6 +75,7 @@ def evaluate_run(
     video: Path | None = None,
     on_episode: Callable[[int, int], None] = lambda *_: None,
     env_config: EnvConfig | None = None,
+    truth: Path | None = None,
 ) -> Evaluation:
     """Evaluate a run on its own asset, or on others (held-out assets), at unseen seeds.
 
@@ -87,6 +88,7 @@ def evaluate_run(
         video: where a grid of episodes is written.
         on_episode: called with (episodes done, successes).
         env_config: settings of the environment; default: those of the training.
+        truth: asset folder of the true object, simulated in the asset's place.
 
     Raises:
         InputError: no run, no policy, no asset.
@@ -109,13 +111,14 @@ def evaluate_run(
         actor.reset()
         return actor.act
 
-    make = learned.env_arguments(info)
+    make = {**learned.env_arguments(info), **_with_truth(truth)}
     return evaluate(choice, begin, episodes, seed, video, on_episode, make)
 
 
 def evaluate_zip(
-    file: Path, choice: EnvChoice, episodes: int = 20, trust: bool = False, **more: Any
-) -> Evaluation:
+    file: Path, choice: EnvChoice, episodes: int = 20, trust: bool = False,
+    truth: Path | None = None, **more: Any,
+) -> Evaluation:  # fmt: skip
     """A zip of stable-baselines3 on the same seeds; `more` as in evaluate.
 
     Raises:
@@ -124,6 +127,7 @@ def evaluate_zip(
     from mam_policies.algorithms.sb3_zip import load_sb3
 
     act = load_sb3(file, trust)
+    more["make"] = _with_truth(truth)
     return evaluate(choice, lambda _env: act, episodes, more.pop("seed", HELD_OUT), **more)
 
 
@@ -133,15 +137,20 @@ def evaluate_expert(
     seed: int = HELD_OUT,
     on_episode: Callable[[int, int], None] = lambda *_: None,
     video: Path | None = None,
+    truth: Path | None = None,
 ) -> Evaluation:
-    """The scripted expert on the same seeds, as the bar for policies."""
+    """The scripted expert on the same seeds, as the bar for policies; `truth` as above."""
 
     def begin(env: Any) -> Callable[[Any], Any]:
         expert = Expert(env)
         expert.reset()
         return lambda _obs: expert.act()
 
-    return evaluate(choice, begin, episodes, seed, video, on_episode)
+    return evaluate(choice, begin, episodes, seed, video, on_episode, _with_truth(truth))
+
+
+def _with_truth(truth: Path | None) -> dict[str, Any]:
+    return {} if truth is None else {"truth": str(truth)}
 
 
 def evaluate(

@@ -87,7 +87,7 @@ def test_a_disk_that_cannot_be_written(
         ["articulate", source, "--out", out, "--quiet"],
         ["articulate", source, "--out", small_disk / "b", "--quiet"],
         ["view", out, "--quiet"],
-        ["check", out, "--no-drive", "--quiet", "--json", out / "report.json"],
+        ["check", out, "--no-drive", "--quiet", "--out", out / "report.json"],
     ):
         assert "cannot be written; name another place" in refused(capsys, *words)
     assert everything(small_disk) == before

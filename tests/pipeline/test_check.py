@@ -343,7 +343,7 @@ def test_the_verb_returns_zero_or_one(
 ) -> None:
     from mam_sim.cli import main
 
-    assert main(["check", str(good), "--json", str(tmp_path / "r.json")]) == 0
+    assert main(["check", str(good), "--out", str(tmp_path / "r.json")]) == 0
     assert "passes" in capsys.readouterr().out
     (tmp_path / "a.urdf").write_text('<robot name="a"/>')
     assert main(["check", str(tmp_path / "a.urdf"), "--no-drive"]) == 1

@@ -42,7 +42,7 @@ def test_data_reload_and_resume(drawer: Path, tmp_path: Path) -> None:
     assert names[0] == "panda_joint1.rad" and names[-1] == "panda_finger_joint1.m"
     frame = data[0]
     assert frame["observation.state"].shape == (9,)
-    assert frame["task"] == "open the drawer part 1 of box drawer"
+    assert frame["task"] == "open the drawer"
     last = data[len(data) - 1]
     assert bool(last["next.success"]) and bool(last["next.done"])
 

@@ -232,5 +232,5 @@ def test_own_code_with_sb3_alone(drawer: Path, tmp_path: Path) -> None:
     subprocess.run([*command, "--out", str(out)], check=True, stdout=subprocess.DEVNULL)
     arguments = ["eval", str(out), "--asset", str(drawer), "--episodes", "1", "--quiet"]
     assert mam_sim(arguments) != 0 and not result.exists()
-    assert mam_sim([*arguments, "--trust", "--json", str(result)]) == 0
+    assert mam_sim([*arguments, "--trust", "--out", str(result)]) == 0
     assert json.loads(result.read_text())["results"][0]["episodes"] == 1

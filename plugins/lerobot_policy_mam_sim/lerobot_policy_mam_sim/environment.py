@@ -12,8 +12,9 @@ from lerobot.envs.configs import EnvConfig
 from lerobot.utils.constants import ACTION, OBS_STATE
 
 from mam_policies.lerobot.policy import PERCEIVED
-from mam_policies.lerobot.robot_interface import RobotInterface, task_words
+from mam_policies.lerobot.robot_interface import RobotInterface
 from mam_policies.run import EnvChoice
+from mam_policies.task_words import task_words
 
 
 @EnvConfig.register_subclass("mam_sim")

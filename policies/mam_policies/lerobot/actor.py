@@ -13,8 +13,8 @@ from mam_pipeline.errors import InputError
 from mam_pipeline.optional import require
 from mam_policies.lerobot.dataset import IMAGES
 from mam_policies.lerobot.joint_mapping import JointMapping
-from mam_policies.lerobot.robot_interface import task_words
 from mam_policies.run import flat
+from mam_policies.task_words import task_words
 
 
 class LeRobotActor:

@@ -45,12 +45,14 @@ class Exported:
     Attributes:
         folder: of the export. kind: "policy" or "dataset".
         mapping: the joint mapping in it. notes: what the user should know.
+        dataset: the folder that LeRobotDataset takes as its root; None for a policy.
     """
 
     folder: Path
     kind: str
     mapping: Path
     notes: tuple[str, ...] = ()
+    dataset: Path | None = None
 
 
 def export_run(
@@ -168,7 +170,7 @@ def export_dataset(collected: Path, out: Path, mapping: Path | None = None) -> E
         _mark(folder, "dataset", collected)
 
     _build(out, build)
-    return Exported(out, "dataset", out / MAPPING)
+    return Exported(out, "dataset", out / MAPPING, dataset=out / "dataset")
 
 
 def deployment(base: Any, info: RunInfo, joints: JointMapping) -> Deployment:

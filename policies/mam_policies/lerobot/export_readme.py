@@ -12,9 +12,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from mam_policies.lerobot.dataset import FPS
 from mam_policies.lerobot.joint_mapping import JointMapping
 from mam_policies.lerobot.policy import PERCEIVED
-from mam_policies.lerobot.robot_interface import task_words
 from mam_policies.mlp import MlpPolicy
 from mam_policies.run import EnvChoice, RunInfo
+from mam_policies.task_words import task_words
 
 MEANING = {
     "handle.x": "grasp point, x in the robot's base frame, metres",

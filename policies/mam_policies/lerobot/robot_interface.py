@@ -159,12 +159,6 @@ class RobotInterface:
         return np.asarray(self.env.unwrapped.agent.robot.get_qpos(), dtype=float)[0]
 
 
-def task_words(base: Any) -> str:
-    """What an environment asks for, in words: "open joint 1"."""
-    goal = base.layout(0).goals[0]
-    return f"{goal.task.replace('turn_to', 'turn')} {goal.joint.replace('_', ' ')}"
-
-
 def mapping_of(base: Any, mapping: str | JointMapping | None) -> JointMapping:
     """The mapping of an environment's robot; identity in radians and metres for None."""
     active = base.agent.robot.active_joints

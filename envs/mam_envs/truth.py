@@ -1,0 +1,99 @@
+"""The true object in the asset's place: what an articulation claims is tried on what can happen.
+
+The planner sees the asset, the simulator holds the true object. A sliding door that was made a
+hinged one then does not open, though the asset by itself opens without a fault.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mam_envs.config import SuccessConfig
+from mam_envs.object_model import ObjectModel
+from mam_envs.planner_state import PlannerState
+from mam_envs.scene.layout import Layout
+from mam_envs.tasks import Task
+from mam_envs.tasks.base import JointGoal
+from mam_pipeline.asset.card import Asset
+from mam_pipeline.check.lint import lint
+from mam_pipeline.errors import InputError, NotPhysicalError
+from mam_pipeline.types import FloatArray
+
+NEAR = 0.03
+"""Metres between a handle and the true object beyond which the two are not one object."""
+
+
+def true_layout(claimed: Layout, truth: Asset, task: type[Task], config: SuccessConfig) -> Layout:
+    """The layout with the true object in it, at the same place and before the same robot.
+
+    Args:
+        claimed: of the asset. truth: the true object in the asset's frame; its card says by
+            `metres_per_unit` how its lengths are scaled.
+
+    Raises:
+        InputError: the truth cannot be loaded, or nothing of it is at a handle of the asset.
+        NotPhysicalError: what the asset's joint moves is fixed in truth.
+    """
+    for finding in lint(truth.urdf_path, truth.card):
+        if not finding.warning:
+            raise InputError(f"{truth.urdf_path}, {finding.where}: {finding.message}")
+    model = ObjectModel.load(truth, claimed.model.scale * truth.card.metres_per_unit)
+    goals = tuple(
+        task.goal(goal.task, model, _joint_at(model, handle, goal.joint), config)
+        for goal, handle in zip(claimed.goals, claimed.handles)
+    )
+    return replace(claimed, model=model, goals=goals)
+
+
+def _joint_at(model: ObjectModel, point: FloatArray, claimed: str) -> str:
+    """The joint that carries what is at a point (3,), asset frame at rest, the farthest."""
+    link = _link_at(model, point, claimed)
+    movable = {j.name for j in model.asset.card.joints if j.type != "fixed"}
+    carrying = [n for n in movable if link in model.moving_links(n)]
+    if not carrying:
+        raise NotPhysicalError(f"what joint {claimed!r} moves is fixed in {model.asset.card.name}")
+    return max(sorted(carrying), key=lambda name: _travel(model, name, point))
+
+
+def _link_at(model: ObjectModel, point: FloatArray, claimed: str) -> str:
+    """The link whose collision shapes are nearest to a point."""
+    poses = model.kinematics.link_poses({})
+    away: dict[str, float] = {}
+    for name, pieces in model.pieces.items():
+        here = (point - poses[name][0][:3, 3]) @ poses[name][0][:3, :3]
+        for piece in pieces:
+            distance = float((piece.planes[:, :3] @ here + piece.planes[:, 3]).max())
+            away[name] = min(away.get(name, np.inf), distance)
+    if not away or min(away.values()) > NEAR:
+        raise InputError(
+            f"nothing of {model.asset.card.name} is at the handle of joint {claimed!r}; the truth "
+            "must stand as the file did that the asset was made from"
+        )
+    return min(away, key=lambda name: away[name])
+
+
+def _travel(model: ObjectModel, joint: str, point: FloatArray) -> float:
+    """Metres that a point moves when its joint goes from closed to open."""
+    closed, open_ = model.span(model.card_joint(joint))
+    motion = model.motion(joint, np.asarray(np.linspace(closed, open_, 9), dtype=np.float64), {})
+    where = motion[:, :3, :3] @ point + motion[:, :3, 3]
+    return float(np.linalg.norm(np.diff(where, axis=0), axis=1).sum())
+
+
+def as_claimed(now: PlannerState, claimed: Layout, stage: int) -> PlannerState:
+    """What a planner is told that knows the asset only: the true joint's share of its way."""
+    goal: JointGoal = claimed.goals[stage]
+    share = (now.q - now.goal.q_start) / (now.goal.q_goal - now.goal.q_start)
+    model = claimed.model
+    others = [
+        j.name for j in model.asset.card.joints if j.type != "fixed" and j.name != goal.joint
+    ]
+    return replace(
+        now,
+        layout=claimed,
+        goal=goal,
+        q=float(goal.q_start + share * (goal.q_goal - goal.q_start)),
+        others={name: model.rest_value(name) for name in others},
+    )

@@ -1,0 +1,96 @@
+"""The true object in the asset's place: a wrong joint type opens by itself, but not in truth."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mam_pipeline.asset.card import Asset
+from mam_pipeline.errors import InputError, NotPhysicalError
+from mam_policies.evaluate import evaluate_expert
+from mam_policies.run import EnvChoice
+from mam_sim.cli import main
+from mam_sim.rank.foreign import true_asset
+
+
+def sliding(door: Path, out: Path) -> Path:
+    """The URDF of the door as a sliding one: it goes 0.3 m to the side."""
+    text = (door / "object.urdf").read_text(encoding="utf-8")
+    text = text.replace('type="revolute"', 'type="prismatic"')
+    text = text.replace('axis xyz="0 0 -1"', 'axis xyz="0 1 0"')
+    out.write_text(text.replace(f'upper="{np.pi / 2}"', 'upper="0.3"'), encoding="utf-8")
+    return out
+
+
+def test_a_hinge_that_is_a_slide_in_truth_does_not_open(door: Path, tmp_path: Path) -> None:
+    asset, choice = Asset.load(door), EnvChoice((str(door),), "joint_1")
+    same = true_asset(door / "object.urdf", asset, tmp_path / "same")
+    assert evaluate_expert(choice, 1, truth=same.folder).successes == 1
+    slide = true_asset(sliding(door, tmp_path / "slide.urdf"), asset, tmp_path / "slide")
+    found = evaluate_expert(choice, 1, truth=slide.folder)
+    assert found.successes == 0 and found.joint == "joint_1"
+
+
+def test_rank_and_eval_take_a_truth(
+    door: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    truth = str(sliding(door, tmp_path / "slide.urdf"))
+    command = ["eval", "--expert", "--asset", str(door), "--episodes", "1", "--json"]
+    assert main([*command, "--truth", truth]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["run"] is None and result["total"]["successes"] == 0
+    assert result["results"][0]["expert"]["episodes"] == 1
+    assert main(["rank", str(door), "--truth", truth, truth]) == 2
+    assert "--truth needs one URDF per asset: 1, not 2" in capsys.readouterr().err
+    assert main(["eval", "--asset", str(door)]) == 2
+    assert "--expert" in capsys.readouterr().err
+
+
+def test_the_truth_stands_in_the_asset_s_frame_and_size(drawer: Path, tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    from mam_envs.object_model import ObjectModel
+
+    place = np.eye(4)
+    place[:3, :3] = 0.5 * np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    place[:3, 3] = [0.1, 0.2, 0.3]
+    asset = Asset.load(drawer)
+    moved = Asset(drawer, replace(asset.card, source_to_asset=place.tolist()))
+    truth = true_asset(drawer / "object.urdf", moved, tmp_path / "truth")
+    model = ObjectModel.load(truth, truth.card.metres_per_unit)
+    low, high = ObjectModel.load(asset).bounds()
+    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1])
+                        for z in (low[2], high[2])]) @ place[:3, :3].T + place[:3, 3]  # fmt: skip
+    np.testing.assert_allclose(
+        model.bounds(), [corners.min(axis=0), corners.max(axis=0)], atol=1e-6
+    )
+
+
+def test_what_is_fixed_in_truth_and_what_is_elsewhere_is_said(drawer: Path, tmp_path: Path) -> None:
+    from mam_envs.config import EnvConfig
+    from mam_envs.robots import robot_spec
+    from mam_envs.scene.layout import arrange
+    from mam_envs.tasks.operate_joint import OperateJoint
+    from mam_envs.truth import true_layout
+
+    asset, config = Asset.load(drawer), EnvConfig()
+    claimed = arrange(asset, "joint_1", "open", robot_spec("panda"), 1.0, config)
+    text = (drawer / "object.urdf").read_text(encoding="utf-8")
+    fixed, far = tmp_path / "fixed.urdf", tmp_path / "far.urdf"
+    box = '<origin xyz="0 0 0.6"/><geometry><box size="0.1 0.1 0.1"/></geometry>'
+    extra = (
+        f'<link name="lid"><visual>{box}</visual><collision>{box}</collision></link>'
+        '<joint name="j" type="revolute"><parent link="base"/>'
+        '<child link="lid"/><axis xyz="0 1 0"/><limit lower="0" upper="1" effort="1" velocity="1"/>'
+        "</joint></robot>"
+    )
+    fixed.write_text(text.replace("prismatic", "fixed").replace("</robot>", extra), "utf-8")
+    far.write_text(text.replace('<origin xyz="0.0 0.0 0.2"/>', '<origin xyz="3 0 0.2"/>'), "utf-8")
+    cases = (fixed, NotPhysicalError, "is fixed"), (far, InputError, "stand as")
+    for urdf, error, words in cases:
+        truth = true_asset(urdf, asset, tmp_path / urdf.stem)
+        with pytest.raises(error, match=words):
+            true_layout(claimed, truth, OperateJoint, config.success)
