@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from mam_pipeline.check.report import REASONS
-from mam_pipeline.types import MOVES, NEEDS_REVIEW, FloatArray, Joint, JointCandidate, JointSubtype
+from mam_pipeline.types import (
+    FAR_ENOUGH,
+    MOVES,
+    NEEDS_REVIEW,
+    FloatArray,
+    Joint,
+    JointCandidate,
+    JointSubtype,
+)
 
 MOTIONS: dict[JointSubtype, str] = {
     "hinge": "swings like a door or a lid",
@@ -111,6 +119,8 @@ def joint_text(joint: Joint, part: str, kind: str, box: FloatArray, ways: list[s
         rows.append(f"{percent(joint.confidence)} sure.{look} {SAID_BY[joint.provenance]}".strip())
     if joint.basis.share < MOVES:
         rows.append(f"It is stuck after {percent(joint.basis.share)} of the usual way.")
+    elif joint.basis.of_part < FAR_ENOUGH:
+        rows.append(f"It goes only {percent(joint.basis.of_part)} of its own length.")
     if joint.basis.after_another:
         rows.append("Another part must be opened first.")
     if ways:

@@ -25,6 +25,7 @@ RangeRule = Literal[
 ]
 NEEDS_REVIEW = 0.7  # of generated joints of less confidence fewer than half are right
 MOVES = 0.25  # a joint by which the part goes less of the usual way is stuck
+FAR_ENOUGH = 0.15  # of its own length: a part that goes less is hardly of use
 
 
 def readonly(array: ArrayLike, dtype: Any, shape: tuple[int | None, ...]) -> NDArray[Any]:
@@ -266,11 +267,18 @@ class RangeBasis:
             nothing is free; the `paper`'s rule; an assumed `drawer_box`; "" where nobody says.
         share: of the usual way that is free, 0..1; 1 where nobody measured.
         after_another: another part must move first, as the door before a drawer.
+        of_part: the way over the part's own length along it: extent of a slide, radius of a turn;
+            1 where nobody measured.
     """
 
     rule: RangeRule = ""
     share: float = 1.0
     after_another: bool = False
+    of_part: float = 1.0
+
+    def cut(self, share: float) -> RangeBasis:
+        """What it is of a range that was cut to a share."""
+        return replace(self, share=self.share * share, of_part=self.of_part * share)
 
 
 @dataclass(frozen=True)

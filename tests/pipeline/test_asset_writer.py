@@ -298,18 +298,20 @@ def test_folder_can_move_and_card_reads_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("confidence", "share", "said"),
+    ("confidence", "basis", "said"),
     [
-        (0.9, 1.0, ""), (0.5, 1.0, "needs review"),
-        (0.9, 0.04, "needs review: stuck after 4 % of the usual way"),
+        (0.9, RangeBasis(), ""), (0.5, RangeBasis(), "needs review"),
+        (0.9, RangeBasis(share=0.04), "needs review: stuck after 4 % of the usual way"),
+        (0.9, RangeBasis(of_part=0.1), "needs review: goes only 10 % of its own length"),
+        (0.9, RangeBasis(of_part=0.5).cut(0.26), "needs review: goes only 13 % of its own length"),
     ],
 )  # fmt: skip
 def test_a_joint_says_why_somebody_should_look_at_it(
-    confidence: float, share: float, said: str
+    confidence: float, basis: RangeBasis, said: str
 ) -> None:
     joint = CardJoint(
         "j", "revolute", "hinge", "base", "door", [0, 0, 1], [0, 0, 0], 0.0, 0.06,
-        confidence=confidence, basis=RangeBasis(share=share),
+        confidence=confidence, basis=basis,
     )  # fmt: skip
     assert joint.review == said
 

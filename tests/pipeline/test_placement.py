@@ -89,6 +89,11 @@ def test_a_car_looks_along_its_track_to_the_side_that_the_format_has_in_front() 
     found = front_of(_car(), (0, -1, 0))
     assert np.allclose(found.yaw[:3, :3] @ [0, -1, 0], [-1, 0, 0], atol=1e-6)
     assert found.runner_up  # the other end is as likely by shape
+    across = front_of(_car(), (-1, 0, 0))
+    assert np.allclose(np.abs(across.yaw[:3, :3] @ [0, 1, 0]), [1, 0, 0], atol=1e-6)
+    turned = front_of(moved(_car(), np.diag([1.0, 1, 1, 1])[[1, 0, 2, 3]] * [[1], [-1], [1], [1]]),
+                      (0, -1, 0))  # fmt: skip
+    assert np.allclose(turned.yaw[:3, :3] @ [1, 0, 0], [-1, 0, 0], atol=1e-6)
 
 
 def test_the_user_says_the_front_in_the_files_axes() -> None:

@@ -35,6 +35,7 @@ from mam_pipeline.formats.suffixes import MESHES, PHOTOS
 from mam_pipeline.formats.urdf.admit import admitted
 from mam_pipeline.thresholds import MAX_LINKS
 from mam_pipeline.types import (
+    FAR_ENOUGH,
     MOVES,
     NEEDS_REVIEW,
     Coupling,
@@ -98,6 +99,8 @@ class CardJoint:
         """Why somebody should look at the joint, in words; empty if nobody need."""
         if self.basis.share < MOVES:
             return f"needs review: stuck after {100 * self.basis.share:.0f} % of the usual way"
+        if self.basis.of_part < FAR_ENOUGH:
+            return f"needs review: goes only {100 * self.basis.of_part:.0f} % of its own length"
         unsure = self.confidence < NEEDS_REVIEW and self.provenance != "user"
         return "needs review" if unsure else ""
 

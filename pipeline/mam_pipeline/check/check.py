@@ -208,18 +208,34 @@ def _sweep(
         if only and joint.name not in only:
             continue
         pose = {**closed, joint.name: 0.0}
-        found = _sweep_at(model, joint, pose, limit)
-        after: tuple[str, ...] = ()
-        if found.penetration > limit.penetration_share:
-            neighbours = _neighbours(model, joint)
-            opened = {**pose, **{j.name: target.open.get(j.name, _far(j)) for j in neighbours}}
-            other = _sweep_at(model, joint, opened, limit) if neighbours else found
-            if other.penetration <= limit.penetration_share:
-                found, pose = other, opened
-                after = tuple(j.name for j in neighbours)
+        found, pose, after = _tested(model, target, joint, pose, limit)
         poses[joint.name] = coupled({**pose, joint.name: closed[joint.name]}, follow)
         out.append(_report(joint, found, after, limit))
     return out, poses
+
+
+def _tested(
+    model: CheckModel, target: _Target, joint: Joint, pose: dict[str, float], limit: Thresholds
+) -> tuple[JointSweep, dict[str, float], tuple[str, ...]]:
+    """The sweep of a joint, in which pose of the others, and which of them had to be opened.
+
+    Only those in the way are opened: doors that are all open may run into each other.
+    """
+    first = found = _sweep_at(model, joint, pose, limit)
+    neighbours, opened = _neighbours(model, joint), dict(pose)
+    moved: list[str] = []
+    while found.penetration > limit.penetration_share:
+        blocking = [
+            j for j in neighbours
+            if j.name not in moved
+            and found.blocking.intersection(model.articulation.carried_links(j))
+        ]  # fmt: skip
+        if not blocking:
+            return first, pose, ()
+        moved += [j.name for j in blocking]
+        opened |= {j.name: target.open.get(j.name, _far(j)) for j in blocking}
+        found = _sweep_at(model, joint, opened, limit)
+    return found, opened, tuple(moved)
 
 
 def _sweep_at(

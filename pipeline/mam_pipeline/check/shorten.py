@@ -94,7 +94,7 @@ def _shortened(
             joints.append(joint)
             continue
         ends = {end: getattr(joint, end) * share for end in ("lower", "upper", "open", "closed")}
-        joints.append(replace(joint, **ends))
+        joints.append(replace(joint, **ends, basis=joint.basis.cut(share)))
         notes.append(f"{joint.name}: way cut to {100 * share:.0f} %, where the check stops it")
     return replace(articulation, joints=tuple(joints)), notes
 

@@ -30,6 +30,7 @@ class JointSweep:
 
     Attributes:
         penetration: depth beyond rest reached by more than a few samples; at which joint value.
+        blocking: links that it is in, by index.
         area: share of the part's area that is deeper than the sweep's own small tolerance.
         gap: largest distance between part and rest beyond that at rest, or by which the part has
             left the end of its channel (slides); of a part too short to keep contact by itself,
@@ -43,6 +44,7 @@ class JointSweep:
 
     penetration: float
     penetration_at: float
+    blocking: frozenset[int]
     area: float
     gap: float | None
     line_gap: float | None
@@ -75,29 +77,35 @@ class _Sweep:
 
     def run(self) -> JointSweep:
         if not len(self.part) or not len(self.static):
-            return JointSweep(0.0, 0.0, 0.0, None, None, 0.0, 0.0)
+            return JointSweep(0.0, 0.0, frozenset(), 0.0, None, None, 0.0, 0.0)
         paths = PartPaths(self.mesh, self.part, self.static)
-        depth, at, area, gap = self._penetration(paths)
+        depth, at, blocking, area, gap = self._penetration(paths)
         line_gap = self._line_gap()
         if line_gap is not None:  # a line between bodies that rest apart cannot lie on both
             line_gap = max(line_gap - paths.rest_gap / self.diagonal, 0.0)
             line_gap = max(line_gap, self._off_centre())
         parent = self._faces_of([self.joint.parent])
         turned = askew(self.mesh, [self.part, parent], self.joint.axis)
-        return JointSweep(depth, at, area, gap, line_gap, turned, self._filled(paths))
+        filled = self._filled(paths)
+        return JointSweep(depth, at, blocking, area, gap, line_gap, turned, filled)
 
     def _sides(self) -> list[FloatArray]:
         """Joint values to visit on either side of the rest pose, away from it."""
         return [steps_to(end) for end in (self.low, self.high) if abs(end) > 1e-9]
 
-    def _penetration(self, paths: PartPaths) -> tuple[float, float, float, float | None]:
+    def _penetration(
+        self, paths: PartPaths
+    ) -> tuple[float, float, frozenset[int], float, float | None]:
         joint, limit = self.joint, self.thresholds
+        owner, blocking = self.model.articulation.face_link, set[int]()
         depth, at, area, gap = 0.0, 0.0, 0.0, 0.0
         slides = self.motion == "prismatic" and self._keeps_contact()
         rule = Rule(limit.penetration_share * self.diagonal, limit.penetration_area)
         for values in self._sides():
             found = paths.crossing(self.motion, joint.axis, joint.origin, values, rule)
             area = max(area, found.area)
+            hit = paths.obstacles(self.motion, joint.axis, joint.origin, found)
+            blocking |= set(owner[hit].tolist())
             if found.value is not None and found.depth / self.diagonal > depth:
                 depth, at = found.depth / self.diagonal, found.value
             if slides:
@@ -105,8 +113,9 @@ class _Sweep:
                 gap = max(gap, float(gaps.max() - paths.rest_gap) / self.diagonal)
         if self.motion == "prismatic" and not slides:
             unguided = self._unguided()
-            return depth, at, area, unguided if unguided > 0.0 else None
-        return depth, at, area, max(gap, self._left()) if slides else None
+            return depth, at, frozenset(blocking), area, unguided if unguided > 0.0 else None
+        gone = max(gap, self._left()) if slides else None
+        return depth, at, frozenset(blocking), area, gone
 
     def _unguided(self) -> float:
         """How much farther a slide goes than anything that stands still reaches along its axis.

@@ -137,7 +137,8 @@ def _object_note(objects: Sequence[ObjectWord]) -> str:
     first = objects[0]
     usual = f"usually moves: {', '.join(first.kinds)}" if first.kinds else "nothing usually moves"
     source = "as told" if first.said.certainty >= CERTAIN else f"by its {first.said.origin}"
-    return f"taken for a {first.word} ({source}: {first.said.detail!r}): {usual}"
+    article = "an" if first.word[:1] in "aeiou" else "a"
+    return f"taken for {article} {first.word} ({source}: {first.said.detail!r}): {usual}"
 
 
 def _objects(mesh: Mesh, source: Path | None, scene: Scene | None) -> list[ObjectWord]:

@@ -52,7 +52,8 @@ def front_of(
 
     Drawers slide out of the front, doors swing out of it, lids have their free edge there, knobs
     point out of it; votes are weighted by the part's extent. Where they do not agree (a car's
-    wheels, a lamp), the format's convention decides; with neither, the object stays as it is.
+    wheels, a lamp), the format's convention decides; with neither, the object stays as it is. What
+    rolls across the format's front faces +X, as robots and vehicles do (REP 103).
 
     Args:
         stated: (3,) front by the file's convention, frame of the articulation. given: by the user.
@@ -67,7 +68,10 @@ def front_of(
         vote, share = track * 1e-9, 0.0  # a vehicle faces along its track, whatever opens
         if direction is not None:
             side = float(direction @ track)
-            direction = track * np.sign(side) if abs(side) > 0.3 else None
+            if abs(side) <= 0.3:
+                return Front(_towards(articulation.mesh, track * np.sign(track[0] or 1.0), True),
+                             "as vehicles usually have it", "the opposite side", 0.6)  # fmt: skip
+            direction = track * np.sign(side)
     if share >= FRONT.clear or (direction is None and np.linalg.norm(vote) >= 1e-6):
         yaw = _towards(articulation.mesh, vote, True)
         return Front(yaw, "where its parts open to", "" if share > 0.7 else "another side",

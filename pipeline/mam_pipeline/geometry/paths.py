@@ -2,9 +2,11 @@
 
 Real meshes are soups of sheets, so depth is measured without inside and outside: a sample has
 penetrated once its path has crossed a triangle, by its distance behind that triangle. Only what
-goes beyond the rest pose counts, so samples that begin inside the other body are left out, and
-samples that touch it at rest may slide, but not be pressed in. The check judges by this, and limits
-are set by it: a range that is found in one way and tested in another fails at its ends for nothing.
+goes beyond the rest pose counts, so samples that begin inside the other body are left out, samples
+that touch it at rest may slide, but not be pressed in, and a place that the part has taken up at
+rest is no new one: a wheel that turns in its arch, a rod in its bearing and a side board in its
+rail only take their own place. The check judges by this, and limits are set by it: a range that is
+found in one way and tested in another fails at its ends for nothing.
 """
 
 from __future__ import annotations
@@ -33,6 +35,9 @@ TOUCH = 0.0025
 """Nearer than this at rest is contact, as a share of the diagonal."""
 SURFACE = 1e-4
 """Nearer than this a point lies in a surface, as a share of the diagonal."""
+PLACE = 1e-3
+"""What is nearer than this to where the part was at rest is its own place, as a share of the
+diagonal."""
 STEPS = 10
 """Joint values that are looked at between rest and an end of the range."""
 FEWEST = 5
@@ -178,7 +183,7 @@ class PartPaths:
         """
         steps, index = _substeps(motion, values)
         path = motion_points(motion, axis, origin, steps, self.points)
-        depth = self._crossed(path, self.static_scene, self.touching)
+        depth = self._crossed(path, self.static_scene, self.touching, self.part_scene)
         if len(self.pressed):
             pushed = np.einsum(
                 "nsk,sk->ns", path[1:, self.pressed] - path[:1, self.pressed], self.into
@@ -187,25 +192,30 @@ class PartPaths:
         # seen from the part, the surroundings move the other way
         back = motion_points(motion, axis, origin, -steps, self.static_points)
         other = self._crossed(back, self.part_scene, self.static_touching)
-        depth = self._confirmed(depth, path, self.static_scene)[index]
+        depth = self._confirmed(depth, path, self.static_scene, self.part_scene)[index]
         return depth, self._confirmed(other, back, self.part_scene)[index]
 
-    def _confirmed(self, depth: FloatArray, path: FloatArray, scene: RayScene) -> FloatArray:
-        """Depth (n, S) cut down to the distance from any surface of the other body.
+    def _confirmed(self, depth: FloatArray, path: FloatArray, *scenes: RayScene) -> FloatArray:
+        """Depth (n, S) cut down to the distance from any surface of some bodies.
 
         A sample in a plane that both bodies share may cross an edge there and is still at the
-        surface: what has truly gone in gets away from the surface, at one value at least.
+        surface: what has truly gone in gets away from the surface, at one value at least. So it
+        does from the surface that the part itself had at rest.
         """
-        far = np.flatnonzero((depth > 1e-3 * self.diagonal).any(axis=0))
-        if len(far):
+        far = np.flatnonzero((depth > PLACE * self.diagonal).any(axis=0))
+        for scene in scenes if len(far) else ():
             distance = scene.distance(path[1:, far].reshape(-1, 3)).reshape(len(depth), -1)
             depth[:, far] = np.minimum(depth[:, far], distance)
         return np.asarray(np.maximum.accumulate(depth, axis=0))
 
     def _crossed(
-        self, path: FloatArray, scene: RayScene, touching: NDArray[np.bool_]
-    ) -> FloatArray:
-        """Depth (n, S) behind the triangles crossed so far, along paths (n + 1, S, 3)."""
+        self, path: FloatArray, scene: RayScene, touching: NDArray[np.bool_],
+        own: RayScene | None = None,
+    ) -> FloatArray:  # fmt: skip
+        """Depth (n, S) behind the triangles crossed so far, along paths (n + 1, S, 3).
+
+        A triangle that is crossed where the body's own surface was at rest is none that it enters.
+        """
         n, count = path.shape[0] - 1, path.shape[1]
         step = np.diff(path, axis=0)
         length = np.linalg.norm(step, axis=2)
@@ -216,6 +226,12 @@ class PartPaths:
         hits = scene.first_hits(path[:-1][active], step[active])
         t, normal = np.full((n, count), np.inf), np.zeros((n, count, 3))
         t[active], normal[active] = hits.t, hits.normals
+        where = np.flatnonzero(active)[hits.t <= 1.0]
+        if own is not None and len(where):
+            k, who = np.divmod(where, count)
+            at = path[k, who] + t[k, who, None] * step[k, who]
+            kept = own.distance(at) < PLACE * self.diagonal
+            t[k[kept], who[kept]] = np.inf
         for k in range(n):
             who = np.flatnonzero(t[k] <= 1.0)
             if len(who):
@@ -306,8 +322,9 @@ class PartPaths:
         for shift in reach * np.concatenate([np.eye(3), -np.eye(3), [axis, -axis]]):
             path = motion_points(motion, axis, origin, steps, points + shift)
             part = self._confirmed(
-                self._crossed(path, self.static_scene, none[0]), path, self.static_scene
-            )
+                self._crossed(path, self.static_scene, none[0], self.part_scene), path,
+                self.static_scene, self.part_scene,
+            )  # fmt: skip
             back = motion_points(motion, axis, origin, -steps, spots - shift)
             static = self._confirmed(
                 self._crossed(back, self.part_scene, none[1]), back, self.part_scene

@@ -67,6 +67,7 @@ class Limits:
         share: of the usual way that the joint was left with, 0..1; 1 where nobody measured.
         wanted: how far the part should go towards open, rad or mesh unit; None: as far as `upper`.
         sibling_at: the value at which another part that moves would stop it; None: none would.
+        of_part: the way over the part's length along it (extent of a slide, radius of a turn).
     """
 
     type: JointType
@@ -79,6 +80,7 @@ class Limits:
     share: float = 1.0
     wanted: float | None = None
     sibling_at: float | None = None
+    of_part: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -247,8 +249,9 @@ def _open_way(
         rule = "token"
     kind: JointType = "prismatic" if slide else "revolute"
     closed = lower if back > 0.0 and usual is not None else 0.0
+    of_part = float(upper - lower) / max(extent, 1e-12)
     return Limits(kind, float(lower), float(upper), float(closed), float(upper), rule, evidence,
-                  share, cap)  # fmt: skip
+                  share, cap, of_part=of_part)  # fmt: skip
 
 
 def _stop(

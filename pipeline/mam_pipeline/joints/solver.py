@@ -193,7 +193,9 @@ def _joint(
         np.asarray(origin, dtype=np.float64), float(limits.lower), float(limits.upper),
         float(limits.closed), float(limits.open), confidence=float(np.clip(confidence, 0.0, 1.0)),
         evidence=evidence, provenance=node.provenance,
-        basis=RangeBasis(limits.rule, limits.share, limits.sibling_at is not None),
+        basis=RangeBasis(
+            limits.rule, limits.share, limits.sibling_at is not None, limits.of_part
+        ),
     )  # fmt: skip
 
 
