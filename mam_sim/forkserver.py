@@ -26,12 +26,16 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from typing import IO, Protocol, TypeVar
 
+from mam_pipeline.errors import disk_error, disk_is_full
+
 T = TypeVar("T", bound="Task")
 LOOK = 0.1  # seconds between two looks at a child
 SHOWN = 2000  # characters of a crashed child's last words
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """A process per core serves many tasks better than threads do, and threads survive no fork."""
 _PR_SET_PDEATHSIG = 1
+_NO_ROOM = 74
+"""Exit status of a child whose disk is full; its last line says where (EX_IOERR of sysexits.h)."""
 _SERVE = "from mam_sim.forkserver import main; main()"
 
 
@@ -40,7 +44,7 @@ class Ending:
     """How a child ended.
 
     Attributes:
-        how: done | timeout | memory | crash. why: in a sentence. log: its last words.
+        how: done | timeout | memory | disk | crash. why: in a sentence. log: its last words.
         limit: what it exceeded, seconds or megabytes.
     """
 
@@ -225,6 +229,8 @@ def _watched(task: Task) -> Ending:
         text = ""
         if how == "crash":
             text = _last_words(log)
+        if code == _NO_ROOM:
+            how, why, text = "disk", text.splitlines()[-1], ""
     return Ending(
         how, why, text, round(time.perf_counter() - began, 2),
         round(used.ru_utime + used.ru_stime, 2), round(used.ru_maxrss / 1024, 1), limit,
@@ -242,10 +248,13 @@ def _child(task: Task, log: IO[bytes]) -> None:
         os.dup2(log.fileno(), 2)
         task.run()
         code = 0
-    except BaseException:
+    except BaseException as error:
         import traceback
 
         traceback.print_exc()
+        if isinstance(error, OSError) and disk_is_full(error):
+            print(disk_error(error), file=sys.stderr)
+            code = _NO_ROOM
     finally:
         with contextlib.suppress(Exception):
             sys.stdout.flush()

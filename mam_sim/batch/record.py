@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from mam_pipeline import folders
 from mam_pipeline.errors import ConfigError
 
 MADE = ("passes", "fails check", "no environment")
@@ -136,9 +137,8 @@ class Target:
         """Write a file, whole."""
         place = self.path(*path.split("/"))
         if self.local:
-            part = Path(f"{place}.part")
-            part.write_bytes(content)
-            part.replace(place)
+            with folders.new_file(Path(place)) as part:
+                part.write_bytes(content)
         else:
             self.files.pipe_file(place, content)
 

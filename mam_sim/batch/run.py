@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import fcntl
 import logging
+import shutil
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from mam_pipeline import folders
 from mam_pipeline.errors import ConfigError
 from mam_sim.batch.inputs import Input
 from mam_sim.batch.record import GUARDED, MADE, Record, Target
@@ -114,6 +116,8 @@ def _attempt(job: Job) -> Record:
 def held(target: Target) -> Iterator[None]:
     """Keep a second batch out of a local target while this one runs.
 
+    A new folder goes again where the batch fails before anything is done.
+
     Raises:
         ConfigError: another batch is at work there.
     """
@@ -121,15 +125,20 @@ def held(target: Target) -> Iterator[None]:
         yield
         return
     folder = Path(target.root)
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / ".lock").open("w") as lock:
+    fresh = not folder.exists()
+    with folders.used_folder(folder), (folder / ".lock").open("w") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise ConfigError(
                 f"another batch writes to {target.address}; wait for it or name another --out"
             ) from None
-        yield
+        try:
+            yield
+        except BaseException:
+            if fresh and not target.names("records"):
+                shutil.rmtree(folder, ignore_errors=True)
+            raise
 
 
 class Pace:

@@ -23,6 +23,7 @@ from mam_pipeline.errors import (
     MamSimError,
     NotPhysicalError,
     NotThisKind,
+    disk_is_full,
 )
 from mam_pipeline.optional import has
 from mam_pipeline.run import MakeConfig, make_asset
@@ -148,7 +149,11 @@ class Job:
         self.work.warm()
 
     def run(self) -> None:
-        """Make the object and write its record; every error that Python can catch becomes one."""
+        """Make the object and write its record; every error that Python can catch becomes one.
+
+        Raises:
+            OSError: the disk is full, which is no object's fault.
+        """
         began, target = time.perf_counter(), Target(self.address)
         try:
             if target.local:
@@ -162,6 +167,8 @@ class Job:
             status = next((s for kind, s in OUTCOMES if isinstance(error, kind)), "error")
             record = self.record(status, reason=str(error))
         except Exception as error:  # one broken object must not end the batch
+            if isinstance(error, OSError) and disk_is_full(error):
+                raise
             log = traceback.format_exc()[-4000:]
             record = self.record("error", reason=f"{type(error).__name__}: {error}", log=log)
         used = resource.getrusage(resource.RUSAGE_SELF)
@@ -174,7 +181,13 @@ class Job:
         target.save(record)
 
     def finished(self, ending: Ending) -> Record:
-        """Its record after its process has ended, written here where the process could not."""
+        """Its record after its process has ended, written here where the process could not.
+
+        Raises:
+            InputError: the disk is full: the others would fare no better.
+        """
+        if ending.how == "disk":
+            raise InputError(ending.why)
         target = Target(self.address)
         if ending.how == "done":
             record = target.record(self.item.name)

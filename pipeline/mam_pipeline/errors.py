@@ -75,6 +75,11 @@ _DISK = {
 }
 
 
+def disk_is_full(error: OSError) -> bool:
+    """Whether nothing more can be written to the disk, whatever it is."""
+    return error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
+
+
 def disk_error(error: OSError) -> InputError:
     """What the operating system refused, in a sentence with the way out."""
     said = str(error)

@@ -48,6 +48,19 @@ def work_folder(out: Path) -> Iterator[Path]:
                 folder.rmdir()
 
 
+@contextmanager
+def used_folder(out: Path) -> Iterator[None]:
+    """Make a folder; it, and those above it that were made, go again where nothing came in."""
+    made = _missing(out.absolute())
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        yield
+    finally:
+        for folder in made:
+            with suppress(OSError):  # something is in it
+                folder.rmdir()
+
+
 def check_place(out: Path) -> None:
     """Try to write beside `out`, so that what the disk refuses is said before any work is done.
 
@@ -197,11 +210,13 @@ def _alive(pid: int) -> bool:
 
 @contextmanager
 def _full_disk_said(path: Path) -> Iterator[None]:
-    """Whatever a library makes of a full disk, an OSError comes out."""
+    """Whatever a library makes of a full disk, an OSError comes out that names the place."""
     try:
         yield
-    except OSError:
-        raise
+    except OSError as error:
+        if error.errno is None or error.filename is not None:
+            raise
+        raise OSError(error.errno, os.strerror(error.errno), str(path.parent)) from error
     except Exception as error:
         if shutil.disk_usage(path.parent).free < _FULL:
             code = errno.ENOSPC

@@ -76,6 +76,26 @@ def test_a_full_disk_leaves_the_old_asset(
     assert {p.name for p in small_disk.iterdir()} == {"a"}
 
 
+def test_a_full_disk_ends_a_batch_and_a_data_set_and_leaves_nothing(
+    small_disk: Path, source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What a full disk stopped is no result: after room was made, the same command does it."""
+    fill, batch = small_disk / "fill", small_disk / "above" / "batch"
+    for room in (8 << 10, 40 << 10):
+        fill.write_bytes(b"")
+        fill.write_bytes(bytes(shutil.disk_usage(small_disk).free - room))
+        for words in (
+            ["generate", "--category", "box_cabinet", "--count", "2", "--out", small_disk / "g"],
+            ["batch", source, "--out", batch],
+        ):
+            said = refused(capsys, *words, "--quiet")
+            assert "the disk is full at" in said and str(small_disk) in said
+            assert {p.name for p in small_disk.iterdir()} == {"fill"}
+    fill.unlink()
+    assert main(["batch", str(source), "--out", str(batch), "--quiet"]) < 2
+    assert len(list(batch.glob("assets/*/asset.json"))) == 1
+
+
 def test_a_disk_that_cannot_be_written(
     small_disk: Path, source: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -60,19 +60,19 @@ def write_dataset(
     if count < 1 or seed < 0:
         raise ConfigError(f"count must be at least 1 and seed at least 0, not {count} and {seed}")
     names = list(CATEGORIES) if category == "all" else [find(category).name]
-    out.mkdir(parents=True, exist_ok=True)
     rows = []
     plan = [(n, k) for n in names for k in range(seed, seed + count)]
-    for row in _rows(plan, out, textures, plain, jobs):
-        rows.append(row)
-        on_object(row)
-    with (
-        folders.new_file(out / "MANIFEST.csv") as part,
-        part.open("w", newline="", encoding="utf-8") as file,
-    ):
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(COLUMNS)
-        table.writerows(rows)
+    with folders.used_folder(out):
+        for row in _rows(plan, out, textures, plain, jobs):
+            rows.append(row)
+            on_object(row)
+        with (
+            folders.new_file(out / "MANIFEST.csv") as part,
+            part.open("w", newline="", encoding="utf-8") as file,
+        ):
+            table = csv.writer(file, lineterminator="\n")
+            table.writerow(COLUMNS)
+            table.writerows(rows)
     return rows
 
 
