@@ -228,10 +228,10 @@ class PartPaths:
         t[active], normal[active] = hits.t, hits.normals
         where = np.flatnonzero(active)[hits.t <= 1.0]
         if own is not None and len(where):
-            k, who = np.divmod(where, count)
-            at = path[k, who] + t[k, who, None] * step[k, who]
+            row, sample = np.divmod(where, count)
+            at = path[row, sample] + t[row, sample, None] * step[row, sample]
             kept = own.distance(at) < PLACE * self.diagonal
-            t[k[kept], who[kept]] = np.inf
+            t[row[kept], sample[kept]] = np.inf
         for k in range(n):
             who = np.flatnonzero(t[k] <= 1.0)
             if len(who):
@@ -319,9 +319,9 @@ class PartPaths:
         steps, _ = _substeps(motion, values)
         points, spots = self.points[who[0]], self.static_points[who[1]]
         none = np.zeros(len(points), dtype=bool), np.zeros(len(spots), dtype=bool)
-        into = np.zeros((len(self.points), 3))
-        into[self.pressed] = self.into
-        into = into[who[0]]
+        presses = np.zeros((len(self.points), 3))
+        presses[self.pressed] = self.into
+        into = presses[who[0]]
         there = motion_points(motion, axis, origin, steps[-1:], points)[0]
         pushed = np.einsum("sk,sk->s", there - points, into)
         for shift in reach * np.concatenate([np.eye(3), -np.eye(3), [axis, -axis]]):
