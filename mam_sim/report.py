@@ -75,7 +75,7 @@ def _photo(asset: Asset, opened: NDArray[np.uint8]) -> list[Figure]:
 
 def _stages(asset: Asset, articulation: Articulation) -> list[Figure]:
     """The mesh as it was read, its primitives, and its links."""
-    from mam_pipeline.stage_store import PRIMITIVES, load_geometry
+    from mam_pipeline.stage_artefacts import PRIMITIVES, load_geometry
 
     figures = [_figure(render_mesh(articulation.mesh, **CAMERA), "as read")]
     stages = asset.folder / "stages"
@@ -126,7 +126,7 @@ def _text(values: dict[str, Any]) -> str:
     """Values as YAML for people, cut where there are very many."""
     import yaml
 
-    from mam_pipeline.stage_store import plain
+    from mam_pipeline.stage_artefacts import plain
 
     text = yaml.safe_dump(plain(values), default_flow_style=None, sort_keys=False, width=100)
     return text if len(text) < LONGEST else text[:LONGEST] + "\n... (asset.json has all of it)"

@@ -10,10 +10,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from mam_pipeline.digests import file_digest
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.door import Door, named_by
 from mam_pipeline.formats.suffixes import MESHES, PHOTOS
-from mam_pipeline.stage_store import file_digest
 
 LISTS = (".txt", ".lst")
 SIMULATED = (".urdf",)

@@ -18,6 +18,7 @@ import numpy as np
 from mam_pipeline import config_file
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.read import read_asset
+from mam_pipeline.digests import file_digest
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.evidence.spec import stated_groups
 from mam_pipeline.formats.door import outside_allowed
@@ -27,7 +28,7 @@ from mam_pipeline.joints.estimate import faces_around, same_joint
 from mam_pipeline.models.settings import given
 from mam_pipeline.parts.hints import along_nodes, apply_hints
 from mam_pipeline.run import MakeConfig, Stages, kind_of, make_asset, read_source
-from mam_pipeline.stage_store import StageStore, copy_stages, file_digest
+from mam_pipeline.stage_store import StageStore, copy_stages
 from mam_pipeline.types import (
     Articulation,
     JointCandidate,

@@ -22,6 +22,7 @@ import numpy as np
 from mam_pipeline import backends, config_file, folders
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.backends import KinematicPrior, Maker, Reconstruction
+from mam_pipeline.digests import array_digest, file_digest, mesh_digest, text_digest
 from mam_pipeline.edited import Length, Positive, Seed, check_ranges
 from mam_pipeline.errors import ConfigError, InputError, NotPhysicalError
 from mam_pipeline.evidence.spec import NOTHING, Informed, KinematicSpec, stated_groups
@@ -37,21 +38,16 @@ from mam_pipeline.models.settings import ModelConfig
 from mam_pipeline.parts.hints import along_nodes, apply_hints
 from mam_pipeline.photo.options import PhotoConfig
 from mam_pipeline.rules import ALL_RULES, Ruled, Rules
-from mam_pipeline.stage_store import (
+from mam_pipeline.stage_artefacts import (
     PHOTO,
     PRIMITIVES,
     PRIOR,
     Codec,
-    StageStore,
-    array_digest,
     articulation_codec,
-    copy_stages,
-    file_digest,
-    mesh_digest,
     save_geometry,
-    text_digest,
     tree_codec,
 )
+from mam_pipeline.stage_store import StageStore, copy_stages
 from mam_pipeline.types import (
     Articulation,
     FloatArray,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from mam_pipeline import backends, stage_store
+from mam_pipeline import backends, stage_artefacts
 from mam_pipeline.errors import BackendError, ConfigError
 from mam_pipeline.models.sp4d import REFERENCE, STEP, FilePrior, Sp4dPrior, prior_from_frames
 from mam_pipeline.prior.masks import groups, load_masks, prior_from_masks, save_masks
@@ -139,8 +139,8 @@ def test_every_prior_writes_masks_that_a_file_prior_reads(
 
 def test_a_stage_keeps_the_prior_whole(tmp_path: Path, boxes: Boxes) -> None:
     prior = backends.load("prior", "embedded")[1].observe(*boxes)
-    stage_store.PRIOR.save(prior, tmp_path / "prior.npz")
-    again = stage_store.PRIOR.load(tmp_path / "prior.npz", tmp_path)
+    stage_artefacts.PRIOR.save(prior, tmp_path / "prior.npz")
+    again = stage_artefacts.PRIOR.load(tmp_path / "prior.npz", tmp_path)
     for name in ("mobility", "affinity", "masks", "views", "labels"):
         np.testing.assert_array_equal(getattr(again, name), getattr(prior, name))
     assert again is not None and again.fov == pytest.approx(prior.fov)

@@ -16,15 +16,15 @@ from mam_pipeline.errors import ConfigError
 from mam_pipeline.hints import HintBox, HintPart, Hints
 from mam_pipeline.photo.reconstruct import EmbeddedReconstructor
 from mam_pipeline.run import Stages
-from mam_pipeline.stage_store import (
+from mam_pipeline.stage_artefacts import (
     PHOTO,
     Codec,
-    StageStore,
     articulation_codec,
     load_mesh,
     save_mesh,
     tree_codec,
 )
+from mam_pipeline.stage_store import StageStore
 from mam_pipeline.types import (
     Articulation,
     Joint,
