@@ -20,6 +20,7 @@ from mam_pipeline.formats.scene import read_scene
 from mam_pipeline.parts.said import Heard, with_line
 from mam_pipeline.run import articulate_mesh
 from mam_pipeline.types import JointCandidate, Mesh, Primitives
+from tests.pipeline.test_pictures import BIND, dae
 
 
 @pytest.mark.parametrize(
@@ -257,3 +258,22 @@ def test_a_statement_takes_its_faces_by_material_where_no_group_says() -> None:
     )
     part = PartStatement("door", "door", "hinge", Said("material"), materials=("door",))
     assert part.faces(painted).sum() == 12
+
+
+def test_collada_nodes_and_copies_speak_as_those_of_gltf_do(tmp_path: Path) -> None:
+    """A named node with nameless ones below it, and two nodes that show one geometry."""
+    def shown(k: int, name: str) -> str:
+        return (f'<node id="k{k}"{name}><translate>{40 * k} 0 0</translate>'
+                f'<instance_geometry url="#g">{BIND}</instance_geometry></node>')  # fmt: skip
+
+    door = f'<node id="d" name="door_left">{shown(1, "")}{shown(2, "")}</node>'
+    file = tmp_path / "a.dae"
+    file.write_text(dae(None, shown(0, ' name="body"') + door))
+    scene = read_scene(file)
+    assert scene is not None
+    assert [n.name for n in scene.nodes if n.name] == ["body", "door_left", "k1", "k2"]
+    loaded = load_mesh(file)
+    spec = spec_of(loaded.mesh, file, loaded.source_to_asset)
+    (part,) = (p for p in spec.parts if p.movable)
+    assert (part.name, part.kind, set(part.groups)) == ("door_left", "door", {"k1", "k2"})
+    assert spec.alike == (("body", "k1", "k2"),)

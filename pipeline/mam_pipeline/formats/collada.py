@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.headers import check_header, collada_says
 from mam_pipeline.formats.pictures import Picture, Pictures, model_door
+from mam_pipeline.formats.scene import Scene, SceneNode
 from mam_pipeline.formats.soup import Budget, FileContent, Piece, paired
 from mam_pipeline.types import FloatArray, IntArray, Material
 
@@ -59,32 +60,54 @@ class _Reader:
         self.known: dict[int, int] = {}
         self.names: dict[str, int] = {}
         self.joints: dict[str, FloatArray] = {}
+        self.nodes: list[SceneNode] = []
+        self.meshes: dict[str, int] = {}
 
     def content(self) -> FileContent:
         up, unit = collada_says(self.path)
         roots = list(self.doc.scene.nodes) if self.doc.scene is not None else []
         self._walk(roots, self._note_joint)
-        self._walk(roots, self._draw)
+        self._walk(roots, self._note_node)
         notes: tuple[str, ...] = ()
         if not any(m.image for m in self.materials) and not self.pictures.missing:
             notes = self._gazebo()
         notes += self.pictures.notes()
         if self.dropped:
             notes += (f"not taken over: {', '.join(sorted(self.dropped))}",)
-        return FileContent(tuple(self.pieces), tuple(self.materials), up, unit, notes)
+        scene = Scene(tuple(self.nodes), skins=len(self.doc.controllers))
+        return FileContent(tuple(self.pieces), tuple(self.materials), up, unit, notes, scene)
 
-    def _walk(self, nodes: list[Any], visit: Callable[[Any, FloatArray, str], None]) -> None:
-        """Visit everything below some nodes, with its frame and the name of the node above."""
-        left = [(node, np.eye(4), "") for node in reversed(nodes)]
+    def _walk(self, nodes: list[Any], visit: Callable[[Any, FloatArray, str, int], None]) -> None:
+        """Visit everything below some nodes, with its frame, and name and number of the one above.
+
+        Numbers count the visits.
+        """
+        left = [(node, np.eye(4), "", -1) for node in reversed(nodes)]
+        count = 0
         while left:
-            node, frame, name = left.pop()
-            visit(node, frame, name)
+            node, frame, name, above = left.pop()
+            visit(node, frame, name, above)
             if isinstance(node, self.collada.scene.Node):  # one that stands for another too
                 frame = frame @ np.asarray(node.matrix, dtype=np.float64)
                 own = getattr(node, "name", None) or getattr(node, "id", None) or name
-                left += [(child, frame, str(own)) for child in reversed(node.children or ())]
+                below = reversed(node.children or ())
+                left += [(child, frame, str(own), count) for child in below]
+            count += 1
 
-    def _note_joint(self, node: Any, frame: FloatArray, name: str) -> None:
+    def _note_node(self, node: Any, frame: FloatArray, name: str, above: int) -> None:
+        """Draw what is drawn there, and keep the node; what is drawn is a nameless child of it."""
+        before = len(self.pieces)
+        self._draw(node, frame, name)
+        own, mesh = "", -1
+        if isinstance(node, self.collada.scene.Node):
+            own = str(getattr(node, "name", None) or getattr(node, "id", None) or "")
+            frame = frame @ np.asarray(node.matrix, dtype=np.float64)
+        elif isinstance(node, self.collada.scene.GeometryNode):
+            mesh = self.meshes.setdefault(str(node.geometry.id), len(self.meshes))
+        group = self.pieces[before].group if len(self.pieces) > before else ""
+        self.nodes.append(SceneNode(own, above, group, mesh, frame))
+
+    def _note_joint(self, node: Any, frame: FloatArray, name: str, above: int) -> None:
         if isinstance(node, self.collada.scene.Node) and node.xmlnode is not None:
             world = frame @ np.asarray(node.matrix, dtype=np.float64)
             for key in ("sid", "id", "name"):

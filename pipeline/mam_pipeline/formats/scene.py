@@ -1,7 +1,8 @@
-"""The nodes of a glTF file and how its animations move them: what a flat mesh forgets.
+"""The nodes of a file and how its animations move them: what a flat mesh forgets.
 
-Read apart from the surfaces (`gltf`), so that a file whose animation cannot be understood is still
-a mesh. Only rigid motions relative to the parent node are told (glTF 2.0, sections 3.11 and 5.8).
+A glTF file's are read here, apart from the surfaces (`gltf`), so that a file whose animation cannot
+be understood is still a mesh; a Collada file's come with its surfaces (`collada`). Only rigid
+motions relative to the parent node are told (glTF 2.0, sections 3.11 and 5.8).
 """
 
 from __future__ import annotations
@@ -81,7 +82,14 @@ class Scene:
 
 
 def read_scene(path: Path) -> Scene | None:
-    """The scene of a .glb or .gltf file; None for other formats and for what cannot be read."""
+    """The scene of a glTF or Collada file; None for other formats and for what cannot be read."""
+    if path.suffix.lower() == ".dae":
+        from mam_pipeline.formats.mesh_files import read_file
+
+        try:
+            return read_file(path).scene
+        except InputError:
+            return None
     if path.suffix.lower() not in (".glb", ".gltf"):
         return None
     try:

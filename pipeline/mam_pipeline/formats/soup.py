@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from PIL import Image
 from mam_pipeline.errors import InputError
 from mam_pipeline.thresholds import MAX_FACES
 from mam_pipeline.types import FloatArray, IntArray, Material, Mesh
+
+if TYPE_CHECKING:
+    from mam_pipeline.formats.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -39,13 +42,15 @@ class Piece:
 
 @dataclass(frozen=True)
 class FileContent:
-    """All pieces of a file, its materials, and what the format itself says of unit and up axis."""
+    """All pieces of a file, its materials, what the format itself says of unit and up axis, and the
+    file's nodes where the reader keeps them."""
 
     pieces: tuple[Piece, ...]
     materials: tuple[Material, ...] = (Material(),)
     up: str | None = None
     metres_per_unit: float | None = None
     notes: tuple[str, ...] = field(default_factory=tuple)
+    scene: Scene | None = None
 
 
 @dataclass(frozen=True)
