@@ -15,7 +15,7 @@ from mam_pipeline.errors import ConfigError
 from mam_pipeline.evidence.names import counts_of, object_of, part_kind_of, vocabulary
 from mam_pipeline.evidence.read import spec_of
 from mam_pipeline.evidence.spec import KinematicSpec, PartStatement, Said
-from mam_pipeline.formats.mesh_files import load_mesh, save_glb
+from mam_pipeline.formats.mesh_files import load_mesh, read_file, save_glb
 from mam_pipeline.formats.scene import read_scene
 from mam_pipeline.parts.said import Heard, with_line
 from mam_pipeline.run import articulate_mesh
@@ -269,7 +269,7 @@ def test_collada_nodes_and_copies_speak_as_those_of_gltf_do(tmp_path: Path) -> N
     door = f'<node id="d" name="door_left">{shown(1, "")}{shown(2, "")}</node>'
     file = tmp_path / "a.dae"
     file.write_text(dae(None, shown(0, ' name="body"') + door))
-    scene = read_scene(file)
+    scene = read_file(file).scene
     assert scene is not None
     assert [n.name for n in scene.nodes if n.name] == ["body", "door_left", "k1", "k2"]
     loaded = load_mesh(file)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mam_pipeline.formats.scene import NodeMotion, Scene
+from mam_pipeline.formats.nodes import NodeMotion, Scene
 from mam_pipeline.types import FloatArray, JointSubtype
 
 

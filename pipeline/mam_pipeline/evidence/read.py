@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mam_pipeline.errors import ConfigError
+from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.evidence.motions import AnimatedJoint, joint_of
 from mam_pipeline.evidence.names import (
     PartKind,
@@ -28,7 +28,9 @@ from mam_pipeline.evidence.spec import (
     Said,
     told,
 )
-from mam_pipeline.formats.scene import Scene, SceneNode, read_scene
+from mam_pipeline.formats.mesh_files import read_file
+from mam_pipeline.formats.nodes import Scene, SceneNode
+from mam_pipeline.formats.scene import read_scene
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.hints import Hints
 from mam_pipeline.types import FloatArray, Mesh
@@ -75,7 +77,7 @@ def spec_of(
     Raises:
         ConfigError: words for the object that are not in the vocabulary.
     """
-    scene = read_scene(source) if source is not None and use_names else None
+    scene = _scene(source) if source is not None and use_names else None
     objects: list[ObjectWord] = []
     notes: list[str] = [] if scene is None else list(scene.notes)
     counts: tuple[KindCount, ...] = ()
@@ -104,6 +106,16 @@ def spec_of(
         notes.append("the file has a skin without animation, which says nothing of joints")
     notes = [note for note in (told(parts), _object_note(objects)) if note] + notes
     return KinematicSpec(hints, tuple(objects), tuple(parts), counts, alike, tuple(notes))
+
+
+def _scene(source: Path) -> Scene | None:
+    """The nodes of a file, where its format has any and they can be read."""
+    if source.suffix.lower() == ".dae":  # they come with the surfaces
+        try:
+            return read_file(source).scene
+        except InputError:
+            return None
+    return read_scene(source)
 
 
 def _of_object(part: PartStatement, objects: Sequence[ObjectWord]) -> PartStatement:

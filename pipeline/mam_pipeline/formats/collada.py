@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.headers import check_header, collada_says
+from mam_pipeline.formats.nodes import Scene, SceneNode
 from mam_pipeline.formats.pictures import Picture, Pictures, model_door
-from mam_pipeline.formats.scene import Scene, SceneNode
 from mam_pipeline.formats.soup import Budget, FileContent, Piece, paired
 from mam_pipeline.types import FloatArray, IntArray, Material
 

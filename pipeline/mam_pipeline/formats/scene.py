@@ -1,14 +1,13 @@
-"""The nodes of a file and how its animations move them: what a flat mesh forgets.
+"""Reading the nodes of a glTF file and how its animations move them.
 
-A glTF file's are read here, apart from the surfaces (`gltf`), so that a file whose animation cannot
-be understood is still a mesh; a Collada file's come with its surfaces (`collada`). Only rigid
-motions relative to the parent node are told (glTF 2.0, sections 3.11 and 5.8).
+They are read apart from the surfaces (`gltf`), so that a file whose animation cannot be understood
+is still a mesh. Only rigid motions relative to the parent node are told (glTF 2.0, sections 3.11
+and 5.8).
 """
 
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,78 +17,15 @@ from scipy.spatial.transform import Rotation
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.door import Door
 from mam_pipeline.formats.gltf_data import Document
+from mam_pipeline.formats.nodes import NodeMotion, Scene, SceneNode
 from mam_pipeline.formats.soup import Budget
-from mam_pipeline.types import FloatArray, IntArray, readonly
+from mam_pipeline.types import FloatArray, IntArray
 
 _DEEP = 200  # most nodes above another; a file of more is broken
 
 
-@dataclass(frozen=True)
-class SceneNode:
-    """One node of the file.
-
-    Attributes:
-        name: its own, or its mesh's; "" where neither has one. parent: index, -1 for a root.
-        group: name that its faces have in `Mesh.group_names`; "" without faces.
-        mesh: index of its mesh in the file, -1 without one.
-        world: (4, 4) file_T_node at rest.
-    """
-
-    name: str
-    parent: int
-    group: str
-    mesh: int
-    world: FloatArray
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "world", readonly(self.world, np.float64, (4, 4)))
-
-
-@dataclass(frozen=True)
-class NodeMotion:
-    """How an animation moves a node against its parent.
-
-    Attributes:
-        node: index. animation: name of the clip.
-        poses: (K, 4, 4) parent_T_node at the keyframes. rest: (4, 4) parent_T_node as in the file.
-    """
-
-    node: int
-    animation: str
-    poses: FloatArray
-    rest: FloatArray
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "poses", readonly(self.poses, np.float64, (None, 4, 4)))
-        object.__setattr__(self, "rest", readonly(self.rest, np.float64, (4, 4)))
-
-
-@dataclass(frozen=True)
-class Scene:
-    """Nodes in the order of the file, motions, and what was passed over, in words."""
-
-    nodes: tuple[SceneNode, ...] = ()
-    motions: tuple[NodeMotion, ...] = ()
-    skins: int = 0
-    notes: tuple[str, ...] = field(default_factory=tuple)
-
-    def below(self, index: int) -> list[int]:
-        """The node and all below it."""
-        out = [index]
-        for k in out:
-            out += [i for i, n in enumerate(self.nodes) if n.parent == k]
-        return out
-
-
 def read_scene(path: Path) -> Scene | None:
-    """The scene of a glTF or Collada file; None for other formats and for what cannot be read."""
-    if path.suffix.lower() == ".dae":
-        from mam_pipeline.formats.mesh_files import read_file
-
-        try:
-            return read_file(path).scene
-        except InputError:
-            return None
+    """The scene of a .glb or .gltf file; None for other formats and for what cannot be read."""
     if path.suffix.lower() not in (".glb", ".gltf"):
         return None
     try:

@@ -7,18 +7,16 @@ from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.formats.nodes import Scene
 from mam_pipeline.thresholds import MAX_FACES
 from mam_pipeline.types import FloatArray, IntArray, Material, Mesh
-
-if TYPE_CHECKING:
-    from mam_pipeline.formats.scene import Scene
 
 
 @dataclass(frozen=True)

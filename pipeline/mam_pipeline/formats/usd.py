@@ -37,7 +37,7 @@ def read_usd(path: Path, root: Path | None = None) -> FileContent:
     except InputError:
         raise
     except Exception as error:  # the library fails in many ways
-        words = str(error).strip().splitlines()
+        words = _NOISE.sub("", str(error)).strip().splitlines()
         what = words[0] if words else type(error).__name__
         raise InputError(f"{path} cannot be read as USD ({what})") from error
 
