@@ -6,6 +6,7 @@ drawn, skeletons in the pose of the first time. Materials are UsdPreviewSurface.
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,6 +20,9 @@ from mam_pipeline.formats.pictures import Picture, Pictures, model_door
 from mam_pipeline.formats.soup import Budget, FileContent, Piece, fans, paired
 from mam_pipeline.optional import require
 from mam_pipeline.types import FloatArray, IntArray, Material
+
+_NOISE = re.compile(r"^\s*Error in '.*?' at line \d+ in file \S+ : ", re.M)
+"""Where in its own source the library found an error."""
 
 
 def read_usd(path: Path, root: Path | None = None) -> FileContent:
