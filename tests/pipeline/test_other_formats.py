@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,10 @@ from scipy.spatial.transform import Rotation
 from mam_pipeline import optional
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats import apart, fbx, step
+from mam_pipeline.formats.door import Door
 from mam_pipeline.formats.mesh_files import load_mesh, read_file
 from mam_pipeline.formats.soup import FileContent
+from mam_pipeline.formats.usd_layers import check_layers
 from mam_pipeline.optional import MissingExtra, has
 from mam_pipeline.types import FloatArray
 from tests.pipeline.test_pictures import BIND, dae
@@ -222,13 +225,41 @@ def test_usd_is_as_large_as_its_own_library_says(tmp_path: Path, suffix: str) ->
 
 
 @needs_usd
-def test_usd_that_composes_a_foreign_file_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "text",
+    [
+        '#usda 1.0\n(\n    subLayers = [@{0}@]\n)\n',
+        '#usda 1.0\ndef "a" (references = @{0}@)\n{{\n}}\n',
+        '#usda 1.0\ndef "a" (payload = @{0}@)\n{{\n}}\n',
+        '#usda 1.0\n(\n    subLayers = [@inner.usda@]\n)\n',
+        '#usda 1.0\ndef "a" (clips = {{dictionary c = {{asset[] assetPaths = [@{0}@]}}}})\n'
+        "{{\n}}\n",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("way", ["../other.usda", "link.usda", "pipe.usda"])
+def test_usd_that_composes_a_foreign_file_is_refused_before_it_is_opened(
+    tmp_path: Path, text: str, way: str
+) -> None:
     make_usd(tmp_path / "other.usda")
-    (tmp_path / "own").mkdir()
-    file = tmp_path / "own" / "a.usda"
-    file.write_text("#usda 1.0\n(\n    subLayers = [@../other.usda@]\n)\n")
-    with pytest.raises(InputError, match="outside its folder"):
-        read_file(file)
+    own = tmp_path / "own"
+    own.mkdir()
+    (own / "link.usda").symlink_to(tmp_path / "other.usda")
+    os.mkfifo(own / "pipe.usda")  # opening it would wait for ever
+    (own / "inner.usda").write_text(f'#usda 1.0\ndef "a" (references = @{way}@)\n{{\n}}\n')
+    file = own / "a.usda"
+    file.write_text(text.format(way))
+    with pytest.raises(InputError, match=r"outside its folder|no ordinary file"):
+        check_layers(file, Door(own))
+    if way == "pipe.usda":
+        with pytest.raises(InputError, match="no ordinary file"):
+            read_file(file)
+
+
+@needs_usd
+def test_usd_that_composes_files_of_its_own_is_read(tmp_path: Path) -> None:
+    make_usd(tmp_path / "inner.usda")
+    (tmp_path / "a.usda").write_text("#usda 1.0\n(\n    subLayers = [@inner.usda@]\n)\n")
+    assert len(read_file(tmp_path / "a.usda").pieces) == 4
 
 
 FBX = """; FBX 7.4.0 project file

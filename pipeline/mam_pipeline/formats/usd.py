@@ -18,6 +18,7 @@ import trimesh
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.pictures import Picture, Pictures, model_door
 from mam_pipeline.formats.soup import Budget, FileContent, Piece, fans, paired
+from mam_pipeline.formats.usd_layers import check_layers
 from mam_pipeline.optional import require
 from mam_pipeline.types import FloatArray, IntArray, Material
 
@@ -53,6 +54,7 @@ class _Reader:
         self.path = path
         self.budget = Budget(path)
         self.pictures = Pictures(path, self.budget, model_door(path, root))
+        check_layers(path, self.pictures.door)
         self.stage = Usd.Stage.Open(str(path))
         self.time = Usd.TimeCode.EarliestTime()
         self.frames = UsdGeom.XformCache(self.time)
