@@ -301,8 +301,9 @@ def attacks(scratch: Path, asset: Path) -> Iterator[Attack]:
             (folder / "a.urdf").write_text(URDF.format(**parts))
             for verb, *more in verbs:
                 out = [str(folder / "out")] if more else []
-                words = (verb, str(folder / "a.urdf"), *more, *out)
-                yield Attack(f"URDF {slot}", way, words, folder)
+                yield Attack(
+                    f"URDF {slot}", way, (verb, str(folder / "a.urdf"), *more, *out), folder
+                )
     for way, name, folder in each("x.obj"):
         (folder / "a.xml").write_text(MJCF.format(folder=".", name=name))
         words = ("articulate", str(folder / "a.xml"), "--out", str(folder / "out"))
@@ -342,8 +343,8 @@ def _on_assets(
                 ("check", str(copy)), ("collect", str(copy), "--episodes", "1", "--out", out),
                 *((verb, str(copy), *more, "--out", out) for verb, *more in exports),
             ]  # fmt: skip
-            for words in verbs:
-                yield Attack(place, way, words, folder)
+            for line in verbs:
+                yield Attack(place, way, line, folder)
 
 
 def run(attack: Attack, watch: Watch) -> Outcome:

@@ -231,3 +231,13 @@ def test_gltf_with_a_short_buffer_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.gltf").write_bytes(gltf_with({"uri": data, "byteLength": 36}))
     with pytest.raises(InputError, match="cut short"):
         load_mesh(tmp_path / "a.gltf")
+
+
+def test_a_ply_whose_texture_is_missing_says_so_and_shows_no_stack_trace(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+) -> None:
+    data = trimesh.exchange.ply.export_ply(trimesh.creation.box())
+    file = tmp_path / "a.ply"
+    file.write_bytes(data.replace(b"comment", b"comment TextureFile wood.png\ncomment", 1))
+    assert any("'wood.png', which was not found" in note for note in load_mesh(file).notes)
+    assert not caplog.records and "Traceback" not in capfd.readouterr().err

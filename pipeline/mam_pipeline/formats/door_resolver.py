@@ -24,6 +24,7 @@ class DoorResolver(trimesh.resolvers.FilePathResolver):
         Raises:
             FileNotFoundError: there is none that may be opened; trimesh leaves it out then.
         """
+        before = len(self.left_out)
         for option in (name.strip(), name.strip().replace("\\", "/").rpartition("/")[2]):
             try:
                 found = self.door.find(option, self.file) if option else None
@@ -32,4 +33,6 @@ class DoorResolver(trimesh.resolvers.FilePathResolver):
                 continue
             if found is not None:
                 return found.read_bytes()
+        if len(self.left_out) == before:
+            self.left_out.append(f"{self.file.name} names {name.strip()!r}, which was not found")
         raise FileNotFoundError(name)

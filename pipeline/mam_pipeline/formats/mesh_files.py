@@ -6,6 +6,7 @@ front is, only the articulation can tell (see `mam_pipeline.geometry.front`).
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -186,13 +187,24 @@ def _read_other(file: Path, root: Path | None) -> FileContent:
     check_header(file)
     try:
         resolver = DoorResolver(file, root)
-        scene = trimesh.load_scene(file, process=False, resolver=resolver)
+        with _silent(trimesh.util.log):  # what is missing is told in our words
+            scene = trimesh.load_scene(file, process=False, resolver=resolver)
         return replace(_pieces_of(scene, file), notes=tuple(resolver.left_out))
     except InputError:
         raise
     except Exception as error:  # each reader fails in its own way
         what = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{file} cannot be read as {file.suffix[1:].upper()} ({what})") from error
+
+
+@contextmanager
+def _silent(logger: logging.Logger) -> Iterator[None]:
+    """Without what a library logs."""
+    before, logger.disabled = logger.disabled, True
+    try:
+        yield
+    finally:
+        logger.disabled = before
 
 
 def _pieces_of(scene: trimesh.Scene, file: Path) -> FileContent:
