@@ -8,6 +8,7 @@ is an error. `mam_pipeline.config_file` says how values are checked.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from pathlib import Path
@@ -20,6 +21,9 @@ from mam_pipeline.edited import check_ranges
 from mam_sim.preset_files import values_of
 
 V = TypeVar("V", bound="Verb")
+
+PIXELS = ("bbox", "front")
+"""Flags that take a row of pixels."""
 
 OTHERS = ("pipeline", "env", "collect", "train", "bench", "algo", "joint", "task", "robot")
 """Names that some verb has; every verb passes over those of others."""
@@ -71,6 +75,23 @@ def parse(kind: type[Verb], prog: str, args: Sequence[str]) -> Verb:
     return said
 
 
+def spread(args: Sequence[str]) -> list[str]:
+    """Arguments in which the pixels after --bbox and --front, with commas or not, stand singly."""
+    out: list[str] = []
+    pixels = False
+    for word in args:
+        flag, equals, value = word.partition("=")
+        if word.startswith("--"):
+            pixels = flag.rpartition(".")[2].lstrip("-") in PIXELS
+            if not (pixels and equals):
+                out.append(word)
+                continue
+            out.append(flag)
+            word = value
+        out += [w for w in re.split(r"[,\s]+", word) if w] if pixels else [word]
+    return out
+
+
 def _check_ranges(options: Verb) -> None:
     """Raise ConfigError where a number is outside the range that its type says."""
     for f in fields(options):
@@ -84,7 +105,8 @@ def _check_ranges(options: Verb) -> None:
 def _parsed(base: Verb, prog: str, args: Sequence[str]) -> Verb:
     from mam_sim.flags import REGISTRY
 
-    return tyro.cli(type(base), prog=prog, args=list(args), default=base, registry=REGISTRY)
+    words = spread(args)
+    return tyro.cli(type(base), prog=prog, args=words, default=base, registry=REGISTRY)
 
 
 def fill(base: V, values: Mapping[str, Any], source: str | Path = "") -> V:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -21,12 +22,16 @@ class BenchPhoto(Verb):
     """Score the photo reconstructor.
 
     Without a folder: on procedural furniture with exact truth, rendered at three levels of
-    difficulty. With a folder: on your photos with YOLO boxes (classes handle, cabinet door,
-    refrigerator door, door; or those of classes.txt).
+    difficulty. With a folder: on your photos with YOLO boxes (classes door, handle, cabinet door,
+    refrigerator door, as in DoorDetect; or those of classes.txt, one name a line). With a folder
+    and --truth: what make-env would make of each photo without help: right, usable, wrong, asked
+    (exit status 3) or refused (4).
     """
 
     folder: Positional[Path | None] = None
     """Photos with YOLO label files beside them or in labels/."""
+    truth: Path | None = None
+    """YAML file that says what each photo of the folder shows (docs: Results of photos)."""
     count: Annotated[int, Range(1, 100_000)] = 20
     """Synthetic photos per level."""
     level: Literal["clean", "medium", "clutter", "all"] = "all"
@@ -45,10 +50,12 @@ class BenchPhoto(Verb):
     def run(self) -> int:
         """Score, and print the table."""
         result: dict[str, Any]
-        if self.folder is not None:
+        tell = partial(_say, quiet=self.quiet)
+        if self.truth is not None:
+            result = _outcomes(self.folder, self.truth, tell)
+        elif self.folder is not None:
             from mam_pipeline.photo.evaluate import score_folder
 
-            tell = partial(_say, quiet=self.quiet)
             result = {"photos": score_folder(self.folder, tell)}
         else:
             levels = ["clean", "medium", "clutter"] if self.level == "all" else [self.level]
@@ -59,8 +66,20 @@ class BenchPhoto(Verb):
         text = json.dumps(result, indent=1)
         if self.out is not None:
             folders.write_text(self.out, text + "\n")
-        print(text if self.json else _table(result))
+        counts = {k: v for k, v in result.items() if isinstance(v, dict)}
+        print(text if self.json else _table(counts))
+        if "silently_wrong" in result and not self.json:
+            print(f"silently wrong: {result['silently_wrong']:.1%}")
         return 0
+
+
+def _outcomes(folder: Path | None, truth: Path, tell: Callable[[str], None]) -> dict[str, Any]:
+    from mam_pipeline.errors import ConfigError
+    from mam_pipeline.photo.outcome import outcomes_of_folder
+
+    if folder is None:
+        raise ConfigError("--truth needs the folder of its photos")
+    return outcomes_of_folder(folder, truth, tell)
 
 
 def _say(text: str, quiet: bool) -> None:

@@ -354,6 +354,10 @@ def _read_photo(source: Path, config: MakeConfig, stages: Stages) -> Source:
         options["height"] = config.height
     if config.hints is not None and load_hints(config.hints).photo_front:
         options["hints"] = config.hints  # marked by hand on the photo: build exactly that
+    elif config.photo.reader != "auto":
+        from mam_pipeline.models.photo_reader import read_by_model
+
+        options = read_by_model(source, config.photo.reader, options)
     made = stages.reconstruct(source, options, config.reconstructor)
     scale_from = "assumed" if "scale" in made.assumed else "user"
     return Source(

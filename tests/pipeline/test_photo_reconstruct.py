@@ -126,17 +126,20 @@ def test_split_follows_lines_within_the_named_count() -> None:
     assert len(split(np.zeros(300), np.ones(4), [])) == 5
 
 
+CABINET = {"cabinet": 1.0}
+
+
 def test_scale_and_depth_rules() -> None:
-    seen = settle_sizes((1.0, 0.5, 1.0), "observed", "cabinet", PhotoOptions(height=0.8))
+    seen = settle_sizes((1.0, 0.5, 1.0), "observed", CABINET, PhotoOptions(height=0.8))
     assert (seen.width, seen.depth, seen.height) == pytest.approx((0.8, 0.4, 0.8))
     assert (seen.depth_from, seen.scale_from) == ("observed", "user")
-    frontal = settle_sizes((1.0, 1.9, 1.0), "assumed", "cabinet", PhotoOptions())
+    frontal = settle_sizes((1.0, 1.9, 1.0), "assumed", CABINET, PhotoOptions())
     assert frontal.depth_from == frontal.scale_from == "assumed"
     assert frontal.depth == pytest.approx(0.42) and frontal.height == pytest.approx(0.85)
-    loose = settle_sizes((1.0, 1.0, 1.0), "inferred", "cabinet", PhotoOptions())
+    loose = settle_sizes((1.0, 1.0, 1.0), "inferred", CABINET, PhotoOptions())
     assert loose.depth_from == "inferred" and 0.42 < loose.depth < 0.85
     tall = PhotoOptions(height=1.2)
-    legged = settle_sizes((1.0, 0.5, 1.0), "observed", "cabinet", tall, legs=0.2)
+    legged = settle_sizes((1.0, 0.5, 1.0), "observed", CABINET, tall, legs=0.2)
     assert legged.height == pytest.approx(1.0)  # the user measures with the legs
 
 
@@ -307,7 +310,7 @@ def test_yolo_folders(tmp_path: Path) -> None:
     (tmp_path / "labels").mkdir()
     cv2.imwrite(str(tmp_path / "images" / "a.png"), np.zeros((60, 60, 3), np.uint8))
     label = tmp_path / "labels" / "a.txt"
-    label.write_text("0 0.5 0.5 0.1 0.2\n3 0.5 0.5 1 1\n")
+    label.write_text("1 0.5 0.5 0.1 0.2\n0 0.5 0.5 1 1\n")
     ((path, boxes),) = yolo_items(tmp_path)
     assert path.name == "a.png" and [n for n, _ in boxes] == ["handle", "door"]
     assert np.allclose(boxes[0][1][0], [0.45, 0.4])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import subprocess
 from collections.abc import Iterable, Mapping
 from importlib import metadata
@@ -46,7 +47,7 @@ def write(
     said = {
         "reproducible": True,
         "command": command,
-        "config": {k: v for k, v in config_file.plain(config).items() if k not in ("out", "cache")},
+        "config": _told(config),
         "seeds": dict(seeds),
         "data": dict(data),
         "code": code_version(),
@@ -56,6 +57,13 @@ def write(
     path = folder / NAME
     path.write_text(json.dumps(said, indent=1) + "\n", encoding="utf-8")
     return path
+
+
+def _told(config: Any) -> dict[str, Any]:
+    """The config's values; paths as they are from the folder that the command is typed in."""
+    told = {k: v for k, v in config_file.plain(config).items() if k not in ("out", "cache")}
+    paths = {k: os.path.relpath(v) for k, v in vars(config).items() if isinstance(v, Path)}
+    return {k: paths.get(k, v) for k, v in told.items()}
 
 
 def faults(folder: Path) -> list[str]:

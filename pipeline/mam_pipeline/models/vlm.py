@@ -96,7 +96,7 @@ def ask_for_tree(
         HintNeeded: file mode, and no answer yet.
     """
     album = albums.cast(mesh, primitives)
-    grouping = _settle(
+    grouping = settle_answer(
         transport,
         grouping_question(album, prior),
         questions.Grouping,
@@ -107,7 +107,7 @@ def ask_for_tree(
     mounting = questions.Mounting(mounts=[])
     if len(groups) > 1:
         names = [g.name for g in groups]
-        mounting = _settle(
+        mounting = settle_answer(
             transport,
             mounting_question(album, groups),
             questions.Mounting,
@@ -187,7 +187,7 @@ def contradiction(answer: questions.Grouping, prior: KinematicPrior | None) -> s
     return "; ".join(said[:6])
 
 
-def _settle(
+def settle_answer(
     transport: Transport,
     question: Question,
     shape: type[Answer],

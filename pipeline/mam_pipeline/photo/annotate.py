@@ -26,6 +26,7 @@ from mam_pipeline.photo.image import Photo, read_photo
 from mam_pipeline.photo.measure import jpeg
 from mam_pipeline.photo.options import PhotoOptions, parse_options
 from mam_pipeline.photo.reconstruct import sizes_of
+from mam_pipeline.photo.verdict import seen_as
 
 HOSTS = ("127.0.0.1", "localhost")
 Metres = Annotated[float, Range(0.02, 20)]
@@ -82,6 +83,7 @@ class Annotation:
         self.path, self.out = path, out
         self.options = parse_options(options or {})
         self.photo: Photo = read_photo(path)
+        self.looks = seen_as(self.photo, self.options)
         self.saved = 0
 
     def state(self, front: Sequence[float] | None = None) -> dict[str, Any]:
@@ -92,7 +94,7 @@ class Annotation:
             options = parse_options({"front": list(front)})
             options = replace(self.options, front=options.front)
         found = find_object(self.photo, options)
-        sizes, _ = sizes_of(found, self.options)
+        sizes = sizes_of(found, self.options, self.looks)
         return {
             "name": self.path.name,
             "size": [round(v / self.photo.scale) for v in self.photo.size],

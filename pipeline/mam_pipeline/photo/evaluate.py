@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from mam_pipeline.errors import InputError, MamSimError
 from mam_pipeline.photo.find import Found, find_object
 from mam_pipeline.photo.image import Photo, make_photo, read_photo
+from mam_pipeline.photo.layout import rows_text
 from mam_pipeline.photo.options import PhotoOptions, parse_options
-from mam_pipeline.photo.reconstruct import judge
 from mam_pipeline.photo.score import (
     FoundPanel,
     PhotoScore,
@@ -25,9 +25,10 @@ from mam_pipeline.photo.score import (
     score_photo,
 )  # fmt: skip
 from mam_pipeline.photo.truth import PhotoTruth, Rect
+from mam_pipeline.photo.verdict import judge
 
 Array = NDArray[np.float64]
-YOLO_CLASSES = ("handle", "cabinet door", "refrigerator door", "door")
+YOLO_CLASSES = ("door", "handle", "cabinet door", "refrigerator door")  # of DoorDetect
 PICTURES = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff")
 
 
@@ -79,26 +80,14 @@ def score_image(
 
 def layout_of(truth: PhotoTruth) -> str | None:
     """The layout text a user would type for a piece, or None if rows cannot say it."""
-    panels = sorted(truth.panels, key=lambda p: (round(p.rect[1], 2), p.rect[0]))
-    rows: list[list[Any]] = []
-    for p in panels:
-        middle = (p.rect[1] + p.rect[3]) / 2
-        if rows and abs((rows[-1][0].rect[1] + rows[-1][0].rect[3]) / 2 - middle) < 0.03:
-            rows[-1].append(p)
-        else:
-            rows.append([p])
-    lows = [min(p.rect[1] for p in r) for r in rows]
-    highs = [max(p.rect[3] for p in r) for r in rows]
-    if any(low < high - 0.02 for low, high in zip(lows[1:], highs)):
-        return None
-    return " / ".join(", ".join(f"1 {p.kind}" for p in r) for r in rows)
+    return rows_text([(p.kind, p.rect) for p in truth.panels]) or None
 
 
 def yolo_items(folder: Path) -> Iterator[tuple[Path, list[tuple[str, Array]]]]:
     """Photos of a folder with YOLO boxes: `name.jpg` beside `name.txt`, or images/ and labels/.
 
-    Each line is `class x y w h` (0..1 of the picture); classes are those of `classes.txt`, or
-    handle, cabinet door, refrigerator door, door.
+    Each line is `class x y w h` (0..1 of the picture); classes are those of `classes.txt`, one name
+    a line, or DoorDetect's: door, handle, cabinet door, refrigerator door.
 
     Raises:
         InputError: no labelled photo, or a line that is not five numbers.

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import groupby
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +14,7 @@ from mam_pipeline.photo.seams import Seams
 
 Array = NDArray[np.float64]
 Cell = tuple[str, tuple[int, int, int, int]]
+SAME_ROW = 0.03  # of the height: middles of panels in one row are nearer
 MARGIN = 0.3  # the outermost panels begin within this share of the front
 
 
@@ -74,3 +78,35 @@ def split(support: Array, shares: Array, marks: list[float]) -> list[int]:
         at = int(back[k, at])
         path.append(at)
     return [int(grid[i]) for i in reversed(path)]
+
+
+def rows_text(panels: Sequence[tuple[str, Sequence[float] | Array]]) -> str:
+    """Kinds and rectangles (u0, v0, u1, v1; 0..1 of the front) as "2 drawers / 2 doors".
+
+    Empty where the panels do not lie in rows.
+    """
+    rows: list[list[tuple[str, Sequence[float] | Array]]] = []
+    for panel in sorted(panels, key=lambda p: p[1][1] + p[1][3]):
+        middle = (panel[1][1] + panel[1][3]) / 2
+        if rows and abs((rows[-1][0][1][1] + rows[-1][0][1][3]) / 2 - middle) < SAME_ROW:
+            rows[-1].append(panel)
+        else:
+            rows.append([panel])
+    lows = [min(box[1] for _, box in row) for row in rows]
+    highs = [max(box[3] for _, box in row) for row in rows]
+    if any(low < high - SAME_ROW for low, high in zip(lows[1:], highs)):
+        return ""
+    said = []
+    for row in rows:
+        kinds = [kind for kind, _ in sorted(row, key=lambda p: p[1][0])]
+        cells = []
+        for kind, run in groupby(kinds):
+            n = len(list(run))
+            many = "s" if n > 1 and kind in ("drawer", "door") else ""
+            cells.append(kind if n == 1 else f"{n} {kind}{many}")
+        said.append(", ".join(cells))
+    if len(said) > 1 and set(said) == {"drawer"}:
+        return f"{len(said)} drawers"
+    if len(rows) == 1 and len(rows[0]) > 1 and "," not in said[0]:
+        said = [", ".join([rows[0][0][0]] * len(rows[0]))]  # "3 drawers" alone would be a stack
+    return " / ".join(said)

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from mam_pipeline.errors import ConfigError
 from mam_pipeline.hints import Hints, load_hints
 
 CATEGORY_NAMES = (
-    "nightstand", "drawer_unit", "cabinet", "sideboard", "wardrobe",
+    "nightstand", "drawer_unit", "cabinet", "sideboard", "wardrobe", "bookcase", "desk", "safe",
     "fridge", "microwave", "oven", "dishwasher", "washing_machine",
 )  # fmt: skip
 Layout = tuple[tuple[tuple[str, int], ...], ...]
@@ -26,6 +26,9 @@ Layout = tuple[tuple[tuple[str, int], ...], ...]
 class PhotoConfig:
     """Help for a photo, as a person writes it; each is optional."""
 
+    reader: Literal["auto", "vlm", "file"] = "auto"
+    """Who says what the photo shows: auto, this program alone; vlm, a vision-language model; file,
+    somebody who answers in the folder of --questions."""
     bbox: tuple[int, int, int, int] | None = None
     """Box round the object, pixels: x0 y0 x1 y1."""
     mask: Path | None = None
@@ -45,7 +48,7 @@ class PhotoConfig:
 
     def given(self) -> dict[str, Any]:
         """The options that were given, as `Reconstructor.reconstruct` takes them."""
-        return {k: v for k, v in vars(self).items() if v is not None}
+        return {k: v for k, v in vars(self).items() if v is not None and k != "reader"}
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 from mam_pipeline.backends import Availability, Reconstruction
 from mam_pipeline.errors import HintNeeded, NotThisKind
-from mam_pipeline.photo import confidence
 from mam_pipeline.photo.build import BodySpec, CellSpec, HandleSpec, build_object
+from mam_pipeline.photo.category import Looks
 from mam_pipeline.photo.find import Found, find_object
 from mam_pipeline.photo.front import FrontReading
 from mam_pipeline.photo.image import Photo, read_photo
 from mam_pipeline.photo.measure import (
+    FURNITURE,
     TEXTURE_SIDE,
     Sizes,
-    guess_category,
     jpeg,
     rectify,
     settle_sizes,
@@ -31,17 +31,16 @@ from mam_pipeline.photo.measure import (
 from mam_pipeline.photo.options import PhotoOptions, parse_options
 from mam_pipeline.photo.overlay import draw_front, draw_overlay
 from mam_pipeline.photo.panel import Panel
+from mam_pipeline.photo.verdict import (
+    Judgement,
+    judge,
+    seen_as,
+    stop_if_out_of_scope,
+    stop_if_unsure,
+)  # fmt: skip
 
 Array = NDArray[np.float64]
 VERSION = "1"
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """Confidence words for cuboid, panels, handles, scale, and the hint that would help most."""
-
-    words: Mapping[str, str]
-    hint: str
 
 
 class EmbeddedReconstructor:
@@ -69,11 +68,12 @@ class EmbeddedReconstructor:
             ConfigError: an option cannot be used.
             HintNeeded: confidence is low and `accept_low_confidence` is not set; carries
                 `pictures` (overlay, front) for the caller to save.
-            NotThisKind: nothing in the picture looks like a closed box; carries `pictures`.
+            NotThisKind: the photo shows another kind of thing, or nothing in it looks like a
+                closed box; carries `pictures` where a box was tried.
         """
         settings = parse_options(options)
         picture = read_photo(Path(photo))
-        return reconstruct_photo(picture, settings, Path(photo).name)
+        return reconstruct_photo(picture, settings, str(photo))
 
 
 def reconstruct_photo(
@@ -81,15 +81,8 @@ def reconstruct_photo(
 ) -> Reconstruction:
     """Reconstruct from a decoded photo; see `EmbeddedReconstructor.reconstruct`."""
     options = options or PhotoOptions()
-    cv2.setNumThreads(1)
-    found = find_object(photo, options)
-    judged = judge(found, options)
-    pictures = {
-        "overlay": draw_overlay(photo, found.faces, found.quad, found.reading),
-        "front": draw_front(found.reading),
-    }
-    _stop_if_unsure(found, judged, options, name, pictures)
-    sizes, category = sizes_of(found, options)
+    found, judged, pictures = read_object(photo, options, name)
+    sizes = sizes_of(found, options, judged.looks)
     mesh, hints = build_object(body_of(photo, found, sizes))
     corners = tuple(float(v) for v in (found.quad / photo.scale).round(2).reshape(-1))
     hints = replace(hints, photo_front=corners)
@@ -98,9 +91,11 @@ def reconstruct_photo(
         if source == "assumed"
     )  # fmt: skip
     details = {
-        "mask": found.mask.method, "category": category, "depth": sizes.depth_from,
+        "mask": found.mask.method, "category": sizes.category, "depth": sizes.depth_from,
         "scale": sizes.scale_from, "size": (sizes.width, sizes.depth, sizes.height),
-        "legs": found.legs, "cost": found.cost, "hint": judged.hint,
+        "scale_spread": round(sizes.spread, 3), "legs": found.legs, "cost": found.cost,
+        "looks": {} if judged.looks is None else
+        {k: round(p, 3) for k, p in list(judged.looks.kinds.items())[:5]},
         "front_quad": (np.asarray(found.quad) / photo.scale).round(1).tolist(),
         "panels": [_panel_row(p, found.reading) for p in found.reading.panels],
     }  # fmt: skip
@@ -108,6 +103,31 @@ def reconstruct_photo(
     return Reconstruction(
         mesh, hints, judged.words, summarise(found.reading, sizes), assumed, pictures, details
     )
+
+
+def read_object(
+    photo: Photo, options: PhotoOptions, name: str = "photo"
+) -> tuple[Found, Judgement, dict[str, NDArray[np.uint8]]]:
+    """What is on a photo, how sure that is, and pictures of it: overlay and front.
+
+    Raises:
+        HintNeeded, NotThisKind: see `EmbeddedReconstructor.reconstruct`.
+    """
+    cv2.setNumThreads(1)
+    looks = seen_as(photo, options)
+    stop_if_out_of_scope(looks, options, name)
+    found = find_object(photo, options)
+    judged = judge(found, options, looks)
+    pictures = {
+        "overlay": draw_overlay(photo, found.faces, found.quad, found.reading),
+        "front": draw_front(found.reading),
+    }
+    try:
+        stop_if_unsure(found, judged, options, name, photo.scale)
+    except (HintNeeded, NotThisKind) as error:
+        error.pictures = dict(pictures)
+        raise
+    return found, judged, pictures
 
 
 def _panel_row(p: Panel, reading: FrontReading) -> dict[str, Any]:
@@ -123,14 +143,19 @@ def _panel_row(p: Panel, reading: FrontReading) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def sizes_of(found: Found, options: PhotoOptions) -> tuple[Sizes, str]:
-    """Metric sizes and the category whose usual size fills what is unknown."""
+def sizes_of(found: Found, options: PhotoOptions, looks: Looks | None = None) -> Sizes:
+    """Metric sizes; what is unknown is as usual for what the photo looks like."""
     w, d, h = found.shape
     if options.hints is not None and options.hints.photo_front:
-        return Sizes(w, d, h, "user", "user"), options.category or "cabinet"
+        return Sizes(w, d, h, "user", "user", options.category or "cabinet")
+    if options.category is not None:
+        categories = {options.category: 1.0}
+    else:
+        categories = {} if looks is None else looks.categories()
     kinds = [p.kind for p in found.reading.panels]
-    category = guess_category(w, h * (1 + found.legs), kinds, options.category)
-    return settle_sizes((w, d, h), found.depth_from, category, options, found.legs), category
+    return settle_sizes(
+        found.shape, found.depth_from, categories or FURNITURE, options, found.legs, kinds
+    )
 
 
 def body_of(photo: Photo, found: Found, sizes: Sizes) -> BodySpec:
@@ -176,88 +201,6 @@ def body_of(photo: Photo, found: Found, sizes: Sizes) -> BodySpec:
     )  # fmt: skip
 
 
-def judge(found: Found, options: PhotoOptions) -> Judgement:
-    """Turn what was found into words; what the user gave is high.
-
-    The words are those fitted by mam_training.photo.fit_confidence; without such a fit, limits set
-    by hand. A box that explains the photo badly stays low whatever was fitted: renders hold no
-    open doors and no rooms, real photos do.
-    """
-    by_hand = {
-        "cuboid": _word(-found.cost, -0.30, -0.62),
-        "panels": _word(found.reading.confidence, 0.8, 0.5),
-        "handles": _handle_word(found.reading),
-    }
-    words = {**by_hand, **confidence.words(found)}
-    if by_hand["cuboid"] == "low":
-        words["cuboid"] = "low"
-    if found.front_given:
-        words["cuboid"] = "high"
-    if options.layout or options.hints:
-        words["panels"] = "high"
-    words["scale"] = "high" if options.height or options.width or options.depth else "low"
-    hint = "--layout" if words["panels"] == "low" and words["cuboid"] != "low" else "--front"
-    if words["cuboid"] == "low" and found.mask.trust < 0.5 and options.bbox is None:
-        hint = "--bbox"
-    return Judgement(words, hint)
-
-
-def _word(value: float, high: float, medium: float) -> str:
-    return "high" if value >= high else "medium" if value >= medium else "low"
-
-
-def _handle_word(reading: FrontReading) -> str:
-    panels = reading.movable
-    seen = [b.score for p in panels for b in p.handles if b.provenance == "observed"]
-    if not panels or not seen:
-        return "low"
-    share = sum(any(b.provenance == "observed" for b in p.handles) for p in panels) / len(panels)
-    return _word(share * float(np.mean(seen)), 0.75, 0.4)
-
-
-EXAMPLES = {
-    "--bbox": "--bbox x0,y0,x1,y1 (pixels around the object)",
-    "--front": "--front x,y,x,y,x,y,x,y (corners of its front: top left, top right, bottom right, "
-    "bottom left), or mark them with: mam-sim annotate",
-    "--layout": '--layout "2 drawers / 2 doors"',
-}
-
-
-def _stop_if_unsure(
-    found: Found, judged: Judgement, options: PhotoOptions, name: str, pictures: dict[str, Any]
-) -> None:
-    error: HintNeeded | NotThisKind | None = None
-    if found.not_a_box and not (options.front or options.accept_low_confidence):
-        error = NotThisKind(
-            f"{name} does not look like a closed, box-like object ({found.why}); "
-            f"if it is one, add {EXAMPLES['--front']}"
-        )
-    elif options.accept_low_confidence:
-        return
-    elif found.open_object:
-        error = HintNeeded(
-            f"the object in {name} looks open ({found.why}); photograph it closed, "
-            f"or give {EXAMPLES['--front']}"
-        )
-    elif judged.words["cuboid"] == "low":
-        error = HintNeeded(
-            f"the box around the object in {name} is uncertain; add {EXAMPLES[judged.hint]}, "
-            "or --accept-low-confidence"
-        )
-    elif not found.reading.movable:
-        error = HintNeeded(
-            f"no drawer or door was found on the front in {name}; add {EXAMPLES['--layout']}"
-        )
-    elif judged.words["panels"] == "low":
-        error = HintNeeded(
-            f"the panels on the front in {name} are uncertain; add {EXAMPLES['--layout']}, "
-            "or --accept-low-confidence"
-        )
-    if error is not None:
-        error.pictures = pictures  # type: ignore[union-attr]
-        raise error
-
-
 def summarise(reading: FrontReading, sizes: Sizes) -> str:
     """One line: "found 3 drawers, 3 handles; depth measured; scale ASSUMED 0.72 m high"."""
     counts = []
@@ -273,7 +216,10 @@ def summarise(reading: FrontReading, sizes: Sizes) -> str:
         "observed": "depth measured", "inferred": "depth INFERRED", "assumed": "depth ASSUMED",
         "user": "depth given",
     }  # fmt: skip
-    scale = f"scale {'ASSUMED' if sizes.scale_from == 'assumed' else 'given'}"
+    scale = "scale given"
+    if sizes.scale_from == "assumed":
+        usual, off = sizes.category.replace("_", " "), f"{100 * np.expm1(sizes.spread):.0f} %"
+        scale = f"scale ASSUMED from a usual {usual} (give or take {off}):"
     return (
         f"found {', '.join([*(counts or ['no panels']), handles])}; {depth[sizes.depth_from]} "
         f"{sizes.depth:.2f} m; {scale} {sizes.width:.2f} m wide, {sizes.height:.2f} m high"

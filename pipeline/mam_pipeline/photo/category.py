@@ -1,0 +1,113 @@
+"""What kind of thing a photo shows, told by a network that was trained on ImageNet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import resources
+from typing import Any
+
+import cv2
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from mam_pipeline.photo import efficientnet
+
+SHARPER = 1.5  # exponent on the probabilities: the training's label smoothing, undone
+
+
+@dataclass(frozen=True)
+class Looks:
+    """What a photo looks like.
+
+    Attributes:
+        kinds: kind of thing to its probability, likeliest first; they sum to 1.
+    """
+
+    kinds: Mapping[str, float]
+
+    @property
+    def best(self) -> str:
+        """The likeliest kind."""
+        return next(iter(self.kinds))
+
+    @property
+    def in_scope(self) -> float:
+        """0..1 that it is a thing whose front can be read."""
+        known = categories()
+        return float(sum(p for kind, p in self.kinds.items() if kind in known))
+
+    @property
+    def stranger(self) -> tuple[str, float]:
+        """The likeliest kind that is out of scope, and its probability."""
+        known = categories()
+        return next(((k, p) for k, p in self.kinds.items() if k not in known), ("thing", 0.0))
+
+    def categories(self) -> dict[str, float]:
+        """Category of size to its probability among the things in scope; they sum to 1."""
+        out: dict[str, float] = {}
+        for kind, p in self.kinds.items():
+            for name, share in categories().get(kind, {}).items():
+                out[name] = out.get(name, 0.0) + p * share
+        total = max(sum(out.values()), 1e-9)
+        return {k: v / total for k, v in out.items()}
+
+
+def look(rgb: NDArray[np.uint8]) -> Looks:
+    """Name what a picture (h, w, 3) shows."""
+    views = np.stack([_letterbox(rgb), _square(rgb)])
+    p = efficientnet.probabilities(views) ** SHARPER
+    p = (p / p.sum(axis=1, keepdims=True)).mean(axis=0)
+    names = class_names()
+    of_class = {k: name for name, members in kinds().items() for k in members}
+    out: dict[str, float] = {}
+    for k, value in enumerate(p):
+        kind = of_class.get(k, names[k])
+        out[kind] = out.get(kind, 0.0) + float(value)
+    return Looks(dict(sorted(out.items(), key=lambda item: -item[1])))
+
+
+def _square(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The picture squeezed to the network's square."""
+    side = (efficientnet.SIDE, efficientnet.SIDE)
+    return np.asarray(cv2.resize(rgb, side, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _letterbox(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The picture in its proportions on a grey square."""
+    side = max(rgb.shape[:2])
+    out = np.full((side, side, 3), 127, np.uint8)
+    y, x = (side - rgb.shape[0]) // 2, (side - rgb.shape[1]) // 2
+    out[y : y + rgb.shape[0], x : x + rgb.shape[1]] = rgb
+    return _square(out)
+
+
+@lru_cache(maxsize=1)
+def _table() -> dict[str, dict[str, Any]]:
+    text = resources.files("mam_pipeline.photo").joinpath("imagenet", "kinds.yaml").read_text()
+    return dict(yaml.safe_load(text))
+
+
+@lru_cache(maxsize=1)
+def class_names() -> tuple[str, ...]:
+    """The 1000 names of ImageNet's classes."""
+    folder = resources.files("mam_pipeline.photo").joinpath("imagenet", "classes.txt")
+    return tuple(folder.read_text().split("\n")[:1000])
+
+
+@lru_cache(maxsize=1)
+def kinds() -> dict[str, tuple[int, ...]]:
+    """Kind of thing to the numbers of its ImageNet classes."""
+    out: dict[str, tuple[int, ...]] = {}
+    for name, row in _table().items():
+        span = range(row["first"], row["last"] + 1) if "first" in row else row["classes"]
+        out[name] = tuple(span)
+    return out
+
+
+@lru_cache(maxsize=1)
+def categories() -> dict[str, dict[str, float]]:
+    """Kind of thing in scope to what it may be: categories of size with their shares."""
+    return {name: row["categories"] for name, row in _table().items() if "categories" in row}

