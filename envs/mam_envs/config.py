@@ -147,6 +147,19 @@ class SceneConfig:
 
 
 @dataclass(frozen=True)
+class ObservationConfig:
+    """What the state observation holds besides the task's own.
+
+    Attributes:
+        articulation: the joint as a policy over many objects needs it, in the world's frame: axis
+            towards the goal, lever from the axis to the handle, whether it slides, and the way
+            to go.
+    """
+
+    articulation: bool = False
+
+
+@dataclass(frozen=True)
 class EnvConfig:
     """All settings of an environment; complete with its defaults.
 
@@ -155,12 +168,14 @@ class EnvConfig:
         reward: scales of the dense reward's terms.
         randomisation: what changes from episode to episode.
         scene: floor, walls and cameras.
+        observation: what the state holds.
     """
 
     success: SuccessConfig = field(default_factory=SuccessConfig)
     reward: RewardConfig = field(default_factory=RewardConfig)
     randomisation: RandomisationConfig = field(default_factory=RandomisationConfig)
     scene: SceneConfig = field(default_factory=SceneConfig)
+    observation: ObservationConfig = field(default_factory=ObservationConfig)
 
     @staticmethod
     def make(

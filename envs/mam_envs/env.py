@@ -19,6 +19,7 @@ from mani_skill.utils.structs import Articulation, Link, Pose
 from mani_skill.utils.structs.types import GPUMemoryConfig, SimConfig
 from mani_skill.vector.wrappers.gymnasium import ManiSkillVectorEnv
 
+from mam_envs.articulations import Articulations
 from mam_envs.config import EnvConfig
 from mam_envs.planner_state import PlannerState
 from mam_envs.robots import robot_spec
@@ -74,6 +75,7 @@ class OperateJointEnv(BaseEnv):
         reward: Mapping[str, Any] | None = None,
         scene: Mapping[str, Any] | None = None,
         success: Mapping[str, Any] | None = None,
+        observation: Mapping[str, Any] | None = None,
         truth: str | Path | None = None,
         exact: bool = True,
         num_envs: int = 1,
@@ -95,8 +97,8 @@ class OperateJointEnv(BaseEnv):
             robot_uids: panda, so100, fetch, xarm6_robotiq, or a robot of yours (mam_envs.robots).
             scale: factor on the object's size, or "auto": 1 where the arm can do it, else shrunk
                 to its reach.
-            config: EnvConfig, mapping or YAML file; randomisation, reward, scene and
-                success override single settings of it.
+            config: EnvConfig, mapping or YAML file; randomisation, reward, scene, success and
+                observation override single settings of it.
             truth: asset folder of the true object, in the asset's frame; it is simulated in the
                 asset's place, while planners go on knowing the asset (mam_envs.truth).
             exact: a reset with a seed rebuilds the scene (0.2 s and more, CPU only), so that the
@@ -113,6 +115,7 @@ class OperateJointEnv(BaseEnv):
         settings = EnvConfig.make(config, self.task_type.defaults())
         single = {
             "randomisation": randomisation, "reward": reward, "scene": scene, "success": success,
+            "observation": observation,
         }  # fmt: skip
         self.config = fill(settings, {k: v for k, v in single.items() if v})
         self.robot_spec = robot_spec(robot_uids)
@@ -236,6 +239,8 @@ class OperateJointEnv(BaseEnv):
                 pose = rest[item.model.kinematics.joint(g.joint).child][0]
                 points[i, k] = (item.handles[k] - pose[:3, 3]) @ pose[:3, :3]
         self._handle_point = torch.tensor(points, device=self.device)
+        rows = [(item.model, item.goals) for item in layouts]
+        self._articulation = Articulations(rows, self.device)
         self._world_asset = np.tile(np.eye(4), (n, 1, 1))
         self._rate = torch.zeros(n, device=self.device)
         self._last_action: torch.Tensor | None = None
@@ -314,6 +319,11 @@ class OperateJointEnv(BaseEnv):
         start = coupled(start, item.model.couplings)
         out[: len(names)] = [start[n] for n in names]
         return out
+
+    def put_object(self, pose: np.ndarray, index: int = 0) -> None:
+        """Stand the object of a sub-scene elsewhere: (4, 4) world_T_asset."""
+        self._world_asset[index] = pose
+        self.object.set_pose(_pose(self._world_asset, self.device))
 
     def set_state(self, state: Any, env_idx: torch.Tensor | None = None) -> None:
         """From the flat vector; ManiSkill's own takes for granted that there are free actors."""
@@ -413,7 +423,11 @@ class OperateJointEnv(BaseEnv):
         """The tool's pose, and in state modes what only a simulator knows, under `privileged`."""
         out: dict[str, Any] = {"tcp_pose": info["tcp_pose"]}
         if self.obs_mode_struct.state or self.obs_mode in ("state", "state_dict"):
-            out["privileged"] = self.task.observe(self._now, info)
+            out["privileged"] = dict(self.task.observe(self._now, info))
+            if self.config.observation.articulation:
+                poses = torch.stack([target.pose.raw_pose for target in self.targets], dim=1)
+                tokens = self._articulation.observe(poses, self._now.handle)
+                out["privileged"] |= {key: self.task.pick(v) for key, v in tokens.items()}
         return out
 
     def observation_layout(self) -> list[tuple[str, int, int, bool]]:

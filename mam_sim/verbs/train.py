@@ -12,8 +12,9 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_envs.config import EnvConfig
 from mam_pipeline import config_file, folders
+from mam_pipeline.asset.card import Asset
 from mam_pipeline.edited import Range
-from mam_pipeline.errors import ConfigError
+from mam_pipeline.errors import ConfigError, MamSimError
 from mam_policies.run import EnvChoice, refuse_foreign, task_settings
 from mam_sim.console import PhaseBar, Screen
 from mam_sim.options import Verb, defaults, last_value, settings
@@ -29,9 +30,12 @@ class Train(Verb):
     saved: ClassVar[tuple[str, ...]] = ("algo", "joint", "task", "robot", "max_steps")
     train: Any  # the algorithm's settings: `with_algorithm` gives this field its type
     asset: Positional[tuple[Path, ...]]
-    """Asset folder(s) made by mam-sim."""
+    """Asset folder(s) made by mam-sim, or folders that hold some; of several, those that the arm
+    cannot operate are left out and told."""
     out: Path
     """The run folder to write; the same command goes on where a killed one was."""
+    split: Annotated[float, Range(0, 1, above=True)] | None = None
+    """Share of the assets to train on; mam-sim eval --held-out tries the others."""
     algo: str = "bc"
     """Algorithm: bc clones the scripted expert (minutes); ppo and sac learn from reward; act,
     diffusion and smolvla are LeRobot's own, trained by it on the expert's demonstrations; or the
@@ -77,15 +81,14 @@ class Train(Verb):
     def run(self) -> int:
         """Train, and test what was trained; print the run folder."""
         from mam_envs.robots import ROBOTS
-        from mam_pipeline.asset.card import Asset
         from mam_policies.algorithms import algorithm
 
         if not self.asset:
             raise ConfigError("name at least one asset folder")
         ROBOTS.check(self.robot)
         learner = algorithm(self.algo)
-        assets = tuple(str(Asset.load(a).folder) for a in self.asset)
         screen = Screen(self.quiet or self.json)
+        assets, held_out = self._assets(screen)
         choice = EnvChoice(
             assets, self.joint, self.task, self.robot, learner.control_mode, self.max_steps,
             self.env,
@@ -101,14 +104,50 @@ class Train(Verb):
                 folders.remove_if_empty(self.out)
             raise
         config_file.save(settings(self), self.out / "config.yaml")
+        if held_out:
+            text = json.dumps({"train": assets, "held_out": held_out}, indent=1)
+            folders.write_text(self.out / "split.json", text + "\n")
         result: dict[str, Any] = {"run": str(self.out), "algo": self.algo, **info.results}
         if self.test:
             result["evaluation"] = self._evaluate(screen)
         if self.json:
             screen.json(result)
         screen.say(f"run:     {self.out}")
-        screen.say(f"next:    mam-sim eval {self.out} --episodes 100 --video")
+        if held_out:
+            screen.say(f"next:    mam-sim eval {self.out} --held-out --episodes 10")
+        else:
+            screen.say(f"next:    mam-sim eval {self.out} --episodes 100 --video")
         return 0
+
+    def _assets(self, screen: Screen) -> tuple[tuple[str, ...], list[str]]:
+        """Assets to train on, and those held out; of several, what the arm cannot do is left out.
+
+        Raises:
+            MamSimError: of the first asset, where the arm can do none.
+        """
+        from mam_envs.robots import robot_spec
+        from mam_envs.scene.layout import arrange
+        from mam_sim.asset_list import asset_folders, split
+
+        found = asset_folders(self.asset)
+        for folder in found:
+            Asset.load(folder)
+        if len(found) == 1 and self.split is None:
+            return (str(found[0]),), []
+        fit, errors = [], []
+        for folder in found:
+            try:
+                arrange(folder, self.joint, self.task, robot_spec(self.robot), "auto", self.env)
+                fit.append(folder)
+            except MamSimError as error:
+                errors.append(error)
+                screen.say(f"left out: {error}")
+        if not fit:
+            raise errors[0]
+        if self.split is None:
+            return tuple(map(str, fit)), []
+        train, test = split(fit, self.split, self.train.seed)
+        return tuple(map(str, train)), [str(f) for f in test]
 
     def _evaluate(self, screen: Screen) -> dict[str, Any]:
         """Success at unseen seeds, also written into the run folder."""

@@ -140,3 +140,23 @@ def test_goals_say_whether_the_part_may_be_pushed_shut(drawer: Path) -> None:
         assert OperateJoint.goal(name, model, None, SuccessConfig()).closing is closing
     goal = OperateJoint.goal("open", model, None, SuccessConfig())
     assert replace(goal, q_goal=0.1).direction == 1.0 and goal.range == pytest.approx(0.25)
+
+
+def test_joints_as_numbers(door: Path, drawer: Path) -> None:
+    import numpy as np
+
+    from mam_envs.articulations import Articulations
+
+    rows = []
+    for asset in (door, drawer):
+        model = ObjectModel.load(Asset.load(asset))
+        rows.append((model, [OperateJoint.goal("open", model, None, SuccessConfig())]))
+    poses = torch.zeros(2, 1, 7)
+    poses[..., 3] = 1.0
+    poses[0, 0, :3] = torch.tensor([-0.18, 0.18, 0.2])
+    handle = torch.tensor([[[-0.2, -0.1, 0.5]], [[-0.2, 0.0, 0.2]]])
+    seen = Articulations(rows, CPU).observe(poses, handle)
+    assert seen["joint_axis"].tolist() == [[[0, 0, -1]], [[-1, 0, 0]]]
+    torch.testing.assert_close(seen["joint_lever"][0, 0], torch.tensor([-0.02, -0.28, 0.0]))
+    assert seen["joint_lever"][1].abs().sum() == 0 and seen["joint_slides"].tolist() == [[0], [1]]
+    assert seen["joint_way"][0, 0] == pytest.approx(0.75 * np.pi / 2)

@@ -23,6 +23,11 @@ class MamSimRobotConfig(RobotConfig):
         eye_in_hand: whether a camera on the hand perceives the handle (sharing the motors' error).
         perceived: whether handle, joint value and touch stand behind the motors in the state.
         pictures: whether the scene's cameras are reported as well (needs a Vulkan driver).
+        camera: file of a camera (mam-sim calibrate --init) whose picture is reported by its name:
+            the tags and the board on a plain ground, hidden by the arm where it is in the way.
+        markers: file of the tags on the object. board: whether the hand holds the ChArUco board.
+        camera_error: metres that the camera stands beside where the file says, in a direction
+            drawn by `seed`; its lens and its turn are off then too.
         log: file to which one JSON line per episode is appended (seed, steps, success ...).
     """
 
@@ -40,4 +45,8 @@ class MamSimRobotConfig(RobotConfig):
     eye_in_hand: bool = False
     perceived: bool = True
     pictures: bool = False
+    camera: str | None = None
+    markers: str | None = None
+    board: bool = False
+    camera_error: float = 0.0
     log: str | None = None

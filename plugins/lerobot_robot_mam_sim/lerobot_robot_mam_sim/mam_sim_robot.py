@@ -13,6 +13,7 @@ from lerobot.robots.robot import Robot
 from numpy.typing import NDArray
 
 from lerobot_robot_mam_sim.config_mam_sim_robot import MamSimRobotConfig
+from lerobot_robot_mam_sim.simulated_camera import SimulatedCamera
 from mam_policies.lerobot.policy import PERCEIVED
 from mam_policies.lerobot.robot_interface import Faults, RobotInterface
 from mam_policies.run import EnvChoice
@@ -48,6 +49,18 @@ class MamSimRobot(Robot):
         more = {"obs_mode": "rgb+state"} if c.pictures else {}
         return RobotInterface(choice, c.mapping, faults, c.seed, **more)
 
+    @cached_property
+    def eye(self) -> SimulatedCamera | None:
+        """The camera that sees tags and board, if there is one."""
+        c = self.config
+        if c.camera is None:
+            return None
+        base = self.interface.env.unwrapped
+        return SimulatedCamera(
+            base, Path(c.camera), None if c.markers is None else Path(c.markers), c.board,
+            c.camera_error, c.seed,
+        )  # fmt: skip
+
     @property
     def observation_features(self) -> dict[str, Any]:
         """Motors, then what perception gives; pictures by camera."""
@@ -55,6 +68,8 @@ class MamSimRobot(Robot):
         if self.config.pictures:
             for name, spec in self.interface.env.unwrapped.config.scene.cameras.items():
                 out[name] = (spec.height, spec.width, 3)
+        if self.eye is not None:
+            out[self.eye.nominal.name] = (*self.eye.nominal.size[::-1], 3)
         return out
 
     @property
@@ -91,7 +106,8 @@ class MamSimRobot(Robot):
         self._read = True
         state = dict(zip(self.interface.state_names, map(float, self._state)))
         named: dict[str, Any] = {k: state[k] for k in self._named(self.interface.state_names)}
-        return {**named, **self.interface.pictures()}
+        seen = {} if self.eye is None else {self.eye.nominal.name: self.eye.shoot()}
+        return {**named, **self.interface.pictures(), **seen}
 
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
         """One control step; returns the targets that were sent, which may have been clipped."""

@@ -97,9 +97,12 @@ class JointMapping:
             joints[m.motor] = row
         return {"robot": self.robot, "joints": joints}
 
-    def save(self, file: Path) -> None:
-        """Write the mapping as YAML that `load_mapping` reads."""
+    def save(self, file: Path, spread: Mapping[str, float] | None = None) -> None:
+        """Write the mapping as YAML that `load_mapping` reads; `spread`: standard errors of
+        offsets, radians, by simulated joint, as remarks."""
         head = "# Joint mapping: sim = sign * real + offset; percent: closed at 0, open at 100.\n"
+        for name, value in (spread or {}).items():
+            head += f"# {name}: offset known to +- {value:.4f} rad\n"
         file.write_text(head + yaml.safe_dump(self.plain(), sort_keys=False), encoding="utf-8")
 
 

@@ -39,7 +39,7 @@ class Faults:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How the running episode stands; `truncated`: out of time, or ended by too much force."""
+    """How the running episode stands; `truncated`: out of time; `failed`: by too much force."""
 
     seed: int
     steps: int = 0
@@ -47,6 +47,7 @@ class Outcome:
     open_fraction: float = 0.0
     reward: float = 0.0
     truncated: bool = False
+    failed: bool = False
 
 
 class RobotInterface:
@@ -100,6 +101,16 @@ class RobotInterface:
         self._held = self._q()[self._moved]
         return self.state()
 
+    def place(self, world_asset: NDArray[Any], arm: NDArray[Any]) -> NDArray[np.float32]:
+        """Put the object (4, 4) and the arm's joints (n,) elsewhere in a fresh episode."""
+        base = self.env.unwrapped
+        q = self._q()
+        q[[self.joints.index(n) for n in self.spec.arm]] = arm
+        base.agent.reset(q[None].astype(np.float32))
+        base.put_object(np.asarray(world_asset, dtype=float))
+        self._held = self._q()[self._moved]
+        return self.state()
+
     def state(self) -> NDArray[np.float32]:
         """(n,) what motors and perception say now, in motor units."""
         base = self.env.unwrapped
@@ -132,7 +143,8 @@ class RobotInterface:
             success=now.success or _flag(info["success"]),
             open_fraction=float(np.asarray(info["open_fraction"]).reshape(-1)[0]),
             reward=float(np.asarray(reward).reshape(-1)[0]),
-            truncated=_flag(truncated) or _flag(info.get("fail", False)),
+            truncated=_flag(truncated),
+            failed=now.failed or _flag(info.get("fail", False)),
         )
         return self.state()
 

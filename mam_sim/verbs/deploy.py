@@ -1,0 +1,81 @@
+"""`mam-sim deploy`: a policy on a calibrated arm, inside limits."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+from tyro.conf import OmitArgPrefixes, Positional
+
+from mam_pipeline.edited import Range
+from mam_pipeline.errors import NotPhysicalError
+from mam_policies.deployment.safety import SafetyConfig
+from mam_sim.console import Screen
+from mam_sim.options import Verb
+
+
+@dataclass(frozen=True, kw_only=True)
+class Deploy(Verb):
+    """Rehearse the policy in the twin from where arm and object are, then run it on the arm.
+
+    Workspace, speed and pressing are limited; Ctrl-C stops the arm where it is.
+    """
+
+    run_folder: Positional[Path]
+    """A run of mam-sim train --deployable."""
+    setup: Path
+    """Folder that mam-sim calibrate has filled."""
+    robot: Path | None = None
+    """Robot of LeRobot (YAML); default: robot.yaml of the set-up."""
+    nominal: bool = False
+    """Take the camera and the mapping as they are meant, not as calibrated."""
+    dry_run: bool = False
+    """Rehearse in the twin and stop; nothing moves."""
+    episodes: Annotated[int, Range(1, 1000)] = 1
+    """How many; the object is put back between them."""
+    steps: Annotated[int, Range(1, 100_000)] = 200
+    """Control steps of one, 20 a second."""
+    safety: Annotated[SafetyConfig, OmitArgPrefixes] = field(default_factory=SafetyConfig)
+    yes: bool = False
+    """Do not ask before the arm moves, nor for the object to be put back."""
+    json: bool = False
+    """Print the result as JSON."""
+
+    def run(self) -> int:
+        """Rehearse, run, and say how far the joint went."""
+        from mam_policies.deployment.pilot import open_pilot
+        from mam_policies.deployment.rollout import rehearse
+        from mam_sim.asking import ask
+
+        screen = Screen(self.quiet or self.json)
+        attempts: list[Any] = []
+        strip = self.setup / "rehearsal.png"
+        with open_pilot(
+            self.run_folder, self.setup, self.robot, self.safety, self.nominal
+        ) as pilot:
+            plan = rehearse(self.run_folder, pilot.find(), pilot.joints(), strip)
+            low, high = plan["hand"]
+            said = "succeeds" if plan["success"] else "fails"
+            screen.say(f"in the twin: {said} after {plan['steps']} steps")
+            screen.say(f"its hand:    from {low} to {high} m in the robot's base frame")
+            screen.say(f"pictures:    {strip}")
+            if not plan["success"]:
+                raise NotPhysicalError(
+                    f"the policy fails in the twin from here: it opens {plan['open_fraction']:.2f} "
+                    "of the way. Nothing was moved. Is the object where the policy knows it?"
+                )
+            for k in range(0 if self.dry_run else self.episodes):
+                if k:
+                    ask("Put arm and object back.", self.yes)
+                    pilot.arm.begin()
+                ask("The policy is going to move the arm.", self.yes)
+                attempts.append(pilot.run(self.steps))
+                a = attempts[-1]
+                screen.say(
+                    f"episode {k}: {'success' if a.success else 'no success'}, opened "
+                    f"{100 * a.opened:.0f} % of the way in {a.steps} steps; speed cut in {a.cut}"
+                )
+        if self.json:
+            screen.json({"rehearsal": plan, "episodes": [asdict(a) for a in attempts]})
+        return 0
