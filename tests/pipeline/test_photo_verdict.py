@@ -22,11 +22,12 @@ from mam_pipeline.photo.find import Found
 from mam_pipeline.photo.front import FrontReading
 from mam_pipeline.photo.handles import Blob
 from mam_pipeline.photo.image import read_photo
-from mam_pipeline.photo.layout import rows_text
+from mam_pipeline.photo.layout import cells_of_layout, layout_text
 from mam_pipeline.photo.mask import ObjectMask
 from mam_pipeline.photo.measure import USUAL, usual_size
 from mam_pipeline.photo.options import CATEGORY_NAMES, PhotoOptions, parse_layout, parse_options
 from mam_pipeline.photo.panel import Panel
+from mam_pipeline.photo.seams import find_seams
 from mam_pipeline.photo.verdict import (
     Judgement,
     fills_the_picture,
@@ -122,23 +123,39 @@ def test_doubt_about_the_kind_is_doubt_about_the_size() -> None:
     assert sure.spread < 0.06 < unsure.spread
 
 
-@pytest.mark.parametrize("text", ["3 drawers", "2 drawers / 2 doors", "drawer, drawer", "2 doors"])
+LAYOUTS = [
+    "3 drawers", "2 drawers / 2 doors", "drawer, drawer", "door, drawer / open", "door | 4 drawers",
+    "4 drawers | 2 doors / drawer", "drawer / door | 3 drawers | drawer / door",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", LAYOUTS)
 def test_a_layout_is_said_as_it_is_typed(text: str) -> None:
-    rows = parse_layout(text)
+    columns = parse_layout(text).columns
     panels = []
-    for i, row in enumerate(rows):
-        cells = [kind for kind, n in row for _ in range(n)]
-        for k, kind in enumerate(cells):
-            box = (k / len(cells), i / len(rows), (k + 1) / len(cells), (i + 1) / len(rows))
-            panels.append((kind, box))
-    again = parse_layout(rows_text(panels))
-    assert [sum(n for _, n in row) for row in again] == [sum(n for _, n in row) for row in rows]
-    assert rows_text(panels) in (text, "door, door")
+    for c, rows in enumerate(columns):
+        for i, row in enumerate(rows):
+            cells = [kind for kind, n in row for _ in range(n)]
+            for k, kind in enumerate(cells):
+                u = [(c + q / len(cells)) / len(columns) for q in (k, k + 1)]
+                panels.append((kind, (u[0], i / len(rows), u[1], (i + 1) / len(rows))))
+    assert parse_layout(layout_text(panels)) == parse_layout(text)
 
 
-def test_what_is_not_in_rows_cannot_be_said() -> None:
-    assert rows_text([("door", (0, 0, 0.5, 1)), ("drawer", (0.5, 0, 1, 0.5)),
-                      ("drawer", (0.5, 0.5, 1, 1))]) == ""  # fmt: skip
+def test_a_pinwheel_cannot_be_said() -> None:
+    assert layout_text([("door", (0, 0, 0.6, 0.4)), ("door", (0.6, 0, 1, 0.6)),
+                        ("door", (0.4, 0.6, 1, 1)), ("door", (0, 0.4, 0.4, 1))]) == ""  # fmt: skip
+
+
+def test_columns_are_cut_at_their_lines_and_then_into_rows() -> None:
+    image = np.full((400, 600, 3), 190, np.uint8)
+    cv2.line(image, (200, 0), (200, 400), (60, 60, 60), 3)
+    cv2.line(image, (200, 200), (600, 200), (60, 60, 60), 3)
+    cells = cells_of_layout(find_seams(image), [], parse_layout("door | 2 drawers"))
+    want = [("door", (0, 0, 200, 400)), ("drawer", (200, 0, 600, 200)),
+            ("drawer", (200, 200, 600, 400))]  # fmt: skip
+    for (kind, box), (truth, corners) in zip(cells, want, strict=True):
+        assert kind == truth and np.allclose(box, corners, atol=8)
 
 
 def test_panels_are_never_surer_than_their_box() -> None:
@@ -186,13 +203,17 @@ def test_doubt_about_what_it_is_is_asked() -> None:
         stop_if_unsure(two_drawers(), judged, PhotoOptions(), "a.jpg", 1.0)
 
 
-def test_a_lone_tall_door_without_sides_may_be_of_a_room() -> None:
+def test_tall_doors_without_sides_may_be_of_a_room() -> None:
     found = two_drawers(0.5)
-    door = Panel((4.0, 2.0, 96.0, 198.0), "door", "left")
-    found = replace(found, reading=replace(found.reading, panels=(door,)), side_share=0.0)
-    assert may_be_a_room_door(found, PhotoOptions())
+    pair = tuple(Panel((x, 2.0, x + 46, 198.0), "door", "left") for x in (2.0, 52.0))
+    found = replace(found, reading=replace(found.reading, panels=pair), side_share=0.0)
+    one = replace(found, reading=replace(found.reading, panels=pair[:1]))
+    assert may_be_a_room_door(found, PhotoOptions()) and may_be_a_room_door(one, PhotoOptions())
     assert not may_be_a_room_door(found, PhotoOptions(category="wardrobe"))
     assert not may_be_a_room_door(replace(found, side_share=0.3), PhotoOptions())
+    assert not may_be_a_room_door(found, PhotoOptions(), Looks({"refrigerator": 1.0}))
+    with pytest.raises(HintNeeded, match="door of a room"):
+        stop_if_unsure(found, words(), PhotoOptions(), "a.jpg", 1.0)
 
 
 def test_an_object_cut_off_all_round_is_refused() -> None:

@@ -44,10 +44,12 @@ TEXT = (
     "face without legs, [x, y] each, in thousandths of the picture's width and height from the top "
     "left, in the order top left, top right, bottom right, bottom left of the front.\n"
     "rows: what the front holds, row by row from the top, each row from the left: drawer, door, "
-    "open (a compartment without a door) or fixed (a panel that does not move). Where columns "
-    "differ in height so that no rows can be told, leave rows empty."
+    "open (a compartment without a door) or fixed (a panel that does not move). Where columns have "
+    "rows of their own, give each column as an entry of columns instead, from the left, and leave "
+    "rows empty."
 )
 Kind = Literal["drawer", "door", "open", "fixed"]
+Rows = Annotated[list[Annotated[list[Kind], Field(min_length=1)]], Field(max_length=20)]
 Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
@@ -59,7 +61,14 @@ class PhotoReading(BaseModel):
     what: Annotated[str, Field(min_length=1, max_length=80)]
     category: str = ""
     front: Annotated[list[Corner], Field(max_length=4)] = []
-    rows: Annotated[list[Annotated[list[Kind], Field(min_length=1)]], Field(max_length=20)] = []
+    rows: Rows = []
+    columns: Annotated[list[Rows], Field(max_length=10)] = []
+
+    @property
+    def layout(self) -> str:
+        """The panels as `--layout` takes them; empty where nothing was said."""
+        columns = self.columns or ([self.rows] if self.rows else [])
+        return " | ".join(" / ".join(", ".join(row) for row in rows) for rows in columns)
 
 
 def read_by_model(path: Path, reader: str, given: dict[str, Any]) -> dict[str, Any]:
@@ -86,7 +95,7 @@ def read_by_model(path: Path, reader: str, given: dict[str, Any]) -> dict[str, A
     out = {
         "category": answer.category,
         "front": [round(float(v), 1) for v in pixels.reshape(-1)],
-        "layout": " / ".join(", ".join(row) for row in answer.rows),
+        "layout": answer.layout,
     }
     return {**{k: v for k, v in out.items() if v}, **given}
 
@@ -131,8 +140,8 @@ def faults(answer: PhotoReading) -> str:
         return "front must lie in the picture: thousandths of its width and height, 0 to 1000"
     try:
         parse_options({"front": values.tolist()})
-        if answer.rows:
-            parse_options({"layout": " / ".join(", ".join(row) for row in answer.rows)})
+        if answer.layout:
+            parse_options({"layout": answer.layout})
     except ConfigError as error:
         return str(error)
     return ""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mam_pipeline.errors import InputError, MamSimError
 from mam_pipeline.photo.find import Found, find_object
 from mam_pipeline.photo.image import Photo, make_photo, read_photo
-from mam_pipeline.photo.layout import rows_text
+from mam_pipeline.photo.layout import layout_text
 from mam_pipeline.photo.options import PhotoOptions, parse_options
 from mam_pipeline.photo.score import (
     FoundPanel,
@@ -80,7 +80,7 @@ def score_image(
 
 def layout_of(truth: PhotoTruth) -> str | None:
     """The layout text a user would type for a piece, or None if rows cannot say it."""
-    return rows_text([(p.kind, p.rect) for p in truth.panels]) or None
+    return layout_text([(p.kind, p.rect) for p in truth.panels]) or None
 
 
 def yolo_items(folder: Path) -> Iterator[tuple[Path, list[tuple[str, Array]]]]:

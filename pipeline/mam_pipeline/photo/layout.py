@@ -9,31 +9,45 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.photo.handles import Blob
-from mam_pipeline.photo.options import Layout
+from mam_pipeline.photo.options import Layout, Rows
 from mam_pipeline.photo.seams import Seams
 
 Array = NDArray[np.float64]
 Cell = tuple[str, tuple[int, int, int, int]]
-SAME_ROW = 0.03  # of the height: middles of panels in one row are nearer
+Placed = tuple[str, Sequence[float] | Array]  # kind, rectangle
+OVERLAP = 0.3  # of a panel: so far may two rows or columns run into each other
 MARGIN = 0.3  # the outermost panels begin within this share of the front
 
 
 def cells_of_layout(seams: Seams, blobs: list[Blob], layout: Layout) -> list[Cell]:
-    """(kind, (x0, y0, x1, y1)) of every cell of a layout, rows from the top."""
+    """(kind, (x0, y0, x1, y1)) of every cell of a layout, column by column, rows from the top."""
     w, h = int(seams.xs[-1]), int(seams.ys[-1])
-    rows = [[kind for kind, n in row for _ in range(n)] for row in layout]
-    marks = [b.center[1] for b in blobs if b.score > 0.5]
-    support_y = _profile(seams.horizontal, 1)
-    tall = np.array([1.6 if "door" in r and "drawer" not in r else 1.0 for r in rows])
-    ys = split(support_y, tall, marks)
+    knobs = [b.center for b in blobs if b.score > 0.5]
+    xs = [0, w]
+    if len(layout.columns) > 1:
+        wide = np.array([max(sum(n for _, n in row) for row in rows) for rows in layout.columns])
+        xs = split(_profile(seams.vertical, 0), wide.astype(float), [x for x, _ in knobs])
     out: list[Cell] = []
-    for row, y0, y1 in zip(rows, ys[:-1], ys[1:]):
-        support = _profile(seams.vertical[y0:y1], 0)
-        inside = [b.center[0] for b in blobs if b.score > 0.5 and y0 < b.center[1] < y1]
-        wide = np.ones(len(row))
-        xs = split(support, wide, inside)
-        out += [(kind, (a, y0, b, y1)) for kind, a, b in zip(row, xs[:-1], xs[1:])]
+    for rows, x0, x1 in zip(layout.columns, xs[:-1], xs[1:]):
+        inside = [(x - x0, y) for x, y in knobs if x0 < x < x1]
+        cells = _cells_of_rows(seams.horizontal[:, x0:x1], seams.vertical[:, x0:x1], inside, rows)
+        out += [(kind, (a + x0, y0, b + x0, y1)) for kind, (a, y0, b, y1) in cells]
     return [(k, (max(a, 0), max(c, 0), min(b, w), min(d, h))) for k, (a, c, b, d) in out]
+
+
+def _cells_of_rows(
+    horizontal: Array, vertical: Array, knobs: list[tuple[float, float]], rows: Rows
+) -> list[Cell]:
+    """The cells of rows in a window of the front, given the lines and handles in it."""
+    kinds = [[kind for kind, n in row for _ in range(n)] for row in rows]
+    tall = np.array([1.6 if "door" in r and "drawer" not in r else 1.0 for r in kinds])
+    ys = split(_profile(horizontal, 1), tall, [y for _, y in knobs])
+    out: list[Cell] = []
+    for row, y0, y1 in zip(kinds, ys[:-1], ys[1:]):
+        inside = [x for x, y in knobs if y0 < y < y1]
+        xs = split(_profile(vertical[y0:y1], 0), np.ones(len(row)), inside)
+        out += [(kind, (a, y0, b, y1)) for kind, a, b in zip(row, xs[:-1], xs[1:])]
+    return out
 
 
 def _profile(response: Array, axis: int) -> Array:
@@ -80,24 +94,42 @@ def split(support: Array, shares: Array, marks: list[float]) -> list[int]:
     return [int(grid[i]) for i in reversed(path)]
 
 
-def rows_text(panels: Sequence[tuple[str, Sequence[float] | Array]]) -> str:
-    """Kinds and rectangles (u0, v0, u1, v1; 0..1 of the front) as "2 drawers / 2 doors".
+def layout_text(panels: Sequence[Placed]) -> str:
+    """Kinds and rectangles (u0, v0, u1, v1; 0..1 of the front) as `--layout` takes them.
 
-    Empty where the panels do not lie in rows.
+    Empty where the panels lie neither in rows nor in columns of rows.
     """
-    rows: list[list[tuple[str, Sequence[float] | Array]]] = []
-    for panel in sorted(panels, key=lambda p: p[1][1] + p[1][3]):
-        middle = (panel[1][1] + panel[1][3]) / 2
-        if rows and abs((rows[-1][0][1][1] + rows[-1][0][1][3]) / 2 - middle) < SAME_ROW:
-            rows[-1].append(panel)
-        else:
-            rows.append([panel])
-    lows = [min(box[1] for _, box in row) for row in rows]
-    highs = [max(box[3] for _, box in row) for row in rows]
-    if any(low < high - SAME_ROW for low, high in zip(lows[1:], highs)):
-        return ""
+    rows = _rows_text(panels)
+    if rows or not panels:
+        return rows
+    columns = [_rows_text(column) for column in _apart(panels, 0)]
+    return " | ".join(columns) if len(columns) > 1 and all(columns) else ""
+
+
+def _apart(panels: Sequence[Placed], axis: int) -> list[list[Placed]]:
+    """Panels in groups between which a straight line leads all along the front.
+
+    Args:
+        axis: 0 for groups from the left, 1 for groups from above.
+    """
+    out: list[list[Placed]] = []
+    reach = -np.inf
+    for panel in sorted(panels, key=lambda p: p[1][axis] + p[1][axis + 2]):
+        low, high = panel[1][axis], panel[1][axis + 2]
+        if low > reach - OVERLAP * (high - low):
+            out.append([])
+        out[-1].append(panel)
+        reach = max(reach, high)
+    return out
+
+
+def _rows_text(panels: Sequence[Placed]) -> str:
+    """Rows of panels side by side as "2 drawers / 2 doors"; empty where they do not lie so."""
+    rows = _apart(panels, 1)
     said = []
     for row in rows:
+        if len(_apart(row, 0)) != len(row):
+            return ""
         kinds = [kind for kind, _ in sorted(row, key=lambda p: p[1][0])]
         cells = []
         for kind, run in groupby(kinds):

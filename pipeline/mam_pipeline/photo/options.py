@@ -19,7 +19,20 @@ CATEGORY_NAMES = (
     "nightstand", "drawer_unit", "cabinet", "sideboard", "wardrobe", "bookcase", "desk", "safe",
     "fridge", "microwave", "oven", "dishwasher", "washing_machine",
 )  # fmt: skip
-Layout = tuple[tuple[tuple[str, int], ...], ...]
+Rows = tuple[tuple[tuple[str, int], ...], ...]
+"""Rows from the top; each a tuple of (kind, count) from the left."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a front holds: columns from the left, each of rows; most fronts are one column."""
+
+    columns: tuple[Rows, ...]
+
+    @property
+    def count(self) -> int:
+        """How many panels."""
+        return sum(n for rows in self.columns for row in rows for _, n in row)
 
 
 @dataclass(frozen=True)
@@ -36,7 +49,8 @@ class PhotoConfig:
     front: tuple[float, float, float, float, float, float, float, float] | None = None
     """Corners of the front, pixels, x y each: top left, top right, bottom right, bottom left."""
     layout: str | None = None
-    """What the front holds, row by row: "3 drawers", "2x3 drawers", "2 drawers / 2 doors"."""
+    """What the front holds, row by row: "3 drawers", "2x3 drawers", "2 drawers / 2 doors"; columns
+    of rows with |, as in "door | 4 drawers"."""
     width: Length | None = None
     """Width of the object, metres."""
     depth: Length | None = None
@@ -59,7 +73,7 @@ class PhotoOptions:
         bbox: (x0, y0, x1, y1) pixels of the upright file around the object.
         mask: a picture file, white where the object is.
         front: (4, 2) corners of the front face TL, TR, BR, BL, pixels of the upright file.
-        layout: rows from the top; each row a tuple of (kind, count) from the left.
+        layout: what the front holds.
         height, width, depth: metres of the whole object; any one fixes the scale.
         hints: an annotated hints file (with `photo_front`): nothing is searched for then.
     """
@@ -116,7 +130,7 @@ def _parse(key: str, value: Any) -> Any:
             raise ConfigError(f"no mask picture at {path}")
         return path
     if key == "layout":
-        return value if isinstance(value, tuple) else parse_layout(str(value))
+        return value if isinstance(value, Layout) else parse_layout(str(value))
     if key == "category":
         name = str(value).strip().lower().replace(" ", "_").replace("-", "_")
         if name not in CATEGORY_NAMES:
@@ -140,9 +154,18 @@ def parse_layout(text: str) -> Layout:
     """Read "3 drawers", "2x3 drawers" (rows x columns), "2 drawers / 2 doors", "drawer, door".
 
     Rows are separated by "/", cells of a row by "," or "+". "3 drawers" alone is three rows.
+    Columns that have rows of their own are separated by "|": "door | 4 drawers".
     """
+    layout = Layout(tuple(_rows(text, column) for column in text.lower().split("|")))
+    if not 1 <= layout.count <= 60:
+        raise ConfigError(f"layout {text!r} must have between 1 and 60 panels")
+    return layout
+
+
+def _rows(text: str, column: str) -> Rows:
+    """The rows of one column of a layout."""
     rows: list[tuple[tuple[str, int], ...]] = []
-    pieces = [r.strip() for r in text.lower().split("/")]
+    pieces = [r.strip() for r in column.split("/")]
     for piece in pieces:
         cells: list[tuple[str, int]] = []
         grid = 1
@@ -162,7 +185,7 @@ def parse_layout(text: str) -> Layout:
             rows += [(("drawer", 1),)] * cells[0][1]  # a lone "3 drawers" is a stack
         else:
             rows += [tuple(cells)] * grid
-    if sum(n for row in rows for _, n in row) > 60 or any(n < 1 for r in rows for _, n in r):
+    if any(n < 1 for row in rows for _, n in row):
         raise ConfigError(f"layout {text!r} must have between 1 and 60 panels")
     return tuple(rows)
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from mam_pipeline.errors import ConfigError, HintNeeded, InputError, NotThisKind
 from mam_pipeline.photo.find import Found
 from mam_pipeline.photo.image import read_photo
+from mam_pipeline.photo.layout import layout_text
 from mam_pipeline.photo.options import parse_options
 from mam_pipeline.photo.panel import Panel
 from mam_pipeline.photo.reconstruct import read_object
@@ -92,6 +93,12 @@ def marks_of(truth: Mapping[str, Any]) -> list[Mark]:
     ]  # fmt: skip
 
 
+def layout_of(truth: Mapping[str, Any]) -> str | None:
+    """The layout that a person would type for a photo of a truth file; None if none can."""
+    marked = [(p["kind"], p["box"]) for p in truth.get("panels", ())]
+    return str(truth.get("layout") or layout_text(marked)) or None
+
+
 def compared(found: Found, truth: Sequence[Mark], scale: float) -> str:
     """right | usable | wrong; `scale`: small pixels per pixel of the truth."""
     ours = found.reading.movable
@@ -131,9 +138,15 @@ def _upright(quad: Array) -> Array:
 
 
 def outcomes_of_folder(
-    folder: Path, truth: Path, on_photo: Callable[[str], None] = lambda _line: None
+    folder: Path,
+    truth: Path,
+    on_photo: Callable[[str], None] = lambda _line: None,
+    layout: bool = False,
 ) -> dict[str, Any]:
     """Outcomes of the photos that a truth file names, and their shares.
+
+    Args:
+        layout: give the true layout of each closed photo, as a person does who is asked.
 
     Returns:
         `photos` (a row each), the number of each outcome of closed, open and other photos, and
@@ -146,7 +159,7 @@ def outcomes_of_folder(
     for name, told in load_truth(truth).items():
         if not (folder / name).is_file():
             raise ConfigError(f"{truth.name} names {name}, which is not in {folder}")
-        row = outcome_of(folder / name, told, {})
+        row = outcome_of(folder / name, told, {"layout": layout_of(told)} if layout else {})
         rows.append(row)
         on_photo(f"{name:<32} {row.scope:<7} {row.outcome:<8} {row.said.splitlines()[0][:150]}")
     out: dict[str, Any] = {"photos": [vars(r) for r in rows]}

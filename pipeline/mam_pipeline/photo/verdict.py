@@ -15,14 +15,15 @@ from mam_pipeline.photo.category import Looks, look
 from mam_pipeline.photo.find import Found
 from mam_pipeline.photo.front import FrontReading
 from mam_pipeline.photo.image import Photo
-from mam_pipeline.photo.layout import rows_text
+from mam_pipeline.photo.layout import layout_text
 from mam_pipeline.photo.options import PhotoOptions
 
 OUT = 0.2  # of the probability that it is in scope: below, nothing is made
 SURE = 0.6  # below, the user is asked what it is
 NAMED = 0.35  # probability from which a stranger is called by its name
 BORDER = 0.01  # of the picture's side: nearer to its edge an object is cut off there
-TALL = 0.6  # width over height below which a lone flat door may be one of a room
+TALL = 0.85  # width over height of the doors of a room is less
+APPLIANCES = ("refrigerator", "microwave", "oven", "dishwasher", "washing machine", "safe")
 WORST = 0.62  # cost of a box that explains the photo so badly that it is never believed
 ORDER = ("low", "medium", "high")
 
@@ -36,20 +37,28 @@ class Judgement:
 
 
 def seen_as(photo: Photo, options: PhotoOptions) -> Looks | None:
-    """What the photo, or the user's box in it, looks like; None where the user says what it is."""
-    if options.category is not None or options.hints is not None:
+    """What the photo, or the user's box in it, looks like.
+
+    None where the user says what it is, or gives a mask: what a thing is cut out of is part of its
+    looks.
+    """
+    if options.category is not None or options.hints is not None or options.mask is not None:
         return None
     picture = photo.small
     if options.bbox is not None:
         x0, y0, x1, y1 = (round(v * photo.scale) for v in options.bbox)
         cut = picture[max(y0, 0) : y1, max(x0, 0) : x1]
-        picture = np.ascontiguousarray(cut) if min(cut.shape[:2]) > 8 else picture
+        if min(cut.shape[:2]) < 8:  # it lies outside the picture, as the masks will say
+            return None
+        picture = np.ascontiguousarray(cut)
     return look(picture)
 
 
 def stop_if_out_of_scope(looks: Looks | None, options: PhotoOptions, path: str) -> None:
     """Raise NotThisKind for a photo that shows something else than box furniture."""
-    if looks is None or options.front or options.accept_low_confidence or looks.in_scope >= OUT:
+    if looks is None or looks.in_scope >= OUT:
+        return
+    if options.front or options.layout or options.accept_low_confidence:  # the user sees a front
         return
     kind, p = looks.stranger
     if p >= NAMED:
@@ -119,11 +128,11 @@ def stop_if_unsure(
             f"the object in {path} looks open ({found.why}); photograph it closed, or mark its "
             f"front:\n{_annotate(path)}"
         )
-    if looks is not None and looks.in_scope < SURE and not found.front_given:
+    if looks is not None and looks.in_scope < SURE and not (found.front_given or options.layout):
         few = [f"{_a(k)} ({p:.2f})" for k, p in list(looks.kinds.items())[:2]]
         why = f"what {path} shows is uncertain: {' or '.join(few)}"
-    elif may_be_a_room_door(found, options):
-        why = f"{path} may show the door of a room, which has no box behind it"
+    elif may_be_a_room_door(found, options, looks):
+        why = f"{path} may show a door of a room or a passage, which has no box behind it"
     elif not found.front_given and fills_the_picture(found):
         why = f"the object in {path} is cut off by the picture's edges on all sides"
     elif judged.words["cuboid"] == "low":
@@ -137,17 +146,21 @@ def stop_if_unsure(
     raise HintNeeded(f"{why}.\n{next_step(found, judged, options, path, scale)}")
 
 
-def may_be_a_room_door(found: Found, options: PhotoOptions) -> bool:
-    """One tall door that takes up nearly all of a front whose sides are not seen."""
+def may_be_a_room_door(found: Found, options: PhotoOptions, looks: Looks | None = None) -> bool:
+    """One or two doors as high as a tall front whose sides are not seen.
+
+    A door of a room, or a passage in a wall, looks so; an appliance that is known does not count.
+    """
     if options.category is not None or options.layout is not None:
+        return False
+    if looks is not None and sum(looks.kinds.get(kind, 0.0) for kind in APPLIANCES) > 0.5:
         return False
     w, _, h = found.shape
     panels = found.reading.movable
-    if w / h > TALL or found.depth_from == "observed" or len(panels) != 1:
+    if w / h > TALL or found.depth_from == "observed" or not 1 <= len(panels) <= 2:
         return False
-    x0, y0, x1, y1 = panels[0].box
-    size = found.reading.image.shape
-    return (x1 - x0) * (y1 - y0) > 0.5 * size[0] * size[1] and panels[0].kind == "door"
+    height = found.reading.image.shape[0]
+    return all(p.kind == "door" and p.box[3] - p.box[1] > 0.7 * height for p in panels)
 
 
 def fills_the_picture(found: Found) -> bool:
@@ -165,12 +178,13 @@ def next_step(
     """What was read, the line that says so, to be corrected and typed, and the page to click on."""
     words = ["mam-sim", "make-env", path]
     text = layout_as_read(found.reading)
-    lines = [f"Read: {text}." if text else "What was read cannot be said row by row."]
+    lines = [f"Read: {text}." if text else "What was read cannot be said in rows or columns."]
     unsure_box = judged.words["cuboid"] == "low" or fills_the_picture(found)
     if unsure_box and not found.front_given:
         corners = (found.quad / scale).round().astype(int).reshape(-1)
         words += ["--front", ",".join(map(str, corners))]
-    if judged.looks is not None and judged.looks.in_scope < SURE:
+    doubted = judged.looks is not None and judged.looks.in_scope < SURE
+    if doubted or may_be_a_room_door(found, options, judged.looks):
         words += ["--category", "cabinet"]
     if text and not options.layout:
         words += ["--layout", text]
@@ -181,10 +195,10 @@ def next_step(
 
 
 def layout_as_read(reading: FrontReading) -> str:
-    """The layout of a front as `--layout` takes it; empty where rows cannot say it."""
+    """The layout of a front as `--layout` takes it; empty where it cannot be said so."""
     height, width = reading.image.shape[:2]
     size = np.array([width, height] * 2)
-    return rows_text([(p.kind, np.array(p.box) / size) for p in reading.panels])
+    return layout_text([(p.kind, np.array(p.box) / size) for p in reading.panels])
 
 
 def _annotate(path: str) -> str:
