@@ -179,6 +179,32 @@ def Xform "a" {arcs}
  }}
 }}
 """
+DAE = """<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><unit meter="1"/><up_axis>Z_UP</up_axis></asset>
+<library_images><image id="i"><init_from>{name}</init_from></image></library_images>
+<library_effects><effect id="e"><profile_COMMON>
+<newparam sid="f"><surface type="2D"><init_from>i</init_from></surface></newparam>
+<newparam sid="a"><sampler2D><source>f</source></sampler2D></newparam>
+<technique sid="t"><lambert><diffuse><texture texture="a" texcoord="U"/></diffuse></lambert>
+</technique></profile_COMMON></effect></library_effects>
+<library_materials><material id="m"><instance_effect url="#e"/></material></library_materials>
+<library_geometries><geometry id="g"><mesh>
+<source id="p"><float_array id="pa" count="12">0 0 0 1 0 0 0 1 0 0 0 1</float_array>
+<technique_common><accessor source="#pa" count="4" stride="3"><param name="X" type="float"/>
+<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
+<source id="t"><float_array id="ta" count="6">0 0 1 0 0 1</float_array>
+<technique_common><accessor source="#ta" count="3" stride="2"><param name="S" type="float"/>
+<param name="T" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="4" material="w"><input semantic="VERTEX" source="#v" offset="0"/>
+<input semantic="TEXCOORD" source="#t" offset="1" set="0"/>
+<p>0 0 2 1 1 2 0 0 1 1 3 2 0 0 3 1 2 2 1 0 2 1 3 2</p></triangles></mesh></geometry>
+</library_geometries><library_visual_scenes><visual_scene id="s"><node id="n">
+<instance_geometry url="#g"><bind_material><technique_common>
+<instance_material symbol="w" target="#m"/></technique_common></bind_material></instance_geometry>
+</node></visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
 MJCF = """<mujoco><compiler meshdir="{folder}"/><asset><mesh name="m" file="{name}"/></asset>
 <worldbody><body><joint type="hinge"/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>"""
 
@@ -202,13 +228,8 @@ def _gltf(folder: Path, kind: str, name: str) -> str:
     return json.dumps(doc)
 
 
-def _dae(folder: Path, name: str) -> str:
-    """A box whose effect shows a picture."""
-    text = box(folder, "a.dae").decode()
-    image = f'<library_images><image id="i"><init_from>{name}</init_from></image></library_images>'
-    return text.replace("<library_effects>", f"{image}<library_effects>", 1).replace(
-        "</asset>", f"</asset>{'' if '<library_effects>' in text else image}", 1
-    )
+def _dae(_: Path, name: str) -> str:
+    return DAE.format(name=name)
 
 
 def _usdz(folder: Path, name: str) -> bytes:
