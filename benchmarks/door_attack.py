@@ -36,6 +36,8 @@ from mam_sim.cli import main as mam_sim
 
 CONTROL = "control"
 """Not an attack: a file of the folder itself, which must be opened."""
+NEVER = ("3MF entry", "URDF texture", "MJCF mesh")
+"""Places of which no file is ever opened."""
 SECONDS = 60.0
 """A command that takes longer hangs."""
 _IN_ACCESS, _IN_OPEN, _IN_ISDIR = 0x1, 0x20, 0x40000000
@@ -343,7 +345,7 @@ def _on_assets(
         for way, name, folder in each(secret):
             copy = folder / "asset"
             shutil.copytree(asset, copy)
-            for link in [p for p in folder.iterdir() if p.is_symlink() or p.is_fifo()]:
+            for link in [p for p in folder.iterdir() if not p.is_dir() or p.is_symlink()]:
                 link.rename(copy / link.name)  # names are meant from where they stand
             name = name.replace("../foreign", "../../foreign")
             if place == "card urdf":
@@ -355,6 +357,8 @@ def _on_assets(
                 (copy / "object.urdf").write_text(text.replace(old, name, 1))
             elif "/" in name or "\\" in name:
                 continue  # stages name no files: only what lies there counts
+            elif way == CONTROL:
+                continue
             else:
                 (copy / "stages" / "1_primitives").mkdir(parents=True, exist_ok=True)
                 (copy / name).rename(copy / "stages" / "1_primitives" / f"x{Path(name).suffix}")
@@ -372,7 +376,8 @@ def run(attack: Attack, watch: Watch) -> Outcome:
     """One command in a process of its own."""
     log = attack.folder / "log"
     if attack.way == CONTROL:
-        watch = Watch(attack.folder / "asset" if attack.place == "asset mesh" else attack.folder)
+        inner = attack.place in ("asset mesh", "card urdf")
+        watch = Watch(attack.folder / "asset" if inner else attack.folder)
     watch.opened()
     child = os.fork()
     if child == 0:
@@ -429,6 +434,8 @@ def main(only: str = "", out: Path | None = None) -> None:
         watch = Watch(foreign)
         for attack in attacks(scratch, scratch / "asset"):
             if only.lower() not in attack.place.lower():
+                continue
+            if attack.way == CONTROL and attack.place in NEVER:
                 continue
             rows.append(run(attack, watch))
             if not rows[-1].held:

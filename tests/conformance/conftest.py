@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Iterator
+from ctypes.util import find_library
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,8 @@ import pytest
 from mam_pipeline.asset.card import Asset
 from tests.conformance.assets import ASSETS
 
+if find_library("EGL"):  # MuJoCo asks at import; without it, it draws on a screen only
+    os.environ.setdefault("MUJOCO_GL", "egl")
 COMMAND = "pytest tests/conformance --conformance-out docs/results"
 PACKAGES = ("sapien", "mujoco", "pybullet", "yourdfpy", "usd-core")
 
@@ -41,8 +45,15 @@ def motion() -> dict[str, dict[str, float]]:
 
 
 @pytest.fixture(scope="session")
+def pictures() -> list[dict[str, Any]]:
+    """How alike pictures of other simulators are to ours, by asset and simulator."""
+    return []
+
+
+@pytest.fixture(scope="session")
 def rows(
-    request: pytest.FixtureRequest, motion: dict[str, dict[str, float]]
+    request: pytest.FixtureRequest, motion: dict[str, dict[str, float]],
+    pictures: list[dict[str, Any]],
 ) -> Iterator[list[dict[str, Any]]]:
     """Rows of the table, which is written at the end if `--conformance-out` names a folder."""
     out: list[dict[str, Any]] = []
@@ -50,7 +61,8 @@ def rows(
     folder = request.config.getoption("--conformance-out", None)
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
-        data = {"command": COMMAND, "versions": _versions(), "rows": out, "motion": motion}
+        data = {"command": COMMAND, "versions": _versions(), "rows": out, "motion": motion,
+                "pictures": pictures}  # fmt: skip
         (folder / "conformance.json").write_text(json.dumps(data, indent=1) + "\n")
         (folder / "conformance.md").write_text(_page(data), encoding="utf-8")
 
@@ -109,6 +121,20 @@ def _page(data: dict[str, Any]) -> str:
     for name, found in data["motion"].items():
         shares = " | ".join(f"{100 * found[k]:.2f} %" for k in ("way", "end"))
         lines.append(f"| {name} | {shares} | {_cell(found['drift'])} |")
+    lines += [
+        "",
+        "## The same picture",
+        "",
+        "MuJoCo's renderer and PyBullet's TinyRenderer beside ours, from the same place, by light",
+        "from the same side. Outline is the overlap of the outlines; alike is the structural",
+        "similarity (SSIM) of brightness within them, after mean and spread were made equal.",
+        "",
+        "| asset | drawn by | outline | alike |",
+        "|---|---|---|---|",
+    ]
+    for row in data["pictures"]:
+        shares = f"{row['outline']:.3f} | {row['ssim']:.2f}"
+        lines.append(f"| {row['asset']} | {row['simulator']} | {shares} |")
     return "\n".join(lines) + "\n"
 
 

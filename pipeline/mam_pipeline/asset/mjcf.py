@@ -27,6 +27,7 @@ from mam_pipeline.formats.urdf.admit import admitted
 from mam_pipeline.formats.urdf.geometry import existing
 from mam_pipeline.formats.urdf.tree import MOVING
 from mam_pipeline.formats.urdf.write import numbers
+from mam_pipeline.geometry.shading import corner_normals
 from mam_pipeline.optional import require
 from mam_pipeline.types import FloatArray, Material
 
@@ -177,7 +178,11 @@ class _Files:
             name = free_name(file.stem if k == 0 else f"{file.stem}_{k}", self.taken)
             self.materials[name] = part.materials[0]
             # the picture is named in the XML, so the OBJ needs its coordinates alone
-            write_obj_part(part, self.folder / f"{name}.obj", textured=part.uv is not None)
+            # without normals of the file's, MuJoCo rounds the edges of boxes off
+            write_obj_part(
+                part, self.folder / f"{name}.obj", textured=part.uv is not None,
+                normals=corner_normals(part),
+            )  # fmt: skip
             (self.folder / f"{name}.mtl").unlink()
             own = element
             if k > 0:

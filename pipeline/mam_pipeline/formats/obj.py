@@ -376,7 +376,10 @@ def write_obj(mesh: Mesh, path: Path) -> None:
     _write_mtl(mesh, path)
 
 
-def write_obj_part(mesh: Mesh, path: Path, picture: str = "", *, textured: bool = False) -> None:
+def write_obj_part(
+    mesh: Mesh, path: Path, picture: str = "", *, textured: bool = False,
+    normals: FloatArray | None = None,
+) -> None:  # fmt: skip
     """Write a mesh of one material as one OBJ object with an MTL of the same name beside it.
 
     Positions have the nine digits that give the same float32 back; texture coordinates have those
@@ -387,17 +390,24 @@ def write_obj_part(mesh: Mesh, path: Path, picture: str = "", *, textured: bool 
         path: of the OBJ; its stem names the object and the material.
         picture: the texture's file name, in the same folder; "" for none.
         textured: whether to write texture coordinates.
+        normals: (F, 3, 3) of every corner; None writes none.
     """
     stem = path.stem
     text = [f"mtllib {stem}.mtl\no {stem}\n", _rows("v %.9g %.9g %.9g\n", mesh.vertices)]
     triangles = mesh.faces + 1
+    columns, pattern = [triangles], "%d"
     if textured and mesh.uv is not None:
         flipped = 1.0 - mesh.uv[:, 1].astype(float)
         pairs = zip(mesh.uv[:, 0].tolist(), flipped.tolist())
         text += [f"vt {u:.9g} {v!r}\n" for u, v in pairs]
-        corners = _rows("f %d/%d %d/%d %d/%d\n", np.repeat(triangles, 2, axis=1))
-    else:
-        corners = _rows("f %d %d %d\n", triangles)
+        columns, pattern = [triangles, triangles], "%d/%d"
+    if normals is not None:
+        rows, index = np.unique(normals.reshape(-1, 3).round(6), axis=0, return_inverse=True)
+        text.append(_rows("vn %.6g %.6g %.6g\n", rows))
+        columns.append(index.reshape(-1, 3) + 1)
+        pattern += "/%d" if len(columns) == 3 else "//%d"
+    line = f"f {pattern} {pattern} {pattern}\n"
+    corners = _rows(line, np.stack(columns, axis=2).reshape(len(triangles), -1))
     text += [f"usemtl {stem}\n", corners]
     path.write_text("".join(text), encoding="ascii")
     lines = [f"newmtl {stem}", *_mtl_numbers(mesh.materials[0])]
