@@ -277,3 +277,21 @@ def test_what_mujoco_refuses_is_a_sentence_and_leaves_the_old_export(
     assert "\n" not in str(caught.value)
     assert {p: p.read_bytes() for p in target.parent.rglob("*") if p.is_file()} == before
     assert mujoco.MjModel.from_xml_path(str(target)).nbody == 5
+
+
+def test_usd_shows_boxes_and_moved_and_scaled_meshes(asset: Asset, tmp_path: Path) -> None:
+    """As an asset has them whose URDF was edited by hand."""
+    usd, geom = pytest.importorskip("pxr.Usd"), pytest.importorskip("pxr.UsdGeom")
+    trimesh.creation.box().export(tmp_path / "unit.obj")
+    (tmp_path / "a.urdf").write_text(
+        """<robot name="r"><link name="base"><visual><origin xyz="1 0 0"/><geometry>
+        <box size="1 2 4"/></geometry><material name="m"><color rgba="1 0 0 1"/></material>
+        </visual><visual><origin xyz="0 0 10"/><geometry><mesh filename="unit.obj" scale="2 2 2"/>
+        </geometry></visual></link></robot>"""
+    )
+    card = replace(asset.card, urdf="a.urdf", joints=[], parts=[], grasps=[])
+    out = export_usd(Asset(tmp_path, card), tmp_path / "out" / "object.usd")
+    stage, cache = usd.Stage.Open(str(out)), geom.BBoxCache(usd.TimeCode.Default(), ["default"])
+    box = cache.ComputeWorldBound(stage.GetPseudoRoot()).ComputeAlignedRange()
+    np.testing.assert_allclose([*box.GetMin()], [-1, -1, -2], atol=1e-6)
+    np.testing.assert_allclose([*box.GetMax()], [1.5, 1, 11], atol=1e-6)

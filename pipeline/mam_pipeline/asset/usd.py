@@ -15,10 +15,15 @@ from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.soup import join
-from mam_pipeline.formats.urdf.geometry import existing, origin_of, read_triangles
+from mam_pipeline.formats.urdf.geometry import (
+    existing,
+    origin_of,
+    read_triangles,
+    shape_triangles,
+)
 from mam_pipeline.formats.urdf.tree import MOVING, UrdfTree
 from mam_pipeline.optional import require
-from mam_pipeline.types import FloatArray, Material
+from mam_pipeline.types import FloatArray, Material, Mesh
 
 
 def export_usd(asset: Asset, path: str | Path | None = None) -> Path:
@@ -106,16 +111,35 @@ class _Exporter:
             api.CreateDiagonalInertiaAttr(Gf.Vec3f(*map(float, values)))
             api.CreatePrincipalAxesAttr(_quaternion(vectors))
         for i, shape in enumerate(link.visuals):
-            file = existing(shape.geometry.mesh.filename, self.asset.urdf_path)
-            self._visual(f"/object/{link.name}/visual_{i}", file)
+            self._visual(f"/object/{link.name}/visual_{i}", shape, f"{link.name}_{i}")
         for i, shape in enumerate(link.collisions):
             self._collision(f"/object/{link.name}/collision_{i}", shape)
 
-    def _visual(self, path: str, file: Path) -> None:
+    def _surface(self, shape: Any) -> Mesh | None:
+        """A visual in its link's frame; None for one without a surface."""
+        told, place = shape.geometry.mesh, origin_of(shape)
+        if told is not None:
+            file = existing(told.filename, self.asset.urdf_path)
+            content = read_file(file, self.asset.urdf_path.parent)
+            scale = np.ones(3) if told.scale is None else np.broadcast_to(told.scale, 3)
+            place = place @ np.diag([*scale, 1.0])
+            return join(content.pieces, content.materials).transformed(place)
+        found = shape_triangles(shape.geometry, self.asset.urdf_path.parent)
+        if found is None:
+            return None
+        color = getattr(shape.material, "color", None)
+        look = Material()
+        if color is not None:
+            r, g, b, a = (float(c) for c in color.rgba)
+            look = Material("color", (r, g, b, a))
+        return Mesh(*found, materials=(look,)).transformed(place)
+
+    def _visual(self, path: str, shape: Any, name: str) -> None:
         from pxr import Sdf, UsdGeom, UsdShade
 
-        content = read_file(file, self.asset.urdf_path.parent)
-        mesh = join(content.pieces, content.materials)
+        mesh = self._surface(shape)
+        if mesh is None:
+            return
         assert mesh.face_material is not None
         for k in np.unique(mesh.face_material):
             part = mesh.submesh(mesh.face_material == k)
@@ -128,7 +152,7 @@ class _Exporter:
                 # glTF counts v downwards, USD upwards
                 st.Set([(float(u), 1.0 - float(v)) for u, v in part.uv])
             UsdShade.MaterialBindingAPI.Apply(prim.GetPrim()).Bind(
-                self._material(f"{path}_{k}_material", mesh.materials[k], f"{file.stem}_{k}")
+                self._material(f"{path}_{k}_material", mesh.materials[k], f"{name}_{k}")
             )
 
     def _material(self, path: str, material: Material, name: str) -> Any:
@@ -178,10 +202,13 @@ class _Exporter:
             prim = UsdGeom.Sphere.Define(self.stage, path)
             prim.CreateRadiusAttr(float(g.sphere.radius))
             _place(prim, origin)
+        elif g.mesh is None:
+            return
         else:
             prim = UsdGeom.Mesh.Define(self.stage, path)
             vertices, faces = read_triangles(existing(g.mesh.filename, self.asset.urdf_path))
-            _fill(prim, vertices, faces)
+            scale = 1.0 if g.mesh.scale is None else np.broadcast_to(g.mesh.scale, 3)
+            _fill(prim, vertices * scale, faces)
             _place(prim, origin)
             api = UsdPhysics.MeshCollisionAPI.Apply(prim.GetPrim())
             api.CreateApproximationAttr("convexHull")
