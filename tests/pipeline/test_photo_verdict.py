@@ -84,6 +84,13 @@ def test_a_stranger_is_called_by_its_name() -> None:
         stop_if_out_of_scope(Looks({"oven glove": 0.9, "desk": 0.1}), PhotoOptions(), "x.jpg")
 
 
+def test_kinds_of_which_none_is_likely_are_named_together() -> None:
+    parts = {"seat": 0.3, "table": 0.25, "wardrobe": 0.19, "window": 0.16, "room": 0.1}
+    name, p = Looks(parts).stranger
+    assert name == "room" and p == pytest.approx(0.81)
+    assert Looks({"seat": 0.8, "room": 0.2}).stranger == ("seat", 0.8)
+
+
 def test_nobody_looks_where_the_user_says_what_it_is() -> None:
     photo = read_photo(ROOT / "examples" / "nightstand.jpg")
     assert seen_as(photo, PhotoOptions(category="fridge")) is None

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mam_pipeline.photo import efficientnet
 
+LIKELY = 0.35  # from this probability on a kind is named
 SHARPER = 1.5  # exponent on the probabilities: the training's label smoothing, undone
 
 
@@ -41,9 +42,20 @@ class Looks:
 
     @property
     def stranger(self) -> tuple[str, float]:
-        """The likeliest kind that is out of scope, and its probability."""
+        """The likeliest kind that is out of scope, and its probability.
+
+        Where no kind is likely by itself, the likeliest of what several are together: a room.
+        """
         known = categories()
-        return next(((k, p) for k, p in self.kinds.items() if k not in known), ("thing", 0.0))
+        out = {kind: p for kind, p in self.kinds.items() if kind not in known}
+        best = max(out, key=lambda kind: out[kind], default="thing")
+        if out.get(best, 0.0) < LIKELY:
+            for kind, p in list(out.items()):
+                name = wider().get(kind)
+                if name is not None:
+                    out[name] = out.get(name, 0.0) + p * (name != kind)
+            best = max(out, key=lambda kind: out[kind], default="thing")
+        return best, out.get(best, 0.0)
 
     def categories(self) -> dict[str, float]:
         """Category of size to its probability among the things in scope; they sum to 1."""
@@ -111,3 +123,9 @@ def kinds() -> dict[str, tuple[int, ...]]:
 def categories() -> dict[str, dict[str, float]]:
     """Kind of thing in scope to what it may be: categories of size with their shares."""
     return {name: row["categories"] for name, row in _table().items() if "categories" in row}
+
+
+@lru_cache(maxsize=1)
+def wider() -> dict[str, str]:
+    """Kind of thing to what it is together with others."""
+    return {name: str(row["wider"]) for name, row in _table().items() if "wider" in row}

@@ -11,7 +11,7 @@ import numpy as np
 from mam_pipeline.errors import HintNeeded, NotThisKind
 from mam_pipeline.photo import confidence
 from mam_pipeline.photo.agreement import agreement
-from mam_pipeline.photo.category import Looks, look
+from mam_pipeline.photo.category import LIKELY, Looks, look
 from mam_pipeline.photo.find import Found
 from mam_pipeline.photo.front import FrontReading
 from mam_pipeline.photo.image import Photo
@@ -20,7 +20,6 @@ from mam_pipeline.photo.options import PhotoOptions
 
 OUT = 0.2  # of the probability that it is in scope: below, nothing is made
 SURE = 0.6  # below, the user is asked what it is
-NAMED = 0.35  # probability from which a stranger is called by its name
 BORDER = 0.01  # of the picture's side: nearer to its edge an object is cut off there
 TALL = 0.85  # width over height of the doors of a room is less
 APPLIANCES = ("refrigerator", "microwave", "oven", "dishwasher", "washing machine", "safe")
@@ -61,7 +60,7 @@ def stop_if_out_of_scope(looks: Looks | None, options: PhotoOptions, path: str) 
     if options.front or options.layout or options.accept_low_confidence:  # the user sees a front
         return
     kind, p = looks.stranger
-    if p >= NAMED:
+    if p >= LIKELY:
         said = f"{path} looks like {_a(kind)} ({p:.2f})"
     else:
         said = f"{path} shows no piece of furniture that can be read; it is nearest to {_a(kind)}"
