@@ -58,7 +58,7 @@ def test_a_name_says_an_object(name: str, word: str, moves: bool) -> None:
 
 
 def test_an_unknown_thing_says_nothing_and_the_users_word_must_be_known() -> None:
-    assert object_of("wheelchair", Said("file name")) is None
+    assert object_of("trampoline", Said("file name")) is None
     with pytest.raises(ConfigError, match="did you mean 'refrigerator'"):
         spec_of(_two_boxes(), what="refrigrator")
 

@@ -1,0 +1,1 @@
+"""Trains the network of parts: which primitives move together, how, and about which line."""
