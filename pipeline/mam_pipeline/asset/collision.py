@@ -99,8 +99,12 @@ def _with_plates(
     if bare.mean() < 0.01:
         return shapes
 
+    low, high = vertices.min(axis=0) - space.tolerance, vertices.max(axis=0) + space.tolerance
+
     def good(box: Box) -> bool:
-        return not _holds(box_shape(box, margin), path, space)
+        reach = np.abs(box.axes * box.half[:, None]).sum(axis=0)
+        within = (box.center - reach >= low).all() and (box.center + reach <= high).all()
+        return bool(within) and not _holds(box_shape(box, margin), path, space)
 
     boxes = plates(found.points[bare], found.normals[bare], good, space.empty, most)
     shapes = shapes + [box_shape(b, margin) for b in boxes]

@@ -319,22 +319,17 @@ class PartPaths:
         steps, _ = _substeps(motion, values)
         points, spots = self.points[who[0]], self.static_points[who[1]]
         none = np.zeros(len(points), dtype=bool), np.zeros(len(spots), dtype=bool)
-        presses = np.zeros((len(self.points), 3))
-        presses[self.pressed] = self.into
-        into = presses[who[0]]
-        there = motion_points(motion, axis, origin, steps[-1:], points)[0]
-        pushed = np.einsum("sk,sk->s", there - points, into)
         for shift in reach * np.concatenate([np.eye(3), -np.eye(3), [axis, -axis]]):
             path = motion_points(motion, axis, origin, steps, points + shift)
             part = self._confirmed(
-                self._crossed(path, self.static_scene, none[0]), path, self.static_scene
-            )
+                self._crossed(path, self.static_scene, none[0], self.part_scene), path,
+                self.static_scene, self.part_scene,
+            )  # fmt: skip
             back = motion_points(motion, axis, origin, -steps, spots - shift)
             static = self._confirmed(
                 self._crossed(back, self.part_scene, none[1]), back, self.part_scene
             )
-            gone = np.maximum(part[-1], pushed + into @ shift) > reach
-            left = int(gone.sum()) + int((static[-1] > reach).sum())
+            left = int((part[-1] > reach).sum()) + int((static[-1] > reach).sum())
             if left <= 0.1 * (len(points) + len(spots)):
                 return True
         return False
