@@ -183,7 +183,7 @@ class PartPaths:
         """
         steps, index = _substeps(motion, values)
         path = motion_points(motion, axis, origin, steps, self.points)
-        depth = self._crossed(path, self.static_scene, self.touching, self.part_scene)
+        depth = self._crossed(path, self.static_scene, self.touching)
         if len(self.pressed):
             pushed = np.einsum(
                 "nsk,sk->ns", path[1:, self.pressed] - path[:1, self.pressed], self.into
@@ -209,13 +209,9 @@ class PartPaths:
         return np.asarray(np.maximum.accumulate(depth, axis=0))
 
     def _crossed(
-        self, path: FloatArray, scene: RayScene, touching: NDArray[np.bool_],
-        own: RayScene | None = None,
-    ) -> FloatArray:  # fmt: skip
-        """Depth (n, S) behind the triangles crossed so far, along paths (n + 1, S, 3).
-
-        A triangle that is crossed where the body's own surface was at rest is none that it enters.
-        """
+        self, path: FloatArray, scene: RayScene, touching: NDArray[np.bool_]
+    ) -> FloatArray:
+        """Depth (n, S) behind the triangles crossed so far, along paths (n + 1, S, 3)."""
         n, count = path.shape[0] - 1, path.shape[1]
         step = np.diff(path, axis=0)
         length = np.linalg.norm(step, axis=2)
@@ -226,12 +222,6 @@ class PartPaths:
         hits = scene.first_hits(path[:-1][active], step[active])
         t, normal = np.full((n, count), np.inf), np.zeros((n, count, 3))
         t[active], normal[active] = hits.t, hits.normals
-        where = np.flatnonzero(active)[hits.t <= 1.0]
-        if own is not None and len(where):
-            row, sample = np.divmod(where, count)
-            at = path[row, sample] + t[row, sample, None] * step[row, sample]
-            kept = own.distance(at) < PLACE * self.diagonal
-            t[row[kept], sample[kept]] = np.inf
         for k in range(n):
             who = np.flatnonzero(t[k] <= 1.0)
             if len(who):
@@ -322,9 +312,8 @@ class PartPaths:
         for shift in reach * np.concatenate([np.eye(3), -np.eye(3), [axis, -axis]]):
             path = motion_points(motion, axis, origin, steps, points + shift)
             part = self._confirmed(
-                self._crossed(path, self.static_scene, none[0], self.part_scene), path,
-                self.static_scene, self.part_scene,
-            )  # fmt: skip
+                self._crossed(path, self.static_scene, none[0]), path, self.static_scene
+            )
             back = motion_points(motion, axis, origin, -steps, spots - shift)
             static = self._confirmed(
                 self._crossed(back, self.part_scene, none[1]), back, self.part_scene
