@@ -9,9 +9,10 @@ import pytest
 import trimesh
 
 from mam_pipeline.asset.clearance import keep_apart
-from mam_pipeline.asset.collision import collision_shapes, outside
+from mam_pipeline.asset.collision import _Space, _with_plates, collision_shapes, outside
 from mam_pipeline.asset.shapes import MAX_HULL_POINTS
 from mam_pipeline.geometry.sampling import sample_surface
+from mam_pipeline.geometry.surface import Component
 from mam_pipeline.types import Articulation, CollisionShape, Joint, Link, Mesh
 
 
@@ -176,3 +177,23 @@ def _at(*xyz: float) -> np.ndarray:
     pose = np.eye(4)
     pose[:3, 3] = xyz
     return pose
+
+
+def test_a_plate_does_not_stand_out_of_its_link() -> None:
+    """A square sheet that is bare along its diagonal: a box about the band passes its corners."""
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    sheet = Component(corners, np.array([[0, 1, 2], [0, 2, 3]]), np.arange(2), closed=False)
+    space = _Space([sheet], 0.01, 1.5, np.zeros((0, 3)))
+    covers = []
+    for triangle in ([[0.2, 0], [1, 0], [1, 0.8]], [[0, 0.2], [0, 1], [0.8, 1]]):
+        foot = np.pad(np.array(triangle), ((0, 0), (0, 1)))
+        up = np.array([0, 0, 0.01])
+        solid = trimesh.PointCloud(np.concatenate([foot - up, foot + up])).convex_hull
+        covers.append(CollisionShape("convex", vertices=solid.vertices, faces=solid.faces))
+    shapes = _with_plates([sheet], covers, np.zeros((0, 3)), space, 0.0, 32)
+    points = sample_surface(corners, sheet.faces, 2000, 3).points
+    covered = np.min([outside(s, points) for s in shapes], axis=0) < 0.02
+    assert len(shapes) > 2 and covered.mean() > 0.9
+    for shape in shapes:
+        low, high = as_mesh(shape).bounds
+        assert (low > -0.015).all() and (high < [1.015, 1.015, 0.015]).all()
