@@ -16,6 +16,7 @@ class Thresholds:
         penetration_area: share of the part's area that must be that deep before it counts; a few
             samples that graze an edge are no collision.
         gap_share: detachment, beyond the gap at rest; also of a slide from the end of its channel.
+        apart_share: distance of a part from all else at rest; a mount may not be modelled.
         askew_angle: from an axis to the direction along which part and body are built, radians.
         hold_seconds, hold_share: how long a pose must be held, and within which part of the range.
         return_share: how near to the rest pose, as a part of the range, driving back must come.
@@ -23,6 +24,7 @@ class Thresholds:
         filled_share: how deep a moving part's own surface may lie inside another link's collision
             piece where that link's mesh is not solid.
         filled_area: share of the moving part's area that must lie so.
+        collision_reach: how far a body's collision pieces may reach beyond the box of its surface.
     """
 
     base_drift: float = 1e-3
@@ -30,6 +32,7 @@ class Thresholds:
     penetration_share: float = 0.005
     penetration_area: float = 0.004
     gap_share: float = 0.02
+    apart_share: float = 0.1
     askew_angle: float = 0.026
     hold_seconds: float = 2.0
     hold_share: float = 0.02
@@ -38,6 +41,7 @@ class Thresholds:
     max_slide_speed: float = 20.0
     filled_share: float = 0.01
     filled_area: float = 0.02
+    collision_reach: float = 0.1
 
 
 THRESHOLDS = Thresholds()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from mam_pipeline.asset.decompose import Chunk, hull_volume
 from mam_pipeline.geometry.boxes import Box, minimal_box
@@ -24,7 +25,7 @@ def shape_around(chunk: Chunk, margin: float) -> CollisionShape:
     hull = hull_of(points)
     box = minimal_box(points, 20)
     if hull is None or box.half.min() < MIN_THICKNESS / 2:
-        return box_shape(box, margin)
+        return _sheet(points, box, margin)
     if chunk.volume > 0.975 * box.volume:
         return box_shape(box, margin)
     cylinder = _cylinder(box, chunk.volume, margin)
@@ -47,6 +48,31 @@ def shape_around(chunk: Chunk, margin: float) -> CollisionShape:
     if small is None:
         return box_shape(box, margin)
     return CollisionShape("convex", vertices=small[0], faces=small[1])
+
+
+def _sheet(points: FloatArray, box: Box, margin: float) -> CollisionShape:
+    """A flat box, or a prism where the outline of flat points (n, 3) is no rectangle."""
+    thin = int(box.half.argmin())
+    sides = np.delete(box.axes, thin, axis=0)
+    outline = (points - box.center) @ sides.T
+    try:
+        found = ConvexHull(outline)
+    except QhullError:  # a line
+        return box_shape(box, margin)
+    if found.volume > 0.975 * 4.0 * np.prod(np.delete(box.half, thin)):  # its area
+        return box_shape(box, margin)
+    corners = outline[found.vertices]
+    if len(corners) > MAX_HULL_POINTS // 4:
+        corners = corners[np.linspace(0, len(corners), MAX_HULL_POINTS // 4, False).astype(int)]
+    middle = corners.mean(axis=0)
+    narrow = float(np.delete(box.half, thin).min())
+    corners = middle + (corners - middle) * (1.0 - min(margin / max(narrow, 1e-9), 0.1))
+    flat = box.center + corners @ sides
+    away = MIN_THICKNESS / 2 * box.axes[thin]
+    prism = hull_of(np.concatenate([flat - away, flat + away]))
+    if prism is None:
+        return box_shape(box, margin)
+    return CollisionShape("convex", vertices=prism[0], faces=prism[1])
 
 
 def shape_inside(points: FloatArray) -> CollisionShape:

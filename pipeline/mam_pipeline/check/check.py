@@ -143,6 +143,8 @@ def _run(
         findings.append(Finding("too_large", urdf.name, text))
         clauses["lint"] = False
         return CheckReport(path, False, clauses, (), tuple(findings), seconds)
+    findings += _collision_off(model, thresholds)
+    clauses["lint"] = not any(not f.warning for f in findings)
     began = time.perf_counter()
     joints, poses = _sweep(model, target, thresholds, only)
     seconds["sweep"] = _since(began)
@@ -161,6 +163,21 @@ def _run(
         save_worst_frame(model.articulation, report, picture)
         report = replace(report, picture=str(picture))
     return report
+
+
+def _collision_off(model: CheckModel, limit: Thresholds) -> list[Finding]:
+    """A finding per body that collides far outside the box of its surface: an unseen obstacle."""
+    mesh, findings = model.articulation.mesh, list[Finding]()
+    for link, hulls in zip(model.articulation.links, model.hulls):
+        if not hulls or not len(link.faces):
+            continue
+        low, high = mesh.submesh(link.faces).bounds
+        points = np.concatenate([h.points for h in hulls])
+        beyond = float(max((low - points).max(), (points - high).max()))
+        if beyond > limit.collision_reach * mesh.diagonal:
+            text = f"its collision pieces reach {beyond:.3g} m beyond what is seen of it"
+            findings.append(Finding("collision_off", link.name, text))
+    return findings
 
 
 def _locate(path: Path) -> _Target:
@@ -269,15 +286,13 @@ def _far(joint: Joint) -> float:
     return float(end) if np.isfinite(end) else 0.0
 
 
-def _report(
-    joint: Joint, s: JointSweep, after: tuple[str, ...], limit: Thresholds
-) -> JointReport:
+def _report(joint: Joint, s: JointSweep, after: tuple[str, ...], limit: Thresholds) -> JointReport:
     reasons = []
     if s.penetration > limit.penetration_share:
         reasons.append("penetration")
     if s.filled > limit.filled_area:
         reasons.append("cavity_filled")
-    if s.gap is not None and s.gap > limit.gap_share:
+    if s.apart > limit.apart_share or (s.gap is not None and s.gap > limit.gap_share):
         reasons.append("detached")
     if s.askew > limit.askew_angle:
         reasons.append("askew")

@@ -28,7 +28,6 @@ class Hull:
         """(n,) how deep points (n, 3) lie inside; negative outside."""
         return np.asarray(-(points @ self.planes[:, :3].T + self.planes[:, 3]).max(axis=1))
 
-
     def moved(self, pose: FloatArray) -> Hull:
         """The piece after the rigid motion `pose` (4, 4)."""
         normals = self.planes[:, :3] @ pose[:3, :3].T

@@ -83,9 +83,7 @@ def written_and_checked(
     return replace(asset, card=card)
 
 
-def _shortened(
-    articulation: Articulation, report: CheckReport
-) -> tuple[Articulation, list[str]]:
+def _shortened(articulation: Articulation, report: CheckReport) -> tuple[Articulation, list[str]]:
     found = {j.name: j for j in report.joints}
     joints, notes = [], []
     for joint in articulation.joints:

@@ -35,6 +35,7 @@ class JointSweep:
         gap: largest distance between part and rest beyond that at rest, or by which the part has
             left the end of its channel (slides); of a part too short to keep contact by itself,
             the travel beyond the length of what it slides in; None where that is not exceeded.
+        apart: distance of part and rest at rest.
         line_gap: distance of the hinge line from either body, or twice its stray (hinges), beyond
             the distance of the bodies at rest; or from the middle of a wheel or knob.
         askew: angle from the axis to the direction along which part and body are built, radians.
@@ -47,6 +48,7 @@ class JointSweep:
     blocking: frozenset[int]
     area: float
     gap: float | None
+    apart: float
     line_gap: float | None
     askew: float
     filled: float
@@ -77,7 +79,7 @@ class _Sweep:
 
     def run(self) -> JointSweep:
         if not len(self.part) or not len(self.static):
-            return JointSweep(0.0, 0.0, frozenset(), 0.0, None, None, 0.0, 0.0)
+            return JointSweep(0.0, 0.0, frozenset(), 0.0, None, 0.0, None, 0.0, 0.0)
         paths = PartPaths(self.mesh, self.part, self.static)
         depth, at, blocking, area, gap = self._penetration(paths)
         line_gap = self._line_gap()
@@ -86,8 +88,8 @@ class _Sweep:
             line_gap = max(line_gap, self._off_centre())
         parent = self._faces_of([self.joint.parent])
         turned = askew(self.mesh, [self.part, parent], self.joint.axis)
-        filled = self._filled(paths)
-        return JointSweep(depth, at, blocking, area, gap, line_gap, turned, filled)
+        filled, apart = self._filled(paths), paths.rest_gap / self.diagonal
+        return JointSweep(depth, at, blocking, area, gap, apart, line_gap, turned, filled)
 
     def _sides(self) -> list[FloatArray]:
         """Joint values to visit on either side of the rest pose, away from it."""
@@ -176,8 +178,8 @@ class _Sweep:
         def inside(points: FloatArray, part: bool) -> NDArray[np.bool_]:
             pieces = [h for i in (self.carried if part else [joint.parent])
                       for h in self.model.hulls[i]]  # fmt: skip
-            deep = [h.depth(points) > 0 for h in pieces]
-            return np.any(deep, axis=0) if deep else np.zeros(len(points), dtype=bool)
+            solid = bodies.encloses(points, part)
+            return np.any([solid, *(h.depth(points) > 0 for h in pieces)], axis=0)
 
         return bodies.line_gap(joint.axis, joint.origin, inside)
 

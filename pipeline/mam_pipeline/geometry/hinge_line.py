@@ -80,6 +80,8 @@ class HingeBodies:
             near = 0.0  # a pin or a knuckle: both bodies meet on the line
         elif self._in_bearing(axis, origin, low, high):
             near = float(np.quantile(fine[0, ::4], 0.2))
+        elif (fine[1] == 0.0).mean() > 0.8 and (post := self._post(axis, origin, low, high)) > 0.0:
+            near = max(float(np.quantile(fine[0, ::4], 0.2)) - post, 0.0)
         else:
             # mounts may sit at the ends alone: a fifth of the line must lie on each body
             near = float(np.quantile(fine[:, ::4], 0.2, axis=1).max())
@@ -132,6 +134,16 @@ class HingeBodies:
         reach = np.zeros(SECTORS)
         np.maximum.at(reach, sector, radius)
         return bool(reach.min() > 0 and reach.max() < ROUND * reach.min())
+
+    def _post(self, axis: FloatArray, origin: FloatArray, low: float, high: float) -> float:
+        """Radius of the round post of the parent that a part swings about, metres; 0 if none."""
+        along, sector, radius = _about(self.spots[1], axis, origin)
+        ends = 0.1 * (high - low)  # its caps reach to the line
+        between = (along > low + ends) & (along < high - ends)
+        reach = np.full(SECTORS, np.inf)
+        np.minimum.at(reach, sector[between], radius[between])
+        found = np.isfinite(reach).all() and reach.max() < ROUND * reach.min()
+        return float(reach.max()) if found else 0.0
 
     def _in_bearing(self, axis: FloatArray, origin: FloatArray, low: float, high: float) -> bool:
         """Whether the parent is a round hole about the line, where the part's shaft runs in it."""
