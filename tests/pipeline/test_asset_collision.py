@@ -65,6 +65,18 @@ def test_a_sheet_gets_a_thickness() -> None:
     assert shape.kind == "box" and shape.size.min() >= 0.001
 
 
+def test_a_flat_triangle_does_not_stand_out_of_itself() -> None:
+    corners = np.array([[0.0, 0, 0], [0, 0, 0.9], [0.5, 0, 0.9], [0.5, 0, 0.0]])
+    sheet = trimesh.Trimesh(corners[:3], [[0, 1, 2]])
+    (shape,) = collision_shapes(single(sheet))["a"]
+    assert shape.kind == "convex"
+    reach = np.abs(as_mesh(shape).bounds - sheet.bounds).max()
+    assert reach < 0.0011
+    whole = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]])
+    (shape,) = collision_shapes(single(whole))["a"]
+    assert shape.kind == "box"
+
+
 def test_an_open_box_keeps_its_cavity() -> None:
     solid = open_box()
     shapes = collision_shapes(single(solid))["a"]

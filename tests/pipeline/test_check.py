@@ -21,6 +21,7 @@ from mam_pipeline.check.drive import drive_urdf
 from mam_pipeline.check.report import CLAUSES
 from mam_pipeline.check.shorten import written_and_checked
 from mam_pipeline.errors import InputError
+from mam_pipeline.geometry.hinge_line import HingeBodies
 from mam_pipeline.types import Articulation, CollisionShape, Joint, Link, Mesh, joint_motion
 
 pytestmark = pytest.mark.sim
@@ -160,6 +161,39 @@ def test_a_way_that_ends_in_a_wall_is_cut_and_said_so(tmp_path: Path, may: bool)
     else:
         assert hinge.upper == 2.9 and "penetration" in card.checks["executability"]["reasons"]
     assert next(j for j in card.joints if j.name == "slide").upper == 0.28
+
+
+def test_a_part_in_mid_air_is_detached(tmp_path: Path) -> None:
+    truth = cabinet()
+    vertices = truth.mesh.vertices.copy()
+    faces = np.concatenate([link.faces for link in truth.links if link.name == "door"])
+    vertices[np.unique(truth.mesh.faces[faces])] -= [0.5, 0.0, 0.0]
+    moved = replace(truth, mesh=Mesh(vertices, truth.mesh.faces))
+    folder = write_asset(moved, tmp_path / "a", name="a").folder
+    assert "detached" in reasons(check_asset(folder, drive=False), "hinge")
+
+
+def test_a_body_that_collides_far_from_what_is_seen_of_it_is_told(good: Path) -> None:
+    text = (good / "object.urdf").read_text()
+    block = '<collision><origin xyz="-0.5 0 0.4"/><geometry><box size="0.5 0.5 0.5"/></geometry>'
+    urdf = good / "off.urdf"
+    urdf.write_text(re.sub(r'(<link name="body">)', rf"\1{block}</collision>", text))
+    assert "collision_off" in check_asset(urdf, drive=False).reasons
+    assert "collision_off" not in check_asset(good, drive=False).reasons
+
+
+def test_a_door_may_swing_about_a_round_post() -> None:
+    post = trimesh.creation.cylinder(0.03, 0.6, 32)
+    door = trimesh.creation.box(bounds=[[-0.02, 0.034, -0.29], [0.02, 0.474, 0.29]])
+    whole: Any = trimesh.util.concatenate([post, door])
+    cut = np.arange(len(whole.faces)) < len(post.faces)
+    bodies = HingeBodies(Mesh(whole.vertices, whole.faces), np.flatnonzero(~cut),
+                         np.flatnonzero(cut))  # fmt: skip
+
+    def gap(x: float) -> float:
+        return bodies.line_gap(Z, np.array([x, 0.0, 0.0]), bodies.encloses)
+
+    assert gap(0.0) < 0.01 and gap(0.02) > 0.02 and gap(0.05) > 0.02
 
 
 def test_a_hull_that_fills_the_cavity_is_rejected(tmp_path: Path) -> None:

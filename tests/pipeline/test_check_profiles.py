@@ -65,7 +65,7 @@ velocity="1"/><mimic joint="hinge"/></joint></robot>""")  # fmt: skip
         (TURNED, "inertial_turned", {"isaac", "newton"}),
         ((' effort="10" velocity="1"', ""), "effort_missing",
          {"mujoco", "pybullet", "isaac", "newton", "gazebo"}),
-        (MIMIC, "mimic_ignored", {"pybullet"}),
+        (MIMIC, "mimic_ignored", {"pybullet", "gazebo"}),
         ((r'box.obj"/></geom', r'box.obj" scale="-1 1 1"/></geom'), "negative_scale",
          set(PROFILES)),
         (("revolute", "floating"), "joint_type", set(PROFILES)),
