@@ -1,7 +1,9 @@
 """The true object in the asset's place: what an articulation claims is tried on what can happen.
 
 The planner sees the asset, the simulator holds the true object. A sliding door that was made a
-hinged one then does not open, though the asset by itself opens without a fault.
+hinged one then does not open, though the asset by itself opens without a fault. The true part
+begins where the asset's part does, and the planner is told where the true part is, as one is who
+looks at it.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mam_envs.config import SuccessConfig
 from mam_envs.object_model import ObjectModel
@@ -23,6 +26,10 @@ from mam_pipeline.types import FloatArray
 
 NEAR = 0.03
 """Metres between a handle and the true object beyond which the two are not one object."""
+ARM = 0.05
+"""Metres from a handle to the points by which a place of its part is told."""
+SAMPLES = 721
+"""Joint values among which the one is looked for that puts a part at a place."""
 
 
 def true_layout(claimed: Layout, truth: Asset, task: type[Task], config: SuccessConfig) -> Layout:
@@ -41,10 +48,49 @@ def true_layout(claimed: Layout, truth: Asset, task: type[Task], config: Success
             raise InputError(f"{truth.urdf_path}, {finding.where}: {finding.message}")
     model = ObjectModel.load(truth, claimed.model.scale * truth.card.metres_per_unit)
     goals = tuple(
-        task.goal(goal.task, model, _joint_at(model, handle, goal.joint), config)
+        _from_same_place(
+            task.goal(goal.task, model, _joint_at(model, handle, goal.joint), config),
+            model, _places(claimed.model, goal.joint, [goal.q_start], handle)[0], handle,
+            config.widest,
+        )
         for goal, handle in zip(claimed.goals, claimed.handles)
-    )
+    )  # fmt: skip
     return replace(claimed, model=model, goals=goals)
+
+
+def _places(model: ObjectModel, joint: str, q: ArrayLike, handle: FloatArray) -> FloatArray:
+    """(N, 4, 3) where a handle and three points beside it are at joint values (N,)."""
+    motion = model.motion(joint, np.asarray(q, dtype=np.float64), {})
+    points = handle + ARM * np.concatenate([np.zeros((1, 3)), np.eye(3)])
+    return np.asarray(points @ motion[:, :3, :3].transpose(0, 2, 1) + motion[:, None, :3, 3])
+
+
+def _nearest(
+    model: ObjectModel, joint: str, q: FloatArray, place: FloatArray, handle: FloatArray
+) -> float:
+    """The value among `q` (N,) that puts a handle nearest to a place (4, 3)."""
+    away = ((_places(model, joint, q, handle) - place) ** 2).sum(axis=(1, 2))
+    return float(q[int(np.argmin(away))])
+
+
+def _from_same_place(
+    goal: JointGoal, model: ObjectModel, place: FloatArray, handle: FloatArray, widest: float
+) -> JointGoal:
+    """The goal from where the part has the handle at a place, towards the farther end of its way,
+    but of a hinge no more than `widest` radians."""
+    ends = [e if np.isfinite(e) else s * np.pi for e, s in ((goal.lower, -1), (goal.upper, 1))]
+    values = np.linspace(*ends, SAMPLES)
+    start = _nearest(model, goal.joint, values, place, handle)
+    if abs(start - goal.q_start) <= 2 * (values[1] - values[0]):
+        return goal
+    ways = [end - start for end in ends]
+    way = max(ways, key=lambda w: (round(abs(w), 3), w * (goal.open - goal.closed)))
+    if goal.subtype != "slide":
+        way = float(np.clip(way, -widest, widest))
+    share = (goal.q_goal - goal.q_start) / (goal.open - goal.closed)
+    return replace(
+        goal, q_start=start, q_goal=start + share * way, closed=start, open=start + way
+    )
 
 
 def _joint_at(model: ObjectModel, point: FloatArray, claimed: str) -> str:
@@ -83,10 +129,11 @@ def _travel(model: ObjectModel, joint: str, point: FloatArray) -> float:
 
 
 def as_claimed(now: PlannerState, claimed: Layout, stage: int) -> PlannerState:
-    """What a planner is told that knows the asset only: the true joint's share of its way."""
+    """What a planner is told that knows the asset only: its joint is where the true part is seen."""
     goal: JointGoal = claimed.goals[stage]
-    share = (now.q - now.goal.q_start) / (now.goal.q_goal - now.goal.q_start)
-    model = claimed.model
+    handle, model, way = claimed.handles[stage], claimed.model, goal.q_goal - goal.q_start
+    place = _places(now.layout.model, now.goal.joint, [now.q], handle)[0]
+    values = np.linspace(goal.q_start - 0.25 * way, goal.q_start + 1.5 * way, SAMPLES)
     others = [
         j.name for j in model.asset.card.joints if j.type != "fixed" and j.name != goal.joint
     ]
@@ -94,6 +141,6 @@ def as_claimed(now: PlannerState, claimed: Layout, stage: int) -> PlannerState:
         now,
         layout=claimed,
         goal=goal,
-        q=float(goal.q_start + share * (goal.q_goal - goal.q_start)),
+        q=_nearest(model, goal.joint, values, place, handle),
         others={name: model.rest_value(name) for name in others},
     )

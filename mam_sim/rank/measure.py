@@ -8,10 +8,10 @@ must not gain by what is wrong with it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-VERSION = 2
+VERSION = 3
 """Raised whenever the same asset could get another number."""
 
 
@@ -44,6 +44,7 @@ class Row:
             cannot be loaded), grasp, width, force, reach, path, room (the arm cannot do it),
             "timeout", "memory", "crash". Empty where it was.
         reasons: of failed episodes, and how often.
+        true_joint: of the true object, where one was given: the joint that carries the handle.
     """
 
     asset: str
@@ -57,6 +58,7 @@ class Row:
     why: str = ""
     reasons: dict[str, int] | None = None
     seconds: float = 0.0
+    true_joint: str = ""
 
     @property
     def tried(self) -> bool:
@@ -118,6 +120,7 @@ class Total:
         assets: how many; of them `loaded` could be given to a robot, `lint` and `check` passed.
         joints: that move; `tried` by the robot.
         success: over all joints. on_tried: over those that could be tried. policy: over all.
+        of_true: over all joints of the true objects, found or not; None where none were given.
     """
 
     robot: str
@@ -130,10 +133,19 @@ class Total:
     success: Share
     on_tried: Share
     policy: Share | None = None
+    of_true: Share | None = None
 
 
-def total(verdicts: Sequence[Verdict], rows: Sequence[Row], robot: str, episodes: int) -> Total:
-    """The sums for one robot; an asset without a joint counts as one failed joint."""
+def total(
+    verdicts: Sequence[Verdict], rows: Sequence[Row], robot: str, episodes: int,
+    true_joints: Mapping[str, Sequence[str]] | None = None,
+) -> Total:  # fmt: skip
+    """The sums for one robot; an asset without a joint counts as one failed joint.
+
+    Args:
+        true_joints: of the true object, by asset. Of joints of an asset that move the same true
+            joint, the best counts; a true joint that none moves counts as failed.
+    """
     mine = [r for r in rows if r.robot == robot]
     empty = episodes * sum(not v.joints for v in verdicts)
     tried = [r for r in mine if r.tried]
@@ -150,4 +162,16 @@ def total(verdicts: Sequence[Verdict], rows: Sequence[Row], robot: str, episodes
         success=Share.of(good, sum(r.episodes for r in mine) + empty),
         on_tried=Share.of(good, sum(r.episodes for r in tried)),
         policy=Share.of(sum(policies), sum(r.episodes for r in mine) + empty) if policies else None,
+        of_true=None if true_joints is None else _of_true(mine, true_joints, episodes),
     )
+
+
+def _of_true(
+    rows: Sequence[Row], true_joints: Mapping[str, Sequence[str]], episodes: int
+) -> Share:  # fmt: skip
+    best: dict[tuple[str, str], int] = {}
+    for row in rows:
+        if row.true_joint in true_joints.get(row.asset, ()):
+            key = row.asset, row.true_joint
+            best[key] = max(best.get(key, 0), row.successes)
+    return Share.of(sum(best.values()), episodes * sum(map(len, true_joints.values())))

@@ -46,11 +46,13 @@ def totals_table(totals: Sequence[Total]) -> Table:
     """One line per robot."""
     table = Table(title="totals", title_justify="left")
     heads = ["robot", "assets", "loaded", "lint", "check", "joints", "tried", "success", "on tried"]
-    for head in [*heads, "policy"]:
+    true = any(t.of_true is not None for t in totals)
+    for head in [*heads, "policy", *(["of true joints"] if true else [])]:
         table.add_column(head, justify="left" if head == "robot" else "right")
     for t in totals:
         counts = [t.assets, t.loaded, t.lint, t.check, t.joints, t.tried]
         shares = [t.success.line(), t.on_tried.line(), t.policy.line() if t.policy else "-"]
+        shares += [t.of_true.line()] if t.of_true is not None else []
         table.add_row(t.robot, *map(str, counts), *shares)
     return table
 
@@ -77,7 +79,7 @@ def page(
             lines.append({"cells": cells, "why": v.why or "nothing moves", "video": ""})
     return environment.get_template("rank.html.j2").render(
         version=VERSION, measure=measure, totals=totals, lines=lines, policy=policy,
-        videos=bool(videos),
+        videos=bool(videos), true=any(t.of_true for t in totals),
     )  # fmt: skip
 
 

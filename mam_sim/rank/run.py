@@ -22,6 +22,9 @@ from mam_sim.rank.measure import VERSION, Measure, Row, Verdict
 
 MJCF = "MJCF is not read: convert it to a URDF"
 
+USUAL = ("object", "mobility", "model", "robot", "scene")
+"""Names of files that say nothing: their folder's name says what they are."""
+
 
 @dataclass(frozen=True)
 class Subject:
@@ -46,7 +49,9 @@ class Subject:
             digest = hashlib.sha256(digest.encode()).hexdigest()
         else:
             digest = content_digest(path)
-        return Subject(path.resolve(), f"{path.resolve().stem}-{digest[:6]}", digest)
+        own = path.resolve()
+        said = own.parent.name if own.suffix and own.stem in USUAL else own.stem
+        return Subject(own, f"{said}-{digest[:6]}", digest)
 
 
 @dataclass(frozen=True)
@@ -178,7 +183,10 @@ class Try:
                 policy = evaluate_run(folder, m.episodes, seed=m.seed, truth=truth).successes
             except TrainingError:  # an expert that fails teaches nothing
                 policy = 0
-        return self.row(successes=found.successes, policy=policy, reasons=found.reasons)
+        true_joint = "" if truth is None else found.joint
+        return self.row(
+            successes=found.successes, policy=policy, reasons=found.reasons, true_joint=true_joint
+        )
 
     def _truth(self) -> Path | None:
         """The folder of the true object in the asset's frame, made once for each row."""
@@ -197,6 +205,17 @@ class Try:
 
 
 Tell = Callable[[str], None]
+
+
+def joints_of_truth(urdf: Path) -> tuple[str, ...]:
+    """Names of the joints of a true object that a robot could move; followers of others are none.
+
+    Raises:
+        InputError: it is no URDF that can be read, or nothing moves in it.
+    """
+    from mam_pipeline.formats.urdf.read import read_urdf
+
+    return tuple(j.name for j in read_urdf(urdf).joints if j.coupling is None)
 
 
 def examine(

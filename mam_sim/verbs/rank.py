@@ -87,8 +87,9 @@ class Rank(Verb):
         from mam_sim.forkserver import Limits
         from mam_sim.rank.measure import Measure, total
         from mam_sim.rank.page import as_json, rows_table, totals_table
-        from mam_sim.rank.run import attempts, examine, measured
+        from mam_sim.rank.run import attempts, examine, joints_of_truth, measured
 
+        real = [joints_of_truth(path) for path in self.truth]
         limits = Limits(self.time_limit, self.memory_limit)
         measure = Measure(episodes=self.episodes)
         with counting_bar(screen, len(self.assets), 0) as tell:
@@ -99,7 +100,8 @@ class Rank(Verb):
         )  # fmt: skip
         with counting_bar(screen, len(tasks), sum(t.file.is_file() for t in tasks)) as tell:
             rows = measured(tasks, self.jobs, lambda w: tell(w, "expert"))
-        totals = [total(verdicts, rows, robot, self.episodes) for robot in robots]
+        true = {v.name: joints for v, joints in zip(verdicts, real)} if real else None
+        totals = [total(verdicts, rows, robot, self.episodes, true) for robot in robots]
         data = as_json(verdicts, rows, totals, measure)
         data["truth"] = [str(path) for path in self.truth]
         if self.out is not None:

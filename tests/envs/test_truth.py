@@ -94,3 +94,15 @@ def test_what_is_fixed_in_truth_and_what_is_elsewhere_is_said(drawer: Path, tmp_
         truth = true_asset(urdf, asset, tmp_path / urdf.stem)
         with pytest.raises(error, match=words):
             true_layout(claimed, truth, OperateJoint, config.success)
+
+
+def test_the_true_part_begins_where_the_assets_does(door: Path, tmp_path: Path) -> None:
+    """A joint with another zero and range, but the same motion, is the same joint."""
+    text = (door / "object.urdf").read_text(encoding="utf-8")
+    wide = tmp_path / "wide.urdf"
+    wide.write_text(text.replace('lower="0', 'lower="-0.9'), encoding="utf-8")
+    assert wide.read_text(encoding="utf-8") != text
+    asset = Asset.load(door)
+    truth = true_asset(wide, asset, tmp_path / "truth")
+    found = evaluate_expert(EnvChoice((str(door),), "joint_1"), 1, truth=truth.folder)
+    assert found.successes == 1

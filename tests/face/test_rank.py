@@ -42,7 +42,7 @@ def test_a_number_is_only_compared_with_one_of_the_same_measure() -> None:
     """Whoever changes one of these raises VERSION, here, there, and on the page."""
     from mam_envs.config import EnvConfig
 
-    assert VERSION == 2
+    assert VERSION == 3
     assert asdict(Measure()) == {
         "episodes": 5, "seed": 50_000_017, "max_steps": 200, "control_mode": "pd_joint_pos",
     }  # fmt: skip
@@ -73,9 +73,20 @@ def test_what_cannot_be_tried_counts_as_failed() -> None:
     assert (found.assets, found.loaded, found.lint, found.joints, found.tried) == (2, 1, 1, 2, 1)
     assert found.success == Share.of(4, 15) and found.on_tried == Share.of(4, 5)
     assert found.policy == Share.of(3, 15)
-    assert found.success.line() == "27 % [11, 52]"
+    assert found.success.line() == "27 % [11, 52]" and found.of_true is None
     html = page(verdicts, rows, [found], Measure(), {("a", "d", "panda"): "videos/x.mp4"})
     assert "force: it is too heavy" in html and "no XML" in html and 'src="videos/x.mp4"' in html
+
+
+def test_a_true_joint_that_no_joint_moves_counts_as_failed() -> None:
+    verdicts = [Verdict("a", "a", folder="a", joints=(("d", "revolute"),) * 3)]
+    rows = [
+        Row("a", "d", "revolute", "panda", 5, successes=4, true_joint="left"),
+        Row("a", "e", "revolute", "panda", 5, successes=1, true_joint="left"),
+        Row("a", "f", "revolute", "panda", 5, cause="truth", why="it is fixed in truth"),
+    ]
+    found = total(verdicts, rows, "panda", 5, {"a": ("left", "right"), "none": ("lid",)})
+    assert found.success == Share.of(5, 15) and found.of_true == Share.of(4, 15)
 
 
 def test_a_stranger_s_urdf_keeps_its_file_and_gets_a_card(tmp_path: Path) -> None:
