@@ -136,7 +136,8 @@ def on_cluster(folder: Path, out: Path, nodes: int, until: int) -> dict[str, Any
     seconds = time.monotonic() - began
     return {
         "objects": len(seen), "seconds": round(seconds, 1), "node killed at": killed,
-        "a minute": round(60 * len(seen) / seconds, 2), "came twice": sum(seen.values()) - len(seen),
+        "a minute": round(60 * len(seen) / seconds, 2),
+        "came twice": sum(seen.values()) - len(seen),
     }  # fmt: skip
 
 
@@ -151,7 +152,8 @@ def loop(files: list[Path], out: Path) -> dict[str, Any]:
     cpu = spent.ru_utime + spent.ru_stime - used.ru_utime - used.ru_stime
     return {
         "objects": len(files), "seconds": round(seconds, 1),
-        "a minute": round(60 * len(files) / seconds, 2), "cpu an object": round(cpu / len(files), 2),
+        "a minute": round(60 * len(files) / seconds, 2),
+        "cpu an object": round(cpu / len(files), 2),
     }  # fmt: skip
 
 
@@ -182,7 +184,8 @@ def main(
 
     Args:
         folder: for the meshes and the batch; a batch that is there must be of an earlier run.
-        count: objects. faces: at most, of one. jobs: processes of the batch. loop_count: objects of the shell loop.
+        count: objects. faces: at most, of one. jobs: processes of the batch.
+        loop_count: objects of the shell loop.
         ray: nodes of a local Ray cluster instead of processes; 0: none.
         out: JSON file for all figures.
     """
@@ -200,7 +203,8 @@ def main(
         now = {p.name: p.stat().st_mtime_ns for p in (made / "records").glob("*.json")}
         result["done twice"] = sum(now.get(name) != when for name, when in kept.items())
     result["batch"] = told(made)
-    result["lost"] = count - result["batch"]["records"]
+    done = {Path(r.source).stem for r in _records(made)}
+    result["lost"] = len({p.stem for p in source.iterdir()} - done)
     left = [p.name for p in (made / "assets").iterdir() if p.name.startswith(".")]
     result["half-made"] = len(left)
     files = sorted(source.iterdir())[:: max(1, count // max(loop_count, 1))][:loop_count]

@@ -79,7 +79,7 @@ def _from_same_place(
     """The goal from where the part has the handle at a place, towards the farther end of its way,
     but of a hinge no more than `widest` radians."""
     ends = [e if np.isfinite(e) else s * np.pi for e, s in ((goal.lower, -1), (goal.upper, 1))]
-    values = np.linspace(*ends, SAMPLES)
+    values = np.asarray(np.linspace(ends[0], ends[1], SAMPLES), dtype=np.float64)
     start = _nearest(model, goal.joint, values, place, handle)
     if abs(start - goal.q_start) <= 2 * (values[1] - values[0]):
         return goal
@@ -129,11 +129,12 @@ def _travel(model: ObjectModel, joint: str, point: FloatArray) -> float:
 
 
 def as_claimed(now: PlannerState, claimed: Layout, stage: int) -> PlannerState:
-    """What a planner is told that knows the asset only: its joint is where the true part is seen."""
+    """What a planner is told that knows the asset only: its joint is where the true part is."""
     goal: JointGoal = claimed.goals[stage]
     handle, model, way = claimed.handles[stage], claimed.model, goal.q_goal - goal.q_start
     place = _places(now.layout.model, now.goal.joint, [now.q], handle)[0]
-    values = np.linspace(goal.q_start - 0.25 * way, goal.q_start + 1.5 * way, SAMPLES)
+    low, high = goal.q_start - 0.25 * way, goal.q_start + 1.5 * way
+    values = np.asarray(np.linspace(low, high, SAMPLES), dtype=np.float64)
     others = [
         j.name for j in model.asset.card.joints if j.type != "fixed" and j.name != goal.joint
     ]

@@ -13,6 +13,7 @@ from pathlib import Path
 from mam_pipeline.digests import file_digest
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.door import Door, named_by
+from mam_pipeline.formats.mjcf_files import files_of_mjcf, is_mjcf
 from mam_pipeline.formats.suffixes import MESHES, PHOTOS
 
 LISTS = (".txt", ".lst")
@@ -123,6 +124,10 @@ def content_digest(path: Path) -> str:
 
 def files_of(path: Path) -> list[Path]:
     """A file, and those in its folder that it names, directly or by way of another one."""
+    if path.suffix.lower() == ".xml" and is_mjcf(path):
+        with contextlib.suppress(InputError):
+            return files_of_mjcf(path)
+        return [path]
     door, waiting, found = Door(path.parent), [path], dict[Path, None]()
     while waiting:
         file = waiting.pop(0)

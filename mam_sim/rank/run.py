@@ -16,11 +16,10 @@ from typing import Any
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import InputError, MamSimError, NotPhysicalError
+from mam_pipeline.formats.mjcf_files import is_mjcf
 from mam_sim.batch.inputs import content_digest
 from mam_sim.forkserver import Ending, Limits, run_all
 from mam_sim.rank.measure import VERSION, Measure, Row, Verdict
-
-MJCF = "MJCF is not read: convert it to a URDF"
 
 USUAL = ("object", "mobility", "model", "robot", "scene")
 """Names of files that say nothing: their folder's name says what they are."""
@@ -84,8 +83,10 @@ class Examine:
         foreign = not (path.is_dir() or path.name == "asset.json")
         start = Verdict(self.subject.name, str(path), foreign=foreign)
         try:
-            if foreign and b"<mujoco" in path.read_bytes()[:4096]:
-                return replace(start, why=MJCF)
+            if foreign and is_mjcf(path):
+                from mam_pipeline.formats.mjcf import urdf_of_mjcf
+
+                path = urdf_of_mjcf(path, self.out / "mjcf" / self.subject.name)
             report = check_asset(path)
             start = replace(
                 start, lint=report.clauses["lint"], check=report.passed, reasons=report.reasons

@@ -26,11 +26,12 @@ if TYPE_CHECKING:
 class Rank(Verb):
     """Measure whether robots succeed on assets, joint by joint, with Wilson 95 % intervals.
 
-    A URDF of anybody's is taken as it is. What cannot be run is said, and counts as failed.
+    A URDF or MJCF file of anybody's is taken as it is. What cannot be run is said, and counts as
+    failed.
     """
 
     assets: Positional[tuple[Path, ...]]
-    """Asset folders, or URDF files."""
+    """Asset folders, or URDF or MJCF files."""
     robots: str = "panda"
     """Names of arms, with commas between them."""
     episodes: Count = 5

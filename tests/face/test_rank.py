@@ -112,7 +112,7 @@ def test_what_can_be_run_is_run_and_what_cannot_is_said(
     endless = _cabinet(tmp_path / "endless.urdf", limit="")
     broken, other = tmp_path / "broken.urdf", tmp_path / "other.xml"
     broken.write_text("<robot><link name='a'")
-    other.write_text('<mujoco model="m"/>')
+    other.write_text('<mujoco model="m"><worldbody><geom type="banana"/></worldbody></mujoco>')
     files = [str(f) for f in (good, endless, broken, other)]
     command = ["rank", *files, "--episodes", "1", "--out", str(tmp_path / "out"), "--json"]
     assert main(command) == 0

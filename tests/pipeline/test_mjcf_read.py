@@ -1,0 +1,84 @@
+"""MJCF of others as a URDF: the same masses, limits and forward kinematics as in MuJoCo."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mam_pipeline.errors import InputError
+from mam_pipeline.formats.mjcf_files import files_of_mjcf, is_mjcf
+
+mujoco = pytest.importorskip("mujoco")
+
+from mam_pipeline.formats.mjcf import urdf_of_mjcf  # noqa: E402 - after the skip
+
+CABINET = """
+<mujoco model="cabinet"><compiler angle="degree" meshdir="meshes"/>
+ <asset><mesh name="knob" file="knob.stl"/></asset>
+ <worldbody><body name="cabinet" pos="0.1 0.2 0.3" euler="0 0 30">
+  <geom type="box" size="0.2 0.2 0.2"/>
+  <body name="door" pos="-0.2 0 0" euler="10 0 0">
+   <joint name="hinge" axis="0 0 1" pos="0 0.2 0" range="0 90" damping="0.3" frictionloss="0.1"/>
+   <joint name="slide" type="slide" axis="1 0 0" pos="0.1 0 0.1" range="-0.1 0.2"/>
+   <geom type="capsule" size="0.01 0.1" mass="1.5"/>
+   <geom type="ellipsoid" size="0.01 0.02 0.03" mass="0.5"/>
+   <body name="knob" pos="0 -0.1 0"><joint name="turn" axis="1 0 0"/>
+    <geom type="mesh" mesh="knob" mass="0.2"/></body>
+  </body></body></worldbody>
+ <equality><joint joint1="slide" joint2="hinge" polycoef="0 0.1 0 0 0"/></equality>
+</mujoco>"""
+
+
+@pytest.fixture
+def cabinet(tmp_path: Path) -> Path:
+    import trimesh
+
+    (tmp_path / "meshes").mkdir()
+    trimesh.creation.box((0.02, 0.03, 0.04)).export(tmp_path / "meshes" / "knob.stl")
+    (tmp_path / "cabinet.xml").write_text(CABINET)
+    return tmp_path / "cabinet.xml"
+
+
+def test_a_urdf_moves_as_mujoco_does(cabinet: Path, tmp_path: Path) -> None:
+    import yourdfpy
+
+    urdf = urdf_of_mjcf(cabinet, tmp_path / "out")
+    robot = yourdfpy.URDF.load(str(urdf), load_meshes=False)
+    assert {j.name: j.type for j in robot.robot.joints if j.type != "fixed"} == {
+        "hinge": "revolute", "slide": "prismatic", "turn": "continuous",
+    }  # fmt: skip
+    limit = robot.joint_map["hinge"].limit
+    assert limit is not None and limit.upper == pytest.approx(np.pi / 2)
+    assert robot.joint_map["slide"].mimic.multiplier == pytest.approx(0.1)
+    masses = {k.name: k.inertial.mass for k in robot.robot.links if k.inertial is not None}
+    assert masses["door"] == pytest.approx(2.0) and masses["knob"] == pytest.approx(0.2)
+    model = mujoco.MjModel.from_xml_path(str(cabinet))
+    data = mujoco.MjData(model)
+    data.qpos[:] = 0.7, 0.07, 0.4
+    mujoco.mj_forward(model, data)
+    robot.update_cfg({"hinge": 0.7, "turn": 0.4})
+    for body in ("door", "knob"):
+        index = model.body(body).id
+        frame = robot.get_transform(body)
+        inertial = robot.link_map[body].inertial.origin
+        np.testing.assert_allclose((frame @ inertial)[:3, 3], data.xipos[index], atol=1e-6)
+        turn = data.xmat[index].reshape(3, 3)
+        np.testing.assert_allclose(frame[:3, :3], turn, atol=1e-6)
+
+
+def test_what_leads_outside_or_is_no_model_is_said(cabinet: Path, tmp_path: Path) -> None:
+    assert is_mjcf(cabinet) and {f.name for f in files_of_mjcf(cabinet)} == {
+        "cabinet.xml", "knob.stl",
+    }  # fmt: skip
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    outside = inner / "outside.xml"
+    outside.write_text(CABINET.replace("knob.stl", "../../meshes/knob.stl"))
+    with pytest.raises(InputError, match="outside its folder"):
+        urdf_of_mjcf(outside, tmp_path / "none")
+    broken = tmp_path / "broken.xml"
+    broken.write_text(CABINET.replace("ellipsoid", "banana"))
+    with pytest.raises(InputError, match="MuJoCo"):
+        urdf_of_mjcf(broken, tmp_path / "none")
