@@ -19,8 +19,9 @@ import numpy as np
 import tyro
 from common import save
 
+from mam_pipeline.metrics import reliability
 from mam_pipeline.parts.abstain import Bar, load_bar
-from mam_training.parts.fit_abstention import REAL, collect, handed_over, read, reliability
+from mam_training.parts.fit_abstention import REAL, collect, handed_over, read
 from mam_world.registry import CATEGORIES, motionless
 from mam_world.splits import MOTIONLESS_TEST_ONLY
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import tyro
@@ -28,6 +28,10 @@ class BenchConfig:
     """Generated objects only: give their nodes names, half of them without sense or false."""
     word: bool = False
     """Tell the engine the object's category in words, where its vocabulary has them."""
+    counts: bool = False
+    """Tell the engine how many parts of each kind the object has."""
+    seeds: Annotated[int, Range(1, 100)] = 1
+    """How often the dataset is run, with the engine's seed and those that follow it."""
     execute: Annotated[bool, tyro.conf.arg(name="exec")] = True
     """Write each asset and test it in the simulator."""
     engine: EngineConfig = field(default_factory=EngineConfig)
@@ -35,5 +39,14 @@ class BenchConfig:
 
     def told(self) -> str:
         """What is special about the input, for the table's title; empty for authored meshes."""
-        sorts = {"fused input": self.fuse, "with names": self.named, "with its word": self.word}
+        sorts = {"fused input": self.fuse, "with names": self.named, "with its word": self.word,
+                 "with counts": self.counts}  # fmt: skip
         return "".join(f", {sort}" for sort, on in sorts.items() if on)
+
+    def seeded(self) -> list[BenchConfig]:
+        """The settings of each run, which differ in the engine's seed alone."""
+        first = self.engine.seed
+        return [
+            replace(self, seeds=1, engine=replace(self.engine, seed=first + k))
+            for k in range(self.seeds)
+        ]

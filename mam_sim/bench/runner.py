@@ -10,7 +10,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ import numpy as np
 
 from mam_pipeline import backends
 from mam_pipeline.errors import ConfigError, HintNeeded, MamSimError, NotPhysicalError
-from mam_pipeline.evidence.spec import NOTHING, KinematicSpec, Said
+from mam_pipeline.evidence.spec import NOTHING, KindCount, KinematicSpec, Said
 from mam_pipeline.geometry.front import moved
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.metrics import FoundJoint, JointScore, Scores, score
@@ -29,6 +29,7 @@ from mam_pipeline.types import Articulation
 from mam_sim.bench.config import BenchConfig
 
 GENERATED = "generated:"
+MOTIONLESS = "motionless"
 _CODE = (".py", ".txt", ".npz", ".json", ".gz")
 _NOT_ENGINE = ("photo", "check", "formats")
 
@@ -80,16 +81,19 @@ class Record:
 
 
 def find_tasks(dataset: str, only: Sequence[str] = (), limit: int | None = None) -> list[Task]:
-    """Objects of a dataset folder, or of `generated:SPLIT`.
+    """Objects of a dataset folder, or of `generated:SPLIT`; `generated:motionless` are objects of
+    the test split in which nothing moves.
 
     Raises:
         InputError: no such folder, or nothing in it.
         ConfigError: an id of `only` that is not there.
     """
     if dataset.startswith(GENERATED):
-        from mam_world.splits import iterate
+        from mam_world.splits import iterate, iterate_motionless
 
-        pairs = iterate(dataset.removeprefix(GENERATED), limit or 50)
+        split = dataset.removeprefix(GENERATED)
+        still = split == MOTIONLESS
+        pairs = (iterate_motionless if still else iterate)("test" if still else split, limit or 50)
         tasks = [Task(f"{name}_{seed}", name, dataset, seed) for name, seed in pairs]
     else:
         tasks = [Task(name, kind, str(urdf)) for name, kind, urdf in list_objects(dataset)]
@@ -170,7 +174,24 @@ def _spec(truth: GroundTruth, config: BenchConfig) -> KinematicSpec:
     what = truth.category.replace("_", " ")
     if not config.word or object_of(what, Said("user", what)) is None:
         what = ""
-    return spec_of(truth.mesh, what=what) if config.named or what else NOTHING
+    spec = spec_of(truth.mesh, what=what) if config.named or what else NOTHING
+    return replace(spec, counts=_counts(truth)) if config.counts else spec
+
+
+def _counts(truth: GroundTruth) -> tuple[KindCount, ...]:
+    """How many movable parts of each kind there are, as a person would say it."""
+    from mam_pipeline.evidence.names import part_kind_of
+
+    found: dict[str, int] = {}
+    for joint in truth.joints:
+        if joint.type == "fixed":
+            continue
+        link = truth.links[joint.child]
+        said = [part_kind_of(link.name), part_kind_of(link.kind)]
+        fitting = [k.kind for k in said if k is not None and k.moves in ("hinge", "spin", "slide")]
+        word = [*fitting, "drawer" if joint.type == "prismatic" else "door"][0]
+        found[word] = found.get(word, 0) + 1
+    return tuple(KindCount(k, n, Said("user", f"{n} {k}")) for k, n in found.items())
 
 
 def grouping_bound(mesh: Any, labels: Any, truth: GroundTruth) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from rich.table import Table
 
 from mam_pipeline.config_file import plain
+from mam_pipeline.metrics import reliability
 from mam_sim.bench.config import BenchConfig
 from mam_sim.bench.runner import Record
 
@@ -80,6 +81,37 @@ def summarise(name: str, records: Sequence[Record]) -> Row:
     )
 
 
+METRICS = ("miou", "count", "type_error", "axis", "pivot", "executable", "axis_signed", "motion",
+           "limits")  # fmt: skip
+
+
+def intervals(records: Sequence[Record], draws: int = 1000) -> tuple[Row, Row]:
+    """The 2.5 and 97.5 % quantiles of the means over bootstrap samples of the objects.
+
+    Args:
+        records: one or several of each object (seeds), which are drawn together.
+    """
+    known = [
+        [getattr(r if m == "executable" else r.scores, m) for m in METRICS] for r in records
+    ]  # fmt: skip
+    values = np.array([[np.nan if v is None else float(v) for v in row] for row in known])
+    ids = sorted({r.id for r in records})
+    at = {name: k for k, name in enumerate(ids)}
+    owner = np.array([at[r.id] for r in records])
+    total, number = np.zeros((len(ids), len(METRICS))), np.zeros((len(ids), len(METRICS)))
+    np.add.at(total, owner, np.nan_to_num(values))
+    np.add.at(number, owner, ~np.isnan(values))
+    drawn = np.random.default_rng(0).integers(len(ids), size=(draws, len(ids)))
+    of = number[drawn].sum(axis=1)
+    means = total[drawn].sum(axis=1) / np.maximum(of, 1)
+    low, high = {}, {}
+    for k, metric in enumerate(METRICS):
+        measured = means[of[:, k] > 0, k]
+        ends = np.quantile(measured, (0.025, 0.975)).tolist() if len(measured) else (None, None)
+        low[metric], high[metric] = ends
+    return Row("95 % from", 0, **low), Row("to", 0, **high)
+
+
 def by_category(records: Sequence[Record]) -> list[Row]:
     """One row per category, sorted by name."""
     names = sorted({r.category for r in records})
@@ -131,12 +163,42 @@ def review_line(records: Sequence[Record]) -> str:
     return f"needs review: of {len(found)} joints found, {' and '.join(told)}"
 
 
+def motionless_line(records: Sequence[Record]) -> str:
+    """How many objects in which nothing moves got a joint; empty where there are none."""
+    still = [r for r in records if r.scores.true_parts == 0]
+    wrong = sum(r.scores.predicted_parts > 0 for r in still)
+    return f"false joints: {wrong} of {len(still)} objects in which nothing moves" if still else ""
+
+
+def calibration(records: Sequence[Record]) -> dict[str, Any]:
+    """How far the confidence of a joint is the chance that it is right.
+
+    Returns:
+        joints; error: expected calibration error; bins: mean confidence, share that is right and
+        number of the joints between every two tenths.
+    """
+    found = [j for r in records for j in r.scores.found]
+    error, bins = reliability(
+        np.array([j.confidence for j in found]), np.array([float(j.right) for j in found])
+    )
+    return {"joints": len(found), "error": round(error, 4), "bins": bins}
+
+
+def calibration_line(records: Sequence[Record]) -> str:
+    """The same in words."""
+    said = calibration(records)
+    bins = ", ".join(f"{a:.2f}: {b:.2f} of {n}" for a, b, n in said["bins"])
+    return f"confidence of a joint: share that is right: {bins}; calibration error {said['error']}"
+
+
 def as_json(records: Sequence[Record], dataset: str, config: BenchConfig) -> dict[str, Any]:
     """Everything as plain data; numbers the paper does not print are null."""
     return {
         "dataset": dataset,
         "config": {"bench": plain(config)},
         "total": _plain(summarise("total", records)) if records else None,
+        "interval": [_plain(r) for r in intervals(records)] if records else None,
+        "calibration": calibration(records),
         "paper": [_plain(r) for r in PAPER],
         "categories": [_plain(r) for r in by_category(records)],
         "objects": [asdict(r) for r in records],

@@ -28,7 +28,7 @@ class Bench(Verb):
     """Run the engine on every object of a dataset and print the table of metrics."""
 
     dataset: Positional[str]
-    """Folder of URDF objects, or generated:validation, generated:test."""
+    """Folder of URDF objects, or generated:validation, generated:test, generated:motionless."""
     out: Path | None = None
     """JSON file for everything; beside it a .jsonl makes the run resumable, and a .yaml says the
     settings."""
@@ -78,14 +78,18 @@ class Bench(Verb):
         log = None if self.out is None else self.out.with_suffix(".jsonl")
         columns: Any = (BarColumn(24), MofNCompleteColumn(), TextColumn("{task.description}"))
         with Progress(*columns, TimeElapsedColumn(), console=screen.err, disable=self.quiet) as bar:
-            line = bar.add_task("", total=len(tasks))
+            line = bar.add_task("", total=len(tasks) * self.bench.seeds)
 
             def done(record: Record, reused: bool) -> None:
                 mark = "kept" if reused else f"{record.seconds:.1f} s"
                 text = f"{record.id} {record.scores.miou:.2f} {mark}"
                 bar.update(line, advance=1, description=text)
 
-            return run_bench(tasks, self.bench, log, self.jobs, done)
+            return [
+                record
+                for config in self.bench.seeded()
+                for record in run_bench(tasks, config, log, self.jobs, done)
+            ]
 
     def _tables(self, screen: Screen, records: list[Record]) -> None:
         from mam_sim.bench import table
@@ -94,7 +98,10 @@ class Bench(Verb):
         screen.out.print(table.objects_table(records))
         screen.out.print(table.rows_table(table.by_category(records), "categories"))
         total = table.summarise("mam-sim" + self.bench.told(), records)
-        screen.out.print(table.rows_table([total, *table.PAPER], f"total of {self.dataset}"))
-        screen.out.print(table.review_line(records))
+        rows = [total, *table.intervals(records), *table.PAPER]
+        screen.out.print(table.rows_table(rows, f"total of {self.dataset}"))
+        lines = (table.review_line, table.calibration_line, table.motionless_line)
+        for said in filter(None, (line(records) for line in lines)):
+            screen.out.print(said)
         if self.out is not None:
             print(f"wrote {self.out}")

@@ -246,6 +246,19 @@ def motion_error(true: Joint, found: Joint | None, points: FloatArray, weight: F
     return min(errors)
 
 
+def reliability(
+    chance: FloatArray, real: FloatArray, bins: int = 10
+) -> tuple[float, list[list[float]]]:
+    """Expected calibration error, and (mean chance, share that is real, parts) of every bin."""
+    at = np.minimum((chance * bins).astype(int), bins - 1)
+    rows = [
+        [float(chance[at == k].mean()), float(real[at == k].mean()), int((at == k).sum())]
+        for k in range(bins) if (at == k).any()
+    ]  # fmt: skip
+    error = sum(n * abs(said - was) for said, was, n in rows) / max(len(chance), 1)
+    return float(error), [[round(a, 3), round(b, 3), n] for a, b, n in rows]
+
+
 def limit_iou(true: Joint, found: Joint) -> float:
     """IoU of the two ranges on the true joint's scale; 0 for unlike types.
 

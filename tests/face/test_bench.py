@@ -12,11 +12,20 @@ import pytest
 from mam_pipeline import config_file
 from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.ground_truth import list_objects, read_object
-from mam_pipeline.metrics import score
+from mam_pipeline.metrics import FoundJoint, score
 from mam_sim.bench import runner
 from mam_sim.bench.config import BenchConfig
 from mam_sim.bench.runner import Record, find_tasks, record_from, run_bench
-from mam_sim.bench.table import PAPER, as_json, by_category, review_line, summarise
+from mam_sim.bench.table import (
+    PAPER,
+    as_json,
+    by_category,
+    calibration,
+    intervals,
+    motionless_line,
+    review_line,
+    summarise,
+)
 from mam_sim.cli import main
 from mam_sim.options import parse
 from mam_sim.verbs.bench import Bench
@@ -134,6 +143,58 @@ def test_wrong_joints_that_nobody_is_sent_to_are_counted(dataset: Path) -> None:
         "needs review: of 3 joints found, 0 of 1 wrong ones and 1 of 2 right ones"
     )
     assert record_from(json.loads(json.dumps(asdict(records[3])))) == records[3]
+
+
+def _records(dataset: Path) -> list[Record]:
+    """The object found rightly at two seeds, and a motionless one that got a joint."""
+    truth = read_object(dataset / "thing" / "object.urdf")
+    right = score(truth.truth_articulation(), truth)
+    false = replace(right, true_parts=0, miou=0.0, count=0.0, pivot=None)
+    made = [("a", right), ("a", right), ("rock", false)]
+    return [Record(name, "c", "k", "ok", "", scores, 1.0, {}, 0, 0, None) for name, scores in made]
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_intervals_are_over_objects_and_false_joints_are_counted(dataset: Path) -> None:
+    records = _records(dataset)
+    low, high = intervals(records)
+    assert low.miou == pytest.approx(0.0) and high.miou == pytest.approx(1.0)
+    assert low.pivot == high.pivot == pytest.approx(0.0)  # the rock has none
+    assert low.executable is None
+    assert motionless_line(records) == "false joints: 1 of 1 objects in which nothing moves"
+    assert motionless_line(records[:2]) == ""
+    assert as_json(records, "set", BenchConfig())["interval"][1]["miou"] == pytest.approx(1.0)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_confidence_is_compared_with_how_often_it_is_right(dataset: Path) -> None:
+    records = _records(dataset)[:1]
+    found = (FoundJoint(0.95, True), FoundJoint(0.95, True), FoundJoint(0.25, True))
+    said = calibration([replace(records[0], scores=replace(records[0].scores, found=found))])
+    assert said["joints"] == 3
+    assert said["error"] == pytest.approx((2 * 0.05 + 0.75) / 3, abs=1e-4)
+    assert calibration([]) == {"joints": 0, "error": 0.0, "bins": []}
+
+
+def test_seeds_are_runs_that_differ_in_the_seed_alone() -> None:
+    first = BenchConfig(seeds=3, counts=True)
+    assert [c.engine.seed for c in first.seeded()] == [0, 1, 2]
+    assert all(c.seeds == 1 and c.counts for c in first.seeded())
+    assert first.told() == ", with counts"
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_the_engine_is_told_how_many_parts_of_each_kind_there_are(dataset: Path) -> None:
+    truth = read_object(dataset / "thing" / "object.urdf")
+    told = runner._spec(truth, BenchConfig(counts=True)).counts
+    assert [(c.kind, c.count, c.said.origin) for c in told] == [("door", 1, "user")]
+
+
+def test_motionless_objects_are_a_dataset() -> None:
+    tasks = find_tasks("generated:motionless", limit=3)
+    assert len(tasks) == 3
+    truth = tasks[0].load()
+    assert not [joint for joint in truth.joints if joint.type != "fixed"]
 
 
 def test_generated_truth_scores_itself() -> None:

@@ -1,4 +1,4 @@
-"""The network of parts: its groups and values in closed form, its items, and a short training."""
+"""The network of mobility: items, batches, a short training, and the form the engine reads."""
 
 from __future__ import annotations
 
@@ -8,71 +8,44 @@ import numpy as np
 import pytest
 import torch
 
-from mam_training.articulation.answers import Answers, merge_tree
-from mam_training.articulation.batches import DRAW, NAMED, NOTHING, batch_of
-from mam_training.articulation.evaluate import best_groups, score
-from mam_training.articulation.fit import Lesson, fit, prior_columns
+from mam_pipeline.parts.mobility_network import read_mobility
+from mam_training.articulation.batches import DRAW, NAMED, NOTHING, Draw, batch_of, batches
+from mam_training.articulation.corpus import STEP, Corpus, corpus_of, spread
+from mam_training.articulation.fit import Lesson, fit
 from mam_training.articulation.items import (
     Item,
+    columns,
     generated_item,
+    object_words,
     pack,
     part_words,
     unpack,
     with_word,
 )
-from mam_training.articulation.publish import publish, published
+from mam_training.articulation.model import Shape
+from mam_training.articulation.publish import publish
+from mam_training.articulation.train import right
 
-SURE = 12.0
-
-
-def _answers() -> Answers:
-    """Four primitives: 0 stands still, 1 and 2 move as one body, 3 moves by itself."""
-    link = np.array([0, 1, 1, 2])
-    same = np.where(link[:, None] == link[None], SURE, -SURE)
-    motion = np.zeros((4, 12))
-    motion[1:3, 2] = SURE  # slides along x
-    motion[1:3, 3:6] = [[2.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]
-    motion[3, 0] = SURE  # turns about z, at (0.5, 0, 0) from its centre
-    motion[3, 3:9] = [0.0, 0.0, 1.0, 0.5, 0.0, 0.0]
-    return Answers(np.where(link > 0, SURE, -SURE), same, motion, np.array([0.4, 0.3, 0.1, 0.2]))
-
-
-def test_groups_are_what_moves_together_and_all_on_the_way_there() -> None:
-    groups = {tuple(np.flatnonzero(m)) for m in _answers().groups()}
-    assert groups == {(1,), (2,), (3,), (1, 2)}
-
-
-def test_agglomeration_joins_the_strongest_first_by_weighted_means() -> None:
-    same = np.array([[0.0, 3.0, 1.0], [3.0, 0.0, -2.0], [1.0, -2.0, 0.0]])
-    assert merge_tree(same, np.ones(3))[3:] == [[0, 1], [0, 1, 2]]  # mean of 1 and -2 is above -6
-    assert merge_tree(np.full((2, 2), -7.0), np.ones(2)) == [[0], [1]]
-
-
-def test_the_value_of_a_group_is_its_expected_overlap() -> None:
-    masks = np.array([[0, 1, 1, 0], [0, 1, 0, 0], [0, 0, 0, 1], [1, 0, 0, 0], [0, 1, 1, 1]], bool)
-    value = _answers().value(masks)
-    assert value[0] == pytest.approx(1.0, abs=1e-3)
-    assert value[1] == pytest.approx(0.3 / 0.4, abs=1e-3)  # the smaller piece is left out
-    assert value[2] == pytest.approx(1.0, abs=1e-3)
-    assert value[3] == pytest.approx(0.0, abs=1e-3)  # what stands still is no part
-    assert 0.3 < value[4] < 0.7  # two bodies as one
-
-
-def test_the_best_groups_are_the_true_parts() -> None:
-    found = {tuple(np.flatnonzero(m)) for m in best_groups(_answers(), bar=0.4)}
-    assert found == {(1, 2), (3,)}
-
-
-def test_axes_of_a_group_do_not_depend_on_their_signs() -> None:
-    found, mask = _answers(), np.array([False, True, True, False])
-    assert np.abs(found.axis(mask)) == pytest.approx([1.0, 0.0, 0.0])
-    assert found.odds(mask[None])[0].argmax() == 2
+PRIOR = ([0], [0])
 
 
 @pytest.fixture(scope="module")
 def items() -> list[Item]:
     some = [generated_item("cabinet_two_door", seed, False, False, False) for seed in range(6)]
     return [with_word(item) for item in some]
+
+
+@pytest.fixture(scope="module")
+def scales(items: list[Item]) -> list[np.ndarray]:
+    return [
+        spread(np.concatenate([i.unary for i in items])),
+        spread(np.concatenate([i.pair for i in items]).astype(np.float32)),
+    ]
+
+
+@pytest.fixture(scope="module")
+def corpus(items: list[Item], scales: list[np.ndarray]) -> Corpus:
+    return corpus_of(items, scales, [8, 8, 8, 8, 8, 0], [0] * 6)
 
 
 def test_an_item_holds_the_truth_of_its_object(items: list[Item], tmp_path: Path) -> None:
@@ -85,58 +58,87 @@ def test_an_item_holds_the_truth_of_its_object(items: list[Item], tmp_path: Path
     assert again.name == item.name and np.allclose(again.overlap, item.overlap, atol=1e-6)
 
 
-def test_the_true_parts_score_one(items: list[Item]) -> None:
-    item = items[4]
-    movable = np.flatnonzero(item.subtype >= 0)
-    masks = [item.link == k for k in movable]
-    motion = np.zeros((len(item.area), 12))
-    for k, mask in zip(movable, masks):
-        motion[mask, item.subtype[k]], motion[mask, 3:6] = SURE, item.axis[k]
-    count = len(item.area)
-    answers = Answers(np.zeros(count), np.zeros((count, count)), motion, item.area)
-    found = score(item, masks, answers)
-    assert found["miou"] == pytest.approx(item_bound(item)) and found["count"] == 1.0
-    assert found["type"] == 0.0 and found["axis"] == pytest.approx(0.0, abs=1e-5)
+def test_a_corpus_is_the_same_after_it_was_written(corpus: Corpus, tmp_path: Path) -> None:
+    corpus.save(tmp_path / "c.safetensors", {"sources": ["world"]})
+    again, about = Corpus.load(tmp_path / "c.safetensors")
+    assert about == {"sources": ["world"]}
+    assert all(torch.equal(getattr(again, k), v) for k, v in vars(corpus).items())
+    assert corpus.without(0).times.sum() == 0
 
 
-def item_bound(item: Item) -> float:
-    """Mean IoU of the movable links when each has the primitives that are mostly its own."""
-    out = []
-    for k in np.flatnonzero(item.subtype >= 0):
-        inside = item.overlap[item.link == k].sum(axis=0)
-        union = item.overlap[item.link == k].sum() + item.overlap[:, k].sum() - inside[k]
-        out.append(inside[k] / union)
-    return float(np.mean(out))
+def test_a_batch_holds_each_object_and_its_truth(corpus: Corpus, items: list[Item]) -> None:
+    rows = [2, 4]
+    batch = batch_of(corpus, rows, np.random.default_rng(0), NOTHING, PRIOR, turn=False)
+    assert (~batch.hidden).sum(1).tolist() == [len(items[k].area) for k in rows]
+    for place, k in enumerate(rows):
+        item, count = items[k], len(items[k].area)
+        assert batch.moves[place, :count].bool().tolist() == (
+            (item.subtype[item.link] >= 0).tolist()
+        )
+        i, j = item.ends[0]
+        assert torch.equal(batch.pair[place, i, j], batch.pair[place, j, i])
+        assert batch.pair[place, i, j, -1] == 1
+        assert batch.pair[place, :, count:].abs().sum() == 0
+        size = batch.geometry[place, :count, 3:6] - batch.geometry[place, :count, 0:3]
+        assert np.allclose(size, item.high - item.low, atol=2e-3)
+    assert batch.object_word.tolist() == [0, 0] and batch.part_word.sum() == 0
+
+
+def test_what_is_told_is_the_truth_unless_it_lies(corpus: Corpus, items: list[Item]) -> None:
+    batch = batch_of(corpus, [4], np.random.default_rng(0), NAMED, PRIOR, turn=False)
+    assert batch.part_word[0].tolist() == items[4].kind[items[4].link].tolist()
+    lying = Draw(0.0, 1.0, 0.0, 1.0, lies=1.0, missing=0.0)
+    seen = set()
+    for seed in range(8):
+        batch = batch_of(corpus, [4], np.random.default_rng(seed), lying, PRIOR, turn=False)
+        seen.add(tuple(batch.part_word[0].tolist()))
+    assert len(seen) > 1
+
+
+def test_turning_keeps_what_does_not_depend_on_the_yaw(corpus: Corpus) -> None:
+    for seed in range(4):
+        same = batch_of(corpus, [4], np.random.default_rng(0), NOTHING, PRIOR, turn=False)
+        other = batch_of(corpus, [4], np.random.default_rng(seed), NOTHING, PRIOR)
+        for batch in (same, other):
+            assert (batch.geometry[..., 0:3] <= batch.geometry[..., 3:6] + 1e-6).all()
+        heights = same.geometry[..., [2, 5]], other.geometry[..., [2, 5]]
+        assert torch.allclose(*heights) and torch.equal(same.unary, other.unary)
+
+
+def test_batches_hold_every_object_once() -> None:
+    sizes = np.array([3, 50, 4, 60, 5, 200])
+    rows = list(batches(sizes, np.arange(6), np.random.default_rng(0), pairs=8000, most=3))
+    assert sorted(np.concatenate(rows).tolist()) == list(range(6))
+    assert all(len(r) == 1 or len(r) * max(sizes[r]) ** 2 <= 8000 for r in rows)
 
 
 @pytest.mark.slow
-def test_a_short_training_learns_and_its_files_give_the_same_answers(
-    items: list[Item], tmp_path: Path
+def test_a_short_training_learns_and_the_engine_reads_the_same_answers(
+    corpus: Corpus, scales: list[np.ndarray], tmp_path: Path
 ) -> None:
-    before = fit(items, Lesson(0.1), DRAW)
-    after = fit(items * 8, Lesson(60.0, warm=10), DRAW)
-    batch = batch_of(
-        [_ready(i, after.scales) for i in items], np.random.default_rng(0), NOTHING,
-        prior_columns(), turn=False,
-    )  # fmt: skip
+    primitive, pair = columns()
+    shape = Shape(len(primitive), len(pair), len(object_words()), len(part_words()))
+    nets = [fit(corpus, shape, PRIOR, lesson, 0, DRAW)
+            for lesson in (Lesson(0.1), Lesson(60.0, warm=10))]  # fmt: skip
+    batch = batch_of(corpus, range(6), np.random.default_rng(0), NOTHING, PRIOR, turn=False)
     there = ~batch.hidden
     loss = torch.nn.functional.binary_cross_entropy_with_logits
     with torch.no_grad():
-        old = float(loss(before.net(*batch.inputs)[0][there], batch.moves[there]))
-        new = float(loss(after.net(*batch.inputs)[0][there], batch.moves[there]))
+        old, new = (float(loss(n(*batch.inputs)[0][there], batch.moves[there])) for n in nets)
     assert new < 0.7 * old
-    publish(after, tmp_path)
-    again = published(tmp_path)
-    named = batch_of(
-        [_ready(i, after.scales) for i in items], np.random.default_rng(0), NAMED,
-        prior_columns(), turn=False,
-    )  # fmt: skip
-    with torch.no_grad():
-        for x, y in zip(after.net(*named.inputs), again(*named.inputs)):
-            assert torch.allclose(x, y, atol=0.05)  # weights are kept in half precision
-
-
-def _ready(item: Item, scales: object) -> Item:
-    from mam_training.articulation.batches import scaled
-
-    return scaled(item, scales)  # type: ignore[arg-type]
+    about = {"columns": [primitive, pair], "scales": scales}
+    publish(nets[1].state_dict(), about, tmp_path / "network.npz")
+    again = read_mobility(tmp_path / "network.npz")
+    for k in range(6):
+        own = slice(int(corpus.first[k]), int(corpus.first[k + 1]))
+        pairs = slice(int(corpus.edge[k]), int(corpus.edge[k + 1]))
+        found = again.answer(
+            corpus.unary[own].float().numpy() * STEP, corpus.pair[pairs].float().numpy() * STEP,
+            corpus.ends[pairs].long().numpy(), corpus.geometry[own].float().numpy(),
+            bool(corpus.fused[k]),
+        )  # fmt: skip
+        with torch.no_grad():
+            one = batch_of(corpus, [k], np.random.default_rng(0), NOTHING, PRIOR, turn=False)
+            said = torch.sigmoid(nets[1](*one.inputs)[0])[0].numpy()
+        assert np.allclose(found, said, atol=0.03)  # weights are kept in half precision
+    assert right(again, corpus, range(6)) > 0.7

@@ -11,6 +11,7 @@ import mam_pipeline
 from mam_pipeline import config_file
 from mam_pipeline.errors import ConfigError
 from mam_training import manifest
+from mam_training.articulation.train import NetworkTraining
 from mam_training.command import configured
 from mam_training.joints.train import JointTraining
 from mam_training.parts.fit_abstention import AbstentionTraining
@@ -27,6 +28,7 @@ FOLDERS = sorted({
 TRAINERS = {
     "parts": PartsTraining, "joints": JointTraining, "photo_handles": HandleTraining,
     "photo_confidence": ConfidenceTraining, "abstention": AbstentionTraining,
+    "network": NetworkTraining,
 }  # fmt: skip
 
 
@@ -36,7 +38,7 @@ def test_weights_have_a_manifest_that_is_true(folder: Path) -> None:
 
 
 def test_all_weights_lie_in_such_folders() -> None:
-    assert len(FOLDERS) == 6
+    assert len(FOLDERS) == 7
     loose = [f for p in ("*.gz", "*.npz", "*.xz") for f in PIPELINE.rglob(p)
              if f.parent not in FOLDERS]  # fmt: skip
     assert loose == []

@@ -62,7 +62,12 @@ def write(
 def _told(config: Any) -> dict[str, Any]:
     """The config's values; paths as they are from the folder that the command is typed in."""
     told = {k: v for k, v in config_file.plain(config).items() if k not in ("out", "cache")}
-    paths = {k: os.path.relpath(v) for k, v in vars(config).items() if isinstance(v, Path)}
+    paths: dict[str, Any] = {}
+    for name, value in vars(config).items():
+        if isinstance(value, Path):
+            paths[name] = os.path.relpath(value)
+        elif isinstance(value, tuple) and any(isinstance(v, Path) for v in value):
+            paths[name] = [os.path.relpath(v) for v in value]
     return {k: paths.get(k, v) for k, v in told.items()}
 
 

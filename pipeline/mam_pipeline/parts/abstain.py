@@ -1,9 +1,10 @@
 """Whether a part is likely enough to become one: what is not is withheld and told.
 
 The chance that a part is real is fitted on generated objects, of which many have nothing that
-moves (`mam_world.motionless`). Where no part of an object reaches the bar, nothing in it moves;
-where one does, others need less. What is withheld stays in what it hangs on and is a suggestion in
-the notes. How many pieces an object has is no sign: that tells how it was modelled.
+moves (`mam_world.motionless`), and on objects of other makers. Where no part of an object reaches
+the bar, nothing in it moves; where one does, others need less. What is withheld stays in what it
+hangs on and is a suggestion in the notes. How many pieces an object has is no sign: that tells how
+it was modelled.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from mam_pipeline.joints.estimate import Estimate, JointEstimator
 from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.types import FloatArray, KinematicTree, Mesh, PartNode, Primitives
 
-SIGNS = ("value", "confidence", "sure", "stays", "free", "area", "alike", "best")
+SIGNS = ("value", "confidence", "sure", "stays", "free", "alike", "best", "moving")
 
 
 @dataclass(frozen=True)
@@ -66,13 +67,14 @@ def bar_weights() -> Traversable:
 
 
 def abstained(
-    tree: KinematicTree, mesh: Mesh, primitives: Primitives, seed: int = 0,
+    tree: KinematicTree, mesh: Mesh, primitives: Primitives, moving: FloatArray, seed: int = 0,
     rules: Rules = ALL_RULES,
 ) -> KinematicTree:  # fmt: skip
     """The tree without the parts that are too unlikely, and with the signs of all parts noted.
 
     Args:
         mesh: with one copy of every face. The joints are asked for as the solver will ask.
+        moving: (P,) chance of every primitive that it moves.
     """
     if len(tree.nodes) < 2:
         return tree
@@ -82,18 +84,20 @@ def abstained(
     area: FloatArray = np.bincount(
         primitives.labels, face_geometry(mesh.vertices, mesh.faces)[1], minlength=primitives.count
     ).astype(np.float64)
-    signs = signs_of(tree, found, area)
+    signs = signs_of(tree, found, area, moving)
     judged = rules.abstain and not primitives.is_fused  # the scores of fused meshes are others
     return withheld(tree, signs, load_bar() if judged else None)
 
 
 def signs_of(
-    tree: KinematicTree, found: Mapping[str, Estimate | None], area: FloatArray
-) -> dict[str, dict[str, float]]:
+    tree: KinematicTree, found: Mapping[str, Estimate | None], area: FloatArray,
+    moving: FloatArray,
+) -> dict[str, dict[str, float]]:  # fmt: skip
     """What speaks for and against every part, by its name.
 
     Args:
         found: the estimated joint by the part's name. area: (P,) of the primitives, any unit.
+        moving: (P,) chance of every primitive that it moves.
 
     Returns:
         Numbers by the names in SIGNS, each within about -5 to 5: log odds of the scores, shares,
@@ -104,7 +108,7 @@ def signs_of(
     values = [float(n.evidence.get("expected_overlap", n.confidence)) for n in parts]
     out = {}
     for node, size, value in zip(parts, sizes, values):
-        estimate = found.get(node.name)
+        estimate, own = found.get(node.name), list(node.primitives)
         alike = sum(np.isclose(size, s, rtol=0.1) for s in sizes) - 1
         out[node.name] = {
             "value": _odds(value),
@@ -112,9 +116,9 @@ def signs_of(
             "sure": 0.0 if estimate is None else estimate.sure,
             "stays": float(node.evidence.get("motion_view", {}).get("fixed", 0.0)),
             "free": 0.0 if estimate is None else float(np.clip(estimate.share, 0.0, 1.0)),
-            "area": float(np.log(max(size, 1e-4))),
             "alike": float(np.log1p(alike)),
             "best": _odds(max(values)),
+            "moving": _odds(float(np.average(moving[own], weights=area[own] + 1e-15))),
         }
     return out
 

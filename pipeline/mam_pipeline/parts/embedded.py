@@ -26,6 +26,7 @@ from mam_pipeline.parts.graph import Graph, build_graph
 from mam_pipeline.parts.group_features import joined, measured, with_rivals
 from mam_pipeline.parts.groups import Masks, enumerate_groups, expand_groups
 from mam_pipeline.parts.joint_view import with_joints
+from mam_pipeline.parts.mobility_network import MobilityNetwork, load_mobility
 from mam_pipeline.parts.network import Reading, log_odds
 from mam_pipeline.parts.rules.bare_handles import with_boards
 from mam_pipeline.parts.rules.choice import lighter, nearest, with_sure, with_twins
@@ -107,22 +108,27 @@ class EmbeddedReasoner:
         kind: Kind = "fused" if primitives.is_fused else "authored"
         heard = Heard.of(self.spec, mesh, primitives)
         masks, choice = decide(views, self.scores or load_scores(kind), self.rules, heard)
-        return tree_of(views[0].graph, masks, choice, mesh, primitives, seed, self.rules, heard)
+        return tree_of(views[0], masks, choice, mesh, primitives, seed, self.rules, heard)
 
 
 def tree_of(
-    graph: Graph, masks: Masks, choice: Choice, mesh: Mesh, primitives: Primitives, seed: int,
-    rules: Rules, heard: Heard | None = None,
+    view: View, masks: Masks, choice: Choice, mesh: Mesh, primitives: Primitives, seed: int,
+    rules: Rules, heard: Heard | None = None, mobility: MobilityNetwork | None = None,
 ) -> KinematicTree:  # fmt: skip
     """From chosen candidates to final parts, for which the joint estimator is asked.
 
     Args:
-        mesh: with one copy of every face. heard: what is known beside geometry.
+        view: of which the candidates are. mesh: with one copy of every face.
+        heard: what is known beside geometry. mobility: the package's, unless it is given.
     """
+    graph = view.graph
     tree = drafted(graph, masks, choice, mesh, primitives, seed, rules, heard)
     tree = against_physics(tree, mesh, primitives, seed)
     tree = settled(tree, mesh, primitives, clear_from(graph, tree, rules), seed, rules)
-    return abstained(tree, mesh, primitives, seed, rules)
+    if len(tree.nodes) < 2:
+        return tree
+    moving = (mobility or load_mobility()).moving(graph, view.prior)
+    return abstained(tree, mesh, primitives, moving, seed, rules)
 
 
 def drafted(

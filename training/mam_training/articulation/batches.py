@@ -1,50 +1,53 @@
-"""Items as batches: normalised, turned and mirrored, with what is known left out at random."""
+"""Padded batches of a corpus: turned and mirrored, with what is known left out at random."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from mam_training.articulation.answers import MOST_COUNTED, normalised
-from mam_training.articulation.items import Item
+from mam_training.articulation.corpus import MOST_COUNTED, STEP, Corpus
 
 
 @dataclass(frozen=True)
 class Draw:
-    """How an item is changed each time it is seen, and how often what is known is told.
+    """How an object is changed each time it is seen, and how often what is known is told.
 
     Attributes:
         object_word, part_words, count: chances that these are told. named: share of the parts whose
-            words are told. lies: share of the objects whose words go to the wrong parts.
+            words are told. lies: share of the objects whose words go to the wrong parts, or are
+            another object's.
         blind: chance that the columns of the kinematic prior are left out. left_out: of any column.
+        noise: of normalised features. area: power of the area that weighs a primitive.
+        missing: chance that some primitives are missing; a tenth of them then is.
     """
 
     object_word: float = 0.4
-    part_words: float = 0.25
+    part_words: float = 0.3
     count: float = 0.15
     named: float = 0.85
-    lies: float = 0.1
+    lies: float = 0.3
     blind: float = 0.1
     left_out: float = 0.12
     noise: float = 0.05
     area: float = 0.5
+    missing: float = 0.3
 
 
 DRAW = Draw()
-NOTHING = Draw(0.0, 0.0, 0.0, blind=0.0, left_out=0.0, noise=0.0)
-WORD = Draw(1.0, 0.0, 0.0, blind=0.0, left_out=0.0, noise=0.0)
-COUNT = Draw(1.0, 0.0, 1.0, blind=0.0, left_out=0.0, noise=0.0)
-NAMED = Draw(0.0, 1.0, 0.0, named=1.0, lies=0.0, blind=0.0, left_out=0.0, noise=0.0)
+NOTHING = Draw(0.0, 0.0, 0.0, lies=0.0, blind=0.0, left_out=0.0, noise=0.0, missing=0.0)
+WORD = Draw(1.0, 0.0, 0.0, lies=0.0, blind=0.0, left_out=0.0, noise=0.0, missing=0.0)
+COUNT = Draw(1.0, 0.0, 1.0, lies=0.0, blind=0.0, left_out=0.0, noise=0.0, missing=0.0)
+NAMED = Draw(0.0, 1.0, 0.0, 1.0, lies=0.0, blind=0.0, left_out=0.0, noise=0.0, missing=0.0)
 
 
 @dataclass
 class Batch:
-    """Padded items and their truth."""
+    """Padded objects and their truth; see `PartNetwork.forward` and `Corpus`."""
 
     unary: Tensor
     geometry: Tensor
@@ -60,7 +63,6 @@ class Batch:
     subtype: Tensor
     axis: Tensor
     origin: Tensor
-    items: tuple[Item, ...]
 
     @property
     def inputs(self) -> tuple[Tensor, ...]:
@@ -69,121 +71,138 @@ class Batch:
                 self.part_word, self.count, self.fused)  # fmt: skip
 
 
-def spread(rows: NDArray) -> NDArray:
-    """(2, F) median and scale of columns (n, F)."""
-    low, high = np.nanpercentile(rows, 10, axis=0), np.nanpercentile(rows, 90, axis=0)
-    wide = high - low
-    wide = np.where(wide < 1e-6, 2.5 * np.nanstd(rows, axis=0) + 1e-6, wide)
-    return np.stack([np.nanmedian(rows, axis=0), wide / 1.5]).astype(np.float32)
-
-
-def scaled(item: Item, scales: Sequence[NDArray]) -> Item:
-    """The item with normalised features.
-
-    Args:
-        scales: of primitives and of pairs.
-    """
-    return replace(
-        item, unary=normalised(item.unary, scales[0]).astype(np.float16),
-        pair=normalised(item.pair, scales[1]).astype(np.float16),
-    )  # fmt: skip
-
-
-def symmetry(rng: np.random.Generator) -> NDArray:
-    """(3, 3) one of the eight quarter turns and mirrors about the upright."""
-    c, s = [(1, 0), (0, 1), (-1, 0), (0, -1)][int(rng.integers(4))]
-    m = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]], dtype=np.float32)
-    if rng.random() < 0.5:
-        m = m @ np.diag([-1.0, 1.0, 1.0]).astype(np.float32)
-    return m
-
-
 def batch_of(
-    items: Sequence[Item], rng: np.random.Generator, draw: Draw, prior: Sequence[NDArray],
-    turn: bool = True,
+    corpus: Corpus, rows: Sequence[int] | NDArray[np.integer], rng: np.random.Generator, draw: Draw,
+    prior: Sequence[Sequence[int]], turn: bool = True,
 ) -> Batch:  # fmt: skip
-    """One padded batch of items that are `scaled`.
+    """One padded batch.
 
     Args:
-        prior: columns of primitives and of pairs that come from the kinematic prior.
+        rows: objects. prior: columns of primitives and of pairs that come from the kinematic prior.
+        turn: by quarter turns about the upright, and mirrored.
     """
-    n = max(len(i.area) for i in items)
-    b, u, g = len(items), items[0].unary.shape[1], items[0].pair.shape[1]
-    unary, geometry = np.zeros((b, n, u), np.float32), np.zeros((b, n, 21), np.float32)
-    pair = np.zeros((b, n, n, g + 1), np.float32)
-    hidden, moves = np.ones((b, n), bool), np.zeros((b, n), np.float32)
-    word, count = np.zeros(b, np.int64), np.zeros(b, np.int64)
-    part, link = np.zeros((b, n), np.int64), np.full((b, n), -1)
-    weight, subtype = np.zeros((b, n), np.float32), np.full((b, n), -1)
-    axis, origin = np.zeros((b, n, 3), np.float32), np.zeros((b, n, 3), np.float32)
-    for k, item in enumerate(items):
-        p = len(item.area)
-        m = symmetry(rng) if turn else np.eye(3, dtype=np.float32)
-        middle = (item.low.min(0) + item.high.max(0)) / 2
-        middle = np.array([middle[0], middle[1], 0.0], np.float32)
-        corners = np.stack([(item.low - middle) @ m.T, (item.high - middle) @ m.T])
-        blind = rng.random() < draw.blind
-        x, y = item.unary.astype(np.float32), item.pair.astype(np.float32)
-        if blind:
-            x[:, prior[0]], y[:, prior[1]] = 0.0, 0.0
-        if draw.left_out:
-            x[:, rng.random(u) < draw.left_out] = 0.0
-            y[:, rng.random(g) < draw.left_out] = 0.0
-        if draw.noise:
-            x += draw.noise * rng.standard_normal(x.shape, dtype=np.float32)
-            y += draw.noise * rng.standard_normal(y.shape, dtype=np.float32)
-        unary[k, :p] = x
-        geometry[k, :p] = np.concatenate([
-            corners.min(0), corners.max(0), item.size, item.spin @ m.T,
-            (item.axes @ m.T).reshape(p, 9),
-        ], 1)  # fmt: skip
-        i, j = item.ends[:, 0].astype(int), item.ends[:, 1].astype(int)
-        pair[k, i, j, :g], pair[k, j, i, :g] = y, y
-        pair[k, i, j, g], pair[k, j, i, g] = 1.0, 1.0
-        hidden[k, :p] = False
-        owner = item.link.astype(int)
-        link[k, :p] = owner
-        sort = item.subtype.astype(int)[owner]
-        moves[k, :p], subtype[k, :p] = sort >= 0, sort
-        share = item.area / max(float(item.area.max()), 1e-9)
-        weight[k, :p] = item.purity * (share**draw.area + 0.1)
-        weight[k, :p] /= weight[k, :p].mean()
-        axis[k, :p] = np.nan_to_num(item.axis[owner] @ m.T)
-        origin[k, :p] = np.nan_to_num((item.origin[owner] - middle) @ m.T)
-        if rng.random() < draw.object_word:
-            word[k] = item.word
-        if rng.random() < draw.part_words and item.kind.any():
-            told = np.where(rng.random(len(item.kind)) < draw.named, item.kind.astype(int), 0)
-            if rng.random() < draw.lies:
-                told = rng.permutation(told)
-            part[k, :p] = told[owner]
-        if rng.random() < draw.count:
-            movable = len(np.intersect1d(np.flatnonzero(item.subtype >= 0), owner))
-            count[k] = 1 + min(movable, MOST_COUNTED)
-    t = torch.from_numpy
+    device = corpus.unary.device
+    generator = torch.Generator(device).manual_seed(int(rng.integers(2**62)))
+
+    def chance(*shape: int) -> Tensor:
+        return torch.rand(*shape, generator=generator, device=device)
+
+    picked = torch.as_tensor(np.asarray(rows), device=device)
+    b = len(rows)
+    first, number = corpus.first[picked], corpus.first[picked + 1] - corpus.first[picked]
+    edge, pairs = corpus.edge[picked], corpus.edge[picked + 1] - corpus.edge[picked]
+    n = int(number.max())
+    place = torch.arange(n, device=device)
+    there = place[None] < number[:, None]
+    at = torch.where(there, first[:, None] + place, 0)
+    if draw.missing:
+        some = chance(b, 1) < draw.missing
+        kept = ~(some & (chance(b, n) < 0.1)) & there
+        there = torch.where(kept.any(1, keepdim=True), kept, there)
+    full, drop = there[..., None].float(), draw.left_out > 0
+    u, g = corpus.unary.shape[1], corpus.pair.shape[1]
+    unary = corpus.unary[at].float() * STEP
+    owner = torch.repeat_interleave(torch.arange(b, device=device), pairs)
+    inside = torch.arange(len(owner), device=device) - (pairs.cumsum(0) - pairs)[owner]
+    row = edge[owner] + inside
+    y = corpus.pair[row].float() * STEP
+    if draw.noise:
+        unary = unary + draw.noise * torch.randn(unary.shape, generator=generator, device=device)
+        y = y + draw.noise * torch.randn(y.shape, generator=generator, device=device)
+    blind = chance(b) < draw.blind
+    keep_u, keep_g = torch.ones(b, u, device=device), torch.ones(b, g, device=device)
+    if drop:
+        keep_u, keep_g = (chance(b, u) >= draw.left_out).float(), (
+            chance(b, g) >= draw.left_out
+        ).float()
+    for keep, columns in ((keep_u, prior[0]), (keep_g, prior[1])):
+        if len(columns):
+            keep[:, list(columns)] *= (~blind)[:, None].float()
+    unary = unary * keep_u[:, None] * full
+    y = torch.cat([y * keep_g[owner], torch.ones(len(y), 1, device=device)], 1)
+    i, j = corpus.ends[row].long().unbind(1)
+    pair = torch.zeros(b, n, n, g + 1, device=device)
+    pair[owner, i, j], pair[owner, j, i] = y, y
+    pair = pair * (there[:, :, None] & there[:, None])[..., None]
+    m = symmetries(b, rng, turn).to(device)
+    geometry = turned(corpus.geometry[at].float(), m) * full
+    link = torch.where(there, corpus.link[at].long(), -1)
+    subtype = torch.where(there, corpus.subtype[at].long(), -1)
+    area = corpus.area[at] * there
+    share = area / area.amax(1, keepdim=True).clamp(min=1e-9)
+    weight = corpus.weight[at].float() * (share**draw.area + 0.1) * there
+    weight = weight * there.sum(1, keepdim=True) / weight.sum(1, keepdim=True).clamp(min=1e-9)
+    word, part = told(corpus, picked, at, there, link, draw, chance)
+    count = torch.where(
+        chance(b) < draw.count, 1 + corpus.movable[picked].clamp(max=MOST_COUNTED), 0
+    )
     return Batch(
-        t(unary), t(geometry), t(pair), t(hidden), t(word), t(part), t(count),
-        torch.tensor([int(i.fused) for i in items]), t(link), t(moves), t(weight), t(subtype),
-        t(axis), t(origin), tuple(items),
+        unary, geometry, pair, ~there, word, part, count, corpus.fused[picked], link,
+        (subtype >= 0).float(), weight, subtype, (corpus.axis[at].float() @ m.mT) * full,
+        (corpus.origin[at].float() @ m.mT) * full,
     )  # fmt: skip
 
 
-def batches(items: Sequence[Item], rng: np.random.Generator, tokens: int) -> Iterator[list[int]]:
-    """Indices of items of about equal size, at most `tokens` squared pairs together."""
-    order = rng.permutation(len(items))
-    sizes = np.array([len(items[k].area) for k in order])
-    out: list[list[int]] = []
-    for start in range(0, len(order), 2048):
-        block = order[start : start + 2048]
-        block = block[np.argsort(sizes[start : start + 2048], kind="stable")]
-        now: list[int] = []
-        for k in block:
-            most = len(items[k].area)
-            if now and ((len(now) + 1) * most * most > tokens or len(now) >= 48):
-                out.append(now)
-                now = []
-            now.append(int(k))
-        if now:
-            out.append(now)
+def told(corpus: Corpus, picked: Tensor, at: Tensor, there: Tensor, link: Tensor, draw: Draw,
+         chance) -> tuple[Tensor, Tensor]:  # type: ignore[no-untyped-def]  # fmt: skip
+    """(B,) words of the objects and (B, N) of their parts, as far as they are told."""
+    b, device = len(picked), link.device
+    lied = chance(b) < draw.lies
+    word = torch.where(chance(b) < draw.object_word, corpus.word[picked], 0)
+    strange = torch.where(lied & (chance(b) < 0.3), word.roll(1), word)
+    links = int(corpus.links[picked].max())
+    kinds = torch.zeros(b, links, dtype=torch.long, device=device)
+    kinds.scatter_(1, link.clamp(min=0), torch.where(there, corpus.kind[at].long(), 0))
+    kinds = torch.where(chance(b, links) < draw.named, kinds, 0)
+    exists = torch.arange(links, device=device)[None] < corpus.links[picked][:, None]
+    order = torch.where(exists, chance(b, links), 2.0).argsort(1)
+    kinds = torch.where(lied[:, None], kinds.gather(1, order), kinds)
+    kinds = kinds * (chance(b, 1) < draw.part_words)
+    return strange, kinds.gather(1, link.clamp(min=0)) * there
+
+
+def symmetries(b: int, rng: np.random.Generator, turn: bool) -> Tensor:
+    """(B, 3, 3) quarter turns about the upright, half of them mirrored."""
+    out = np.tile(np.eye(3, dtype=np.float32), (b, 1, 1))
+    if turn:
+        c, s = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])[rng.integers(4, size=b)].T
+        out[:, 0, 0], out[:, 0, 1], out[:, 1, 0], out[:, 1, 1] = c, -s, s, c
+        out[:, :, 0] *= np.where(rng.random(b) < 0.5, -1, 1)[:, None]
+    return torch.from_numpy(out)
+
+
+def turned(g: Tensor, m: Tensor) -> Tensor:
+    """Geometry (B, N, 21) after (B, 3, 3)."""
+    low, high = g[..., 0:3] @ m.mT, g[..., 3:6] @ m.mT
+    axes = g[..., 12:].unflatten(-1, (3, 3)) @ m.mT[:, None]
+    return torch.cat([
+        torch.minimum(low, high), torch.maximum(low, high), g[..., 6:9], g[..., 9:12] @ m.mT,
+        axes.flatten(-2),
+    ], -1)  # fmt: skip
+
+
+def batches(
+    sizes: NDArray, order: NDArray, rng: np.random.Generator, pairs: int, most: int
+) -> Iterator[NDArray]:
+    """Rows of objects of about equal size, at most `pairs` squared primitives together.
+
+    Args:
+        sizes: (N,) primitives of all. order: rows to be seen, in a random order.
+        most: objects of a batch.
+    """
+    block = 40 * most
+    out: list[NDArray] = []
+    for start in range(0, len(order), block):
+        some = order[start : start + block]
+        some = some[np.argsort(sizes[some], kind="stable")]
+        now = 0
+        for end in range(1, len(some) + 1):
+            if (
+                end == len(some)
+                or (end + 1 - now) * int(sizes[some[end]]) ** 2 > pairs
+                or end - now >= most
+            ):
+                out.append(some[now:end])
+                now = end
     for k in rng.permutation(len(out)):
         yield out[k]

@@ -1,23 +1,28 @@
-"""The training loop of the network of parts."""
+"""The training loop of the network of parts.
+
+    python -m mam_training.articulation.fit build/network/corpus.safetensors OUT --device cuda
+
+does the part of the recipe that a GPU helps with: it needs torch and the file of the corpus alone.
+"""
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from safetensors.torch import save_file
+from torch import Tensor
 
-from mam_training.articulation.batches import Draw, batch_of, batches, scaled, spread
-from mam_training.articulation.evaluate import evaluate
-from mam_training.articulation.items import Item, columns, object_words, part_words
+from mam_training.articulation.batches import DRAW, Draw, batch_of, batches
+from mam_training.articulation.corpus import Corpus
 from mam_training.articulation.losses import loss_of
 from mam_training.articulation.model import PartNetwork, Shape
-
-PRIOR = ("mobility", "affinity")  # columns whose names hold these come from the kinematic prior
 
 
 @dataclass(frozen=True)
@@ -26,8 +31,9 @@ class Lesson:
 
     Attributes:
         epochs: how often every item is seen. rate: highest learning rate. decay: of the weights.
-        warm: steps until the rate is highest. pairs: squared primitives of a step.
-        average: share that the averaged weights keep at each step.
+        warm: steps until the rate is highest. pairs: squared primitives of a step. most: objects
+            of a step. average: share that the averaged weights keep at each step.
+        seconds: the training ends in this time, fewer epochs or not; 0 for no limit.
     """
 
     epochs: float
@@ -35,52 +41,51 @@ class Lesson:
     decay: float = 0.02
     warm: int = 200
     pairs: int = 16_000
+    most: int = 48
     average: float = 0.998
-
-
-@dataclass
-class Trained:
-    """A network with what its inputs are normalised by: (2, F) scales of primitives and pairs."""
-
-    net: PartNetwork
-    scales: Sequence[NDArray]
-
-
-def prior_columns() -> list[NDArray]:
-    """Indices of the columns of primitives and of pairs that come from the kinematic prior."""
-    return [
-        np.flatnonzero([any(p in name for p in PRIOR) for name in names]) for names in columns()
-    ]
+    seconds: float = 0.0
 
 
 def fit(
-    items: Sequence[Item], lesson: Lesson, draw: Draw, seed: int = 0, start: Trained | None = None
-) -> Trained:
-    """Train a network on items, from `start` on if it is given; the mean of its weights over the
-    last steps is what is kept."""
-    torch.set_num_threads(1)  # the same sums in the same order on every machine
+    corpus: Corpus, shape: Shape, prior: Sequence[Sequence[int]], lesson: Lesson,
+    seed: int = 0, draw: Draw = DRAW,
+) -> PartNetwork:  # fmt: skip
+    """Train a network; the mean of its weights over the last steps is what is kept.
+
+    Args:
+        prior: columns of primitives and of pairs that come from the kinematic prior.
+    """
+    device = corpus.unary.device
+    if device.type == "cpu":
+        torch.set_num_threads(1)  # the same sums in the same order on every machine
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
-    scales = start.scales if start else _scales(items, rng)
-    ready, prior = [scaled(item, scales) for item in items], prior_columns()
-    primitive, pair = map(len, columns())
-    net = PartNetwork(Shape(primitive, pair, len(object_words()), len(part_words())))
-    if start is not None:
-        net.load_state_dict(start.net.state_dict())
+    net = PartNetwork(shape).to(device)
     optimiser = torch.optim.AdamW(
         net.parameters(), lr=lesson.rate, weight_decay=lesson.decay, betas=(0.9, 0.98)
     )
     mean = {k: v.clone() for k, v in net.state_dict().items()}
-    number, seen, step, started = int(lesson.epochs * len(ready)), 0, 0, time.time()
-    sums: dict[str, float] = {}
+    sizes, times = corpus.sizes, corpus.times.cpu().numpy()
+    pool = np.repeat(np.arange(len(corpus)), times)
+    number, seen, step, started = int(lesson.epochs * len(pool)), 0, 0, time.time()
+    sums: dict[str, Tensor] = {}
+    done = 0.0
     net.train()
-    while seen < number:
-        for rows in batches(ready, rng, lesson.pairs):
-            wave = 0.5 * (1 + np.cos(np.pi * min(seen / number, 1.0))) + 0.005
+    while done < 1.0:
+        order = rng.permutation(pool)
+        for rows in batches(sizes, order, rng, lesson.pairs, lesson.most):
+            done = seen / number
+            if lesson.seconds:
+                done = max(done, (time.time() - started) / lesson.seconds)
+            if done >= 1.0:
+                break
+            wave = 0.5 * (1 + np.cos(np.pi * done)) + 0.005
             for group in optimiser.param_groups:
                 group["lr"] = lesson.rate * min(1.0, (step + 1) / lesson.warm) * wave
-            batch = batch_of([ready[k] for k in rows], rng, draw, prior)
-            loss, each = loss_of(batch, *net(*batch.inputs))
+            batch = batch_of(corpus, rows, rng, draw, prior)
+            with torch.autocast(device.type, torch.bfloat16, enabled=device.type == "cuda"):
+                answers = net(*batch.inputs)
+            loss, each = loss_of(batch, *(x.float() for x in answers))
             optimiser.zero_grad()
             loss.backward()
             torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
@@ -88,39 +93,56 @@ def fit(
             _blend(mean, net, min(lesson.average, (step + 1) / (step + 20)))
             step, seen = step + 1, seen + len(rows)
             for name, value in each.items():
-                sums[name] = sums.get(name, 0.0) + value / 200
+                sums[name] = sums[name] + value / 200 if name in sums else value / 200
             if step % 200 == 0:
-                told = " ".join(f"{k} {v:.3f}" for k, v in sums.items())
+                told = " ".join(f"{k} {float(v):.3f}" for k, v in sums.items())
                 sums = {}
-                print(f"{seen / len(ready):.2f} epochs, {time.time() - started:.0f} s: {told}",
+                print(f"{seen / len(pool):.2f} epochs, {time.time() - started:.0f} s: {told}",
                       file=sys.stderr, flush=True)  # fmt: skip
-            if seen >= number:
-                break
     net.load_state_dict(mean)
-    return Trained(net.eval(), scales)
-
-
-def report(
-    trained: Trained, tests: Mapping[str, Sequence[Item]], draws: Mapping[str, Draw]
-) -> dict[str, dict[str, float]]:
-    """Scores of sets of items under what is told, by "set, told"."""
-    out = {}
-    for name, some in tests.items():
-        ready = [scaled(item, trained.scales) for item in some]
-        for told, draw in draws.items():
-            out[f"{name}, {told}"] = evaluate(trained.net, ready, prior_columns(), draw)
-    return out
-
-
-def _scales(items: Sequence[Item], rng: np.random.Generator) -> list[NDArray]:
-    some = [items[k] for k in rng.permutation(len(items))[:3000]]
-    return [
-        spread(np.concatenate([i.unary for i in some])),
-        spread(np.concatenate([i.pair for i in some]).astype(np.float32)),
-    ]
+    return net.eval()
 
 
 @torch.no_grad()
-def _blend(mean: dict[str, torch.Tensor], net: PartNetwork, keep: float) -> None:
-    for name, value in net.state_dict().items():
-        mean[name].lerp_(value, 1 - keep)
+def _blend(mean: dict[str, Tensor], net: PartNetwork, keep: float) -> None:
+    now = net.state_dict()
+    names = list(mean)
+    torch._foreach_lerp_([mean[k] for k in names], [now[k] for k in names], 1 - keep)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Train on the file of a corpus; the weights go to OUT."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("corpus", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--without", nargs="*", default=[], help="sources that are left out")
+    parser.add_argument("--epochs", type=float, default=30.0)
+    parser.add_argument("--seconds", type=float, default=0.0)
+    parser.add_argument("--pairs", type=int, default=16_000)
+    parser.add_argument("--most", type=int, default=48)
+    parser.add_argument("--rate", type=float, default=1.5e-3)
+    parser.add_argument("--average", type=float, default=0.998)
+    for name, value in asdict(Shape(0, 0, 0, 0)).items():
+        if name in ("width", "edge", "heads", "layers", "dropout"):
+            parser.add_argument(f"--{name}", type=type(value), default=value)
+    args = parser.parse_args(argv)
+    corpus, about = Corpus.load(args.corpus)
+    for source in args.without:
+        corpus = corpus.without(about["sources"].index(source))
+    shape = Shape(
+        corpus.unary.shape[1], corpus.pair.shape[1], len(about["object_words"]),
+        len(about["part_words"]), args.width, args.edge, args.heads, args.layers,
+        dropout=args.dropout,
+    )  # fmt: skip
+    lesson = Lesson(args.epochs, args.rate, pairs=args.pairs, most=args.most,
+                    average=args.average, seconds=args.seconds)  # fmt: skip
+    net = fit(corpus.to(args.device), shape, about["prior"], lesson, args.seed)
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    weights = {k: v.cpu().half().contiguous() for k, v in net.state_dict().items()}
+    save_file(weights, str(args.out), {"shape": str(asdict(shape))})
+
+
+if __name__ == "__main__":
+    main()

@@ -24,9 +24,9 @@ from mam_pipeline.evidence.spec import Said
 from mam_pipeline.geometry.fuse import fuse_mesh, nearest_faces
 from mam_pipeline.ground_truth import GroundTruth
 from mam_pipeline.parts.features import pair_features, primitive_features
+from mam_pipeline.parts.mobility_network import filled
 from mam_pipeline.segment.geometric import GeometricSegmenter
 from mam_pipeline.types import Articulation, Primitives
-from mam_training.articulation.answers import filled
 from mam_training.parts.corpus import Example, as_met, make_example, object_name, relabelled
 from mam_training.parts.recipe import blocky, loose
 

@@ -11,7 +11,7 @@ from mam_training.articulation.batches import Batch
 
 def loss_of(
     batch: Batch, move: Tensor, same: Tensor, motion: Tensor
-) -> tuple[Tensor, dict[str, float]]:
+) -> tuple[Tensor, dict[str, Tensor]]:
     """The sum of the losses, and each by name."""
     there = ~batch.hidden
     weight = batch.weight * there
@@ -23,7 +23,7 @@ def loss_of(
     moving = batch.moves
     either = torch.maximum(moving[:, :, None], moving[:, None])
     pair = pair * (0.05 + 0.95 * either) * there[:, :, None] * there[:, None]
-    pair = pair * (1 - torch.eye(pair.shape[1]))
+    pair = pair * (1 - torch.eye(pair.shape[1], device=pair.device))
     each = (logistic(same, truth, reduction="none") * pair).sum((1, 2)) / pair.sum((1, 2)).clamp(
         min=1e-6
     )
@@ -46,4 +46,4 @@ def loss_of(
     line = (far * rotary).sum() / rotary.sum().clamp(min=1e-6)
     parts = {"move": moves.mean(), "same": each.mean(), "kind": kind, "axis": along, "line": line}
     out = parts["move"] + 2 * parts["same"] + 0.3 * kind + 0.5 * along + 2 * line
-    return out, {k: float(v.detach()) for k, v in parts.items()}
+    return out, {k: v.detach() for k, v in parts.items()}

@@ -1,10 +1,12 @@
 """Fits the chance that a part is real, and the bar below which it is withheld.
 
-Runs the engine on generated objects, with joints and without any, and keeps a row for every part
-that was found: its signs (`mam_pipeline.parts.abstain`) and whether it is a true part (IoU of 0.5
-or more of the surface). A logistic function is fitted to the rows of the training seeds, with
-every object of equal weight; in the record each chance is that of a function that was fitted
-without the kind of object. Where the bar lies is a setting.
+Runs the engine on generated objects, with joints and without any, whose seeds the network of
+mobility was not trained on, and on objects of other sources, each with a network that was trained
+without that source. A row is kept for every part that was found: its signs
+(`mam_pipeline.parts.abstain`) and whether it is a true part (IoU of 0.5 or more of the surface). A
+logistic function is fitted to the rows, with every object of equal weight; in the record each
+chance is that of a function that was fitted without the kind of object, or without its source.
+Where the bar lies is a setting.
 
     python -m mam_training.parts.fit_abstention configs/train/abstention.yaml
 """
@@ -25,10 +27,11 @@ from scipy.special import expit
 
 import mam_pipeline.parts
 from mam_pipeline.geometry.sampling import face_geometry
-from mam_pipeline.ground_truth import GroundTruth
-from mam_pipeline.metrics import rigid_parts
+from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
+from mam_pipeline.metrics import reliability, rigid_parts
 from mam_pipeline.parts.abstain import SIGNS, Bar
 from mam_pipeline.parts.embedded import decide, sampled_views, tree_of
+from mam_pipeline.parts.mobility_network import MobilityNetwork, read_mobility
 from mam_pipeline.parts.scores import load_scores
 from mam_pipeline.rules import ALL_RULES
 from mam_pipeline.run import EngineConfig, Stages
@@ -36,6 +39,7 @@ from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import KinematicTree, Mesh, Primitives
 from mam_training import manifest
 from mam_training.command import configured
+from mam_training.sources import OTHERS
 from mam_world.object import generator
 from mam_world.registry import CATEGORIES, motionless
 from mam_world.splits import MOTIONLESS_TEST_ONLY, TEST_ONLY, VALIDATION_ONLY
@@ -45,7 +49,8 @@ from mam_world.truth import generated_truth
 Array = NDArray[np.float64]
 WEIGHTS = Path(mam_pipeline.parts.__file__).parent / "weights" / "abstention"
 # signs whose direction is known beforehand: few objects must not turn it round
-KNOWN = {"value": 1, "confidence": 1, "sure": 1, "stays": -1, "free": 1, "alike": 1, "best": 1}
+KNOWN = {"value": 1, "confidence": 1, "sure": 1, "stays": -1, "free": 1, "alike": 1, "best": 1,
+         "moving": 1}  # fmt: skip
 PULL = 1.0  # strength of the pull of weights towards zero, in parts
 REAL = 0.5  # IoU with a true part from which a part is real
 
@@ -59,40 +64,66 @@ class AbstentionTraining:
     movable: int = 1
     """Objects of every kind with joints."""
     start: int = 300
-    """First seed that is looked at; the last two of ten in a row are for validation and test."""
-    least: float = 0.04
-    """Chance that the likeliest part of an object must have. Low on purpose: at 0.5 a tenth of the
-    motionless objects keep a part, but real doors and valves of other makers are lost as well."""
-    others: float = 0.02
+    """First seed that is looked at; of ten in a row the one for validation is."""
+    others: tuple[Path, ...] = OTHERS
+    """Folders of URDF objects of other sources."""
+    most_of_each: int = 60
+    """Objects of each of them, the first of a mixed order."""
+    networks: Path = Path("build/network")
+    """Folder of the networks that were trained without them: `without_NAME.npz`."""
+    least: float = 0.4
+    """Chance that the likeliest part of an object must have."""
+    others_least: float = 0.02
     """Chance that further parts of an object need once one part has reached the bar."""
     cache: Path = Path("build/abstention.jsonl")
     """Rows that were collected, which are read again."""
-    most: int | None = 54
-    """Objects in all, the first of a mixed order; None: all."""
+    most: int | None = 300
+    """Generated objects in all, the first of a mixed order; None: all."""
     out: Path = WEIGHTS
     """Folder that the fit and its manifest are written to."""
 
 
 def collect(path: Path, pairs: Sequence[tuple[str, int]]) -> None:
-    """Append a row per object that the file does not hold yet."""
-    have = {(r["category"], r["seed"]) for r in read(path)}
+    """Append a row per generated object that the file does not hold yet."""
+    have = {(r["category"], r.get("seed")) for r in read(path)}
     with path.open("a", encoding="utf-8") as file:
         for name, seed in pairs:
             if (name, seed) not in have:
-                file.write(json.dumps(observed(name, seed)) + "\n")
+                row = {"category": name, "seed": seed, **observed(generated_truth(name, seed))}
+                file.write(json.dumps(row) + "\n")
                 file.flush()
 
 
-def observed(name: str, seed: int) -> dict[str, Any]:
+def collect_source(path: Path, folder: Path, most: int, network: MobilityNetwork) -> list[str]:
+    """The same of objects of a folder of URDFs; all of a folder count as one kind.
+
+    Returns:
+        Their names.
+    """
+    found = list_objects(folder)
+    order = np.random.default_rng(0).permutation(len(found))[:most]
+    have = {r["name"] for r in read(path) if r["category"] == folder.name}
+    with path.open("a", encoding="utf-8") as file:
+        for k in order:
+            name, kind, urdf = found[k]
+            if name not in have:
+                seen = observed(read_object(urdf, name, kind), network)
+                file.write(json.dumps({"category": folder.name, "name": name, **seen}) + "\n")
+                file.flush()
+    return [found[k][0] for k in order]
+
+
+def observed(truth: GroundTruth, network: MobilityNetwork | None = None) -> dict[str, Any]:
     """What the engine finds in one object when it withholds nothing."""
-    truth = generated_truth(name, seed)
-    tree, primitives = found_in(truth.mesh)
+    tree, primitives = found_in(truth.mesh, network)
     parts = rows_of(tree, primitives, truth)
     true = sum(joint.type != "fixed" for joint in truth.joints)
-    return {"category": name, "seed": seed, "true": true, "parts": parts}
+    return {"true": true, "parts": parts}
 
 
-def found_in(mesh: Mesh) -> tuple[KinematicTree, Primitives]:
+def found_in(
+    mesh: Mesh, network: MobilityNetwork | None = None
+) -> tuple[KinematicTree, Primitives]:
     """The parts that the engine finds, the unlikely ones too; by one sampling, not four, which
     costs a third of the time and tells the same within noise."""
     config = EngineConfig(rules=ALL_RULES.without("abstain"))
@@ -103,7 +134,9 @@ def found_in(mesh: Mesh) -> tuple[KinematicTree, Primitives]:
     views = sampled_views(once, bare, prior, config.seed, config.rules, 1)
     scores = load_scores("fused" if bare.is_fused else "authored")
     masks, choice = decide(views, scores, config.rules)
-    tree = tree_of(views[0].graph, masks, choice, once, bare, config.seed, config.rules)
+    tree = tree_of(
+        views[0], masks, choice, once, bare, config.seed, config.rules, mobility=network
+    )
     return tree, primitives
 
 
@@ -158,9 +191,12 @@ def table(rows: Sequence[dict[str, Any]]) -> tuple[Array, Array, Array, NDArray[
 
 
 def crossed(rows: Sequence[dict[str, Any]], folds: int = 5) -> Array:
-    """(n,) chance of every part by a function that was fitted without its kind of object."""
-    kinds = sorted({r["category"] for r in rows})
+    """(n,) chance of every part by a function that was fitted without its kind or source."""
+    kinds = sorted({r["category"] for r in rows if "seed" in r})
     fold = {kind: i % folds for i, kind in enumerate(kinds)}
+    sources = sorted({r["category"] for r in rows if "seed" not in r})
+    fold |= {source: folds + i for i, source in enumerate(sources)}
+    folds += len(sources)
     x, _, _, owner = table(rows)
     out = np.zeros(len(x))
     of = np.array([fold[rows[i]["category"]] for i in owner])
@@ -170,19 +206,8 @@ def crossed(rows: Sequence[dict[str, Any]], folds: int = 5) -> Array:
     return out
 
 
-def reliability(chance: Array, real: Array, bins: int = 10) -> tuple[float, list[list[float]]]:
-    """Expected calibration error, and (mean chance, share that is real, parts) of every bin."""
-    at = np.minimum((chance * bins).astype(int), bins - 1)
-    rows = [
-        [float(chance[at == k].mean()), float(real[at == k].mean()), int((at == k).sum())]
-        for k in range(bins) if (at == k).any()
-    ]  # fmt: skip
-    error = sum(n * abs(said - was) for said, was, n in rows) / max(len(chance), 1)
-    return float(error), [[round(a, 3), round(b, 3), n] for a, b, n in rows]
-
-
 def record(rows: Sequence[dict[str, Any]], chance: Array, bar: Bar) -> dict[str, Any]:
-    """What the bar does to these objects."""
+    """What the bar does to these objects, by source too."""
     _, real, _, owner = table(rows)
     still = {i for i, r in enumerate(rows) if not r["true"]}
     kept = np.concatenate([
@@ -211,7 +236,7 @@ def planned(config: AbstentionTraining) -> list[tuple[str, int]]:
         (name, seed)
         for names, count in ((motionless(), config.motionless), (CATEGORIES, config.movable))
         for name in names if name not in held
-        for seed in handed_over(name, config.start, count, range(8))
+        for seed in handed_over(name, config.start, count, (8,))
     ]  # fmt: skip
     order = np.random.default_rng(config.start).permutation(len(pairs))
     return [pairs[i] for i in order]
@@ -240,12 +265,19 @@ def main(argv: Sequence[str] | None = None) -> None:
     config.cache.parent.mkdir(parents=True, exist_ok=True)
     pairs = planned(config)[: config.most]
     collect(config.cache, pairs)
-    wanted = set(pairs)
-    rows = [r for r in read(config.cache) if (r["category"], r["seed"]) in wanted]
+    wanted: set[tuple[str, int | str]] = set(pairs)
+    for folder in config.others:
+        network = read_mobility(config.networks / f"without_{folder.name}.npz")
+        names = collect_source(config.cache, folder, config.most_of_each, network)
+        wanted |= {(folder.name, name) for name in names}
+    rows = [
+        row for row in read(config.cache)
+        if (row["category"], row.get("seed", row.get("name"))) in wanted and row["parts"]
+    ]  # fmt: skip
     chance = crossed(rows)
     bias, weights = fitted(rows)
     named = {n: round(float(w), 4) for n, w in zip(SIGNS, weights)}
-    bar = Bar(round(bias, 4), named, config.least, config.others)
+    bar = Bar(round(bias, 4), named, config.least, config.others_least)
     kept: dict[str, Any] = {**asdict(bar), "record": record(rows, chance, bar)}
     config.out.mkdir(parents=True, exist_ok=True)
     (config.out / "abstention.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
@@ -254,7 +286,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         "python -m mam_training.parts.fit_abstention configs/train/abstention.yaml",
         config,
         {"first seed": config.start},
-        {"objects": len(rows), "kinds without joints": len(motionless()),
+        {"objects": len(rows), "of other sources": sum("seed" not in r for r in rows),
+         "kinds without joints": len(motionless()),
          "sha256": manifest.data_digest(json.dumps(r, sort_keys=True).encode() for r in rows)},
     )  # fmt: skip
     print(json.dumps({**asdict(config), **kept["record"]}, indent=1, default=str))
