@@ -24,7 +24,8 @@ class Check(Verb):
     """Test whether an asset is ready for simulation; exit status 0 passes, 1 fails."""
 
     asset: Positional[Path]
-    """Asset folder, or a URDF file (ours or anybody's; nothing outside its folder is read)."""
+    """Asset folder, or a URDF file (ours or anybody's; nothing outside its folder is read). With
+    --profile also an MJCF or a USD file."""
     allow_outside: bool = False
     """Let a URDF of your own name files outside its folder."""
     out: Path | None = None
@@ -36,7 +37,7 @@ class Check(Verb):
     drive: bool = True
     """Drive the joints in the simulator too (needs no graphics driver)."""
     profile: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
-    """Say instead what a simulator would refuse or ignore of the URDF: sapien, mujoco, pybullet,
+    """Say instead what a simulator would refuse or ignore of the file: sapien, mujoco, pybullet,
     isaac, newton or gazebo; nothing is driven."""
     fix: bool = False
     """With --profile: write a mended copy, NAME_PROFILE.urdf, beside the URDF."""

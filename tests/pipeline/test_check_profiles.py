@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from mam_pipeline.check.check import check_profile
+from mam_pipeline.asset.writer import write_asset
+from mam_pipeline.check.check import check_asset, check_profile
 from mam_pipeline.check.profiles import PROFILES, ProfileName
-from mam_pipeline.errors import ConfigError
+from mam_pipeline.errors import ConfigError, InputError
+from mam_pipeline.types import Articulation, Joint, Link, Mesh
 
 GOOD = """<robot name="r">
  <link name="body"><visual><geometry><mesh filename="box.obj"/></geometry></visual>
@@ -162,3 +164,77 @@ def test_the_verb_takes_a_profile(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert main(["check", urdf, "--profile", "mujoco", "--fix"]) == 0
     assert "mended copy: r_mujoco.urdf" in capsys.readouterr().err
     assert main(["check", urdf, "--fix"]) == 2
+
+
+MJCF = """<mujoco><compiler meshdir="."/><asset><mesh name="box" file="box.obj"/></asset><worldbody>
+<body name="case"><geom type="mesh" mesh="box"/><body name="door" pos="0.3 0 0">
+<joint name="slide" type="slide" axis="1 0 0"{range}/><geom type="mesh" mesh="box"/></body></body>
+</worldbody></mujoco>"""
+
+
+def mjcf(folder: Path, old: str = "", new: str = "", limits: str = ' range="0 0.2"') -> Path:
+    trimesh.creation.box((0.2, 0.2, 0.2)).export(folder / "box.obj")
+    file = folder / "scene.xml"
+    file.write_text(MJCF.format(range=limits).replace(old, new) if old else
+                    MJCF.format(range=limits))  # fmt: skip
+    return file
+
+
+def test_an_mjcf_is_looked_at_as_it_is(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    file = mjcf(tmp_path)
+    for name in ("mujoco", "isaac", "newton"):
+        assert not check_profile(file, name).reasons
+    assert check_profile(file, "pybullet").reasons == ("file_format",)
+    endless = check_profile(mjcf(tmp_path, limits=""), "mujoco")
+    assert endless.passed and [f.code for f in endless.findings] == ["bad_limits"]
+    assert check_profile(mjcf(tmp_path, '"door"', '"2nd"'), "isaac").reasons == ("name_invalid",)
+    assert check_profile(mjcf(tmp_path, "<geom", "<gem"), "mujoco").reasons == ("file_unreadable",)
+    with pytest.raises(ConfigError, match="--fix mends URDF"):
+        check_profile(mjcf(tmp_path), "mujoco", fix=True)
+    with pytest.raises(InputError, match="add --profile"):
+        check_asset(file)
+
+
+def test_an_mjcf_opens_nothing_outside_its_folder(tmp_path: Path) -> None:
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    mjcf(tmp_path).rename(tmp_path / "outer.xml")
+    for old, new in (
+        ("box.obj", "../box.obj"),
+        ('meshdir="."', 'meshdir=".."'),
+        ("<asset>", '<include file="../outer.xml"/><asset>'),
+    ):
+        assert "mesh_outside" in check_profile(mjcf(inner, old, new), "mujoco").reasons
+    (inner / "more.xml").write_text('<mujoco><asset><mesh file="../box.obj"/></asset></mujoco>')
+    file = mjcf(inner, "<asset>", '<include file="more.xml"/><asset>')
+    assert "mesh_outside" in check_profile(file, "mujoco").reasons
+
+
+def test_a_usd_file_is_looked_at_as_it_is(tmp_path: Path) -> None:
+    pytest.importorskip("pxr")
+    from mam_pipeline.asset.usd import export_usd
+
+    solids = [trimesh.creation.box((0.2, 0.2, 0.2)), trimesh.creation.box((0.02, 0.2, 0.2))]
+    solids[1].apply_translation([-0.12, 0, 0])
+    whole: Any = trimesh.util.concatenate(solids)
+    links = tuple(Link(n, n, np.arange(12) + 12 * i) for i, n in enumerate(("case", "door")))
+    hinge = Joint("hinge", "revolute", "hinge", 0, 1, np.array([0, 0, 1.0]),
+                  np.array([-0.11, 0.1, 0]), 0, 1.5, 0, 1.5)  # fmt: skip
+    thing = Articulation(Mesh(whole.vertices, whole.faces), links, (hinge,))
+    file = export_usd(write_asset(thing, tmp_path / "a", name="a"), tmp_path / "object.usda")
+    for name in ("isaac", "newton"):
+        assert not check_profile(file, name).reasons
+    assert check_profile(file, "gazebo").reasons == ("file_format",)
+    text = file.read_text()
+    for pattern, new, code in (
+        (r"metersPerUnit = 1", "", "usd_metadata"),
+        ("PhysicsArticulationRootAPI", "PhysicsMeshCollisionAPI", "articulation_root"),
+        (r"physics:upperLimit = \S+", "physics:upperLimit = -1", "bad_limits"),
+    ):
+        changed, count = re.subn(pattern, new, text)
+        assert count
+        (tmp_path / "changed.usda").write_text(changed)
+        assert code in check_profile(tmp_path / "changed.usda", "isaac").reasons
+    (tmp_path / "broken.usda").write_text("#usda 1.0\n(")
+    assert check_profile(tmp_path / "broken.usda", "isaac").reasons == ("file_unreadable",)

@@ -12,11 +12,12 @@ import numpy as np
 from mam_pipeline import folders
 from mam_pipeline.asset.card import Asset, AssetCard
 from mam_pipeline.check.lint import Linter, lint
+from mam_pipeline.check.mjcf_usd import file_findings, format_of
 from mam_pipeline.check.model import CheckModel
 from mam_pipeline.check.profiles import fixed_urdf, profile_findings
 from mam_pipeline.check.report import CLAUSES, CheckReport, Finding, JointReport
 from mam_pipeline.check.sweep import JointSweep, sweep_joint
-from mam_pipeline.errors import InputError, MamSimError
+from mam_pipeline.errors import ConfigError, InputError, MamSimError
 from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.optional import has, install_command
 from mam_pipeline.thresholds import MAX_SWEEP, THRESHOLDS, Thresholds
@@ -69,7 +70,9 @@ def check_asset(
 def check_profile(
     path: str | Path, profile: str, *, fix: bool = False, allow_outside: bool = False
 ) -> CheckReport:
-    """What one simulator would refuse or ignore of an asset or of any URDF; nothing is run.
+    """What one simulator would refuse or ignore of an asset, a URDF, an MJCF or a USD file.
+
+    Nothing is driven.
 
     Args:
         path: as for `check_asset`.
@@ -79,9 +82,17 @@ def check_profile(
         allow_outside: let the URDF name files outside its folder.
 
     Raises:
-        InputError: there is nothing to check at `path`. ConfigError: no such profile.
+        InputError: there is nothing to check at `path`.
+        ConfigError: no such profile, or `fix` for another file than a URDF.
     """
     with outside_allowed(allow_outside):
+        if Path(path).is_file() and (kind := format_of(Path(path))) is not None:
+            if fix:
+                raise ConfigError(f"--fix mends URDF files, and {path} is {kind}")
+            findings = file_findings(Path(path), profile)
+            clauses: dict[str, bool | None] = dict.fromkeys(CLAUSES)
+            clauses["lint"] = passed = not any(not f.warning for f in findings)
+            return CheckReport(str(path), passed, clauses, (), tuple(findings))
         return _profile(str(path), _locate(Path(path)), profile, fix)
 
 
@@ -184,6 +195,10 @@ def _locate(path: Path) -> _Target:
     """The URDF behind a path, and what its card says where there is one."""
     if not path.exists():
         raise InputError(f"no asset or URDF at {path}")
+    if path.is_file() and (kind := format_of(path)) is not None:
+        raise InputError(
+            f"{path} is {kind}: joints of URDF files alone are driven; add --profile NAME"
+        )
     if path.is_file() and path.suffix.lower() in (".urdf", ".xml"):
         card = path.parent / "asset.json"
         if not card.is_file():

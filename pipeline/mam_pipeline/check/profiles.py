@@ -113,7 +113,7 @@ def _names(linter: Linter, profile: Profile) -> Iterator[Finding]:
     if profile.identifiers:
         for element in (*linter.links.values(), *linter.joints):
             name = element.get("name") or ""
-            if not _is_identifier(name):
+            if not is_identifier(name):
                 text = "a name must begin with a letter and hold letters, digits and _ only"
                 yield Finding("name_invalid", f"{element.tag} {name}", text)
 
@@ -288,10 +288,10 @@ def _rename(root: ET.Element) -> list[str]:
         taken = {str(e.get("name")) for e in elements}
         for element in elements:
             old = str(element.get("name"))
-            if _is_identifier(old):
+            if is_identifier(old):
                 continue
             base = re.sub(r"\W", "_", old, flags=re.ASCII)
-            base = base if _is_identifier(base) else f"{tag}_{base}"
+            base = base if is_identifier(base) else f"{tag}_{base}"
             new, k = base, 1
             while new in taken:
                 new, k = f"{base}_{k}", k + 1
@@ -347,7 +347,8 @@ def _positive(text: str | None) -> bool:
         return False
 
 
-def _is_identifier(name: str) -> bool:
+def is_identifier(name: str) -> bool:
+    """Whether a name is one of letters, digits and _ that begins with no digit."""
     return re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name) is not None
 
 

@@ -50,6 +50,10 @@ REASONS: dict[str, str] = {
     "effort_missing": "a joint has no effort or velocity limit",
     "friction_ignored": "joint friction is not read",
     "joint_type": "the simulator has no joint of this type",
+    "file_format": "the simulator does not read files of this format, or loses much of them",
+    "file_unreadable": "MuJoCo or OpenUSD does not read the file",
+    "usd_metadata": "a USD file leaves its unit, its up axis or its default prim open",
+    "articulation_root": "a USD file has no articulation root, or several",
     "fixed": "mended in the copy",
 }
 CLAUSES = ("lint", "loads", "base", "reach", "penetration", "contact", "stable", "hold", "return")
