@@ -19,7 +19,8 @@ from mam_sim.options import Verb
 class Deploy(Verb):
     """Rehearse the policy in the twin from where arm and object are, then run it on the arm.
 
-    Workspace, speed and pressing are limited; Ctrl-C stops the arm where it is.
+    Workspace, speed and pressing are limited. A real arm moves only while a key is held down;
+    letting it go, or Ctrl-C, stops the arm where it is.
     """
 
     run_folder: Positional[Path]
@@ -36,6 +37,8 @@ class Deploy(Verb):
     """How many; the object is put back between them."""
     steps: Annotated[int, Range(1, 100_000)] = 200
     """Control steps of one, 20 a second."""
+    hold_key: bool | None = None
+    """Move only while a key is held down; default: with every robot but the simulated one."""
     safety: Annotated[SafetyConfig, OmitArgPrefixes] = field(default_factory=SafetyConfig)
     yes: bool = False
     """Do not ask before the arm moves, nor for the object to be put back."""
@@ -44,10 +47,17 @@ class Deploy(Verb):
 
     def run(self) -> int:
         """Rehearse, run, and say how far the joint went."""
+        from mam_policies.deployment.held_key import HeldKey
         from mam_policies.deployment.pilot import open_pilot
+        from mam_policies.deployment.robot_file import robot_type
         from mam_policies.deployment.rollout import rehearse
+        from mam_policies.deployment.setup import ROBOT
         from mam_sim.asking import ask
 
+        hold = self.hold_key
+        if hold is None:
+            hold = robot_type(self.robot or self.setup / ROBOT) != "mam_sim"
+        key = HeldKey() if hold and not self.dry_run else None
         screen = Screen(self.quiet or self.json)
         attempts: list[Any] = []
         strip = self.setup / "rehearsal.png"
@@ -70,8 +80,14 @@ class Deploy(Verb):
                     ask("Put arm and object back.", self.yes)
                     pilot.arm.begin()
                 ask("The policy is going to move the arm.", self.yes)
-                attempts.append(pilot.run(self.steps))
-                a = attempts[-1]
+                if key is None:
+                    a = pilot.run(self.steps)
+                else:
+                    screen.say("Hold the space bar down: the arm moves as long as you do.")
+                    with key:
+                        key.wait()
+                        a = pilot.run(self.steps, allowed=key.down)
+                attempts.append(a)
                 screen.say(
                     f"episode {k}: {'success' if a.success else 'no success'}, opened "
                     f"{100 * a.opened:.0f} % of the way in {a.steps} steps; speed cut in {a.cut}"

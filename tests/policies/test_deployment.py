@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import select
+import termios
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +18,7 @@ from mam_envs.scene.layout import Layout, arrange
 from mam_pipeline.errors import ConfigError
 from mam_policies.deployment.calibration import CalibrationError, View, calibrate
 from mam_policies.deployment.camera import CameraModel, look_at, pinhole
+from mam_policies.deployment.held_key import HeldKey
 from mam_policies.deployment.perception import Perceiver
 from mam_policies.deployment.poses import board_poses
 from mam_policies.deployment.recording import solved_mapping
@@ -160,3 +164,40 @@ def test_targets_are_cut_held_back_and_stopped(drawer: Path) -> None:
     with pytest.raises(StoppedForSafety, match="does not follow"):
         for k in range(20):
             guard.pass_on(layout.placement.path.approach[0], rest - 0.1 * k)
+
+
+def test_the_arm_moves_while_a_key_repeats() -> None:
+    now = [0.0]
+    keyboard, terminal = os.openpty()
+    try:
+        before = termios.tcgetattr(terminal)
+        with HeldKey(terminal, lambda: now[0]) as key:
+            assert not key.down()
+            os.write(keyboard, b" ")
+            _settle(terminal)
+            assert key.down()
+            now[0] = 0.7
+            assert key.down()  # a terminal waits before it repeats
+            os.write(keyboard, b"  ")
+            _settle(terminal)
+            assert key.down()
+            now[0] = 0.9
+            assert key.down()
+            now[0] = 1.0
+            assert not key.down()  # let go
+            os.write(keyboard, b" ")
+            _settle(terminal)
+            now[0] = 9.0
+            assert key.down()
+            now[0] = 9.7
+            assert key.down()  # a new press, which has not been repeated yet
+        assert termios.tcgetattr(terminal) == before
+    finally:
+        os.close(keyboard)
+        os.close(terminal)
+    with open(os.devnull) as nothing, pytest.raises(ConfigError, match="needs a terminal"):
+        HeldKey(nothing.fileno())
+
+
+def _settle(terminal: int) -> None:
+    assert select.select([terminal], [], [], 5.0)[0]

@@ -14,7 +14,10 @@ from mam_sim.cli import main  # noqa: E402
 
 
 def test_calibrate_perceive_deploy(
-    run_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run_folder: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     setup = tmp_path / "arm"
     words = [str(run_folder), "--setup", str(setup)]
@@ -38,6 +41,31 @@ def test_calibrate_perceive_deploy(
     result = json.loads(_last(capsys))
     assert result["rehearsal"]["success"] and result["episodes"][0]["success"]
     assert json.loads((setup / "episodes.jsonl").read_text().splitlines()[-1])["success"]
+
+    hold = ["deploy", *words, "--yes", "--hold-key"]
+    assert main(hold) == 2 and "needs a terminal" in capsys.readouterr().err
+    monkeypatch.setattr("mam_policies.deployment.held_key.HeldKey", _Held)
+    assert main(hold) == 1 and "let go" in capsys.readouterr().err
+    stopped = json.loads((setup / "episodes.jsonl").read_text().splitlines()[-1])
+    assert not stopped["success"] and stopped["steps"] < 60
+
+
+class _Held:
+    """A key that is held down for a second."""
+
+    def __enter__(self) -> _Held:
+        self.steps = 0
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        return None
+
+    def wait(self) -> None:
+        return None
+
+    def down(self) -> bool:
+        self.steps += 1
+        return self.steps <= 20
 
 
 def _last(capsys: pytest.CaptureFixture[str]) -> str:

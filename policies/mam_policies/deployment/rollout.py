@@ -14,7 +14,7 @@ from mam_pipeline.errors import HintNeeded
 from mam_pipeline.types import FloatArray
 from mam_policies.deployment.perception import Perceiver, Seen
 from mam_policies.deployment.recording import Arm
-from mam_policies.deployment.safety import Guard
+from mam_policies.deployment.safety import Guard, StoppedForSafety
 from mam_policies.deployment.targets import Picture
 from mam_policies.lerobot.policy import Converter
 
@@ -84,12 +84,18 @@ class Pilot:
         return seen
 
     def run(
-        self, steps: int, on_step: Callable[[int, Seen], bool] = lambda _step, _seen: False
+        self,
+        steps: int,
+        on_step: Callable[[int, Seen], bool] = lambda _step, _seen: False,
+        allowed: Callable[[], bool] = lambda: True,
     ) -> Attempt:
         """One episode; ends early when the joint stays at its goal, or `on_step` says so.
 
+        Args:
+            allowed: asked before every command; where it says no, the arm stops.
+
         Raises:
-            HintNeeded, StoppedForSafety: see find, and Guard.
+            HintNeeded, StoppedForSafety: see find, and Guard; or it is not allowed.
         """
         plan = self.converter.plan
         seen = self.find()
@@ -102,6 +108,8 @@ class Pilot:
             target = self.converter.act(state[None])[0]
             wanted = self.arm.mapping.to_sim(self.arm.joints, target)
             wanted[:-1] = self.guard.pass_on(wanted[:-1], self.joints())
+            if not allowed():
+                raise StoppedForSafety("the key was let go; the arm was stopped")
             self.arm.send(self.arm.mapping.to_real(self.arm.joints, wanted))
             seen = self.look() or seen
             share = (seen.value - begin) / (plan.goal - begin)
