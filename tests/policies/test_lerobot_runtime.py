@@ -6,6 +6,7 @@ import importlib
 import json
 import os
 import re
+import shlex
 import sys
 from dataclasses import fields
 from pathlib import Path
@@ -17,6 +18,9 @@ import torch
 os.environ["HF_HUB_OFFLINE"] = "1"  # before LeRobot is imported
 pytest.importorskip("lerobot_policy_mam_sim", reason="scripts/setup.sh installs the plug-ins")
 pytest.importorskip("lerobot_robot_mam_sim", reason="scripts/setup.sh installs the plug-ins")
+
+from mam_policies.lerobot.export_readme import rolls_out
+
 pytestmark = pytest.mark.slow  # each starts the simulator or LeRobot's training
 
 SEED = 50_000_017
@@ -40,7 +44,10 @@ def _load(folder: Path):  # type: ignore[no-untyped-def]
 
 def test_stock_runtime_sends_our_actions(run_folder: Path, exported: Path, drawer: Path) -> None:
     """LeRobot's predict_action on motor values against our Actor on the simulator's observation."""
-    from lerobot.utils.control_utils import predict_action
+    try:
+        from lerobot.common.control_utils import predict_action
+    except ImportError:  # LeRobot 0.4
+        from lerobot.utils.control_utils import predict_action
 
     from mam_policies.lerobot.robot_interface import RobotInterface
     from mam_policies.mlp import MlpActor, MlpPolicy
@@ -160,6 +167,32 @@ def test_readme_commands_have_only_settings_that_exist(exported: Path) -> None:
     assert "`touch`" in text and "not used" in text  # the policy sees positions only
 
 
+FAULTS = (
+    "--robot.latency_steps=1", "--robot.joint_noise=0.001", "--robot.handle_noise=0.002",
+    "--robot.calibration_error=0.002", "--robot.max_relative_target=0.3",
+)  # fmt: skip
+
+
+def _words(readme: str, verb: str) -> list[str]:
+    """The first command line of a README that begins with lerobot-VERB, as arguments."""
+    text = readme.replace("\\\n", " ")
+    line = next(row for row in text.splitlines() if row.startswith(f"lerobot-{verb} "))
+    return shlex.split(line)[1:]
+
+
+@pytest.mark.skipif(not rolls_out(), reason="LeRobot 0.4 runs policies by lerobot-record")
+def test_rollout_of_the_readme_runs_headless(
+    exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = _words((exported / "README.md").read_text(), "rollout")
+    seed = f"--robot.seed={SEED}"
+    _lerobot(monkeypatch, "rollout", *words, seed, *FAULTS[:-1], "--duration=4")
+    episode = json.loads((tmp_path / "episodes.jsonl").read_text().splitlines()[0])
+    assert episode["seed"] == SEED and episode["steps"] > 3
+
+
+@pytest.mark.skipif(rolls_out(), reason="LeRobot 0.6 runs policies by lerobot-rollout")
 def test_record_runs_headless_and_the_data_reload(
     exported: Path, drawer: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -168,9 +201,7 @@ def test_record_runs_headless_and_the_data_reload(
     log, root = tmp_path / "log.jsonl", tmp_path / "recorded"
     _lerobot(
         monkeypatch, "record", "--robot.type=mam_sim", f"--robot.asset={drawer}",
-        f"--robot.seed={SEED}", f"--robot.log={log}", "--robot.latency_steps=1",
-        "--robot.joint_noise=0.001", "--robot.handle_noise=0.002",
-        "--robot.calibration_error=0.002", "--robot.max_relative_target=0.3",
+        f"--robot.seed={SEED}", f"--robot.log={log}", *FAULTS,
         f"--policy.path={exported}", "--dataset.repo_id=local/eval_policy",
         f"--dataset.root={root}", "--dataset.single_task=open the drawer", "--dataset.fps=20",
         "--dataset.num_episodes=1", "--dataset.episode_time_s=4", "--dataset.reset_time_s=0",

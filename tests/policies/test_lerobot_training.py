@@ -18,6 +18,7 @@ from mam_pipeline.errors import ConfigError
 from mam_policies.algorithms.lerobot_policies import Act, Diffusion, LeRobotConfig, SmolVla
 from mam_policies.evaluate import evaluate_run
 from mam_policies.lerobot.export import export_run
+from mam_policies.lerobot.export_readme import rolls_out
 from mam_policies.run import EnvChoice, RunInfo
 
 SMALL = {
@@ -87,12 +88,20 @@ def test_act_sees_cameras_and_motors_only(
     arguments = [
         "--robot.type=mam_sim", f"--robot.asset={drawer}", f"--robot.log={log}",
         "--robot.perceived=false", "--robot.pictures=true", f"--policy.path={out}",
-        "--policy.device=cpu", "--dataset.repo_id=local/eval_policy",
-        f"--dataset.root={tmp_path / 'recorded'}", "--dataset.single_task=open the drawer",
-        "--dataset.fps=20", "--dataset.num_episodes=1", "--dataset.episode_time_s=2",
-        "--dataset.reset_time_s=0", "--dataset.push_to_hub=false",
-        "--play_sounds=false",
+        "--policy.device=cpu", "--play_sounds=false",
     ]  # fmt: skip
-    monkeypatch.setattr(sys, "argv", ["lerobot-record", *arguments])
-    importlib.import_module("lerobot.scripts.lerobot_record").main()
+    if rolls_out():
+        verb = "rollout"
+        arguments += ["--strategy.type=base", "--task=open the drawer", "--fps=20"]
+        arguments += ["--duration=2", "--return_to_initial_position=false"]
+    else:
+        verb = "record"
+        arguments += [
+            "--dataset.repo_id=local/eval_policy", f"--dataset.root={tmp_path / 'recorded'}",
+            "--dataset.single_task=open the drawer", "--dataset.fps=20",
+            "--dataset.num_episodes=1", "--dataset.episode_time_s=2", "--dataset.reset_time_s=0",
+            "--dataset.push_to_hub=false",
+        ]  # fmt: skip
+    monkeypatch.setattr(sys, "argv", [f"lerobot-{verb}", *arguments])
+    importlib.import_module(f"lerobot.scripts.lerobot_{verb}").main()
     assert json.loads(log.read_text().splitlines()[0])["steps"] > 0

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from importlib import metadata
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +91,8 @@ def _page(
     clip = 2 * spec.step / abs(float(joints.arrays([spec.arm[0]])[0][0]))
     page = {
         "algo": info.algo,
+        "lerobot": metadata.version("lerobot"),
+        "rollout": rolls_out(),
         "task": task_words(base),
         "object": layout.model.asset.card.name,
         "robot": spec.uid,
@@ -104,6 +108,11 @@ def _page(
         "view": _picture(env, folder / "camera.png"),
     }
     return {**page, "page": page}
+
+
+def rolls_out() -> bool:
+    """Whether the installed LeRobot runs policies by lerobot-rollout; else lerobot-record does."""
+    return find_spec("lerobot.scripts.lerobot_rollout") is not None
 
 
 def _write(template: str, folder: Path, values: dict[str, Any]) -> None:
