@@ -63,16 +63,31 @@ def parse(kind: type[Verb], prog: str, args: Sequence[str]) -> Verb:
     """
     file = last_value(args, "--config")
     values = values_of(file)
-    base = kind.start(args, values)
+    base = _varied(kind.start(args, values), args)
     said = _parsed(fill(base, values, file or ""), prog, args)
     _check_ranges(said)
     home = said.home()
     if home is said:
         return said
     found = {name: getattr(home, name) for name, value in settings(home).items()}
-    said = _parsed(fill(replace(base, **found), values, file or ""), prog, args)
+    base = _varied(replace(base, **found), args)
+    said = _parsed(fill(base, values, file or ""), prog, args)
     _check_ranges(said)
     return said
+
+
+def _varied(base: V, args: Sequence[str]) -> V:
+    """`base` with the randomisation that --randomise names, by itself or in an `env` section."""
+    named = last_value(args, "--randomise")
+    if named is None or not hasattr(base, "randomise"):
+        return base
+    values = values_of(named)
+    section = values.get("env", values)
+    chance = section.get("randomisation", section) if isinstance(section, Mapping) else section
+    env: Any = vars(base)["env"]
+    mixed = config_file.fill(env.randomisation, chance, named)
+    changed: dict[str, Any] = {"env": replace(env, randomisation=mixed)}
+    return replace(base, **changed)
 
 
 def spread(args: Sequence[str]) -> list[str]:

@@ -1,4 +1,5 @@
-"""The joints of an episode as numbers that a policy over many objects can read."""
+"""The joints of an episode, and the grasp on them, as numbers that a policy over many objects can
+read: all in the robot's base frame, so that it does not matter where object and robot stand."""
 
 from __future__ import annotations
 
@@ -7,44 +8,89 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 from mani_skill.utils.geometry.rotation_conversions import quaternion_apply
+from mani_skill.utils.structs import Pose
 
-from mam_envs.object_model import ObjectModel
-from mam_envs.tasks.base import JointGoal
+from mam_envs.scene.layout import Layout
 
 
 class Articulations:
-    """Axes, kinds and ways of the joints of b sub-scenes with some stages each."""
+    """Axes, kinds, ways and planned grasps of the joints of b sub-scenes with some stages each."""
 
-    def __init__(
-        self,
-        rows: Sequence[tuple[ObjectModel, Sequence[JointGoal]]],
-        device: torch.device,
-    ) -> None:
-        """`rows`: per sub-scene, its object and the goals of its stages."""
-        joints = [[(m.kinematics.joint(g.joint), g) for g in goals] for m, goals in rows]
-        axes = [[j.axis * g.direction for j, g in row] for row in joints]
-        kinds = [[float(j.type == "prismatic") for j, _ in row] for row in joints]
-        ways = [[abs(g.q_goal - g.q_start) for _, g in row] for row in joints]
-        self.axis = torch.tensor(np.array(axes), dtype=torch.float32, device=device)
-        self.slides = torch.tensor(kinds, device=device)
-        self.way = torch.tensor(ways, dtype=torch.float32, device=device)
+    def __init__(self, layouts: Sequence[Layout], device: torch.device) -> None:
+        """`layouts`: per sub-scene; its goals are the stages."""
 
-    def observe(self, poses: torch.Tensor, handle: torch.Tensor) -> dict[str, torch.Tensor]:
-        """What is seen of the joints, (b, stages) or (b, stages, 3) each, in the world's frame.
+        def tensor(rows: list[list[object]]) -> torch.Tensor:
+            return torch.tensor(np.array(rows), dtype=torch.float32, device=device)
+
+        joints = [[item.model.kinematics.joint(g.joint) for g in item.goals] for item in layouts]
+        self._axis = tensor(
+            [
+                [j.axis * g.direction for j, g in zip(row, item.goals)]
+                for row, item in zip(joints, layouts)
+            ]
+        )
+        self._slides = tensor([[float(j.type == "prismatic") for j in row] for row in joints])
+        self._way = tensor([[abs(g.q_goal - g.q_start) for g in item.goals] for item in layouts])
+        grasps = [item.grasps for item in layouts]
+        self._pushes = tensor([[float(g.mode == "push") for g in row] for row in grasps])
+        self._width = tensor([[g.card.width for g in row] for row in grasps])
+        self._lag = tensor([[g.lag for g in row] for row in grasps])
+        held = np.zeros((len(layouts), len(joints[0]), 4, 4))  # link_T_tool
+        for i, item in enumerate(layouts):
+            rest = item.model.kinematics.link_poses({})
+            for k, joint in enumerate(joints[i]):
+                held[i, k] = np.linalg.inv(rest[joint.child][0]) @ item.grasps[k].tool
+        self._place, self._approach, self._closing = (
+            torch.tensor(held[..., :3, column], dtype=torch.float32, device=device)
+            for column in (3, 2, 1)
+        )
+
+    def observe(
+        self, base: torch.Tensor, poses: torch.Tensor, tool: torch.Tensor
+    ) -> dict[str, torch.Tensor]:
+        """What is seen of joints and grasps, (b, stages) or (b, stages, n) each.
 
         Args:
-            poses: (b, stages, 7) of the links that the joints move. handle: (b, stages, 3).
+            base, tool: (b, 7) of the robot's base and of its tool frame, world.
+            poses: (b, stages, 7) of the links that the joints move, world.
 
         Returns:
-            `joint_axis`: unit vector of the motion towards the goal; `joint_lever`: from the axis
-            to the handle, metres, 0 for slides; `joint_slides`: 1 or 0; `joint_way`: from start to
-            goal, radians or metres.
+            In the base frame: `joint_axis`, unit vector of the motion towards the goal;
+            `joint_lever`, from the axis to the grasp, metres, 0 for slides; `grasp_position`,
+            where the tool is to be (metres, moving with the part), `grasp_approach` and
+            `grasp_closing`, how it is to be turned. `grasp_offset`: from the tool to there, and
+            `grasp_turn` (6): those two directions, all in the tool frame. `joint_slides`: 1 or 0;
+            `joint_way`: from start to goal, radians or metres; `grasp_pushes`: 1 where closed
+            fingers press; `grasp_width`: of what is held, metres; `grasp_lag`: share of a hinge's
+            turn that the hand follows.
         """
-        axis = quaternion_apply(poses[..., 3:], self.axis)
-        reach = handle - poses[..., :3]
+        turn, middle = poses[..., 3:], poses[..., :3]
+        axis = quaternion_apply(turn, self._axis)
+        place = quaternion_apply(turn, self._place) + middle
+        approach = quaternion_apply(turn, self._approach)
+        closing = quaternion_apply(turn, self._closing)
+        reach = place - middle
         lever = reach - (reach * axis).sum(dim=-1, keepdim=True) * axis
-        lever = lever * (1 - self.slides)[..., None]
+        lever = lever * (1 - self._slides)[..., None]
+        home, hand = _back(base), _back(tool)
         return {
-            "joint_axis": axis, "joint_lever": lever, "joint_slides": self.slides,
-            "joint_way": self.way,
-        }  # fmt: skip
+            "joint_axis": quaternion_apply(home, axis),
+            "joint_lever": quaternion_apply(home, lever),
+            "joint_slides": self._slides,
+            "joint_way": self._way,
+            "grasp_position": quaternion_apply(home, place - base[:, None, :3]),
+            "grasp_approach": quaternion_apply(home, approach),
+            "grasp_closing": quaternion_apply(home, closing),
+            "grasp_offset": quaternion_apply(hand, place - tool[:, None, :3]),
+            "grasp_turn": torch.cat(
+                [quaternion_apply(hand, approach), quaternion_apply(hand, closing)], dim=-1
+            ),
+            "grasp_pushes": self._pushes,
+            "grasp_width": self._width,
+            "grasp_lag": self._lag,
+        }
+
+
+def _back(pose: torch.Tensor) -> torch.Tensor:
+    """(b, 1, 4) quaternions that undo the turn of poses (b, 7)."""
+    return Pose.create(pose).inv().q[:, None]

@@ -95,9 +95,12 @@ class RandomisationConfig:
         friction, damping: factors on the joint's values.
         mass: factor on the mass of the moving links.
         start: initial share of the way open; None = closed (0), or the task's own start.
-        light: factor on the lights' brightness, at every reconfiguration.
-        camera: shift of every camera, metres (standard deviation), at every reconfiguration.
-        colour: share of random tint of the object, 0..1, at every reconfiguration.
+        light: factor on the lights' brightness; light_colour: share of it by which each of red,
+            green and blue differs; light_turn: of their directions, degrees (standard deviation).
+        camera, camera_turn: shift and turn of every camera, metres and degrees (standard
+            deviations); fov: its field of view, degrees each way.
+        colour, scenery: share of random tint, 0..1, of the object, and of floor, table and walls.
+        noise, blur: of the pictures, at most (standard deviations, of 255 and in pixels).
     """
 
     position: Annotated[float, Range(0, 1)] = 0.02
@@ -108,8 +111,24 @@ class RandomisationConfig:
     mass: tuple[Factor, Factor] = (1.0, 1.0)
     start: tuple[Share, Share] | None = None
     light: tuple[Factor, Factor] = (1.0, 1.0)
+    light_colour: Share = 0.0
+    light_turn: Annotated[float, Range(0, 90)] = 0.0
     camera: Annotated[float, Range(0, 1)] = 0.0
+    camera_turn: Annotated[float, Range(0, 45)] = 0.0
+    fov: Annotated[float, Range(0, 45)] = 0.0
     colour: Share = 0.0
+    scenery: Share = 0.0
+    noise: Annotated[float, Range(0, 255)] = 0.0
+    blur: Annotated[float, Range(0, 50)] = 0.0
+
+    @property
+    def seen(self) -> bool:
+        """Whether anything changes that only cameras see."""
+        amounts = (
+            self.light_colour, self.light_turn, self.camera, self.camera_turn, self.fov,
+            self.colour, self.scenery, self.noise, self.blur,
+        )  # fmt: skip
+        return self.light != (1.0, 1.0) or any(amounts)
 
 
 @dataclass(frozen=True)
@@ -151,9 +170,8 @@ class ObservationConfig:
     """What the state observation holds besides the task's own.
 
     Attributes:
-        articulation: the joint as a policy over many objects needs it, in the world's frame: axis
-            towards the goal, lever from the axis to the handle, whether it slides, and the way
-            to go.
+        articulation: joint and planned grasp as a policy over many objects needs them, in the
+            robot's base frame (mam_envs.articulations).
     """
 
     articulation: bool = False

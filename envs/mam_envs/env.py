@@ -27,6 +27,7 @@ from mam_envs.scene import build, vulkan
 from mam_envs.scene.background import put_background
 from mam_envs.scene.contact_probe import ContactProbe
 from mam_envs.scene.layout import Layout, arrange, several
+from mam_envs.scene.looks import Looks
 from mam_envs.scene.randomisation import Draw, ObjectDynamics, draw, draw_clear
 from mam_envs.tasks import Task, TaskState, rewards, task_class
 from mam_envs.truth import as_claimed, true_layout
@@ -160,12 +161,8 @@ class OperateJointEnv(BaseEnv):
 
     @property
     def _default_sensor_configs(self) -> list[Any]:
-        spread = self.config.randomisation.camera
-        out = []
-        for uid, spec in self.config.scene.cameras.items():
-            noise = self._batched_episode_rng[0].normal(0, 1, 3) * spread if spread else None
-            out.append(build.camera(uid, spec, self.layout(0), noise))
-        return out
+        cameras = self.config.scene.cameras
+        return [build.camera(uid, spec, self.layout(0)) for uid, spec in cameras.items()]
 
     @property
     def _default_human_render_camera_configs(self) -> list[Any]:
@@ -206,14 +203,11 @@ class OperateJointEnv(BaseEnv):
         self._make_buffers(layouts)
 
     def _randomise_object(self, index: int) -> None:
-        """Dynamics and colour of one built object, drawn at every reconfiguration."""
+        """Dynamics of one built object, drawn at every reconfiguration."""
         chance, rng = self.config.randomisation, self._batched_episode_rng[index]
         self.remove_from_state_dict_registry(self.objects[index])
         drawn = draw(chance, rng, len(self.robot_spec.arm))
         self._dynamics[index].apply(drawn)
-        if chance.colour and self.scene.can_render():
-            share = chance.colour
-            build.tint(self.objects[index], rng.uniform(0, 1, 3), share * float(rng.uniform()))
 
     def _target(self, index: int, stage: int) -> Link:
         """The link that the joint of a stage moves, in one sub-scene."""
@@ -222,11 +216,7 @@ class OperateJointEnv(BaseEnv):
         return self.objects[index].links_map[joint.child]
 
     def _load_lighting(self, options: dict) -> None:
-        low, high = self.config.randomisation.light
-        factor = low
-        if high > low:
-            factor = float(self._batched_episode_rng[0].uniform(low, high))
-        build.build_lights(self.scene, factor, self.enable_shadow)
+        build.build_lights(self.scene, self.enable_shadow)
 
     def _make_buffers(self, layouts: Sequence[Layout]) -> None:
         """The task's memory, and the points to grasp (b, stages, 3), link frames."""
@@ -239,8 +229,7 @@ class OperateJointEnv(BaseEnv):
                 pose = rest[item.model.kinematics.joint(g.joint).child][0]
                 points[i, k] = (item.handles[k] - pose[:3, 3]) @ pose[:3, :3]
         self._handle_point = torch.tensor(points, device=self.device)
-        rows = [(item.model, item.goals) for item in layouts]
-        self._articulation = Articulations(rows, self.device)
+        self._articulation = Articulations(layouts, self.device)
         self._world_asset = np.tile(np.eye(4), (n, 1, 1))
         self._rate = torch.zeros(n, device=self.device)
         self._last_action: torch.Tensor | None = None
@@ -258,6 +247,10 @@ class OperateJointEnv(BaseEnv):
             for g in item.goals
         ]
         self._probe = ContactProbe(self.scene, self.agent.robot, hand, self.targets, parts)
+        self._looks: Looks | None = None
+        if self.config.randomisation.seen and self.scene.can_render():
+            self._looks = Looks(self.scene, self.objects, self.config.randomisation)
+            self._looks.draw(self._batched_episode_rng[0])
 
     # -- episodes --------------------------------------------------------------------------
     def reset(self, seed: Any = None, options: dict | None = None) -> Any:
@@ -299,6 +292,8 @@ class OperateJointEnv(BaseEnv):
         self._rate[env_idx] = 0.0
         if self._last_action is not None:
             self._last_action[env_idx] = 0.0
+        if self._looks is not None and not self.gpu_sim_enabled:
+            self._looks.draw(self._batched_episode_rng[0])
 
     def _arm_start(self, drawn: Draw) -> np.ndarray:
         """(n,) float32 robot joints: at rest, the arm's with noise."""
@@ -426,7 +421,8 @@ class OperateJointEnv(BaseEnv):
             out["privileged"] = dict(self.task.observe(self._now, info))
             if self.config.observation.articulation:
                 poses = torch.stack([target.pose.raw_pose for target in self.targets], dim=1)
-                tokens = self._articulation.observe(poses, self._now.handle)
+                base = self.agent.robot.pose.raw_pose
+                tokens = self._articulation.observe(base, poses, self._now.tool)
                 out["privileged"] |= {key: self.task.pick(v) for key, v in tokens.items()}
         return out
 
@@ -449,6 +445,8 @@ class OperateJointEnv(BaseEnv):
             kept = [*self.agent.robot.links, *(link for o in self.objects for link in o.links)]
             ids = torch.unique(torch.cat([link.per_scene_id for link in kept]))
             put_background(picture, out, self.scene.sensors, ids)
+        if self._looks is not None and apply_texture_transforms:
+            self._looks.spoil(out)
         return out
 
     def compute_dense_reward(self, obs: Any, action: Any, info: dict) -> torch.Tensor:

@@ -29,6 +29,9 @@ class Collect(Verb):
     out: Path
     """Folder for demos.h5, demos.json, lerobot/ and attempts/."""
     collect: Annotated[CollectConfig, OmitArgPrefixes] = field(default_factory=CollectConfig)
+    randomise: Path | None = None
+    """YAML file with the randomisation, or the name of a preset that has one (randomised); the
+    flags --env.randomisation... go over it."""
     env: EnvConfig = field(default_factory=EnvConfig)
     json: bool = False
     """Print the result as JSON."""

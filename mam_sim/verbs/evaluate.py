@@ -49,6 +49,9 @@ class Evaluate(Verb):
     """Control mode that such a zip was trained with."""
     robot: str = "panda"
     """Robot that such a zip was trained with, or that the expert alone drives."""
+    randomise: Path | None = None
+    """YAML file with the randomisation, or the name of a preset that has one (randomised); the
+    flags --env.randomisation... go over it."""
     env: EnvConfig = field(default_factory=EnvConfig)
     out: Path | None = None
     """JSON file for the result."""

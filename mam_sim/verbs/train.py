@@ -51,6 +51,9 @@ class Train(Verb):
     """Control steps of one episode."""
     test: Annotated[int, Range(0, 100_000)] = 20
     """Episodes of evaluation at the end, at unseen seeds (0: none)."""
+    randomise: Path | None = None
+    """YAML file with the randomisation, or the name of a preset that has one (randomised); the
+    flags --env.randomisation... go over it."""
     env: EnvConfig = field(default_factory=EnvConfig)
     json: bool = False
     """Print the result as JSON."""

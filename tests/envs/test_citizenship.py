@@ -220,14 +220,29 @@ def test_background_and_colours_change_the_picture(drawer: Path, tmp_path: Path)
     assert 0.1 < red.mean() < 0.95  # the world is replaced, robot and object are not
     made.close()
 
-    chance = {"colour": 1.0, "light": [0.5, 1.5], "camera": 0.05, "position": 0.0, "yaw": 0.0}
-    made = mam_envs.make(drawer, obs_mode="rgb", scene=SMALL, randomisation=chance)
-    seen = [
-        made.reset(seed=s, options={"reconfigure": True})[0]["sensor_data"]["front"]["rgb"].numpy()
-        for s in (0, 1, 0)
-    ]
-    assert np.array_equal(seen[0], seen[2]) and not np.array_equal(seen[0], seen[1])
-    made.close()
+    still = {"position": 0.0, "yaw": 0.0, "robot_qpos": 0.0}
+    for chance in (
+        {"colour": 1.0}, {"light": [0.5, 1.5]}, {"light_colour": 0.5}, {"light_turn": 20.0},
+        {"camera": 0.05}, {"camera_turn": 3.0}, {"fov": 5.0}, {"scenery": 1.0}, {"noise": 9.0},
+        {"blur": 2.0},
+    ):  # fmt: skip
+        made = mam_envs.make(
+            drawer, obs_mode="rgb", scene=SMALL, randomisation={**still, **chance}
+        )
+        scene = made.unwrapped.scene
+        # a seed means a picture; without one the scene stays, and looks different all the same
+        seen = [
+            made.reset(seed=s)[0]["sensor_data"]["front"]["rgb"].numpy() for s in (1, 0, None)
+        ]
+        assert scene is not made.unwrapped.scene
+        scene = made.unwrapped.scene
+        seen += [made.reset()[0]["sensor_data"]["front"]["rgb"].numpy()]
+        assert scene is made.unwrapped.scene
+        seen += [made.reset(seed=1)[0]["sensor_data"]["front"]["rgb"].numpy()]
+        assert np.array_equal(seen[0], seen[4]), chance
+        for i in range(4):
+            assert not np.array_equal(seen[i], seen[i + 1]), (chance, i)
+        made.close()
     with pytest.raises(ConfigError, match="background picture"):
         made = mam_envs.make(
             drawer, obs_mode="rgb", scene={**SMALL, "background": str(tmp_path / "none.png")}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -146,17 +147,39 @@ def test_joints_as_numbers(door: Path, drawer: Path) -> None:
     import numpy as np
 
     from mam_envs.articulations import Articulations
+    from mam_envs.grasping.candidates import upright
+    from mam_envs.robots.panda import PANDA
+    from mam_envs.scene.layout import Layout
 
-    rows = []
+    quarter = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))
+    layouts = []
     for asset in (door, drawer):
         model = ObjectModel.load(Asset.load(asset))
-        rows.append((model, [OperateJoint.goal("open", model, None, SuccessConfig())]))
+        goal = OperateJoint.goal("open", model, None, SuccessConfig())
+        hold = upright(PANDA, model.grasps(goal.joint)[0])
+        held = np.array(hold.card.position)
+        # neither base nor arm matter here
+        layouts.append(Layout(model, (goal,), None, PANDA, (held,), (hold,)))  # type: ignore[arg-type]
     poses = torch.zeros(2, 1, 7)
     poses[..., 3] = 1.0
-    poses[0, 0, :3] = torch.tensor([-0.18, 0.18, 0.2])
-    handle = torch.tensor([[[-0.2, -0.1, 0.5]], [[-0.2, 0.0, 0.2]]])
-    seen = Articulations(rows, CPU).observe(poses, handle)
-    assert seen["joint_axis"].tolist() == [[[0, 0, -1]], [[-1, 0, 0]]]
-    torch.testing.assert_close(seen["joint_lever"][0, 0], torch.tensor([-0.02, -0.28, 0.0]))
-    assert seen["joint_lever"][1].abs().sum() == 0 and seen["joint_slides"].tolist() == [[0], [1]]
+    for i, item in enumerate(layouts):
+        link = item.model.kinematics.joint(item.goals[0].joint).child
+        poses[i, 0, :3] = torch.tensor(item.model.kinematics.link_poses({})[link][0][:3, 3])
+    base = torch.tensor([[-0.6, 0.2, 0.1, *quarter]] * 2, dtype=torch.float32)
+    tool = torch.tensor([[-0.5, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0]] * 2)
+    seen = Articulations(layouts, CPU).observe(base, poses, tool)
+    # the base's x axis is the world's y axis
+    close = partial(torch.testing.assert_close, atol=1e-6, rtol=0)
+    close(seen["joint_axis"], torch.tensor([[[0, 0, -1.0]], [[0, 1.0, 0]]]))
+    for i, item in enumerate(layouts):
+        world = item.grasps[0].tool[:3, 3]
+        close(seen["grasp_offset"][i, 0], torch.tensor(world - [-0.5, 0.0, 0.3]).float())
+        away = world - np.array([-0.6, 0.2, 0.1])
+        inside = torch.tensor([away[1], -away[0], away[2]]).float()
+        close(seen["grasp_position"][i, 0], inside)
+        directions = item.grasps[0].tool[:3, [2, 1]].T.reshape(-1)
+        close(seen["grasp_turn"][i, 0], torch.tensor(directions).float())
+    lever = seen["joint_lever"]
+    assert lever[0, 0].norm() > 0.2 and lever[0, 0, 2].abs() < 1e-6
+    assert lever[1].abs().sum() == 0 and seen["joint_slides"].tolist() == [[0], [1]]
     assert seen["joint_way"][0, 0] == pytest.approx(0.75 * np.pi / 2)

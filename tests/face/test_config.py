@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
@@ -60,6 +60,25 @@ def test_presets_come_with_the_package_by_name(
         options("train", "cabinet", "--out", "run", "--config", "bc_drawr")
     Path("bc_drawer").write_text("algo: ppo\n")  # a file of that name here comes first
     assert options("train", "cabinet", "--out", "run", "--config", "bc_drawer").algo == "ppo"  # type: ignore[attr-defined]
+
+
+def test_randomisation_is_switched_on_by_name_or_file(tmp_path: Path) -> None:
+    chance = config_file.read(presets()["randomised"])["env"]["randomisation"]
+    file = tmp_path / "mine.yaml"
+    file.write_text(yaml.safe_dump({"colour": 0.3}))
+    for verb, args in (("collect", ["x", "--out", "y"]), ("train", ["x", "--out", "y"]),
+                       ("eval", ["--expert", "--asset", "x"])):  # fmt: skip
+        got = options(verb, *args, "--randomise", "randomised", "--env.randomisation.yaw", "3").env  # type: ignore[attr-defined]
+        assert got.randomisation.colour == chance["colour"] and got.randomisation.yaw == 3.0
+        got = options(verb, *args, "--randomise", file).env  # type: ignore[attr-defined]
+        assert got == EnvConfig(randomisation=replace(got.randomisation, colour=0.3))
+    RunInfo("bc", EnvChoice(("x",), config=EnvConfig.make({"success": {"fraction": 0.5}})), [],
+            8, 7).save(tmp_path)  # fmt: skip
+    got = options("eval", tmp_path, "--randomise", file).env  # type: ignore[attr-defined]
+    assert got.success.fraction == 0.5 and got.randomisation.colour == 0.3
+    file.write_text("hue: 1\n")
+    with pytest.raises(ConfigError, match="hue"):
+        options("collect", "x", "--out", "y", "--randomise", file)
 
 
 def test_a_run_is_configured_by_its_algorithm(tmp_path: Path) -> None:

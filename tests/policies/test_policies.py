@@ -14,7 +14,7 @@ import pytest
 import torch
 
 from mam_pipeline.errors import ConfigError, InputError
-from mam_policies.algorithms.bc import BcConfig, BehaviourCloning, fit, positions
+from mam_policies.algorithms.bc import BcConfig, BehaviourCloning, entries, fit
 from mam_policies.algorithms.ppo import Ppo, PpoConfig
 from mam_policies.algorithms.sb3_env import Plain
 from mam_policies.demonstrations import Demonstration
@@ -53,14 +53,20 @@ def test_policy_sees_only_its_inputs() -> None:
     assert torch.equal(policy.actions(obs, step), policy.actions(other, step))
 
 
-def test_positions_leave_out_speed_and_touch() -> None:
+def test_entries_leave_out_speed_touch_and_the_world() -> None:
     rows = [
         ("agent/qpos", 0, 2, False),
         ("agent/qvel", 2, 4, False),
         ("extra/privileged/joint_value", 4, 5, True),
         ("extra/privileged/touching", 5, 6, True),
     ]
-    assert positions(rows) == (0, 1, 4)
+    assert entries(rows, False) is None
+    assert entries(rows, True) == (0, 1, 4)
+    rows += [
+        ("extra/tcp_pose", 6, 13, False),
+        ("extra/privileged/grasp_offset", 13, 16, True),
+    ]
+    assert entries(rows, False) == (0, 1, 2, 3, 4, 5, 13, 14, 15)
 
 
 def test_file_of_another_kind_is_named(tmp_path: Path) -> None:

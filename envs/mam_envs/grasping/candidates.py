@@ -286,6 +286,11 @@ def push_variants(robot: RobotSpec, g: CardGrasp, extra: float) -> list[Grasp]:
     return _variants(robot, g, "push", (0, 25, 50), extra)
 
 
+def upright(robot: RobotSpec, g: CardGrasp) -> Grasp:
+    """A card's grasp as it stands there, neither tilted nor rolled."""
+    return _variants(robot, g, "push" if g.kind == "push" else "grip", ())[0]
+
+
 def tool_path(model: ObjectModel, goal: JointGoal, grasp: Grasp, q: FloatArray) -> FloatArray:
     """asset_T_tool (K, 4, 4) at joint values q (K,)."""
     out = model.motion(goal.joint, q, {}) @ grasp.tool

@@ -168,17 +168,13 @@ def _box(
         built.set_collision_group_bit(group=2, bit_idx=OBJECT_BIT, bit=1)
 
 
-def camera(
-    uid: str, spec: CameraSpec, layout: Layout, noise: FloatArray | None = None
-) -> CameraConfig:
-    """ManiSkill's configuration of one camera; `noise` (3,) metres shifts its eye."""
+def camera(uid: str, spec: CameraSpec, layout: Layout) -> CameraConfig:
+    """ManiSkill's configuration of one camera."""
     eye, target = np.array(spec.eye, dtype=float), np.array(spec.target, dtype=float)
     if spec.relative:
         middle, size, side = layout.view()
         mirror = np.array([1.0, side, 1.0])
         eye, target = middle + size * mirror * eye, middle + size * mirror * target
-    if noise is not None:
-        eye = eye + noise
     return CameraConfig(
         uid,
         pose=sapien_utils.look_at(eye=eye.tolist(), target=target.tolist()),
@@ -190,24 +186,10 @@ def camera(
     )
 
 
-def build_lights(scene: ManiSkillScene, factor: float, shadow: bool) -> None:
-    """A lamp from the front, a fill light, ambient light; all times `factor`."""
-    scene.set_ambient_light([0.35 * factor] * 3)
+def build_lights(scene: ManiSkillScene, shadow: bool) -> None:
+    """A lamp from the front, a fill light, ambient light."""
+    scene.set_ambient_light([0.35] * 3)
     scene.add_directional_light(
-        [1.0, 0.6, -1.2], [1.1 * factor] * 3, shadow=shadow, shadow_scale=5, shadow_map_size=2048
+        [1.0, 0.6, -1.2], [1.1] * 3, shadow=shadow, shadow_scale=5, shadow_map_size=2048
     )
-    scene.add_directional_light([0.2, -1.0, -0.6], [0.5 * factor] * 3)
-
-
-def tint(articulation: Articulation, colour: FloatArray, share: float) -> None:
-    """Mix every material of an object with `colour` (3,)."""
-    for link in articulation.links:
-        for raw in link._objs:
-            body = raw.entity.find_component_by_type(sapien.render.RenderBodyComponent)
-            if body is None:
-                continue
-            for shape in body.render_shapes:
-                for part in shape.parts:
-                    base = np.array(part.material.base_color)
-                    base[:3] = (1 - share) * base[:3] + share * colour
-                    part.material.set_base_color(base)
+    scene.add_directional_light([0.2, -1.0, -0.6], [0.5] * 3)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from mam_envs.config import EnvConfig, RandomisationConfig, SuccessConfig
-from mam_envs.grasping.candidates import PlacementError
+from mam_envs.grasping.candidates import Grasp, PlacementError, upright
 from mam_envs.object_model import ObjectModel
 from mam_envs.placement.base import Placement, object_pose, place
 from mam_envs.robots import RobotSpec
@@ -28,6 +28,7 @@ class Layout:
     Attributes:
         goals: one or, for a sequence, several joints in order.
         handles: (3,) per goal, the point to grasp, asset frame at rest.
+        grasps: per goal, how the hand takes hold of it: for the first as the placement plans it.
     """
 
     model: ObjectModel
@@ -35,6 +36,7 @@ class Layout:
     placement: Placement
     robot: RobotSpec
     handles: tuple[FloatArray, ...]
+    grasps: tuple[Grasp, ...]
 
     @property
     def world_asset(self) -> FloatArray:
@@ -170,14 +172,7 @@ def _at_scale(asset: Asset, request: _Request, scale: float) -> Layout:
         for joint, name in zip(request.joints, request.names)
     )
     placement = place(model, goals, request.robot, request.chance)
-    return Layout(model, goals, placement, request.robot, _handles(model, goals, placement))
-
-
-def _handles(
-    model: ObjectModel, goals: tuple[JointGoal, ...], placement: Placement
-) -> tuple[FloatArray, ...]:
-    out = []
-    for k, goal in enumerate(goals):
-        grasp = placement.path.grasp.card if k == 0 else model.grasps(goal.joint)[0]
-        out.append(np.array(grasp.position))
-    return tuple(out)
+    later = [upright(request.robot, model.grasps(goal.joint)[0]) for goal in goals[1:]]
+    grasps = (placement.path.grasp, *later)
+    handles = tuple(np.array(grasp.card.position) for grasp in grasps)
+    return Layout(model, goals, placement, request.robot, handles, grasps)

@@ -89,13 +89,27 @@ def _network(choice: EnvChoice, config: BcConfig, sizes: dict[str, Any]) -> MlpP
         choice.max_steps,
         relative=absolute,
         squash="none" if absolute else "clip",
-        inputs=positions(sizes["observation"]) if config.deployable else None,
+        inputs=entries(sizes["observation"], config.deployable),
     )
 
 
-def positions(rows: list[tuple[str, int, int, bool]]) -> tuple[int, ...]:
-    """Entries of the flat observation that hold no velocity and no touch."""
-    unseen = ("agent/qvel", "extra/privileged/joint_speed", "extra/privileged/touching")
+UNMEASURED = ("agent/qvel", "extra/privileged/joint_speed", "extra/privileged/touching")
+"""Velocities and touch, which real arms do not report."""
+IN_WORLD = ("extra/tcp_pose", "extra/privileged/handle_position", "extra/privileged/tcp_to_handle")
+"""What is seen in the world's frame: it tells objects apart by where the arm stands before them."""
+
+
+def entries(rows: list[tuple[str, int, int, bool]], deployable: bool) -> tuple[int, ...] | None:
+    """Entries of the flat observation that the network sees; None is all of them.
+
+    With joint and grasp in the base's frame (observation.articulation) the world's frame is left
+    out; a policy over many objects would learn single objects by it.
+    """
+    unseen = UNMEASURED if deployable else ()
+    if any(name.endswith("/grasp_offset") for name, *_ in rows):
+        unseen += IN_WORLD
+    if not unseen:
+        return None
     return tuple(i for name, a, b, _ in rows for i in range(a, b) if name not in unseen)
 
 
