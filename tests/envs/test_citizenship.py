@@ -14,8 +14,10 @@ import torch
 from gymnasium.utils.env_checker import check_env
 
 import mam_envs
+from mam_envs.config import RandomisationConfig
 from mam_envs.robots import robot_spec
 from mam_envs.scene import vulkan
+from mam_envs.scene.looks import Looks
 from mam_pipeline.errors import ConfigError, MamSimError
 
 needs_vulkan = pytest.mark.skipif(not vulkan.vulkan_ok(), reason="no Vulkan device to render with")
@@ -208,7 +210,7 @@ def test_pointcloud(drawer: Path) -> None:
 
 @pytest.mark.display
 @needs_vulkan
-def test_background_and_colours_change_the_picture(drawer: Path, tmp_path: Path) -> None:
+def test_a_background_changes_the_picture(drawer: Path, tmp_path: Path) -> None:
     import cv2
 
     picture = tmp_path / "kitchen.png"
@@ -220,34 +222,50 @@ def test_background_and_colours_change_the_picture(drawer: Path, tmp_path: Path)
     assert 0.1 < red.mean() < 0.95  # the world is replaced, robot and object are not
     made.close()
 
-    still = {"position": 0.0, "yaw": 0.0, "robot_qpos": 0.0}
-    for chance in (
-        {"colour": 1.0}, {"light": [0.5, 1.5]}, {"light_colour": 0.5}, {"light_turn": 20.0},
-        {"camera": 0.05}, {"camera_turn": 3.0}, {"fov": 5.0}, {"scenery": 1.0}, {"noise": 9.0},
-        {"blur": 2.0},
-    ):  # fmt: skip
-        made = mam_envs.make(
-            drawer, obs_mode="rgb", scene=SMALL, randomisation={**still, **chance}
-        )
-        scene = made.unwrapped.scene
-        # a seed means a picture; without one the scene stays, and looks different all the same
-        seen = [
-            made.reset(seed=s)[0]["sensor_data"]["front"]["rgb"].numpy() for s in (1, 0, None)
-        ]
-        assert scene is not made.unwrapped.scene
-        scene = made.unwrapped.scene
-        seen += [made.reset()[0]["sensor_data"]["front"]["rgb"].numpy()]
-        assert scene is made.unwrapped.scene
-        seen += [made.reset(seed=1)[0]["sensor_data"]["front"]["rgb"].numpy()]
-        assert np.array_equal(seen[0], seen[4]), chance
-        for i in range(4):
-            assert not np.array_equal(seen[i], seen[i + 1]), (chance, i)
-        made.close()
     with pytest.raises(ConfigError, match="background picture"):
         made = mam_envs.make(
             drawer, obs_mode="rgb", scene={**SMALL, "background": str(tmp_path / "none.png")}
         )
         made.reset(seed=0)
+
+
+def _picture(made: Any, **reset: Any) -> np.ndarray:
+    obs, _ = made.reset(**reset)
+    return np.asarray(obs["sensor_data"]["front"]["rgb"][0].numpy())
+
+
+@pytest.mark.display
+@needs_vulkan
+def test_looks_change_at_every_reset_and_a_seed_repeats_them(drawer: Path) -> None:
+    still = {"position": 0.0, "yaw": 0.0, "robot_qpos": 0.0}
+    chance = {**still, "colour": 1.0, "camera": 0.05, "noise": 9.0}
+    made = mam_envs.make(drawer, obs_mode="rgb", scene=SMALL, randomisation=chance)
+    first = _picture(made, seed=1)
+    scene = made.unwrapped.scene
+    second = _picture(made)
+    assert made.unwrapped.scene is scene  # nothing was rebuilt
+    assert not np.array_equal(first, second)
+    assert np.array_equal(first, _picture(made, seed=1))
+    made.close()
+
+    made = mam_envs.make(drawer, obs_mode="rgb", scene=SMALL, randomisation=still)
+    made.reset(seed=0)
+    base = made.unwrapped
+    for one in (
+        {"colour": 1.0}, {"light": (0.5, 1.5)}, {"light_colour": 0.5}, {"light_turn": 20.0},
+        {"camera": 0.05}, {"camera_turn": 3.0}, {"fov": 5.0}, {"scenery": 1.0}, {"noise": 9.0},
+        {"blur": 2.0},
+    ):  # fmt: skip
+        config = RandomisationConfig(**one)
+        assert config.seen
+        base._looks = Looks(base.scene, base.objects, config)
+        seen = []
+        for seed in (1, 2, 1):
+            base._looks.draw(np.random.RandomState(seed))
+            seen.append(base.get_obs()["sensor_data"]["front"]["rgb"][0].numpy())
+        assert np.array_equal(seen[0], seen[2]) and not np.array_equal(seen[0], seen[1]), one
+    assert not RandomisationConfig().seen
+    made.close()
 
 
 def test_states_are_put_back(drawer: Path) -> None:
