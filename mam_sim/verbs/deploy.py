@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from tyro.conf import OmitArgPrefixes, Positional
 
@@ -37,8 +37,8 @@ class Deploy(Verb):
     """How many; the object is put back between them."""
     steps: Annotated[int, Range(1, 100_000)] = 200
     """Control steps of one, 20 a second."""
-    hold_key: bool | None = None
-    """Move only while a key is held down; default: with every robot but the simulated one."""
+    hold_key: Literal["real", "always", "never"] = "real"
+    """Whether the arm moves only while a key is held down: a real one, always, or never."""
     safety: Annotated[SafetyConfig, OmitArgPrefixes] = field(default_factory=SafetyConfig)
     yes: bool = False
     """Do not ask before the arm moves, nor for the object to be put back."""
@@ -54,8 +54,8 @@ class Deploy(Verb):
         from mam_policies.deployment.setup import ROBOT
         from mam_sim.asking import ask
 
-        hold = self.hold_key
-        if hold is None:
+        hold = self.hold_key == "always"
+        if self.hold_key == "real":
             hold = robot_type(self.robot or self.setup / ROBOT) != "mam_sim"
         key = HeldKey() if hold and not self.dry_run else None
         screen = Screen(self.quiet or self.json)

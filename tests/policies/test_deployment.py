@@ -7,6 +7,8 @@ import select
 import termios
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +24,7 @@ from mam_policies.deployment.held_key import HeldKey
 from mam_policies.deployment.perception import Perceiver
 from mam_policies.deployment.poses import board_poses
 from mam_policies.deployment.recording import solved_mapping
+from mam_policies.deployment.rollout import Pilot
 from mam_policies.deployment.safety import Guard, SafetyConfig, StoppedForSafety
 from mam_policies.deployment.setup import guess_mapping
 from mam_policies.deployment.targets import (
@@ -201,3 +204,30 @@ def test_the_arm_moves_while_a_key_repeats() -> None:
 
 def _settle(terminal: int) -> None:
     assert select.select([terminal], [], [], 5.0)[0]
+
+
+def test_the_arm_stops_when_the_key_is_let_go() -> None:
+    sent: list[np.ndarray] = []
+    arm = SimpleNamespace(
+        mapping=SimpleNamespace(
+            names=list, to_sim=lambda _names, values: values, to_real=lambda _names, values: values
+        ),
+        joints=["a", "grip"],
+        read=lambda names: np.zeros(len(names)),
+        send=sent.append,
+        wait=lambda _started: 0,
+    )
+    converter = SimpleNamespace(
+        plan=SimpleNamespace(joints=["a", "grip"], goal=1.0),
+        reset=lambda: None,
+        act=lambda _state: np.array([[0.1, 0.0]]),
+    )
+    seen = SimpleNamespace(value=0.0, handle=np.zeros(3))
+    guard = SimpleNamespace(reset=lambda: None, pass_on=lambda target, _arm: target, cut=0)
+    pilot: Any = Pilot(arm, converter, SimpleNamespace(), guard)  # type: ignore[arg-type]
+    pilot.find, pilot.look, pilot.joints = lambda: seen, lambda: seen, lambda: np.zeros(1)
+    held = iter([True, True, True, False])
+    with pytest.raises(StoppedForSafety, match="let go"):
+        pilot.run(50, allowed=lambda: next(held))
+    assert len(sent) == 3
+    assert pilot.run(5).steps == 5

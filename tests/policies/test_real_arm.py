@@ -42,7 +42,7 @@ def test_calibrate_perceive_deploy(
     assert result["rehearsal"]["success"] and result["episodes"][0]["success"]
     assert json.loads((setup / "episodes.jsonl").read_text().splitlines()[-1])["success"]
 
-    hold = ["deploy", *words, "--yes", "--hold-key"]
+    hold = ["deploy", *words, "--yes", "--hold-key", "always"]
     assert main(hold) == 2 and "needs a terminal" in capsys.readouterr().err
     monkeypatch.setattr("mam_policies.deployment.held_key.HeldKey", _Held)
     assert main(hold) == 1 and "let go" in capsys.readouterr().err

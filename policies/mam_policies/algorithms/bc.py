@@ -105,7 +105,7 @@ def entries(rows: list[tuple[str, int, int, bool]], deployable: bool) -> tuple[i
     With joint and grasp in the base's frame (observation.articulation) the world's frame is left
     out; a policy over many objects would learn single objects by it.
     """
-    unseen = UNMEASURED if deployable else ()
+    unseen: tuple[str, ...] = UNMEASURED if deployable else ()
     if any(name.endswith("/grasp_offset") for name, *_ in rows):
         unseen += IN_WORLD
     if not unseen:

@@ -43,7 +43,7 @@ class HeldKey:
                 self._fd = sys.stdin.fileno()
         if self._fd < 0 or not os.isatty(self._fd):
             raise ConfigError(
-                "the key that must be held down needs a terminal; --no-hold-key does without it"
+                "the key that must be held down needs a terminal; --hold-key never does without it"
             )
         self._until, self._last = -1.0, -1.0
 
