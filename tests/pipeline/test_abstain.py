@@ -13,7 +13,7 @@ from mam_pipeline.parts.tree import left_out_note
 from mam_pipeline.run import MakeConfig, Stages
 from mam_pipeline.types import KinematicTree, Mesh, PartNode, Primitives
 
-BAR = Bar(0.0, {"value": 1.0}, 0.5, 0.2)
+BAR = Bar(0.0, {"value": 1.0}, 0.5, 0.3, 0.2)
 
 
 def _tree(*values: float) -> tuple[KinematicTree, dict[str, dict[str, float]]]:
@@ -53,6 +53,11 @@ def test_what_an_animation_shows_is_kept_and_names_raise_the_chance() -> None:
     assert [n.name for n in found.nodes] == ["base", "p1"]
 
 
+def test_as_many_parts_as_a_person_counted_are_kept() -> None:
+    tree, signs = _tree(-1.0, -3.0, -2.0)
+    assert [n.name for n in withheld(tree, signs, BAR, told=2).nodes] == ["base", "p1", "p3"]
+
+
 def test_what_hangs_on_a_withheld_part_hangs_on_its_host() -> None:
     tree, _ = _tree(1.0, 1.0)
     nodes = (*tree.nodes[:2], replace(tree.nodes[2], parent=1))
@@ -75,4 +80,4 @@ def test_low_confidence_is_accepted_for_batches() -> None:
 def test_the_fitted_bar_knows_its_signs() -> None:
     bar = load_bar()
     assert set(bar.weights) == set(SIGNS)
-    assert 0.0 < bar.others < bar.least < 1.0
+    assert 0.0 < bar.others < bar.fused < bar.least < 1.0

@@ -34,19 +34,28 @@ class Bar:
 
     Attributes:
         bias, weights: of a logistic function of the signs (`signs_of`).
-        least: chance that the likeliest part of an object must have. others: what the others must
-            have then.
+        least: chance that the likeliest part of an object must have; fused: that of a fused mesh,
+            whose true parts have lower ones. others: what the others must have then.
     """
 
     bias: float
     weights: Mapping[str, float]
     least: float
+    fused: float
     others: float
 
-    def keeps(self, chances: Sequence[float]) -> list[bool]:
-        """Which parts of one object become parts, by their chances."""
+    def keeps(self, chances: Sequence[float], told: int = 0) -> list[bool]:
+        """Which parts of one object become parts, by their chances.
+
+        Args:
+            told: how many there are, as a person said: so many of the likeliest do.
+        """
         any_moves = max(chances, default=0.0) >= self.least
-        return [any_moves and chance >= self.others for chance in chances]
+        likeliest = sorted(range(len(chances)), key=lambda i: -chances[i])[:told]
+        return [
+            i in likeliest or (any_moves and chance >= self.others)
+            for i, chance in enumerate(chances)
+        ]
 
     def chance(self, signs: Mapping[str, float], more: float = 0.0) -> float:
         """Chance that a part is real; `more` are log odds from beside geometry."""
@@ -58,7 +67,7 @@ class Bar:
 def load_bar() -> Bar:
     """The fitted bar of this package."""
     said = json.loads((bar_weights() / "abstention.json").read_text(encoding="utf-8"))
-    return Bar(said["bias"], said["weights"], said["least"], said["others"])
+    return Bar(said["bias"], said["weights"], said["least"], said["fused"], said["others"])
 
 
 def bar_weights() -> Traversable:
@@ -68,13 +77,14 @@ def bar_weights() -> Traversable:
 
 def abstained(
     tree: KinematicTree, mesh: Mesh, primitives: Primitives, moving: FloatArray, seed: int = 0,
-    rules: Rules = ALL_RULES,
+    rules: Rules = ALL_RULES, told: int = 0,
 ) -> KinematicTree:  # fmt: skip
     """The tree without the parts that are too unlikely, and with the signs of all parts noted.
 
     Args:
         mesh: with one copy of every face. The joints are asked for as the solver will ask.
         moving: (P,) chance of every primitive that it moves.
+        told: how many parts there are, as a person said; 0 where nobody did.
     """
     if len(tree.nodes) < 2:
         return tree
@@ -85,8 +95,10 @@ def abstained(
         primitives.labels, face_geometry(mesh.vertices, mesh.faces)[1], minlength=primitives.count
     ).astype(np.float64)
     signs = signs_of(tree, found, area, moving)
-    judged = rules.abstain and not primitives.is_fused  # the scores of fused meshes are others
-    return withheld(tree, signs, load_bar() if judged else None)
+    bar = load_bar()
+    if primitives.is_fused:
+        bar = replace(bar, least=bar.fused)
+    return withheld(tree, signs, bar if rules.abstain else None, told)
 
 
 def signs_of(
@@ -124,13 +136,14 @@ def signs_of(
 
 
 def withheld(
-    tree: KinematicTree, signs: Mapping[str, Mapping[str, float]], bar: Bar | None = None
-) -> KinematicTree:
+    tree: KinematicTree, signs: Mapping[str, Mapping[str, float]], bar: Bar | None = None,
+    told: int = 0,
+) -> KinematicTree:  # fmt: skip
     """The tree without the parts that are too unlikely; they go to what they hang on, and the base
     tells of them.
 
     Args:
-        signs: by name of the part. bar: None only notes the signs.
+        signs: by name of the part. bar: None only notes the signs. told: see `Bar.keeps`.
     """
     nodes = [tree.nodes[0]]
     for node in tree.nodes[1:]:
@@ -143,7 +156,7 @@ def withheld(
         return replace(tree, nodes=tuple(nodes))
     # what a person or an animation shows moves for certain
     shown = [1.0 if n.provenance != "inferred" else n.evidence["chance"] for n in nodes[1:]]
-    gone = [i for i, kept in enumerate(bar.keeps(shown), start=1) if not kept]
+    gone = [i for i, kept in enumerate(bar.keeps(shown, told), start=1) if not kept]
     return without(replace(tree, nodes=tuple(nodes)), gone)
 
 

@@ -128,7 +128,8 @@ def tree_of(
     if len(tree.nodes) < 2:
         return tree
     moving = (mobility or load_mobility()).moving(graph, view.prior)
-    return abstained(tree, mesh, primitives, moving, seed, rules)
+    told = 0 if heard is None else heard.told
+    return abstained(tree, mesh, primitives, moving, seed, rules, told)
 
 
 def drafted(

@@ -243,6 +243,11 @@ class Heard:
             return np.zeros(len(sizes))
         return -SAID.count * np.abs(np.asarray(sizes, float) - told)
 
+    @property
+    def told(self) -> int:
+        """How many parts a person said there are; 0 where nobody did."""
+        return sum(c.count for c in self.spec.counts if c.said.certainty >= CERTAIN)
+
     def noted(self, tree: KinematicTree, masks: Masks, odds: FloatArray) -> KinematicTree:
         """The tree whose parts tell what was said of them, with lines and ranges that are known.
 

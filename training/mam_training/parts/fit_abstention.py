@@ -73,6 +73,9 @@ class AbstentionTraining:
     """Folder of the networks that were trained without them: `without_NAME.npz`."""
     least: float = 0.4
     """Chance that the likeliest part of an object must have."""
+    fused_least: float = 0.2
+    """The same of a fused mesh. Chances are fitted on authored ones; true parts of fused ones get
+    lower ones."""
     others_least: float = 0.02
     """Chance that further parts of an object need once one part has reached the bar."""
     cache: Path = Path("build/abstention.jsonl")
@@ -277,7 +280,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     chance = crossed(rows)
     bias, weights = fitted(rows)
     named = {n: round(float(w), 4) for n, w in zip(SIGNS, weights)}
-    bar = Bar(round(bias, 4), named, config.least, config.others_least)
+    bar = Bar(round(bias, 4), named, config.least, config.fused_least, config.others_least)
     kept: dict[str, Any] = {**asdict(bar), "record": record(rows, chance, bar)}
     config.out.mkdir(parents=True, exist_ok=True)
     (config.out / "abstention.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
