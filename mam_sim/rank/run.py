@@ -137,6 +137,14 @@ class Try:
         """Where the video of the first episodes goes."""
         return self.out / "videos" / f"{self.file.stem}.mp4"
 
+    @property
+    def done(self) -> bool:
+        """Whether nothing is left to measure, or to film where a video is asked for."""
+        if not self.file.is_file():
+            return False
+        filmed = not self.video or self.film.is_file()
+        return filmed or bool(json.loads(self.file.read_text())["cause"])
+
     def warm(self) -> None:
         """Import the simulator and the expert."""
         from mam_envs import env  # noqa: F401
@@ -250,7 +258,7 @@ def attempts(
 
 def measured(tasks: Sequence[Try], jobs: int, tell: Tell = lambda _words: None) -> list[Row]:
     """Rows in the order of the tasks; those known already are read."""
-    for task, ending in run_all([t for t in tasks if not t.file.is_file()], jobs):
+    for task, ending in run_all([t for t in tasks if not t.done], jobs):
         row = task.ended(ending)
         said = row.cause or f"{row.successes}/{row.episodes}"
         tell(f"{row.asset} {row.joint} {row.robot}: {said}")

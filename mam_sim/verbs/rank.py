@@ -99,7 +99,7 @@ class Rank(Verb):
             self.assets, verdicts, robots, measure, self.policy, out, limits, self.video,
             self.truth,
         )  # fmt: skip
-        with counting_bar(screen, len(tasks), sum(t.file.is_file() for t in tasks)) as tell:
+        with counting_bar(screen, len(tasks), sum(t.done for t in tasks)) as tell:
             rows = measured(tasks, self.jobs, lambda w: tell(w, "expert"))
         true = {v.name: joints for v, joints in zip(verdicts, real)} if real else None
         totals = [total(verdicts, rows, robot, self.episodes, true) for robot in robots]

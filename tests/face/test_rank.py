@@ -129,3 +129,18 @@ def test_what_can_be_run_is_run_and_what_cannot_is_said(
     assert json.loads(capsys.readouterr().out) == found
     assert {p: p.stat().st_mtime_ns for p in (tmp_path / "out" / "rows").iterdir()} == kept
     assert (tmp_path / "out" / "index.html").is_file()
+
+
+@pytest.mark.sim
+@pytest.mark.slow
+def test_what_is_measured_is_filmed_later_on_request(tmp_path: Path) -> None:
+    from mam_envs.scene.vulkan import vulkan_ok
+
+    if not vulkan_ok():
+        pytest.skip("no Vulkan device to render with")
+    out, command = tmp_path / "out", ["rank", str(_cabinet(tmp_path / "good.urdf"))]
+    command += ["--episodes", "1", "--quiet", "--out", str(out)]
+    assert main(command) == 0 and not (out / "videos").exists()
+    assert main([*command, "--video"]) == 0
+    (film,) = (out / "videos").iterdir()
+    assert film.stat().st_size > 1000 and film.name in (out / "index.html").read_text()

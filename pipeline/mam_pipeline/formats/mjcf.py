@@ -26,7 +26,7 @@ TINY = 1e-3
 
 
 def urdf_of_mjcf(path: Path, out: Path) -> Path:
-    """Write `object.urdf` and its meshes into the folder `out`.
+    """Write a URDF of the file's name and its meshes into the folder `out`.
 
     Ball and free joints become fixed: a URDF has none that a robot could be asked to move.
 
@@ -53,7 +53,7 @@ def urdf_of_mjcf(path: Path, out: Path) -> Path:
     for body in range(model.nbody):
         ends[body] = _body(robot, model, body, ends, out)
     _couple(robot, model)
-    urdf = out / "object.urdf"
+    urdf = out / f"{path.stem}.urdf"
     ET.ElementTree(robot).write(urdf, encoding="utf-8", xml_declaration=True)
     return urdf
 
