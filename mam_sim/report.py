@@ -1,4 +1,4 @@
-"""report.html: one page, offline, that shows every stage of an asset in pictures and figures."""
+"""report.html: one page, offline: an asset to turn and open, and pictures of every stage."""
 
 from __future__ import annotations
 
@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 from mam_pipeline import folders
 from mam_pipeline.asset.card import Asset, CardJoint
 from mam_pipeline.asset.read import read_asset
+from mam_pipeline.geometry.stand_in import lightened
 from mam_pipeline.render.mesh_pictures import palette, render_mesh
 from mam_pipeline.render.motion import motion_pictures
 from mam_pipeline.types import Articulation, FloatArray
+from mam_sim import viewer
 
 SIZE = (420, 360)
 CAMERA: dict[str, Any] = {"size": SIZE, "azimuth": -35.0, "elevation": 22.0}
@@ -36,6 +38,8 @@ class Figure:
 def write_report(asset: Asset) -> Path:
     """Draw report.html into the asset folder; returns its path."""
     card, articulation = asset.card, read_asset(asset)
+    turning = viewer.page(lightened(articulation), card.name)
+    film = asset.folder / "demo.mp4"
     motion = motion_pictures(articulation, [0.0, 0.5, 1.0], **CAMERA)
     pictures = [
         ("Photo and twin", _photo(asset, motion[-1])),
@@ -50,6 +54,8 @@ def write_report(asset: Asset) -> Path:
     page = environment.get_template("report.html.j2").render(
         card=card,
         pictures=[(title, figures) for title, figures in pictures if figures],
+        turning=turning,
+        film="" if not film.is_file() else _film(film.read_bytes()),
         joints=[_row(j) for j in card.joints],
         checks=_text(card.checks) if card.checks else "",
         provenance=_text(
@@ -156,6 +162,15 @@ def _figure(picture: NDArray[np.uint8], label: str) -> Figure:
     buffer = io.BytesIO()
     Image.fromarray(picture).save(buffer, format="PNG")
     return Figure(_data(buffer.getvalue()), label)
+
+
+def picture_url(picture: NDArray[np.uint8]) -> str:
+    """(H, W, 3) picture as a data URL."""
+    return _figure(picture, "").source
+
+
+def _film(film: bytes) -> str:
+    return "data:video/mp4;base64," + base64.b64encode(film).decode()
 
 
 def _data(picture: bytes) -> str:

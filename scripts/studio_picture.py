@@ -21,8 +21,9 @@ from mam_pipeline.formats.mesh_files import save_glb
 from mam_pipeline.run import MakeConfig
 from mam_pipeline.types import Link
 from mam_sim.studio.page import Page
+from mam_sim.studio.place import place_of
 from mam_sim.studio.scene import all_at
-from mam_sim.studio.session import Session, place_of
+from mam_sim.studio.session import Session
 
 SIZE = (1280, 720)
 DRAWN_BY_CPU = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]

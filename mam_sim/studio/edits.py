@@ -7,16 +7,16 @@ person did not speak of stays the engine's.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mam_pipeline.errors import ConfigError
-from mam_pipeline.hints import HintJoint, HintPart, Hints
+from mam_pipeline.hints import HintBox, HintJoint, HintPart, Hints
 from mam_pipeline.parts.hints import part_primitives
-from mam_pipeline.types import Joint, KinematicTree, Mesh, PartNode, Primitives
+from mam_pipeline.types import FloatArray, Joint, KinematicTree, Mesh, PartNode, Primitives
 
 
 def link_name(text: str) -> str:
@@ -159,6 +159,51 @@ def set_limits(
         lower=float(lower), upper=float(upper),
     )  # fmt: skip
     return _with(hints, replace(part, joint=said))
+
+
+def moved(hints: Hints, change: FloatArray, renumbered: Mapping[int, int]) -> Hints:
+    """The same words in another frame and with other numbers of primitives.
+
+    Args:
+        change: (4, 4) rotation about axes by right angles, scale and shift.
+        renumbered: new number by old.
+    """
+    size = float(np.cbrt(np.linalg.det(change[:3, :3])))
+    turn = change[:3, :3] / size
+
+    def at(point: ArrayLike) -> tuple[float, float, float]:
+        return _triple(change[:3, :3] @ np.asarray(point) + change[:3, 3])
+
+    def numbers(own: Iterable[int]) -> tuple[int, ...]:
+        return tuple(sorted({renumbered[p] for p in own}))
+
+    def box(old: HintBox | None) -> HintBox | None:
+        if old is None:
+            return None
+        return HintBox(at(old.center), _triple(np.abs(change[:3, :3]) @ np.asarray(old.size)))
+
+    def joint(old: HintJoint | None) -> HintJoint | None:
+        if old is None:
+            return None
+        long = size if old.subtype == "slide" else 1.0
+        return replace(
+            old,
+            axis=None if old.axis is None else _triple(turn @ np.asarray(old.axis)),
+            origin=None if old.origin is None else at(old.origin),
+            lower=None if old.lower is None else long * old.lower,
+            upper=None if old.upper is None else long * old.upper,
+        )
+
+    return replace(
+        hints,
+        merge=tuple(m for group in hints.merge if len(m := numbers(group)) > 1),
+        fixed=numbers(hints.fixed),
+        parts=tuple(
+            replace(p, primitives=numbers(p.primitives), box=box(p.box), handle=box(p.handle),
+                    joint=joint(p.joint))
+            for p in hints.parts
+        ),
+    )  # fmt: skip
 
 
 def as_the_engine_says(hints: Hints, tree: KinematicTree, name: str) -> Hints:

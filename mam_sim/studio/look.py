@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mam_pipeline.types import Joint
-from mam_sim.studio.scene import SHOWS, all_at, merged_bounds
+from mam_sim.studio.scene import SHOWS, all_at
 from mam_sim.studio.words import joint_text, kept_value, shown_value, span, unit
 from mam_sim.studio.workspace import Workspace
 
@@ -93,14 +93,13 @@ class Look:
     def _sentences(self) -> list[str]:
         work = self.work
         articulation = work.state.articulation
-        low, high = articulation.mesh.bounds
-        depth, width, height = high - low
+        depth, width, height = work.size()
         rows = [f"{width:.2f} m wide, {depth:.2f} m deep, {height:.2f} m high."]
         for joint in articulation.joints:
             link = articulation.links[joint.child]
             if work.part in ("", link.name):
-                box = merged_bounds(articulation, joint.child)
-                rows.append(joint_text(joint, link.name, link.kind, box, []))
+                runs = work.line(joint, joint.child)
+                rows.append(joint_text(joint, link.name, link.kind, runs))
         return rows
 
     def _redraw(self) -> None:

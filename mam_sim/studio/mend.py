@@ -13,7 +13,7 @@ from mam_pipeline.types import Joint, JointCandidate
 from mam_sim.studio import edits, words
 from mam_sim.studio.look import Look
 from mam_sim.studio.picking import snapped, snaps
-from mam_sim.studio.scene import merged_bounds
+from mam_sim.studio.stand import Stand
 from mam_sim.studio.workspace import Workspace
 
 KINDS = ("door", "drawer", "lid", "knob", "handle", "wheel", "lever", "button", "panel", "other")
@@ -35,7 +35,7 @@ class Mend:
         with gui.add_folder("Selected pieces"):
             self.selection = gui.add_markdown("")
             self.new_kind = gui.add_dropdown("Kind", KINDS)
-            self._button("Make a part of them", self._make)
+            self._button("Make a part of them", self._make, main=True)
             self.target = gui.add_dropdown("Other part", (NONE,))
             self._button("Add to the other part", self._add)
             self._button("They do not move", self._fix)
@@ -49,16 +49,19 @@ class Mend:
             self.way = gui.add_dropdown("Line", (NONE,), hint="Other lines, the likeliest first")
             self.low = gui.add_number("From", 0.0, step=0.5)
             self.high = gui.add_number("To", 0.0, step=0.5)
-            self._button("Other direction", self._flip)
-            self._button("Merge with the other part", self._merge)
-            self._button("Select its pieces", self._select)
-            self._button("As the engine says", self._reset)
+            self._of_part = [
+                self._button("Other direction", self._flip),
+                self._button("Merge with the other part", self._merge),
+                self._button("Select its pieces", self._select),
+                self._button("As the engine says", self._reset),
+            ]
         with gui.add_folder("Axis by hand", expand_by_default=False):
             gui.add_markdown("*The blue arrow is the axis; it snaps to edges, faces and circles.*")
             self.hand = gui.add_checkbox("Show the handles", False)
             self.snap = gui.add_checkbox("Snap", True)
             self.snapped = gui.add_markdown("")
             self._button("Take this axis", self._take_axis)
+        self.stand = Stand(work)
         self._ways: list[JointCandidate] = []
         self._gizmo: Any = None
         self._filling = False
@@ -69,8 +72,10 @@ class Mend:
         ):  # fmt: skip
             handle.on_update(self._typed(change))
 
-    def _button(self, label: str, work: Any) -> None:
-        self.work.server.gui.add_button(label).on_click(self.work.guarded(work))
+    def _button(self, label: str, work: Any, main: bool = False) -> Any:
+        button = self.work.server.gui.add_button(label, color=None if main else "gray")
+        button.on_click(self.work.guarded(work))
+        return button
 
     def _typed(self, change: Any) -> Any:
         """A callback for what a person typed, not for what `refresh` fills in."""
@@ -89,6 +94,7 @@ class Mend:
         self._filling = True
         try:
             self._fill()
+            self.stand.refresh()
         finally:
             self._filling = False
 
@@ -105,7 +111,9 @@ class Mend:
         node = next((n for n in nodes[1:] if n.name == work.part), None)
         about = (self.name, self.kind, self.parent, self.motion, self.way, self.low, self.high)
         for handle in about:
-            handle.disabled = node is None or bool(work.open.why_fixed)
+            handle.disabled = bool(work.open.why_fixed)
+        for handle in (*about, *self._of_part):
+            handle.visible = node is not None
         joint = work.joint()
         if node is None:
             self.name.value, self.kind.value = "", ""
@@ -124,14 +132,17 @@ class Mend:
     def _fill_ways(self, joint: Joint | None) -> None:
         self._ways, texts = [], []
         if joint is not None:
-            box = merged_bounds(self.work.state.articulation, joint.child)
-            texts = [f"now: {words.line(joint.subtype, joint.axis, joint.origin, box)}"]
+            texts = [f"now: {self.work.line(joint, joint.child)}"]
             self._ways = self.work.open.ways(self.work.part)
-            texts += [f"{k + 1}. {words.way(c, box)}" for k, c in enumerate(self._ways)]
+            texts += [
+                f"{k + 1}. {self.work.line(c, joint.child)} · {words.chance(c)}"
+                for k, c in enumerate(self._ways)
+            ]
         _options(self.way, texts or [NONE], (texts or [NONE])[0])
 
     def _step(self, event: Any) -> None:
         session = self.work.open
+        ground = session.state.ground
         if self.steps.value == "Undo":
             session.undo()
         elif self.steps.value == "Redo":
@@ -140,6 +151,8 @@ class Mend:
             path = session.save()
             self.work.say(event, "Saved", f"{path}", "green")
         self.work.after_edit()
+        if session.state.ground is not ground:
+            self.work.look_at_the_front()
 
     def _make(self) -> None:
         work, chosen = self.work, sorted(self.work.selected)

@@ -17,10 +17,11 @@ from mam_sim.studio import server as studio_server
 from mam_sim.studio.look import Look
 from mam_sim.studio.mend import Mend
 from mam_sim.studio.picking import Camera, face_under, primitives_in_box
+from mam_sim.studio.place import Place, place_of
 from mam_sim.studio.queue import Queue
 from mam_sim.studio.review import Review
 from mam_sim.studio.scene import Scene
-from mam_sim.studio.session import Place, Session, place_of
+from mam_sim.studio.session import Session
 from mam_sim.studio.trying import Trying
 from mam_sim.studio.workspace import Workspace
 
@@ -107,7 +108,9 @@ class Page:
         session = self.work.open
         count = sum(j.type != "fixed" for j in session.state.articulation.joints)
         saved = "not saved" if session.unsaved else "saved" if session.can_undo else ""
-        rows = [f"**{session.name}**", f"{count} joint{'' if count == 1 else 's'}", saved]
+        shown, whole = len(session.mesh.faces), session.faces_in_file
+        light = f"shown with {shown:,} of {whole:,} triangles" if shown < whole else ""
+        rows = [f"**{session.name}**", f"{count} joint{'' if count == 1 else 's'}", saved, light]
         self.head.content = " · ".join(r for r in rows if r)
 
     def _build(self) -> None:
@@ -142,11 +145,12 @@ class Page:
         work = self.work
         tracer = work.tracer()[1]
         found = face_under(tracer, np.asarray(event.ray_origin), np.asarray(event.ray_direction))
-        work.bad = ()
+        work.bad, work.face = (), None
         if found is None:
             work.selected = work.selected if more else set()
             work.choose(work.part if more else "")
             return
+        work.face, work.seen_along = found[0], np.asarray(event.ray_direction)
         piece = int(work.open.primitives.labels[found[0]])
         work.selected = (work.selected if more else set()) ^ {piece}
         work.choose(work.open.link_of_face(found[0]).name)

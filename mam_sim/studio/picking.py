@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
+from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.render.tracer import Tracer
 from mam_pipeline.types import FloatArray, IntArray, Mesh
 
@@ -21,6 +22,7 @@ class PickThresholds:
         crease: radians between faces at an edge that can be snapped to.
         near: diagonals of the object within which a line snaps.
         turned: radians within which a direction snaps.
+        lift: of a number before its piece, diagonals.
     """
 
     rays: int = 48
@@ -28,6 +30,7 @@ class PickThresholds:
     crease: float = 0.5
     near: float = 0.04
     turned: float = 0.35
+    lift: float = 0.02
 
 
 PICK = PickThresholds()
@@ -165,3 +168,35 @@ def _circles(part: trimesh.Trimesh) -> list[tuple[FloatArray, FloatArray]]:
         if radius.std() < 0.03 * radius.mean():
             found.append((np.asarray(normal), np.asarray(middle)))
     return found
+
+
+def seen_spots(mesh: Mesh, labels: IntArray) -> dict[int, FloatArray]:
+    """(3,) a point just before the surface of every label that is seen from somewhere outside.
+
+    Args:
+        labels: (F,) of the faces.
+    """
+    tracer, size = Tracer(mesh.vertices, mesh.faces), mesh.diagonal
+    middle = mesh.bounds.mean(axis=0)
+    steps = np.linspace(0, 1, PICK.rays)
+    grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    faces: list[IntArray] = []
+    for azimuth in np.radians(np.arange(0, 360, 45)):
+        for elevation in np.radians((-35.0, 10.0, 50.0)):
+            level = np.cos(elevation) * np.array([np.cos(azimuth), np.sin(azimuth)])
+            ahead = np.array([*level, np.sin(elevation)])
+            right = np.cross(ahead, (0, 0, 1.0)) / np.cos(elevation)
+            turn = np.stack([right, np.cross(ahead, right), ahead], axis=1)
+            camera = Camera(middle - 2 * size * ahead, turn, 0.55, 1.0)
+            faces.append(tracer.cast(camera.position, camera.rays(grid)).face)
+    seen = np.unique(np.concatenate(faces))
+    normals = face_geometry(mesh.vertices, mesh.faces[seen])[0]
+    middles = mesh.vertices[mesh.faces[seen]].mean(axis=1)
+    out: dict[int, FloatArray] = {}
+    for label in np.unique(labels[seen]):
+        own = np.flatnonzero(labels[seen] == label)
+        apart = np.linalg.norm(middles[own] - middles[own].mean(axis=0), axis=1)
+        k = own[np.argmin(apart)]
+        outwards = np.sign(normals[k] @ (middles[k] - middle)) or 1.0
+        out[int(label)] = middles[k] + PICK.lift * size * outwards * normals[k]
+    return out

@@ -22,15 +22,18 @@ from mam_pipeline.types import (
     Mesh,
     joint_motion,
 )
+from mam_sim.studio.picking import seen_spots
 
 if TYPE_CHECKING:
     import viser
 
-Show = Literal["as it is", "parts", "pieces", "collision"]
-SHOWS: tuple[Show, ...] = ("as it is", "parts", "pieces", "collision")
+Show = Literal["as it is", "parts", "pieces", "edges", "collision"]
+SHOWS: tuple[Show, ...] = ("as it is", "parts", "pieces", "edges", "collision")
+EDGES = (70, 80, 95)
 SELECTED, AXIS, CHOSEN, BAD = (255, 140, 0), (60, 110, 200), (230, 70, 50), (214, 52, 44)
 NUMBERS = 150  # pieces that can be told apart by a number
 CELLS = tuple(float(m * 10.0**e) for e in range(-4, 3) for m in (1, 2, 5))  # metres
+SIDES, SIDES_TURNED = ("deep", "wide", "high"), ("wide", "deep", "high")
 STEPS = 24  # of the arc that shows a range
 FIT = 1.2  # distance of the camera, diagonals
 
@@ -40,12 +43,15 @@ class Scene:
 
     Attributes:
         values: joint name -> value, as shown.
+        turn: (3, 3) rotation about Z that brings the object's front to -X.
     """
 
     def __init__(self, api: viser.SceneApi) -> None:
         self.api = api
         self.values: dict[str, float] = {}
+        self.turn: FloatArray = np.eye(3)
         self._links: list[Any] = []
+        self._drawn: list[Any] = []  # what each link's surface was drawn from
         self._extras: dict[str, list[Any]] = {}
 
     def show(
@@ -61,24 +67,42 @@ class Scene:
             labels: (F,) piece of every face. show: what the surface tells.
             hulls: collision pieces by link name, in the frame of the articulation.
         """
-        self.clear()
+        for group in list(self._extras):
+            self._drop(group)
         self.articulation, self.labels = articulation, labels
         self.values = {j.name: self.values.get(j.name, 0.0) for j in articulation.joints}
-        self._links = []
         for i, link in enumerate(articulation.links):
+            pieces = hulls.get(link.name, ())
+            drawn = (show, i, id(articulation.mesh), link.faces.tobytes(), tuple(map(id, pieces)))
+            if i < len(self._links):
+                if self._drawn[i] == drawn:
+                    continue  # its surface is on the screen already
+                self._links[i].remove()
             node = self.api.add_frame(f"/object/{i}", show_axes=False)
-            self._links.append(node)
-            for k, mesh in enumerate(self._surfaces(i, show, hulls.get(link.name, ()))):
+            self._links[i : i + 1], self._drawn[i : i + 1] = [node], [drawn]
+            if show == "edges" and len(link.faces):
+                part = articulation.mesh.submesh(link.faces)
+                self.api.add_mesh_simple(
+                    f"/object/{i}/edges", part.vertices, part.faces, color=EDGES, wireframe=True,
+                )  # fmt: skip
+                continue
+            for k, mesh in enumerate(self._surfaces(i, show, pieces)):
                 self.api.add_glb(f"/object/{i}/surface{k}", glb_bytes(mesh, up="z"))
+        self._cut_off(len(articulation.links))
         if show == "pieces":
             self._numbers()
         self.pose(self.values)
 
     def clear(self) -> None:
         """Take everything away."""
-        for node in self._links:
+        self._cut_off(0)
+        self._extras = {}
+
+    def _cut_off(self, first: int) -> None:
+        """Take links away from one on."""
+        for node in self._links[first:]:
             node.remove()
-        self._links, self._extras = [], {}
+        del self._links[first:], self._drawn[first:]
 
     def _surfaces(self, link: int, show: Show, hulls: Sequence[Mesh]) -> list[Mesh]:
         faces = self.articulation.links[link].faces
@@ -157,7 +181,8 @@ class Scene:
         low, high = self.articulation.mesh.bounds
         gap = 0.04 * self.articulation.mesh.diagonal
         corner = np.array([low[0] - gap, low[1] - gap, low[2]])
-        for k, word in enumerate(("deep", "wide", "high")):
+        words = SIDES if abs(self.turn[0, 0]) > abs(self.turn[0, 1]) else SIDES_TURNED
+        for k, word in enumerate(words):
             end = corner.copy()
             end[k] = high[k]
             start = corner.copy()
@@ -184,30 +209,34 @@ class Scene:
         )  # fmt: skip
         return cell
 
-    def view(self, camera: Any, azimuth: float = -35.0, elevation: float = 20.0) -> None:
-        """Put a camera before the front, which faces -X."""
-        low, high = self.articulation.mesh.bounds
+    def view(
+        self, camera: Any, azimuth: float = -35.0, elevation: float = 20.0,
+        bounds: FloatArray | None = None,
+    ) -> None:  # fmt: skip
+        """Put a camera before the front.
+
+        Args:
+            azimuth, elevation: degrees. bounds: (2, 3) of what is to be seen; default: the object.
+        """
+        low, high = self.articulation.mesh.bounds if bounds is None else bounds
         a, e = np.radians(azimuth), np.radians(elevation)
         eye = np.array([-np.cos(a) * np.cos(e), -np.sin(a) * np.cos(e), np.sin(e)])
+        eye = self.turn.T @ eye
         middle = (low + high) / 2
-        camera.position = middle + FIT * self.articulation.mesh.diagonal * eye
+        camera.position = middle + FIT * float(np.linalg.norm(high - low)) * eye
         camera.look_at = middle
 
     def _numbers(self) -> None:
         mesh = self.articulation.mesh
-        area = face_geometry(mesh.vertices, mesh.faces)[1] + 1e-15
-        total = np.bincount(self.labels, area)
-        middles = np.stack([
-            np.bincount(self.labels, area * axis) / np.maximum(total, 1e-15)
-            for axis in mesh.vertices[mesh.faces].mean(axis=1).T
-        ], axis=1)  # fmt: skip
+        spots = seen_spots(mesh, self.labels)
+        size = np.bincount(self.labels, face_geometry(mesh.vertices, mesh.faces)[1])
         owner = self.articulation.face_link
-        for p in np.argsort(-total)[:NUMBERS]:
+        for p in [int(p) for p in np.argsort(-size) if int(p) in spots][:NUMBERS]:
             link = int(owner[np.argmax(self.labels == p)])
-            self.api.add_label(
-                f"/object/{link}/number_{p}", str(p), position=middles[p], anchor="center-center",
-                font_screen_scale=0.8,
-            )  # fmt: skip
+            self._keep("numbers", self.api.add_label(
+                f"/object/{link}/number_{p}", str(p), position=spots[p], anchor="center-center",
+                font_screen_scale=0.8, depth_test=True,
+            ))  # fmt: skip
 
     def _keep(self, group: str, node: Any) -> None:
         self._extras.setdefault(group, []).append(node)

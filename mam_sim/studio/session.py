@@ -14,30 +14,43 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from mam_pipeline import config_file
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.read import read_asset
-from mam_pipeline.digests import file_digest
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.evidence.spec import stated_groups
 from mam_pipeline.formats.door import outside_allowed
+from mam_pipeline.geometry.stand_in import stand_in
 from mam_pipeline.hints import Hints, load_hints, save_hints
 from mam_pipeline.joints.candidates import rank_hypotheses
 from mam_pipeline.joints.estimate import faces_around, same_joint
 from mam_pipeline.models.settings import given
 from mam_pipeline.parts.hints import along_nodes, apply_hints
-from mam_pipeline.run import MakeConfig, Stages, kind_of, make_asset, read_source
+from mam_pipeline.run import (
+    Source,
+    Stages,
+    kind_of,
+    make_asset,
+    read_source,
+    standing,
+    turned_to_front,
+)
 from mam_pipeline.stage_store import StageStore, copy_stages
 from mam_pipeline.types import (
     Articulation,
+    Axis,
+    FloatArray,
     JointCandidate,
     KinematicTree,
     Link,
+    Mesh,
     PartNode,
     Primitives,
 )
+from mam_sim.studio import edits
 from mam_sim.studio.edits import explicit, with_living_parents
+from mam_sim.studio.place import Place, yielding
 
 Tell = Callable[[str], None]
 Change = Callable[[Hints, KinematicTree], Hints]
@@ -45,61 +58,33 @@ SHOWN = 6  # ways of moving that a person is offered
 
 
 @dataclass(frozen=True)
+class Ground:
+    """The object as it stands, before anything is said of its parts.
+
+    Attributes:
+        read: the source in the engine's frame. mesh: what is worked on; a lighter copy where the
+            file is heavy. cut: its primitives; primitives: the same, along the hints' nodes.
+    """
+
+    read: Source
+    mesh: Mesh
+    cut: Primitives
+    primitives: Primitives
+
+
+@dataclass(frozen=True)
 class State:
-    """What a person said, and the tree and the joints that come of it."""
+    """What a person said, and the tree and the joints that come of it.
+
+    Attributes:
+        ground: what they are of. turn: (3, 3) rotation about Z that brings the front to -X.
+    """
 
     hints: Hints
     tree: KinematicTree
     articulation: Articulation
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where an object comes from and where its results go.
-
-    Attributes:
-        source: photo, mesh or URDF; None for an asset whose source is not at hand.
-        asset: the asset that was opened or is to be written. hints: the hints file.
-        config: how the asset is made.
-    """
-
-    source: Path | None
-    asset: Path
-    hints: Path
-    config: MakeConfig
-
-
-def place_of(given: Path, config: MakeConfig, out: Path | None = None) -> Place:
-    """Where an input's files are.
-
-    Args:
-        given: photo, mesh, URDF or asset folder. config: of the command line; an asset's own
-            settings are used for an asset. out: the asset to write.
-
-    Raises:
-        InputError: there is no such input.
-    """
-    if not (given / "asset.json").is_file():
-        kind_of(given)
-        hints = config.hints or given.with_name(f"{given.stem}-hints.yaml")
-        return Place(given, out or Path(f"{given.stem}-asset"), hints, config)
-    asset = Asset.load(given)
-    kept = asset.folder / "stages" / "config.yaml"
-    if kept.is_file():
-        config = config_file.fill(MakeConfig(), config_file.read(kept)["pipeline"], kept)
-    source = _source_of(asset)
-    hints = config.hints or asset.folder.with_name(f"{asset.card.name}-hints.yaml")
-    return Place(source, out or asset.folder, hints, config)
-
-
-def _source_of(asset: Asset) -> Path | None:
-    """The file that an asset was made from, beside it or here, unchanged; None if there is none."""
-    name = Path(str(asset.card.source.get("path", ""))).name
-    for folder in (asset.folder.parent, Path.cwd()):
-        file = folder / name
-        if name and file.is_file() and file_digest(file) == asset.card.source.get("sha256"):
-            return file
-    return None
+    ground: Ground
+    turn: FloatArray
 
 
 class Session:
@@ -107,7 +92,6 @@ class Session:
 
     Attributes:
         place: files. why_fixed: why nothing can be edited; empty where it can.
-        primitives: of the faces of `mesh`; one for all where there is no engine's work to show.
     """
 
     def __init__(self, place: Place, tell: Tell = lambda _text: None) -> None:
@@ -120,6 +104,7 @@ class Session:
         self._tell = tell
         self._thinking = threading.Lock()
         self._history: list[State] = []
+        self._engine_trees: list[tuple[Ground, KinematicTree]] = []
         self._at = 0
         self._saved: Hints | None = None
         kind = "asset" if place.source is None else kind_of(place.source)
@@ -146,25 +131,41 @@ class Session:
         stages.mkdir()
         copy_stages(self.place.asset / "stages", stages)
         self._stages = Stages(self.place.config.engine_used, self._tell, StageStore(stages))
-        with outside_allowed(self.place.config.allow_outside):
-            read = read_source(source, kind, self.place.config, self._stages)
-        hints = read.hints
+        hints = None
         if self.place.hints.is_file():
             hints = self._saved = load_hints(self.place.hints)
-        self.mesh = read.mesh
-        self._cut = self._stages.segment(read.mesh)
-        self._spec = read.spec
-        groups = stated_groups(read.spec)
-        self.primitives = along_nodes(self._cut, read.mesh, hints, groups)
-        unhinted = along_nodes(self._cut, read.mesh, None, groups)
-        self._cut_by_hints = self.primitives.count != unhinted.count
-        self._prior = self._stages.observe(self.mesh, self.primitives, hints)
-        tree = self._stages.reason(self.mesh, self.primitives, self._prior, hints, read.spec)
-        self._history = [self._solved(self._stages, tree, hints)]
+        read = self._read(source, hints)
+        hints = read.hints if hints is None else hints
+        ground = self._ground(read, hints)
+        self._cut_by_hints = self._split_by(ground, hints)
+        prior = self._stages.observe(ground.mesh, ground.primitives, hints)
+        tree = self._stages.reason(ground.mesh, ground.primitives, prior, hints, read.spec)
+        self._history = [self._solved(self._stages, ground, tree, hints)]
+
+    def _read(self, source: Path, hints: Hints | None) -> Source:
+        """The source, standing as the hints say."""
+        with outside_allowed(self.place.config.allow_outside):
+            config = standing(yielding(self.place.config, hints), hints)
+            return read_source(source, kind_of(source), config, self._stages)
+
+    def _ground(self, read: Source, hints: Hints | None) -> Ground:
+        """What the engine works on: as `make_asset`, on a lighter mesh where it is heavy."""
+        light = stand_in(read.mesh)
+        mesh = read.mesh if light is None else light.mesh
+        cut = self._stages.segment(mesh)
+        return Ground(read, mesh, cut, along_nodes(cut, mesh, hints, stated_groups(read.spec)))
+
+    def _split_by(self, ground: Ground, hints: Hints | None) -> bool:
+        """Whether the nodes that hints name cut primitives in two."""
+        groups = stated_groups(ground.read.spec)
+        unhinted = along_nodes(ground.cut, ground.mesh, None, groups)
+        return ground.primitives.count != unhinted.count
 
     def _look_at(self, articulation: Articulation) -> None:
         """An articulation as it is: a link is a primitive."""
-        self.mesh, self.primitives = articulation.mesh, Primitives(articulation.face_link)
+        mesh, primitives = articulation.mesh, Primitives(articulation.face_link)
+        read = Source("urdf", mesh, np.eye(4), 1.0, "urdf")
+        ground = Ground(read, mesh, primitives, primitives)
         above = {j.child: j for j in articulation.joints}
         nodes = tuple(
             PartNode(
@@ -173,12 +174,27 @@ class Session:
             )
             for i, link in enumerate(articulation.links)
         )  # fmt: skip
-        self._history = [State(Hints(), KinematicTree(nodes), articulation)]
+        self._history = [State(Hints(), KinematicTree(nodes), articulation, ground, np.eye(3))]
 
     @property
     def state(self) -> State:
         """What is on the screen."""
         return self._history[self._at]
+
+    @property
+    def mesh(self) -> Mesh:
+        """What is shown and worked on, metres, Z up."""
+        return self.state.ground.mesh
+
+    @property
+    def primitives(self) -> Primitives:
+        """Of the faces of `mesh`; a link is one where there is no engine's work to show."""
+        return self.state.ground.primitives
+
+    @property
+    def faces_in_file(self) -> int:
+        """Of the source; `mesh` has fewer where it is heavy."""
+        return len(self.state.ground.read.mesh.faces)
 
     @property
     def name(self) -> str:
@@ -211,17 +227,61 @@ class Session:
             raise ConfigError(self.why_fixed)
         now = self.state
         if self._cut_by_hints:
-            raise ConfigError(
-                f"{self.place.hints} names nodes that cut primitives in two: edit the file by hand"
-            )
+            raise ConfigError(self._cannot_cut)
         hints = explicit(now.hints, self.primitives, self.mesh)
         hints = with_living_parents(change(hints, now.tree), now.tree)
-        if hints == now.hints:
-            return now
-        made = self._state(hints)
+        return now if hints == now.hints else self._add(self._state(now.ground, hints))
+
+    def stand(
+        self, up: ArrayLike | None = None, front: ArrayLike | None = None, size: float = 1.0
+    ) -> State:
+        """Say how the object stands; what was said of its parts stays with them.
+
+        Args:
+            up, front: (3,) direction in the engine's frame that is to point up, or to the front.
+            size: factor on all lengths.
+
+        Raises:
+            ConfigError: a photo, whose front and up are known, or a direction that cannot be.
+        """
+        now, source = self.state, self.place.source
+        if self.why_fixed or source is None:
+            raise ConfigError(self.why_fixed)
+        read = now.ground.read
+        if self._cut_by_hints:
+            raise ConfigError(self._cannot_cut)
+        if read.kind == "photo" and (up is not None or front is not None):
+            raise ConfigError("a photo's object stands as it is seen on the photo")
+        hints = explicit(now.hints, self.primitives, self.mesh)
+        if front is not None:
+            flat = np.asarray(front, dtype=np.float64) * (1, 1, 0)
+            if np.linalg.norm(flat) < 0.5:
+                raise ConfigError("this face looks up or down: the front is one of the sides")
+            hints = replace(hints, facing=_file_axis(read, flat))
+            turn = self._turn(now.articulation, read, hints)
+            return self._add(replace(now, hints=hints, turn=turn))
+        hints = replace(hints, height=float(np.ptp(read.mesh.vertices[:, 2])) * size)
+        if up is not None:
+            hints = replace(hints, up=_file_axis(read, up), facing=None)
+            axis = int(np.argmax(np.abs(np.asarray(up))))
+            hints = replace(hints, height=float(np.ptp(read.mesh.vertices[:, axis])))
+        with given(self.place.config.models.settings()):
+            ground = self._ground(self._read(source, hints), None)
+        change = ground.read.source_to_asset @ np.linalg.inv(read.source_to_asset)
+        if read.kind == "photo":  # its frame begins at the floor
+            change = np.diag([size, size, size, 1.0])
+        same = _renumbered(now.ground.primitives, ground.primitives)
+        return self._add(self._state(ground, edits.moved(hints, change, same)))
+
+    def _add(self, made: State) -> State:
+        """A new state after the one that is shown."""
         self._history = [*self._history[: self._at + 1], made]
         self._at += 1
         return made
+
+    @property
+    def _cannot_cut(self) -> str:
+        return f"{self.place.hints} names nodes that cut primitives in two: edit the file by hand"
 
     def undo(self) -> State:
         """Take the last edit back."""
@@ -254,7 +314,7 @@ class Session:
         if self.unsaved:
             self.save()
         if not self.why_fixed and place.hints.is_file():
-            config = replace(config, hints=place.hints)
+            config = replace(yielding(config, self.state.hints), hints=place.hints)
         return make_asset(place.source, place.asset, config, tell)
 
     def best_subtype(self, primitives: Iterable[int]) -> str:
@@ -293,38 +353,72 @@ class Session:
         fused = self.primitives.is_fused
         return rank_hypotheses(self.mesh, part, rest, fused=fused, top=60)
 
-    @cached_property
-    def _engine_says(self) -> KinematicTree:
+    def _engine_says(self, ground: Ground) -> KinematicTree:
         """The engine's own tree, without any word of a person's; edits in `stages/` are none."""
-        prior = self._stages.observe(self.mesh, self.primitives)
-        return self._fresh.reason(self.mesh, self.primitives, prior, spec=self._spec)
+        known = next((tree for g, tree in self._engine_trees if g is ground), None)
+        if known is None:
+            prior = self._stages.observe(ground.mesh, ground.primitives)
+            spec = ground.read.spec
+            known = self._fresh.reason(ground.mesh, ground.primitives, prior, spec=spec)
+            self._engine_trees.append((ground, known))
+        return known
 
     def prepare(self) -> None:
         """Do now what the first edit would have to wait for."""
-        with self._thinking, given(self.place.config.models.settings()):
-            _ = self._engine_says
+        if not self.why_fixed:
+            with self._thinking, given(self.place.config.models.settings()):
+                self._engine_says(self.state.ground)
 
-    def _state(self, hints: Hints) -> State:
+    def _state(self, ground: Ground, hints: Hints) -> State:
         """Tree and joints that hints make; estimates that nothing touched are remembered."""
-        self.prepare()
-        tree = apply_hints(self._engine_says, self.primitives, self.mesh, hints)
-        return self._solved(self._fresh, tree, hints)
+        with self._thinking, given(self.place.config.models.settings()):
+            tree = self._engine_says(ground)
+        tree = apply_hints(tree, ground.primitives, ground.mesh, hints)
+        return self._solved(self._fresh, ground, tree, hints)
 
-    def _solved(self, stages: Stages, tree: KinematicTree, hints: Hints | None) -> State:
+    def _solved(
+        self, stages: Stages, ground: Ground, tree: KinematicTree, hints: Hints | None
+    ) -> State:
         """A tree with its joints; none where nothing moves."""
-        said = hints or Hints()
+        said, labels = hints or Hints(), ground.primitives.labels
         if any(node.subtype != "fixed" for node in tree.nodes):
-            return State(said, tree, stages.solve(self.mesh, self.primitives, tree, hints))
-        return State(said, tree, Articulation(self.mesh, tuple(
-            Link(n.name, n.kind, np.flatnonzero(np.isin(self.primitives.labels, n.primitives)),
-                 n.primitives)
-            for n in tree.nodes
-        ), ()))  # fmt: skip
+            made = stages.solve(ground.mesh, ground.primitives, tree, hints)
+        else:
+            made = Articulation(ground.mesh, tuple(
+                Link(n.name, n.kind, np.flatnonzero(np.isin(labels, n.primitives)), n.primitives)
+                for n in tree.nodes
+            ), ())  # fmt: skip
+        return State(said, tree, made, ground, self._turn(made, ground.read, hints))
+
+    def _turn(self, made: Articulation, read: Source, hints: Hints | None) -> FloatArray:
+        """(3, 3) rotation that brings the front to -X."""
+        config = standing(yielding(self.place.config, hints), hints)
+        return turned_to_front(made, read, config)[0][:3, :3]
 
     @cached_property
     def _fresh(self) -> Stages:
         """Stages without a store: estimates are remembered in memory."""
         return Stages(self.place.config.engine_used)
+
+
+def _file_axis(read: Source, direction: ArrayLike) -> Axis:
+    """The axis of the file that is nearest to a direction (3,) in the engine's frame."""
+    own = np.linalg.inv(read.source_to_asset[:3, :3]) @ np.asarray(direction, dtype=np.float64)
+    axis = int(np.argmax(np.abs(own)))
+    names: tuple[Axis, ...] = ("-x", "-y", "-z") if own[axis] < 0 else ("x", "y", "z")
+    return names[axis]
+
+
+def _renumbered(old: Primitives, new: Primitives) -> dict[int, int]:
+    """For every primitive of the old cut, the one of the new that has most of its faces."""
+    if len(old.labels) != len(new.labels):
+        raise ConfigError(
+            "its pieces have changed: say first how it stands, then which parts it has"
+        )
+    pairs, count = np.unique(
+        np.stack([old.labels, new.labels], axis=1), axis=0, return_counts=True
+    )  # fmt: skip
+    return {int(pairs[k, 0]): int(pairs[k, 1]) for k in np.argsort(count, kind="stable")}
 
 
 def _way(c: JointCandidate) -> str:

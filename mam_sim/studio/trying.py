@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,6 +19,7 @@ from mam_pipeline.geometry.surface import hull_of
 from mam_pipeline.types import Mesh
 from mam_sim.console import STAGES
 from mam_sim.studio.look import Look
+from mam_sim.studio.robot import Robot, engine_of
 from mam_sim.studio.words import shown_value, unit, verdict_text
 from mam_sim.studio.workspace import Workspace
 
@@ -39,6 +39,7 @@ class Trying:
         self.verdict = gui.add_markdown("")
         self.places = gui.add_dropdown("Show where", ("",), visible=False)
         self.export = gui.add_button_group("Take along", ("ZIP", "MuJoCo", "USD"))
+        self.robot = Robot(work, look)
         self.make.on_click(work.guarded(self._make, alone=False))
         self.places.on_update(work.guarded(self._show))
         self.export.on_click(work.guarded(self._export))
@@ -48,6 +49,7 @@ class Trying:
     def refresh(self) -> None:
         """The verdict of an asset that was opened; none for what has been edited since."""
         session = self.work.open
+        self.robot.refresh()
         if session is not self._opened:
             self._opened = session
             made = session.place.asset
@@ -134,10 +136,7 @@ class Trying:
 
 def collision_pieces(asset: Asset) -> dict[str, Sequence[Mesh]]:
     """Convex pieces by link name, in the frame in which the engine worked."""
-    frame = asset.folder / "stages" / "frame.json"
-    back = np.eye(4)
-    if frame.is_file():
-        back = np.linalg.inv(np.asarray(json.loads(frame.read_text())["asset_T_engine"]))
+    back = engine_of(asset.folder)
     model = CheckModel.read(asset.urdf_path)
     return {
         link.name: [Mesh(*found).transformed(back) for h in hulls if (found := hull_of(h.points))]

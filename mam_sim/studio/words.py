@@ -94,21 +94,21 @@ def line(subtype: str, axis: FloatArray, origin: FloatArray, box: FloatArray) ->
     return f"{subtype} {place}, {ways[along]}"
 
 
-def way(c: JointCandidate, box: FloatArray) -> str:
-    """A way of moving with its probability."""
+def chance(c: JointCandidate) -> str:
+    """The probability of a way of moving."""
     sure = (c.kind_probability or 0.0) * (c.within_kind or 0.0)
-    return f"{line(c.subtype, c.axis, c.origin, box)} · {_chance(sure)}"
+    return "under 1 %" if sure < 0.01 else percent(sure)
 
 
-def _chance(share: float) -> str:
-    return "under 1 %" if share < 0.01 else percent(share)
+def joint_text(joint: Joint, part: str, kind: str, runs: str) -> str:
+    """A paragraph of Markdown on a joint: what, how sure, why this range.
 
-
-def joint_text(joint: Joint, part: str, kind: str, box: FloatArray, ways: list[str]) -> str:
-    """A paragraph of Markdown on a joint: what, how sure, why this range, what else."""
+    Args:
+        runs: where its line runs, as `line` says it.
+    """
     if joint.type == "fixed":
         return f"**{part}** ({kind}) does not move against what it hangs on."
-    where = line(joint.subtype, joint.axis, joint.origin, box).partition(" ")[2]
+    where = runs.partition(" ")[2]
     rows = [f"**{part}** ({kind}) {MOTIONS[joint.subtype]}, {where}."]
     why = ENDS.get(joint.basis.rule)
     rows.append(f"{span(joint)}{f', {why}' if why else ''}.")
@@ -123,8 +123,6 @@ def joint_text(joint: Joint, part: str, kind: str, box: FloatArray, ways: list[s
         rows.append(f"It goes only {percent(joint.basis.of_part)} of its own length.")
     if joint.basis.after_another:
         rows.append("Another part must be opened first.")
-    if ways:
-        rows.append("Other ways it could move:\n\n" + "\n".join(f"- {w}" for w in ways))
     return "\n\n".join(rows)
 
 

@@ -11,11 +11,14 @@ from dataclasses import dataclass, field
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Protocol
 
-from mam_pipeline.errors import MamSimError
+import numpy as np
+
+from mam_pipeline.errors import ConfigError, MamSimError
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.render.mesh_pictures import posed
 from mam_pipeline.render.tracer import Tracer
-from mam_pipeline.types import Joint, Mesh
+from mam_pipeline.types import FloatArray, Joint, JointCandidate, Mesh
+from mam_sim.studio import words
 from mam_sim.studio.scene import Scene, Show
 from mam_sim.studio.session import Change, Session, State
 
@@ -39,6 +42,7 @@ class Workspace:
         session: the open object; None while the first one is read.
         selected: pieces (primitives). part: name of the chosen part.
         show, axes, sizes: how the object is drawn. hulls: collision pieces by link name.
+        face: last one that was clicked; seen_along: (3,) the ray to it.
         bad: links that run into something, drawn red. panels: told of every change.
     """
 
@@ -47,6 +51,8 @@ class Workspace:
     session: Session | None = None
     selected: set[int] = field(default_factory=set)
     part: str = ""
+    face: int | None = None
+    seen_along: FloatArray = field(default_factory=lambda: np.zeros(3))
     show: Show = "as it is"
     axes: bool = True
     sizes: bool = False
@@ -84,17 +90,27 @@ class Workspace:
         nodes = [n for n in self.state.tree.nodes if n.name == self.part]
         return [*nodes[0].primitives] if nodes else []
 
+    def line(self, joint: Joint | JointCandidate, link: int) -> str:
+        """Where the line of a joint runs on a link, as seen from the front."""
+        turn, shown = self.state.turn, self.state.articulation
+        corners = shown.mesh.faces[shown.links[link].faces]
+        seen = shown.mesh.vertices[np.unique(corners)] @ turn.T
+        box = np.stack([seen.min(axis=0), seen.max(axis=0)])
+        return words.line(joint.subtype, turn @ joint.axis, turn @ joint.origin, box)
+
+    def size(self) -> FloatArray:
+        """(3,) depth, width and height of the object, metres."""
+        return np.asarray(np.ptp(self.state.articulation.mesh.vertices @ self.state.turn.T, axis=0))
+
     def put(self, session: Session) -> None:
         """Open another object."""
         with self.lock:
             self.session, self.selected, self.part = session, set(), ""
+            self.face = None
             self.hulls, self.bad = {}, ()
             self.scene.values = {}
             self.refresh()
-            self.scene.floor()
-            self.scene.view(self.server.initial_camera)
-            for client in self.server.get_clients().values():
-                self.scene.view(client.camera)
+            self.look_at_the_front()
 
     def drop(self) -> None:
         """Show nothing: the next object could not be opened."""
@@ -107,6 +123,20 @@ class Workspace:
         self.open.edit(change)
         self.after_edit()
 
+    def stand(self, **said: Any) -> None:
+        """Say how the object stands, as `Session.stand`, and look at its front again."""
+        self.open.stand(**said)
+        self.face = None
+        self.after_edit()
+        self.look_at_the_front()
+
+    def look_at_the_front(self) -> None:
+        """The floor under the object, and every camera before its front."""
+        self.scene.floor()
+        self.scene.view(self.server.initial_camera)
+        for client in self.server.get_clients().values():
+            self.scene.view(client.camera)
+
     def after_edit(self) -> None:
         """Draw the state after an edit, an undo or a redo."""
         self.hulls, self.bad, self.selected = {}, (), set()
@@ -118,6 +148,7 @@ class Workspace:
         """Draw everything again."""
         with self.server.atomic():
             articulation, labels = self.state.articulation, self.open.primitives.labels
+            self.scene.turn = self.state.turn
             self.scene.show(articulation, labels, self.show, self.hulls)
             self.mark()
             for panel in self.panels:
@@ -138,6 +169,18 @@ class Workspace:
         self.mark()
         for panel in self.panels:
             panel.refresh()
+
+    def face_normal(self) -> FloatArray:
+        """(3,) unit normal of the clicked face at rest, towards who clicked.
+
+        Raises:
+            ConfigError: none was clicked.
+        """
+        if self.face is None:
+            raise ConfigError("click on the face first")
+        mesh = self.state.articulation.mesh
+        normal = face_geometry(mesh.vertices, mesh.faces[[self.face]])[0][0]
+        return np.asarray(-normal if normal @ self.seen_along > 0 else normal)
 
     def tracer(self) -> tuple[Mesh, Tracer]:
         """The object as posed on the screen, and rays into it."""
@@ -171,8 +214,3 @@ class Workspace:
         clients = [client] if client is not None else self.server.get_clients().values()
         for each in clients:
             each.add_notification(title, body, color=color, auto_close_seconds=6.0)
-
-
-def surface_normal(mesh: Mesh, face: int) -> Any:
-    """(3,) unit normal of a face."""
-    return face_geometry(mesh.vertices, mesh.faces[[face]])[0][0]

@@ -37,8 +37,8 @@ class Studio(Verb):
         """Serve the page until it is interrupted."""
         require("the studio", "viser")
         from mam_sim.studio.page import Page
+        from mam_sim.studio.place import place_of
         from mam_sim.studio.review import FILE, Review
-        from mam_sim.studio.session import place_of
 
         many = self.source.is_dir() and not (self.source / "asset.json").is_file()
         if many and (self.out is not None or self.pipeline.hints is not None):

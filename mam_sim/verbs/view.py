@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
+from urllib.parse import quote
 
 from tyro.conf import Positional
 
@@ -13,19 +15,23 @@ from mam_pipeline.edited import Range
 from mam_pipeline.types import Articulation
 from mam_sim.options import Verb
 
+if TYPE_CHECKING:
+    from mam_sim.viewer import Shown
+
 
 @dataclass(frozen=True, kw_only=True)
 class View(Verb):
     """Draw an asset closed and open, and every joint moving, into one folder.
 
     With --html: one page instead that opens offline, turns, and has a slider for every joint.
+    Of a folder of assets, --html writes such a page for each, and a gallery that leads to them.
     """
 
     asset: Positional[Path]
-    """Asset folder or URDF."""
+    """Asset folder or URDF; with --html also a folder of assets."""
     out: Path | None = None
     """Where closed.png, open.png and moving.gif go; default: ASSET/view. With --html: the file;
-    default: ASSET/view.html."""
+    default: ASSET/view.html, or FOLDER/gallery.html."""
     html: bool = False
     """Write one self-contained web page instead of pictures."""
     size: Annotated[int, Range(16, 4096)] = 360
@@ -47,6 +53,8 @@ class View(Verb):
         from mam_pipeline.formats.door import Door, outside_allowed
         from mam_pipeline.render.motion import motion_pictures, there_and_back
 
+        if self.html and self.asset.is_dir() and not (self.asset / "asset.json").is_file():
+            return self._write_gallery()
         with outside_allowed(self.allow_outside):
             articulation, folder = _read(self.asset)
         if self.html:
@@ -82,6 +90,55 @@ class View(Verb):
         if not self.quiet:
             print("open it in any browser; it needs no network", file=sys.stderr)
         return 0
+
+    def _write_gallery(self) -> int:
+        """A page of every asset in the folder, and the gallery; returns the exit status."""
+        from mam_pipeline.folders import write_text
+        from mam_pipeline.formats.door import Door
+        from mam_pipeline.geometry.stand_in import lightened
+        from mam_sim.asset_list import asset_folders
+        from mam_sim.viewer import gallery, page
+
+        target = self.out or Door(self.asset).may_write(self.asset / "gallery.html")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shown = []
+        for folder in asset_folders([self.asset]):
+            if not self.quiet:
+                print(folder.name, file=sys.stderr, flush=True)
+            articulation, _ = _read(folder)
+            file = Door(folder).may_write(folder / "view.html")
+            write_text(file, page(lightened(articulation), folder.name))
+            shown.append(self._shown(folder, articulation, _relative(file, target.parent)))
+        write_text(target, gallery(shown, f"{self.asset.resolve().name}: {len(shown)} objects"))
+        print(target)
+        if not self.quiet:
+            print("open it in any browser; keep the folder with it", file=sys.stderr)
+        return 0
+
+    def _shown(self, folder: Path, articulation: Articulation, link: str) -> Shown:
+        from mam_pipeline.asset.card import Asset
+        from mam_pipeline.check.report import REASONS
+        from mam_pipeline.render.motion import motion_pictures
+        from mam_sim.report import picture_url
+        from mam_sim.viewer import Shown
+
+        size = (self.size, self.size)
+        closed, opened = motion_pictures(
+            articulation, [0.0, 1.0], size, self.azimuth, self.elevation
+        )  # fmt: skip
+        verdict = Asset.load(folder).card.checks.get("executability", {})
+        reasons = [] if verdict.get("passed", True) else verdict["reasons"]
+        count = sum(j.type != "fixed" for j in articulation.joints)
+        return Shown(
+            folder.name, link, picture_url(closed), picture_url(opened),
+            f"{count} joint{'' if count == 1 else 's'}",
+            "check fails: " + "; ".join(REASONS.get(r, r) for r in reasons) if reasons else "",
+        )  # fmt: skip
+
+
+def _relative(file: Path, folder: Path) -> str:
+    """The way from a folder to a file, as a link."""
+    return quote(Path(os.path.relpath(file.resolve(), folder.resolve())).as_posix())
 
 
 def _read(path: Path) -> tuple[Articulation, Path]:

@@ -1,13 +1,15 @@
-"""One self-contained page that shows an articulation with a slider for every joint."""
+"""Self-contained pages: an articulation with a slider for every joint, and a gallery of many."""
 
 from __future__ import annotations
 
 import base64
 import json
+from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib import resources
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
 from mam_pipeline.formats.gltf_write import glb_bytes
 from mam_pipeline.render.motion import value_at
@@ -33,13 +35,38 @@ def page(articulation: Articulation, name: str) -> str:
         "bounds": mesh.bounds.tolist(),
         "glb": base64.b64encode(glb_bytes(by_link, up="z")).decode(),
     }
-    environment = Environment(
-        loader=PackageLoader("mam_sim", "viewer"), autoescape=True, undefined=StrictUndefined
-    )
     script = resources.files("mam_sim.viewer").joinpath("viewer.js").read_text(encoding="utf-8")
-    return environment.get_template("page.html.j2").render(
+    return _template("page.html.j2").render(
         name=name, asset=_inside_script(json.dumps(asset)), script=_inside_script(script)
     )
+
+
+@dataclass(frozen=True)
+class Shown:
+    """An object of a gallery.
+
+    Attributes:
+        name: of it. link: of its page, from the gallery's folder. closed, opened: pictures as data
+            URLs. joints: in words. fails: why its check fails, in words; "" where it passes.
+    """
+
+    name: str
+    link: str
+    closed: str
+    opened: str
+    joints: str
+    fails: str = ""
+
+
+def gallery(objects: Sequence[Shown], title: str) -> str:
+    """HTML with a picture of every object that opens under the pointer and leads to its page."""
+    return _template("gallery.html.j2").render(objects=objects, title=title)
+
+
+def _template(name: str) -> Template:
+    return Environment(
+        loader=PackageLoader("mam_sim", "viewer"), autoescape=True, undefined=StrictUndefined
+    ).get_template(name)
 
 
 def _joint(joint: Joint, names: list[str]) -> dict[str, object]:

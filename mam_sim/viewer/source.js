@@ -13,12 +13,15 @@ const values = new Map(asset.joints.map((joint) => [joint.name, 0]));
 const renderer = new THREE.WebGLRenderer({ antialias: true });
 renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
 renderer.shadowMap.enabled = true;
+renderer.shadowMap.autoUpdate = false; // only what moves changes the shadows, not the view
 renderer.toneMapping = THREE.NeutralToneMapping;
 view.appendChild(renderer.domElement);
 
 const scene = new THREE.Scene();
 scene.background = new THREE.Color(0xf4f5f7);
-scene.environment = new THREE.PMREMGenerator(renderer).fromScene(new RoomEnvironment(), 0.04).texture;
+scene.environment = new THREE.PMREMGenerator(renderer).fromScene(new RoomEnvironment(), 0.04, 0.1, 100, {
+  size: 64,
+}).texture;
 scene.environmentIntensity = 0.7;
 const camera = new THREE.PerspectiveCamera(32, 1, 0.001, 1000);
 const controls = new OrbitControls(camera, renderer.domElement);
@@ -52,6 +55,7 @@ function pose() {
       motion(joint, values.get(joint.name)),
     );
   }
+  renderer.shadowMap.needsUpdate = true;
   draw();
 }
 
@@ -153,6 +157,32 @@ function panel() {
   });
 }
 
+function colours() {
+  const row = document.createElement("label");
+  const box = document.createElement("input");
+  box.type = "checkbox";
+  row.append(box, "parts in colours");
+  row.className = "choice";
+  document.getElementById("joints").append(row);
+  const plain = links.map((_, k) =>
+    new THREE.MeshStandardMaterial({
+      color: k ? new THREE.Color().setHSL((0.08 + 0.618 * k) % 1, 0.6, 0.55) : 0xc9ccd1,
+      roughness: 0.8,
+      side: THREE.DoubleSide,
+    }),
+  );
+  box.addEventListener("change", () => {
+    links.forEach((link, k) =>
+      link.traverse((child) => {
+        if (!child.isMesh) return;
+        child.userData.own ??= child.material;
+        child.material = box.checked ? plain[k] : child.userData.own;
+      }),
+    );
+    draw();
+  });
+}
+
 const bytes = Uint8Array.from(atob(asset.glb), (c) => c.charCodeAt(0));
 new GLTFLoader().parse(bytes.buffer, "", (made) => {
   for (const node of [...made.scene.children]) {
@@ -163,6 +193,7 @@ new GLTFLoader().parse(bytes.buffer, "", (made) => {
     });
   }
   panel();
+  colours();
   fit();
   place();
   pose();

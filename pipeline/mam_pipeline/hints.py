@@ -3,7 +3,9 @@
 One schema for both. Written by the reconstructor, read by the engine, edited by a person:
 
     schema: 1
-    up: z                                   # optional: y | z
+    up: z                                   # optional: axis of the file: x, -x, y, -y, z, -z
+    facing: -y                              # optional: axis of the file in which its front looks
+    height: 0.72                            # optional: metres, floor to top
     photo_front: [x, y, x, y, x, y, x, y]   # optional: front corners TL, TR, BR, BL on the photo
     merge: [[1, 2, 3], [7, 8]]              # primitives that are one part
     fixed: [4]                              # primitives that must not move
@@ -38,6 +40,7 @@ from mam_pipeline.edited import (
     Document,
     Finite,
     Index,
+    Length,
     Share,
     Size,
     Vector,
@@ -49,7 +52,7 @@ from mam_pipeline.edited import (
     validated,
 )
 from mam_pipeline.errors import ConfigError
-from mam_pipeline.types import JointSubtype, Provenance
+from mam_pipeline.types import Axis, JointSubtype, Provenance
 
 MOST_PARTS = 300
 """As many as a URDF may have links."""
@@ -100,7 +103,9 @@ class Hints:
 
     __pydantic_config__ = STRICT
     schema: Literal[1] = 1
-    up: Literal["y", "z"] | None = None
+    up: Axis | None = None
+    facing: Axis | None = None
+    height: Length | None = None
     merge: tuple[tuple[Index, ...], ...] = ()
     fixed: tuple[Index, ...] = ()
     parts: Annotated[tuple[HintPart, ...], Field(max_length=MOST_PARTS)] = ()

@@ -50,6 +50,7 @@ from mam_pipeline.stage_artefacts import (
 from mam_pipeline.stage_store import StageStore, copy_stages
 from mam_pipeline.types import (
     Articulation,
+    Axis,
     FloatArray,
     KinematicTree,
     Mesh,
@@ -92,9 +93,9 @@ class EngineConfig:
 class MakeConfig:
     """Everything that decides what an asset becomes; saved with it as stages/config.yaml."""
 
-    up: Literal["auto", "y", "z"] = "auto"
+    up: Literal["auto", Axis] = "auto"
     """Up axis of the source."""
-    facing: Literal["auto", "x", "-x", "y", "-y", "z", "-z"] = "auto"
+    facing: Literal["auto", Axis] = "auto"
     """Direction of the source's axes in which its front looks."""
     height: Length | None = None
     """Height of the object, metres."""
@@ -189,20 +190,21 @@ def make_asset(
     config.check()
     refuse_foreign(out)
     given = None if config.hints is None else load_hints(config.hints)
+    placed_as = standing(config, given)
     with settings.given(config.models.settings()), one_ledger(), folders.work_folder(out) as work:
         (work / "stages").mkdir()
         copy_stages(out / "stages", work / "stages")
         store = StageStore(work / "stages", out / "stages")
         stages = Stages(config.engine_used, on_stage, store)
         with outside_allowed(config.allow_outside):
-            read = read_source(source, kind, config, stages)
+            read = read_source(source, kind, placed_as, stages)
         if read.articulation is None:
             hints = given if given is not None else read.hints
             articulation, notes = _articulated(read, hints, stages, store)
         else:
             articulation, notes = read.articulation, []
             stages.makers["articulation"] = Maker("urdf")
-        yaw, placed = _turned_to_front(articulation, read, config)
+        yaw, placed = turned_to_front(articulation, read, placed_as)
         (store.folder / "frame.json").write_text(json.dumps({"asset_T_engine": yaw.tolist()}))
         stages.tell("asset")
         articulation, assumed = _finished(moved(articulation, yaw), read, config, stages)
@@ -214,7 +216,20 @@ def make_asset(
     return Asset(out, asset.card)
 
 
-def _turned_to_front(
+def standing(config: MakeConfig, hints: Hints | None) -> MakeConfig:
+    """The settings, with the hints' up, front and height where no flag says them."""
+    if hints is None:
+        return config
+    sized = config.height is not None or config.scale is not None
+    return replace(
+        config,
+        up=hints.up if hints.up and config.up == "auto" else config.up,
+        facing=hints.facing if hints.facing and config.facing == "auto" else config.facing,
+        height=config.height if sized else hints.height,
+    )
+
+
+def turned_to_front(
     articulation: Articulation, read: Source, config: MakeConfig
 ) -> tuple[FloatArray, tuple[Decision, ...]]:
     """(4, 4) rotation that turns the front towards -X, and all decisions on how it stands."""

@@ -20,6 +20,7 @@ JointType = Literal["fixed", "revolute", "continuous", "prismatic"]
 JointSubtype = Literal["fixed", "hinge", "spin", "slide"]
 GraspKind = Literal["handle", "knob", "edge", "rim", "push"]
 Provenance = Literal["observed", "inferred", "assumed", "user"]
+Axis = Literal["x", "-x", "y", "-y", "z", "-z"]  # of a file: which of them, and which way
 RangeRule = Literal[
     "", "given", "usual", "collision", "contact_loss", "endless", "token", "paper", "drawer_box"
 ]

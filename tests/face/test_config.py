@@ -201,7 +201,7 @@ def test_sections_of_other_verbs_are_passed_over(tmp_path: Path) -> None:
         ),
         ("segmenter: geometric", "did you mean 'pipeline.engine.segmenter'?"),
         ("pipeline: {height: tall}", "pipeline.height must be a number, not 'tall'"),
-        ("pipeline: {up: x}", "pipeline.up must be one of auto, y, z, not 'x'"),
+        ("pipeline: {up: w}", "pipeline.up must be one of auto, x, -x, y, -y, z, -z, not 'w'"),
         ("pipeline: [", "is not YAML"),
     ],
 )

@@ -23,8 +23,9 @@ from mam_pipeline.run import MakeConfig, make_asset
 from mam_pipeline.types import FloatArray, Joint, KinematicTree, Mesh, PartNode, Primitives
 from mam_sim.studio import edits
 from mam_sim.studio.picking import Camera, Snap, primitives_in_box, snapped, snaps
+from mam_sim.studio.place import place_of
 from mam_sim.studio.review import Review
-from mam_sim.studio.session import Session, place_of
+from mam_sim.studio.session import Session
 from mam_sim.studio.words import joint_text, line, verdict_text
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
@@ -181,6 +182,62 @@ def test_pieces_become_a_part_and_go_back() -> None:
     assert "lid_0" not in parts and parts["drawer"].primitives == (1, 6)
 
 
+def test_how_an_object_stands_is_said_kept_and_read_by_articulate(
+    cabinet: Path, session: Session, tmp_path: Path
+) -> None:
+    name = door(session).name
+    session.edit(lambda h, t: edits.set_line(h, t, name, "hinge", (0, 0, 1), (-0.2, -0.23, 0.3)))
+    session.stand(size=1.5)
+    assert np.ptp(session.mesh.vertices[:, 2]) == pytest.approx(0.9)
+    assert np.allclose(joint_of(session, name).origin, (-0.3, -0.345, 0.45), atol=1e-6)
+    session.stand(front=(0, 1, 0))
+    assert np.allclose(session.state.turn @ (0, 1, 0), (-1, 0, 0), atol=1e-9)
+    with pytest.raises(ConfigError, match="looks up or down"):
+        session.stand(front=(0, 0, 1))
+    made = session.make()
+    theirs = make_asset(cabinet, tmp_path / "made", MakeConfig(hints=session.place.hints))
+    for file in ("object.urdf", "stages/4_joints/joints.yaml"):
+        assert (made.folder / file).read_bytes() == (theirs.folder / file).read_bytes()
+    (front,) = (d for d in theirs.card.placement if d["about"] == "front")
+    assert front["why"] == "as asked"
+    again = Session(place_of(made.folder, MakeConfig()))
+    assert np.ptp(again.mesh.vertices[:, 2]) == pytest.approx(0.9)
+    session.place.hints.unlink()
+
+    session.stand(up=(0, -1, 0))  # lying on its side, its right side on top
+    assert np.allclose(np.ptp(session.mesh.vertices, axis=0), (0.693, 0.9, 0.75), atol=0.001)
+    assert abs(joint_of(session, name).axis @ (0, 1, 0)) > 0.99
+    session.undo()
+    assert abs(joint_of(session, name).axis @ (0, 0, 1)) > 0.99
+
+
+def test_a_heavy_object_is_edited_as_articulate_finds_it(tmp_path: Path) -> None:
+    import trimesh
+
+    boxes = [((0.4, 0.5, 0.02), (0, 0, 0.01)), ((0.4, 0.5, 0.02), (0, 0, 0.59)),
+             ((0.02, 0.5, 0.6), (0.19, 0, 0.3)), ((0.4, 0.02, 0.6), (0, 0.24, 0.3)),
+             ((0.4, 0.02, 0.6), (0, -0.24, 0.3)), ((0.02, 0.46, 0.55), (-0.212, 0, 0.3)),
+             ((0.04, 0.03, 0.1), (-0.242, -0.18, 0.3))]  # fmt: skip
+    joined: Any = trimesh.util.concatenate([
+        trimesh.creation.box(size, trimesh.transformations.translation_matrix(at))
+        for size, at in boxes
+    ])  # fmt: skip
+    while len(joined.faces) < 100_000:
+        joined = joined.subdivide()
+    source = tmp_path / "fine.glb"
+    save_glb(Mesh(joined.vertices, joined.faces), source)
+    session = Session(place_of(source, MakeConfig(), tmp_path / "made"))
+    assert len(session.mesh.faces) < 100_000 < session.faces_in_file
+    name = session.state.tree.nodes[1].name
+    joint = joint_of(session, name)
+    session.edit(lambda h, t: edits.flip(h, t, name, joint))
+    made = session.make()
+    said = next(j for j in made.card.joints if j.child == name)
+    shown = joint_of(session, name)
+    assert said.provenance == "user"
+    assert np.allclose(session.state.turn @ shown.axis, said.axis, atol=1e-6)
+
+
 def test_what_hangs_on_a_part_stays_on_it_when_it_is_edited() -> None:
     for change in (
         lambda h, t: edits.set_kind(h, t, "door", "gate"),
@@ -268,7 +325,8 @@ def test_words_say_where_a_line_runs_as_seen_from_the_front() -> None:
     assert line("slide", np.array([-1.0, 0, 0]), np.zeros(3), box) == "slide out to the front"
     joint = Joint("j", "revolute", "hinge", 0, 1, np.array([0, 0, 1.0]),
                   np.array([-0.2, 0.23, 0.3]), 0.0, np.pi / 2, confidence=0.4)  # fmt: skip
-    text = joint_text(joint, "door_0", "door", box, [])
+    runs = line("hinge", joint.axis, joint.origin, box)
+    text = joint_text(joint, "door_0", "door", runs)
     assert "at its left, upright" in text and "0 to 90 °" in text
     assert "40 % sure. Please look at it." in text
     assert "runs into another" in verdict_text(False, True, ["penetration"], [])
@@ -453,6 +511,28 @@ def test_in_a_browser_a_slider_moves_its_part_and_edits_are_undone_saved_and_rea
     assert all(u.startswith((page.url, "blob:", "data:")) for u in requests), requests
 
 
+def test_in_a_browser_a_typed_length_sets_the_size(
+    page: Any, window: Any, session: Session
+) -> None:
+    page.work.refresh()
+    window.goto(page.url)
+    window.get_by_text("cabinet").wait_for()
+    until(lambda: len(page.server.get_clients()) > 0)
+    window.get_by_role("tab", name="Put right").click()
+    window.get_by_text("How it stands").click()
+    length = window.get_by_label("Metres")
+    length.fill("1.2")
+    length.press("Tab")
+    until(lambda: page.work.panels[2].stand.length.value == 1.2)
+    window.get_by_role("button", name="Set the size").click()
+    until(lambda: bool(np.isclose(page.work.size()[2], 1.2)))
+    assert session.state.hints.height == pytest.approx(1.2)
+
+    window.get_by_role("button", name="Undo").click()
+    until(lambda: not session.can_undo)
+    assert np.isclose(page.work.size()[2], 0.6)
+
+
 def test_the_page_that_is_given_away_opens_offline_and_its_slider_moves_the_part(
     window: Any, session: Session, tmp_path: Path
 ) -> None:
@@ -474,6 +554,19 @@ def test_the_page_that_is_given_away_opens_offline_and_its_slider_moves_the_part
     slider.press("Home")
     until(lambda: True if changed(before, seen(window), box) is None else None)
     assert all(u.startswith(("file:", "blob:")) for u in requests), requests
+
+
+def test_a_gallery_shows_every_asset_and_leads_to_its_page(tmp_path: Path) -> None:
+    from mam_sim.verbs.view import View
+    from mam_world.dataset import write_dataset
+
+    write_dataset("station_button", 2, 0, tmp_path / "all")
+    assert View(asset=tmp_path / "all", html=True, quiet=True, size=64).run() == 0
+    page = (tmp_path / "all" / "gallery.html").read_text(encoding="utf-8")
+    assert "all: 2 objects" in page and page.count("data:image/png") == 4
+    for k in range(2):
+        link = f"station_button_00000{k}/view.html"
+        assert f'href="{link}"' in page and (tmp_path / "all" / link).is_file()
 
 
 def test_other_sites_pages_are_refused(page: Any) -> None:

@@ -14,7 +14,7 @@ from mam_pipeline.errors import ConfigError
 from mam_pipeline.formats.mesh_files import load_mesh
 from mam_pipeline.formats.placement import choose_unit
 from mam_pipeline.geometry.front import front_of, moved
-from mam_pipeline.run import MakeConfig, Source, _turned_to_front
+from mam_pipeline.run import MakeConfig, Source, turned_to_front
 from mam_pipeline.types import Articulation, Joint, Link, Mesh
 from mam_world.dataset import write_dataset
 from mam_world.object import make_object
@@ -100,8 +100,8 @@ def test_the_user_says_the_front_in_the_files_axes() -> None:
     car = _car()
     turn = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # of a Y-up file
     read = Source("mesh", car.mesh, turn, 1.0, "stated")
-    yaw, decisions = _turned_to_front(car, read, MakeConfig(facing="-z"))
+    yaw, decisions = turned_to_front(car, read, MakeConfig(facing="-z"))
     assert np.allclose(yaw[:3, :3] @ turn[:3, :3] @ [0, 0, -1], [-1, 0, 0], atol=1e-6)
     assert decisions[-1].chosen == "-z of the file" and decisions[-1].why == "as asked"
     with pytest.raises(ConfigError, match="level axis"):
-        _turned_to_front(car, read, MakeConfig(facing="y"))
+        turned_to_front(car, read, MakeConfig(facing="y"))

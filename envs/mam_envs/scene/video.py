@@ -63,7 +63,7 @@ class Camera:
         return self._ray_cast()
 
     @cached_property
-    def _meshes(self) -> list[tuple[str, str, FloatArray, FloatArray, FloatArray]]:
+    def meshes(self) -> list[tuple[str, str, FloatArray, FloatArray, FloatArray]]:
         """(owner, link, vertices, faces, face colours) of robot and object."""
         layout = self.env.layout(0)
         with outside_allowed():  # installed with the robot's code
@@ -77,7 +77,7 @@ class Camera:
         poses = {("robot", link.name): link for link in self.env.agent.robot.links}
         poses.update({("object", link.name): link for link in self.env.objects[0].links})
         points, faces, colours, count = [], [], [], 0
-        for owner, name, vertices, triangles, tints in self._meshes:
+        for owner, name, vertices, triangles, tints in self.meshes:
             if (owner, name) not in poses:
                 continue
             m = common.to_numpy(poses[owner, name].pose.to_transformation_matrix())[0]

@@ -31,7 +31,7 @@ from mam_pipeline.formats.placement import Decision, choose_unit, choose_up
 from mam_pipeline.formats.soup import LIMITS, Budget, FileContent, Piece, checked, join
 from mam_pipeline.formats.suffixes import MESHES, STEP, USD
 from mam_pipeline.formats.threemf import read_3mf
-from mam_pipeline.types import FloatArray, IntArray, Material, Mesh, readonly
+from mam_pipeline.types import Axis, FloatArray, IntArray, Material, Mesh, readonly
 
 _KEPT: ContextVar[dict[tuple[int, ...], FileContent] | None] = ContextVar("kept", default=None)
 
@@ -65,7 +65,7 @@ class LoadedMesh:
 def load_mesh(
     path: str | Path,
     *,
-    up: Literal["auto", "y", "z"] = "auto",
+    up: Literal["auto", Axis] = "auto",
     height: float | None = None,
     scale: float | None = None,
     usual: float | None = None,

@@ -16,6 +16,13 @@ UNITS: Mapping[str, float] = {
     "metres": 1.0, "centimetres": 0.01, "millimetres": 0.001, "inches": 0.0254,
 }  # fmt: skip
 
+TURNS: Mapping[str, tuple[tuple[int, int, int], ...]] = {
+    "x": ((0, 0, -1), (0, 1, 0), (1, 0, 0)), "-x": ((0, 0, 1), (0, 1, 0), (-1, 0, 0)),
+    "y": ((1, 0, 0), (0, 0, -1), (0, 1, 0)), "-y": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
+    "z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)), "-z": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
+}  # fmt: skip
+"""Rotation that brings an axis of the file to +Z."""
+
 
 @dataclass(frozen=True)
 class PlacementThresholds:
@@ -72,12 +79,13 @@ def choose_up(
     """(3, 3) rotation that brings the file's up axis to Z, and the decision.
 
     Args:
-        stated: "y" or "z" where format or file says it. wanted: "y" or "z" of the user, or "auto".
+        stated: "y" or "z" where format or file says it. wanted: the user's axis of the file, as in
+            `TURNS`, or "auto".
     """
     scores = {a: stands(mesh, i) for a, i in (("y", 1), ("z", 2))}
     shape = max(scores, key=lambda a: scores[a])
     clear = abs(scores["y"] - scores["z"])
-    if wanted in ("y", "z"):
+    if wanted in TURNS:
         axis, decision = wanted, Decision("up", wanted, "as asked")
     elif stated is not None:
         axis = stated
@@ -93,8 +101,7 @@ def choose_up(
         other = "yz".replace(axis, "")
         why = f"assumed: usual for {suffix[1:].upper()} files"
         decision = Decision("up", axis, why, f"{other}; --up {other}", 0.6)
-    turn = np.eye(3) if axis == "z" else np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
-    return turn, decision
+    return np.array(TURNS[axis], dtype=np.float64), decision
 
 
 def stands(mesh: Mesh, axis: int) -> float:

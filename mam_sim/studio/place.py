@@ -1,0 +1,73 @@
+"""Where the files of an object are, and with which settings it is made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from mam_pipeline import config_file
+from mam_pipeline.asset.card import Asset
+from mam_pipeline.digests import file_digest
+from mam_pipeline.hints import Hints
+from mam_pipeline.run import MakeConfig, kind_of
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where an object comes from and where its results go.
+
+    Attributes:
+        source: photo, mesh or URDF; None for an asset whose source is not at hand.
+        asset: the asset that was opened or is to be written. hints: the hints file.
+        config: how the asset is made.
+    """
+
+    source: Path | None
+    asset: Path
+    hints: Path
+    config: MakeConfig
+
+
+def place_of(given: Path, config: MakeConfig, out: Path | None = None) -> Place:
+    """Where an input's files are.
+
+    Args:
+        given: photo, mesh, URDF or asset folder. config: of the command line; an asset's own
+            settings are used for an asset. out: the asset to write.
+
+    Raises:
+        InputError: there is no such input.
+    """
+    if not (given / "asset.json").is_file():
+        kind_of(given)
+        hints = config.hints or given.with_name(f"{given.stem}-hints.yaml")
+        return Place(given, out or Path(f"{given.stem}-asset"), hints, config)
+    asset = Asset.load(given)
+    kept = asset.folder / "stages" / "config.yaml"
+    if kept.is_file():
+        config = config_file.fill(MakeConfig(), config_file.read(kept)["pipeline"], kept)
+    source = _source_of(asset)
+    hints = config.hints or asset.folder.with_name(f"{asset.card.name}-hints.yaml")
+    return Place(source, out or asset.folder, hints, config)
+
+
+def _source_of(asset: Asset) -> Path | None:
+    """The file that an asset was made from, beside it or here, unchanged; None if there is none."""
+    name = Path(str(asset.card.source.get("path", ""))).name
+    for folder in (asset.folder.parent, Path.cwd()):
+        file = folder / name
+        if name and file.is_file() and file_digest(file) == asset.card.source.get("sha256"):
+            return file
+    return None
+
+
+def yielding(config: MakeConfig, hints: Hints | None) -> MakeConfig:
+    """The settings without what the hints say in their place."""
+    if hints is None:
+        return config
+    free = config if hints.height is None else replace(config, height=None, scale=None)
+    return replace(
+        free,
+        up="auto" if hints.up else config.up,
+        facing="auto" if hints.facing else config.facing,
+    )
