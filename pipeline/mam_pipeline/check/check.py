@@ -159,6 +159,10 @@ def _run(
     began = time.perf_counter()
     joints, poses = _sweep(model, target, thresholds, only)
     seconds["sweep"] = _since(began)
+    for joint in joints:
+        if joint.apart > thresholds.apart_share:
+            text = f"rests {joint.apart:.0%} of the object's diagonal from all that could hold it"
+            findings.append(Finding("mid_air", joint.name, text, warning=True))
     if drive and not has("sapien"):
         drive = False
         findings.append(Finding("not_driven", urdf.name, NOT_DRIVEN, warning=True))
@@ -307,7 +311,7 @@ def _report(joint: Joint, s: JointSweep, after: tuple[str, ...], limit: Threshol
         reasons.append("penetration")
     if s.filled > limit.filled_area:
         reasons.append("cavity_filled")
-    if s.apart > limit.apart_share or (s.gap is not None and s.gap > limit.gap_share):
+    if s.gap is not None and s.gap > limit.gap_share:
         reasons.append("detached")
     if s.askew > limit.askew_angle:
         reasons.append("askew")
@@ -324,6 +328,7 @@ def _report(joint: Joint, s: JointSweep, after: tuple[str, ...], limit: Threshol
         line_gap=s.line_gap,
         askew=s.askew,
         filled=s.filled,
+        apart=_finite(s.apart) or 0.0,
         after=after,
         reasons=tuple(reasons),
     )

@@ -25,7 +25,8 @@ REASONS: dict[str, str] = {
     "not_finite": "a number is NaN or infinite",
     "load_failed": "SAPIEN does not load it",
     "penetration": "a part runs into another within its range",
-    "detached": "a part hangs in the air at rest, or slides out of contact or out of its channel",
+    "detached": "a sliding part loses contact, or leaves its channel, within its range",
+    "mid_air": "a part rests far from everything that could hold it (a warning)",
     "off_axis": "a hinge line is not on both bodies, or misses the middle of a wheel or knob",
     "askew": "an axis lies beside the direction along which the part and its body are built",
     "cavity_filled": "a collision piece fills space in which another part moves",
@@ -93,6 +94,7 @@ class JointReport:
     hold_drift: float | None = None
     return_error: float | None = None
     top_speed: float | None = None
+    apart: float = 0.0
     after: tuple[str, ...] = ()
     reasons: tuple[str, ...] = ()
 
