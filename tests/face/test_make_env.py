@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -35,7 +36,10 @@ def test_a_photo_becomes_an_asset_that_passes_and_an_environment_that_steps(
     assert card.checks["executability"]["passed"]
     assert card.checks["environment"]["ok"]
     page = (photo_asset / "report.html").read_text()
-    assert page.count("data:image/") >= 8 and "://" not in page.split("<body", 1)[-1]
+    assert page.count("data:image/") >= 8
+    # the turning object's own script names an XML namespace, which nothing is fetched from
+    addresses = set(re.findall(r"\w+://[^\s&\"']*", page.split("<body", 1)[-1]))
+    assert addresses <= {"http://www.w3.org/1999/xhtml"}
     assert (photo_asset / "stages" / "0_photo" / "hints.yaml").is_file()
 
 
