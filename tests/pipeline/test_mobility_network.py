@@ -8,7 +8,12 @@ import pytest
 from mam_pipeline.parts import mobility_network
 from mam_pipeline.parts.features import pair_features, primitive_features
 from mam_pipeline.parts.graph import Graph, build_graph
-from mam_pipeline.parts.mobility_network import geometry_of, load_mobility, relative
+from mam_pipeline.parts.mobility_network import (
+    MobilityLimits,
+    geometry_of,
+    load_mobility,
+    relative,
+)
 from mam_pipeline.prior.embedded import prior_of
 from mam_pipeline.segment.geometric import GeometricSegmenter
 from mam_world.truth import generated_truth
@@ -38,11 +43,11 @@ def test_a_sofa_has_hardly_anything_that_moves() -> None:
 
 def test_of_many_primitives_the_largest_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     graph, _ = _graph("cabinet_two_door", 8)
-    monkeypatch.setattr(mobility_network, "MOST", 4)
+    monkeypatch.setattr(mobility_network, "MOBILITY", MobilityLimits(most=4))
     found = load_mobility().moving(graph, None)
     largest = np.sort(np.argsort(-graph.area, kind="stable")[:4])
-    assert (np.delete(found, largest) == mobility_network.UNKNOWN).all()
-    assert (found[largest] != mobility_network.UNKNOWN).all()
+    assert (np.delete(found, largest) == mobility_network.MOBILITY.unknown).all()
+    assert (found[largest] != mobility_network.MOBILITY.unknown).all()
 
 
 def test_the_order_of_the_primitives_does_not_count() -> None:

@@ -9,6 +9,7 @@ than the scores of the parts whether anything moves at all, and the bar of abste
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -25,10 +26,21 @@ from mam_pipeline.parts.network import gelu, normalised
 from mam_pipeline.types import FloatArray
 
 Array = NDArray[np.float32]
-MOST = 300
-"""Primitives that are looked at, the largest: pairs grow with the square."""
-UNKNOWN = 0.5
-"""Chance of the others."""
+
+
+@dataclass(frozen=True)
+class MobilityLimits:
+    """What of an object is looked at.
+
+    Attributes:
+        most: primitives, the largest: pairs grow with the square. unknown: chance of the others.
+    """
+
+    most: int = 300
+    unknown: float = 0.5
+
+
+MOBILITY = MobilityLimits()
 
 
 class MobilityNetwork:
@@ -52,11 +64,11 @@ class MobilityNetwork:
         nodes = normalised(filled(unary, self.primitive_names), self._w["primitive_scale"])
         edges = normalised(filled(pairs, self.pair_names), self._w["pair_scale"])
         geometry, ends = geometry_of(graph), graph.pairs
-        seen = np.sort(np.argsort(-graph.area, kind="stable")[:MOST])
+        seen = np.sort(np.argsort(-graph.area, kind="stable")[: MOBILITY.most])
         place = np.full(graph.count, -1)
         place[seen] = np.arange(len(seen))
         inside = (place[ends] >= 0).all(axis=1)
-        out = np.full(graph.count, UNKNOWN)
+        out = np.full(graph.count, MOBILITY.unknown)
         out[seen] = self.answer(
             nodes[seen], edges[inside], place[ends[inside]], geometry[seen], graph.is_fused
         )
