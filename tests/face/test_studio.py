@@ -533,6 +533,28 @@ def test_in_a_browser_a_typed_length_sets_the_size(
     assert np.isclose(page.work.size()[2], 0.6)
 
 
+def test_in_a_browser_a_clicked_face_says_where_the_top_is(
+    page: Any, window: Any, session: Session
+) -> None:
+    page.work.refresh()
+    window.goto(page.url)
+    window.get_by_text("cabinet").wait_for()
+    until(lambda: len(page.server.get_clients()) > 0)
+    middle = window_middle(canvas(window))
+    until(lambda: bool(seen(window)[middle[1], middle[0]].min() < 250))  # the object is there
+    window.get_by_role("tab", name="Put right").click()
+    size = page.work.size().copy()
+    window.mouse.click(*pixel(page, window, [door_front(session)])[0])
+    until(lambda: page.work.face is not None)
+    window.get_by_text("How it stands").click()
+    window.get_by_role("button", name="The clicked face is on top").click()
+    until(lambda: session.state.hints.up is not None)
+    until(lambda: bool(np.isclose(page.work.size()[2], size[0])))  # its depth stands upright
+    window.get_by_role("button", name="Undo").click()
+    until(lambda: not session.can_undo)
+    assert np.allclose(page.work.size(), size)
+
+
 def test_the_page_that_is_given_away_opens_offline_and_its_slider_moves_the_part(
     window: Any, session: Session, tmp_path: Path
 ) -> None:
