@@ -10,7 +10,7 @@ import torch
 
 from mam_pipeline.parts.mobility_network import read_mobility
 from mam_training.articulation.batches import DRAW, NAMED, NOTHING, Draw, batch_of, batches
-from mam_training.articulation.corpus import STEP, Corpus, corpus_of, spread
+from mam_training.articulation.corpus import Corpus, corpus_of, spread
 from mam_training.articulation.fit import Lesson, fit
 from mam_training.articulation.items import (
     Item,
@@ -24,7 +24,7 @@ from mam_training.articulation.items import (
 )
 from mam_training.articulation.model import Shape
 from mam_training.articulation.publish import publish
-from mam_training.articulation.train import right
+from mam_training.articulation.train import right, said_of
 
 PRIOR = ([0], [0])
 
@@ -130,13 +130,7 @@ def test_a_short_training_learns_and_the_engine_reads_the_same_answers(
     publish(nets[1].state_dict(), about, tmp_path / "network.npz")
     again = read_mobility(tmp_path / "network.npz")
     for k in range(6):
-        own = slice(int(corpus.first[k]), int(corpus.first[k + 1]))
-        pairs = slice(int(corpus.edge[k]), int(corpus.edge[k + 1]))
-        found = again.answer(
-            corpus.unary[own].float().numpy() * STEP, corpus.pair[pairs].float().numpy() * STEP,
-            corpus.ends[pairs].long().numpy(), corpus.geometry[own].float().numpy(),
-            bool(corpus.fused[k]),
-        )  # fmt: skip
+        found = said_of(again, corpus, k)
         with torch.no_grad():
             one = batch_of(corpus, [k], np.random.default_rng(0), NOTHING, PRIOR, turn=False)
             said = torch.sigmoid(nets[1](*one.inputs)[0])[0].numpy()

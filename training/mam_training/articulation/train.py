@@ -28,6 +28,7 @@ from safetensors.torch import load_file, save_file
 import mam_pipeline.parts
 from mam_pipeline.ground_truth import list_objects, read_object
 from mam_pipeline.parts.mobility_network import MobilityNetwork, read_mobility
+from mam_pipeline.types import FloatArray
 from mam_training import manifest
 from mam_training.articulation.corpus import STEP, Corpus, corpus_of, spread
 from mam_training.articulation.fit import Lesson, fit
@@ -136,16 +137,22 @@ def right(
     """Mean share of the objects' surface of which it says rightly whether it moves."""
     out = []
     for k in rows:
+        found = said_of(trained, corpus, k)
         own = slice(int(corpus.first[k]), int(corpus.first[k + 1]))
-        pairs = slice(int(corpus.edge[k]), int(corpus.edge[k + 1]))
-        found = trained.answer(
-            corpus.unary[own].float().numpy() * STEP, corpus.pair[pairs].float().numpy() * STEP,
-            corpus.ends[pairs].long().numpy(), corpus.geometry[own].float().numpy(),
-            bool(corpus.fused[k]),
-        )  # fmt: skip
         truth = corpus.subtype[own].numpy() >= 0
         out.append(float(np.average((found > 0.5) == truth, weights=corpus.area[own].numpy())))
     return round(float(np.mean(out)), 4)
+
+
+def said_of(trained: MobilityNetwork, corpus: Corpus, k: int) -> FloatArray:
+    """(P,) chance of every primitive of object `k` that it moves."""
+    own = slice(int(corpus.first[k]), int(corpus.first[k + 1]))
+    pairs = slice(int(corpus.edge[k]), int(corpus.edge[k + 1]))
+    return trained.answer(
+        corpus.unary[own].float().numpy() * STEP, corpus.pair[pairs].float().numpy() * STEP,
+        corpus.ends[pairs].long().numpy(), corpus.geometry[own].float().numpy(),
+        bool(corpus.fused[k]),
+    )  # fmt: skip
 
 
 def prepare(config: NetworkTraining, file: Path) -> None:

@@ -210,7 +210,7 @@ def crossed(rows: Sequence[dict[str, Any]], folds: int = 5) -> Array:
 
 
 def record(rows: Sequence[dict[str, Any]], chance: Array, bar: Bar) -> dict[str, Any]:
-    """What the bar does to these objects, by source too."""
+    """What the bar does to these objects."""
     _, real, _, owner = table(rows)
     still = {i for i, r in enumerate(rows) if not r["true"]}
     kept = np.concatenate([
