@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -54,3 +55,11 @@ def bench_photos() -> Path:
     if not folder.is_dir():
         pytest.skip("the real photos are not on this machine (../shared/bench/photos)")
     return folder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _placements(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Places for robots are remembered among the tests of a run, not in the user's folder."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MAM_SIM_PLACEMENTS", str(tmp_path_factory.getbasetemp() / "placements"))
+        yield

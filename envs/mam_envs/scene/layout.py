@@ -12,7 +12,8 @@ import numpy as np
 from mam_envs.config import EnvConfig, RandomisationConfig, SuccessConfig
 from mam_envs.grasping.candidates import Grasp, PlacementError, upright
 from mam_envs.object_model import ObjectModel
-from mam_envs.placement.base import Placement, object_pose, place
+from mam_envs.placement.base import Placement, object_pose
+from mam_envs.placement.memory import remembered_place
 from mam_envs.robots import RobotSpec
 from mam_envs.tasks import JointGoal, Task, task_class
 from mam_pipeline.asset.card import Asset, CardJoint
@@ -171,7 +172,7 @@ def _at_scale(asset: Asset, request: _Request, scale: float) -> Layout:
         request.task.goal(name, model, joint, request.success)
         for joint, name in zip(request.joints, request.names)
     )
-    placement = place(model, goals, request.robot, request.chance)
+    placement = remembered_place(model, goals, request.robot, request.chance)
     later = [upright(request.robot, model.grasps(goal.joint)[0]) for goal in goals[1:]]
     grasps = (placement.path.grasp, *later)
     handles = tuple(np.array(grasp.card.position) for grasp in grasps)
