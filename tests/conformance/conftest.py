@@ -52,7 +52,8 @@ def pictures() -> list[dict[str, Any]]:
 
 @pytest.fixture(scope="session")
 def rows(
-    request: pytest.FixtureRequest, motion: dict[str, dict[str, float]],
+    request: pytest.FixtureRequest,
+    motion: dict[str, dict[str, float]],
     pictures: list[dict[str, Any]],
 ) -> Iterator[list[dict[str, Any]]]:
     """Rows of the table, which is written at the end if `--conformance-out` names a folder."""
@@ -130,8 +131,8 @@ def _page(data: dict[str, Any]) -> str:
         "",
         "## The same picture",
         "",
-        "MuJoCo's renderer and PyBullet's TinyRenderer beside ours, from the same place, by light",
-        "from the same side. Outline is the overlap of the outlines; alike is the structural",
+        "MuJoCo's renderer and PyBullet's TinyRenderer beside ours, from the same place, by the",
+        "same light. Outline is the overlap of the outlines; alike is the structural",
         "similarity (SSIM) of brightness within them, after mean and spread were made equal.",
         "",
         "| asset | drawn by | outline | alike |",
