@@ -27,7 +27,6 @@ class Look:
         self.sliders = gui.add_folder("Move")
         self.thought = gui.add_folder("What was found")
         self._made: list[Any] = []
-        self._moved_by_us = False
         self.show.on_update(work.guarded(self._redraw))
         self.axes.on_update(work.guarded(self._remark))
         self.sizes.on_update(work.guarded(self._remark))
@@ -61,8 +60,8 @@ class Look:
             f"{name} ({unit(joint)})", low, max(high, low + step), step, now, hint=span(joint)
         )
 
-        def move() -> None:
-            if not self._moved_by_us:
+        def move(event: Any) -> None:
+            if event.client is not None:  # a person's hand, not `pose`
                 self.work.scene.pose({joint.name: kept_value(joint, float(slider.value))})
 
         slider.on_update(self.work.guarded(move))
@@ -77,15 +76,11 @@ class Look:
     def pose(self, values: dict[str, float]) -> None:
         """Move joints, their sliders too."""
         self.work.scene.pose(values)
-        self._moved_by_us = True
-        try:
-            for joint in self._moving():
-                if joint.name in values:
-                    low, high = _ends(joint)
-                    shown = float(np.clip(shown_value(joint, values[joint.name]), low, high))
-                    self._joint_sliders[joint.name].value = shown
-        finally:
-            self._moved_by_us = False
+        for joint in self._moving():
+            if joint.name in values:
+                low, high = _ends(joint)
+                shown = float(np.clip(shown_value(joint, values[joint.name]), low, high))
+                self._joint_sliders[joint.name].value = shown
 
     def _moving(self) -> list[Joint]:
         return [j for j in self.work.state.articulation.joints if j.type != "fixed"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,13 +13,14 @@ from mam_pipeline.geometry.sampling import unit as unit_vector
 from mam_pipeline.types import Joint, JointCandidate
 from mam_sim.studio import edits, words
 from mam_sim.studio.look import Look
-from mam_sim.studio.picking import snapped, snaps
+from mam_sim.studio.picking import line_at, snapped, snaps
 from mam_sim.studio.stand import Stand
 from mam_sim.studio.workspace import Workspace
 
 KINDS = ("door", "drawer", "lid", "knob", "handle", "wheel", "lever", "button", "panel", "other")
 MOTIONS = ("hinge", "spin", "slide", "fixed")
 NONE = "(none)"
+TURNS, SLIDES = "It turns about the clicked edge", "It slides out of the clicked face"
 HELP = "*Click a piece to select it; with Shift, one more. Shift and drag selects a box.*"
 
 
@@ -49,7 +51,9 @@ class Mend:
             self.way = gui.add_dropdown("Line", (NONE,), hint="Other lines, the likeliest first")
             self.low = gui.add_number("From", 0.0, step=0.5)
             self.high = gui.add_number("To", 0.0, step=0.5)
+            self.clicked = self._button(TURNS, self._from_click)
             self._of_part = [
+                self.clicked,
                 self._button("Other direction", self._flip),
                 self._button("Merge with the other part", self._merge),
                 self._button("Select its pieces", self._select),
@@ -64,39 +68,39 @@ class Mend:
         self.stand = Stand(work)
         self._ways: list[JointCandidate] = []
         self._gizmo: Any = None
-        self._filling = False
         for handle, change in (
             (self.part, self._choose), (self.name, self._rename), (self.kind, self._rekind),
             (self.parent, self._hang), (self.motion, self._move), (self.way, self._line),
-            (self.low, self._limits), (self.high, self._limits), (self.hand, self._handles),
+            (self.low, self._lower), (self.high, self._upper),
         ):  # fmt: skip
             handle.on_update(self._typed(change))
+        self.hand.on_update(on(self._handles))
 
     def _button(self, label: str, work: Any, main: bool = False) -> Any:
         button = self.work.server.gui.add_button(label, color=None if main else "gray")
         button.on_click(self.work.guarded(work))
         return button
 
-    def _typed(self, change: Any) -> Any:
-        """A callback for what a person typed, not for what `refresh` fills in."""
-        guarded = self.work.guarded(change)
+    def _typed(self, change: Callable[[Any], None]) -> Callable[[Any], None]:
+        """A callback for what a person typed or chose, which is taken before anything is redrawn.
+
+        What `refresh` fills in has no client, and changes nothing.
+        """
 
         def run(event: Any) -> None:
-            if not self._filling and event.client is not None:
-                guarded(event)
-                with self.work.lock:
-                    self.refresh()
+            if event.client is None:
+                return
+            said = event.target.value
+            self.work.guarded(lambda: change(said))(event)
+            with self.work.lock:
+                self.refresh()
 
         return run
 
     def refresh(self) -> None:
         """Fill in the chosen part and the selection."""
-        self._filling = True
-        try:
-            self._fill()
-            self.stand.refresh()
-        finally:
-            self._filling = False
+        self._fill()
+        self.stand.refresh()
 
     def _fill(self) -> None:
         work, nodes = self.work, self.work.state.tree.nodes
@@ -122,6 +126,9 @@ class Mend:
         self.name.value, self.kind.value = node.name, node.kind
         _options(self.parent, [n for n in names if n != node.name], nodes[node.parent].name)
         self.motion.value = node.subtype
+        label = SLIDES if node.subtype == "slide" else TURNS
+        if self.clicked.label != label:
+            self.clicked.label = label
         self._fill_ways(joint)
         free = joint is None or not np.isfinite([joint.lower, joint.upper]).all()
         self.low.disabled = self.high.disabled = free or bool(work.open.why_fixed)
@@ -181,39 +188,59 @@ class Mend:
         kept, other = self._named(), self.target.value
         self.work.edit(lambda h, t: edits.merge(h, t, kept, other))
 
-    def _choose(self) -> None:
-        self.work.choose("" if self.part.value == NONE else self.part.value)
+    def _choose(self, name: str) -> None:
+        self.work.choose("" if name == NONE else name)
 
-    def _rename(self) -> None:
-        old, new = self._named(), self.name.value
+    def _rename(self, new: str) -> None:
+        old = self._named()
         if new.strip() and new != old:
             self.work.edit(lambda h, t: edits.rename(h, t, old, new))
             self.work.choose(edits.link_name(new))
 
-    def _rekind(self) -> None:
-        name, kind = self._named(), self.kind.value
+    def _rekind(self, kind: str) -> None:
+        name = self._named()
         self.work.edit(lambda h, t: edits.set_kind(h, t, name, kind))
 
-    def _hang(self) -> None:
-        name, parent = self._named(), self.parent.value
+    def _hang(self, parent: str) -> None:
+        name = self._named()
         self.work.edit(lambda h, t: edits.set_parent(h, t, name, parent))
 
-    def _move(self) -> None:
-        name, subtype = self._named(), self.motion.value
+    def _move(self, subtype: str) -> None:
+        name = self._named()
         self.work.edit(lambda h, t: edits.set_subtype(h, t, name, subtype))
 
-    def _line(self) -> None:
-        name, number = self._named(), self.way.value.partition(".")[0]
+    def _line(self, text: str) -> None:
+        name, number = self._named(), text.partition(".")[0]
         if not number.isdigit():
             return
         c = self._ways[int(number) - 1]
         self.work.edit(lambda h, t: edits.set_line(h, t, name, c.subtype, c.axis, c.origin))
         self._open_it()
 
-    def _limits(self) -> None:
-        name, joint = self._named(), self._joint()
-        low = words.kept_value(joint, float(self.low.value))
-        high = words.kept_value(joint, float(self.high.value))
+    def _from_click(self) -> None:
+        """The axis from the last click on the part: an edge to turn about, a way to slide."""
+        work, name, joint = self.work, self._named(), self._joint()
+        normal = work.face_normal()
+        subtype, axis, origin = joint.subtype, normal, work.at
+        if subtype != "slide":
+            faces = work.state.articulation.links[joint.child].faces
+            found = line_at(work.open.mesh, faces, work.at)
+            if found is None:
+                raise ConfigError("no sharp edge of this part is near the click")
+            axis, origin = work.open.opening(name, subtype, found.axis, found.origin), found.origin
+        work.edit(lambda h, t: edits.set_line(h, t, name, subtype, axis, origin))
+        self._open_it()
+
+    def _lower(self, value: float) -> None:
+        joint = self._joint()
+        self._limits(joint, words.kept_value(joint, value), joint.upper)
+
+    def _upper(self, value: float) -> None:
+        joint = self._joint()
+        self._limits(joint, joint.lower, words.kept_value(joint, value))
+
+    def _limits(self, joint: Joint, low: float, high: float) -> None:
+        name = self._named()
         self.work.edit(lambda h, t: edits.set_limits(h, t, name, joint, low, high))
         self._open_it()
 

@@ -150,7 +150,7 @@ class Page:
             work.selected = work.selected if more else set()
             work.choose(work.part if more else "")
             return
-        work.face, work.seen_along = found[0], np.asarray(event.ray_direction)
+        work.clicked(*found, np.asarray(event.ray_direction))
         piece = int(work.open.primitives.labels[found[0]])
         work.selected = (work.selected if more else set()) ^ {piece}
         work.choose(work.open.link_of_face(found[0]).name)

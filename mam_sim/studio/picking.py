@@ -22,6 +22,7 @@ class PickThresholds:
         crease: radians between faces at an edge that can be snapped to.
         near: diagonals of the object within which a line snaps.
         turned: radians within which a direction snaps.
+        reach: diagonals within which a click means an edge.
         lift: of a number before its piece, diagonals.
     """
 
@@ -30,6 +31,7 @@ class PickThresholds:
     crease: float = 0.5
     near: float = 0.04
     turned: float = 0.35
+    reach: float = 0.1
     lift: float = 0.02
 
 
@@ -112,15 +114,13 @@ def snaps(mesh: Mesh, faces: IntArray) -> list[Snap]:
     Args:
         mesh: at rest. faces: of the part.
     """
-    part = trimesh.Trimesh(mesh.vertices, mesh.faces[faces], process=False)
-    part.merge_vertices(merge_tex=True, merge_norm=True)
-    part.remove_unreferenced_vertices()
+    part = _welded(mesh, faces)
     out = [Snap(a, o, "edge") for a, o in _edges(part)]
     for facet, normal, area in zip(part.facets, part.facets_normal, part.facets_area):
         if area > 0.02 * part.area:
             middle = part.triangles_center[facet].mean(axis=0)
             out.append(Snap(np.asarray(normal), middle, "face"))
-    return out + [Snap(a, o, "circle") for a, o in _circles(part)]
+    return out + [Snap(a, o, "circle") for a, o, _ in _circles(part)]
 
 
 def snapped(axis: FloatArray, origin: FloatArray, choices: list[Snap], size: float) -> Snap | None:
@@ -141,9 +141,49 @@ def snapped(axis: FloatArray, origin: FloatArray, choices: list[Snap], size: flo
     return best
 
 
+def line_at(mesh: Mesh, faces: IntArray, point: FloatArray) -> Snap | None:
+    """The sharp edge of a part that is nearest to a point; of a round rim, its middle axis.
+
+    Args:
+        mesh: at rest. faces: of the part. point: (3,) on its surface.
+
+    Returns:
+        None where no edge is near.
+    """
+    part = _welded(mesh, faces)
+    sharp = _sharp(part)
+    if not len(sharp):
+        return None
+    a, b = part.vertices[sharp[:, 0]], part.vertices[sharp[:, 1]]
+    along = b - a
+    length = np.maximum(np.linalg.norm(along, axis=1), 1e-12)
+    share = np.clip(((point - a) * along).sum(axis=1) / length**2, 0, 1)
+    apart = np.linalg.norm(a + share[:, None] * along - point, axis=1)
+    k = int(np.argmin(apart))
+    if apart[k] > PICK.reach * mesh.diagonal:
+        return None
+    for axis, middle, rim in _circles(part):
+        if sharp[k, 0] in rim:
+            return Snap(axis, middle, "circle")
+    return Snap(along[k] / length[k], np.asarray(0.5 * (a[k] + b[k])), "edge")
+
+
+def _welded(mesh: Mesh, faces: IntArray) -> trimesh.Trimesh:
+    """Some faces as a mesh of their own, equal corners as one."""
+    part = trimesh.Trimesh(mesh.vertices, mesh.faces[faces], process=False)
+    part.merge_vertices(merge_tex=True, merge_norm=True)
+    part.remove_unreferenced_vertices()
+    return part
+
+
+def _sharp(part: trimesh.Trimesh) -> IntArray:
+    """(n, 2) ends of sharp edges."""
+    return np.asarray(part.face_adjacency_edges[part.face_adjacency_angles > PICK.crease])
+
+
 def _edges(part: trimesh.Trimesh) -> list[tuple[FloatArray, FloatArray]]:
     """The longest straight sharp edges."""
-    sharp = part.face_adjacency_edges[part.face_adjacency_angles > PICK.crease]
+    sharp = _sharp(part)
     if not len(sharp):
         return []
     a, b = part.vertices[sharp[:, 0]], part.vertices[sharp[:, 1]]
@@ -155,9 +195,9 @@ def _edges(part: trimesh.Trimesh) -> list[tuple[FloatArray, FloatArray]]:
     ]
 
 
-def _circles(part: trimesh.Trimesh) -> list[tuple[FloatArray, FloatArray]]:
-    """Axes of closed loops of sharp edges whose points lie on a circle."""
-    sharp = part.face_adjacency_edges[part.face_adjacency_angles > PICK.crease]
+def _circles(part: trimesh.Trimesh) -> list[tuple[FloatArray, FloatArray, IntArray]]:
+    """Axis, middle and vertices of closed loops of sharp edges whose points lie on a circle."""
+    sharp = _sharp(part)
     found = []
     groups = trimesh.graph.connected_components(sharp, min_len=8) if len(sharp) else []
     for group in groups[:50]:
@@ -166,7 +206,7 @@ def _circles(part: trimesh.Trimesh) -> list[tuple[FloatArray, FloatArray]]:
         normal = np.linalg.svd(points - middle)[2][2]
         radius = np.linalg.norm(points - middle, axis=1)
         if radius.std() < 0.03 * radius.mean():
-            found.append((np.asarray(normal), np.asarray(middle)))
+            found.append((np.asarray(normal), np.asarray(middle), np.asarray(group)))
     return found
 
 

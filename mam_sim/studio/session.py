@@ -105,6 +105,7 @@ class Session:
         self._thinking = threading.Lock()
         self._history: list[State] = []
         self._engine_trees: list[tuple[Ground, KinematicTree]] = []
+        self._rankings: dict[tuple[int, bytes, bytes], list[JointCandidate]] = {}
         self._at = 0
         self._saved: Hints | None = None
         kind = "asset" if place.source is None else kind_of(place.source)
@@ -341,17 +342,40 @@ class Session:
                 break
         return found
 
+    def opening(self, name: str, subtype: str, axis: ArrayLike, origin: ArrayLike) -> FloatArray:
+        """A line's axis (3,), turned so that positive motion opens, as of the likeliest line nearby.
+
+        Args:
+            axis, origin: of the line, in the engine's frame.
+        """
+        tree, line, at = self.state.tree, np.asarray(axis), np.asarray(origin)
+        around = faces_around(tree, self.primitives, [n.name for n in tree.nodes].index(name))
+        alike = [
+            c for c in self._ranked(around.moving, around.static)
+            if (c.subtype == "slide") == (subtype == "slide") and c.subtype != "fixed"
+            and abs(float(c.axis @ line)) > np.cos(np.radians(30))
+        ]  # fmt: skip
+        if not alike:
+            return line
+        near = min(alike, key=lambda c: float(np.linalg.norm(np.cross(at - c.origin, line))))
+        if subtype == "slide":
+            near = alike[0]
+        return line * (np.sign(near.axis @ line) or 1.0)
+
     def link_of_face(self, face: int) -> Link:
         """Whose face it is."""
         articulation = self.state.articulation
         return articulation.links[int(articulation.face_link[face])]
 
     def _ranked(self, part: np.ndarray, rest: np.ndarray) -> list[JointCandidate]:
-        """Ranked hypotheses for faces, in the frame of the mesh."""
+        """Ranked hypotheses for faces, in the frame of the mesh; remembered."""
         if not len(part) or not len(rest):
             return []
-        fused = self.primitives.is_fused
-        return rank_hypotheses(self.mesh, part, rest, fused=fused, top=60)
+        key = (id(self.state.ground), part.tobytes(), rest.tobytes())
+        if key not in self._rankings:
+            fused = self.primitives.is_fused
+            self._rankings[key] = rank_hypotheses(self.mesh, part, rest, fused=fused, top=60)
+        return self._rankings[key]
 
     def _engine_says(self, ground: Ground) -> KinematicTree:
         """The engine's own tree, without any word of a person's; edits in `stages/` are none."""

@@ -42,7 +42,8 @@ class Workspace:
         session: the open object; None while the first one is read.
         selected: pieces (primitives). part: name of the chosen part.
         show, axes, sizes: how the object is drawn. hulls: collision pieces by link name.
-        face: last one that was clicked; seen_along: (3,) the ray to it.
+        face: last one that was clicked; seen_along: (3,) the ray to it,
+            turned with its link to rest. at: (3,) where it was clicked, metres, on the object at rest.
         bad: links that run into something, drawn red. panels: told of every change.
     """
 
@@ -53,6 +54,7 @@ class Workspace:
     part: str = ""
     face: int | None = None
     seen_along: FloatArray = field(default_factory=lambda: np.zeros(3))
+    at: FloatArray = field(default_factory=lambda: np.zeros(3))
     show: Show = "as it is"
     axes: bool = True
     sizes: bool = False
@@ -169,6 +171,17 @@ class Workspace:
         self.mark()
         for panel in self.panels:
             panel.refresh()
+
+    def clicked(self, face: int, at: FloatArray, along: FloatArray) -> None:
+        """Remember a click.
+
+        Args:
+            at: (3,) on the object as posed. along: (3,) the ray to it.
+        """
+        shown = self.state.articulation
+        pose = shown.link_poses(self.scene.values)[int(shown.face_link[face])]
+        self.face, self.seen_along = face, along @ pose[:3, :3]
+        self.at = (at - pose[:3, 3]) @ pose[:3, :3]
 
     def face_normal(self) -> FloatArray:
         """(3,) unit normal of the clicked face at rest, towards who clicked.

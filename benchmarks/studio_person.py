@@ -1,0 +1,483 @@
+"""A scripted person who knows the truth and puts an object right through the studio's page alone.
+
+Clicks, drags and keys go to a headless Chromium; the script reads the truth, and looks at the page
+by casting rays from the browser's camera. It never calls an edit. Views are turned by setting the
+browser's camera, which is counted as one drag.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mam_pipeline.geometry.sampling import face_geometry
+from mam_pipeline.ground_truth import GroundTruth
+from mam_pipeline.metrics import nearest_face
+from mam_pipeline.types import FloatArray, IntArray, Joint, JointCandidate, PartNode
+from mam_sim.studio.page import Page
+from mam_sim.studio.picking import Camera, line_at, primitives_in_box
+from mam_sim.studio.session import Session
+
+TURNED, APART = np.radians(10), 0.03  # an axis within this is right: radians, diagonals
+WORTH = 0.01  # share of a part's surface below which a person does not miss a piece
+SHORT = 0.5  # a range that covers less of the true one than this is set
+SIDES = [(a, e) for e in (20.0, 55.0, -25.0) for a in (-35.0, 35.0, 90.0, 145.0, -145.0, -90.0)]
+THINK, POINT, PRESS, TYPE = 1.35, 1.1, 0.2, 0.28
+"""Seconds of the keystroke-level model (Card, Moran and Newell 1980): to think before an act, to
+point, to press and let go, to type one key as an average typist."""
+
+
+@dataclass
+class Acts:
+    """What a person did, and the time that the keystroke-level model gives for it."""
+
+    edits: int = 0
+    clicks: int = 0
+    drags: int = 0
+    keys: int = 0
+    steps: list[str] = field(default_factory=list)
+
+    @property
+    def seconds(self) -> float:
+        """Of the person alone: every click and drag is thought of, then pointed at."""
+        click, drag = THINK + POINT + PRESS, THINK + 2 * POINT + PRESS
+        return self.clicks * click + self.drags * drag + self.keys * TYPE
+
+
+class Person:
+    """Puts one object right in a window, and counts what it takes."""
+
+    def __init__(self, page: Page, window: Any, truth: GroundTruth, session: Session) -> None:
+        """Sit down before the page, which shows the object."""
+        self.page, self.window, self.truth, self.session = page, window, truth, session
+        self.acts = Acts()
+        self.shift, self.owner, self.area = owners(truth, session)
+        self.unseen: set[int] = set()
+        self.fresh = True  # the next click selects anew
+
+    def put_right(self) -> None:
+        """Parts first, then how each moves."""
+        self.tab("Put right")
+        moving = [j for j in self.truth.joints if j.type != "fixed"]
+        names = {j.child: self.part(j) for j in moving}
+        for joint in moving:
+            self.take_out(names[joint.child], joint)
+        names = {link: name for link, name in names.items() if self.node(name) is not None}
+        for node in list(self.session.state.tree.nodes[1:]):
+            if node.name not in names.values():
+                self.choose(node.name)
+                self.pick("Moves", "fixed")
+        for joint in moving:
+            name = names.get(joint.child)
+            if name is not None:
+                self.hang(name, names.get(joint.parent, self.session.state.tree.nodes[0].name))
+                self.line(name, joint)
+                self.range(name, joint)
+
+    def part(self, joint: Joint) -> str:
+        """One true part: of the pieces that are its own; returns its name, "" where none was seen."""
+        wanted = self.pieces(joint)
+        inside = [n for n in self.session.state.tree.nodes[1:] if self.mostly(n, wanted)]
+        inside.sort(key=lambda n: -self.weight(set(n.primitives) & wanted))
+        if not inside:
+            if not wanted or not self.select(wanted):
+                return ""
+            self.press("Make a part of them")
+            return str(self.session.state.tree.nodes[-1].name)
+        name = inside[0].name
+        for other in inside[1:]:
+            self.choose(name)
+            self.pick("Other part", other.name)
+            self.press("Merge with the other part")
+        node = self.node(name)
+        missing = wanted - set(node.primitives if node else ())
+        if self.weight(missing) > WORTH * self.weight(wanted) and self.select(missing):
+            self.pick("Other part", name)
+            self.press("Add to the other part")
+        return name
+
+    def take_out(self, name: str, joint: Joint) -> None:
+        """Pieces that are none of a part's."""
+        node, wanted = self.node(name), self.pieces(joint)
+        extra = set(node.primitives) - wanted if node else set()
+        if self.weight(extra) > WORTH * self.weight(wanted) and self.select(extra):
+            self.press("They do not move")
+
+    def hang(self, name: str, parent: str) -> None:
+        """What a part hangs on."""
+        node, nodes = self.node(name), self.session.state.tree.nodes
+        if node is not None and nodes[node.parent].name != parent:
+            self.choose(name)
+            self.pick("Hangs on", parent)
+
+    def line(self, name: str, joint: Joint) -> None:
+        """How a part moves: the first line of the list that fits, else by a click on it."""
+        if self.right(name, joint):
+            return
+        self.choose(name)
+        slides = joint.type == "prismatic"
+        found = self.joint(name)
+        if self.from_list(name, joint):
+            return
+        if found is None or (found.type == "prismatic") != slides:
+            self.pick("Moves", "slide" if slides else "hinge")
+            if self.right(name, joint) or self.from_list(name, joint):
+                return
+        at = self.place_of_line(name, joint)
+        if at is not None and self.point_at(at):
+            self.choose(name)
+            label = "slides out of" if slides else "turns about"
+            self.press(f"It {label} the clicked {'face' if slides else 'edge'}")
+            if self.right(name, joint):
+                return
+        found = self.joint(name)
+        if found is not None and float(found.axis @ joint.axis) < 0 and _bounded(joint):
+            self.press("Other direction")
+
+    def from_list(self, name: str, joint: Joint) -> bool:
+        """Take the first line of the list that fits; whether one does."""
+        for k, c in enumerate(self.session.ways(name)):
+            if self.fits(c, joint):
+                self.pick("Line", self.page.work.panels[2].way.options[k + 1])
+                return True
+        return False
+
+    def place_of_line(self, name: str, joint: Joint) -> FloatArray | None:
+        """(3,) a place on the part where a click gives its line; None where no place does."""
+        shown = self.session.state.articulation
+        index = [link.name for link in shown.links].index(name)
+        faces, mesh = shown.links[index].faces, self.session.mesh
+        normals = face_geometry(mesh.vertices, mesh.faces[faces])[0]
+        middles = mesh.vertices[mesh.faces[faces]].mean(axis=1)
+        if joint.type == "prismatic":
+            cosine = normals @ joint.axis
+            best = int(np.argmax(cosine))
+            return middles[best] if cosine[best] > np.cos(TURNED) else None
+        origin = joint.origin + self.shift
+        corners = mesh.vertices[mesh.faces[faces]].reshape(-1, 3)
+        toward = 0.98 * corners + 0.02 * np.repeat(middles, 3, axis=0)
+        apart = np.linalg.norm(np.cross(corners - origin, joint.axis), axis=1)
+        for k in np.argsort(apart)[:12]:
+            found = line_at(mesh, faces, toward[k])
+            way = None if found is None else JointCandidate("hinge", found.axis, found.origin)
+            if way is not None and self.fits(way, joint):
+                return np.asarray(toward[k])
+        return None
+
+    def range(self, name: str, joint: Joint) -> None:
+        """The true range, where the found one covers too little of it."""
+        found = self.joint(name)
+        if found is None or not _bounded(joint) or not _bounded(found):
+            return
+        same = float(found.axis @ joint.axis) >= 0
+        low, high = (joint.lower, joint.upper) if same else (-joint.upper, -joint.lower)
+        low, high = min(low, 0.0), max(high, 0.0)
+        both = max(0.0, min(high, found.upper) - max(low, found.lower))
+        if both >= SHORT * (high - low):
+            return
+        self.choose(name)
+        factor = 100.0 if found.type == "prismatic" else np.degrees(1.0)
+        for label, now, value in (("From", found.lower, low), ("To", found.upper, high)):
+            if abs(now - value) > 0.02 * (high - low):
+                self.type_in(label, f"{factor * value:.1f}")
+
+    def right(self, name: str, joint: Joint) -> bool:
+        """Whether a part moves as it truly does."""
+        found = self.joint(name)
+        return found is not None and self.fits(found, joint)
+
+    def fits(self, found: Joint | JointCandidate, joint: Joint) -> bool:
+        """Whether a joint or candidate is the true one; its direction is not asked."""
+        slides = found.subtype == "slide"
+        if slides != (joint.type == "prismatic"):
+            return False
+        if abs(float(found.axis @ joint.axis)) < np.cos(TURNED):
+            return False
+        off = np.cross(found.origin - joint.origin - self.shift, joint.axis)
+        return slides or float(np.linalg.norm(off)) < APART * self.session.mesh.diagonal
+
+    def joint(self, name: str) -> Joint | None:
+        """The joint of a part that moves."""
+        shown = self.session.state.articulation
+        moving = (j for j in shown.joints if j.type != "fixed")
+        return next((j for j in moving if shown.links[j.child].name == name), None)
+
+    def node(self, name: str) -> PartNode | None:
+        """A part of the tree."""
+        return next((n for n in self.session.state.tree.nodes if n.name == name), None)
+
+    def pieces(self, joint: Joint) -> set[int]:
+        """Pieces that are mostly of a true part."""
+        return set(np.flatnonzero(self.owner == joint.child).tolist())
+
+    def mostly(self, node: PartNode, wanted: set[int]) -> bool:
+        """Whether more than half of a part's surface is wanted."""
+        own = set(node.primitives)
+        return self.weight(own & wanted) > 0.5 * self.weight(own)
+
+    def weight(self, pieces: Iterable[int]) -> float:
+        """Surface of pieces, square metres."""
+        return float(self.area[sorted(pieces)].sum())
+
+    def select(self, pieces: set[int]) -> bool:
+        """Select every piece that is seen from some side, opened or closed; whether any was."""
+        self.fresh, whole, left = True, self.weight(pieces), set(pieces)
+        for opened in (False, True):
+            if opened and not self.all_to(100):
+                break
+            for side in [None, *SIDES]:
+                if self.weight(left) <= WORTH * whole:
+                    return True
+                if side is not None:
+                    if not self.places(self.seen_from(side), left):
+                        continue
+                    self.turn(side)
+                self.boxed(left)
+                for piece, at in self.places(self.camera(), left).items():
+                    if piece in left and self.click(at, piece, more=not self.fresh):
+                        left.discard(piece)
+        self.unseen |= left
+        return not self.fresh
+
+    def boxed(self, left: set[int]) -> None:
+        """Drag a box round pieces, where it takes no other and spares clicks."""
+        camera = self.camera()
+        seen = self.places(camera, left)
+        if len(seen) < 3:
+            return
+        mesh, tracer = self.page.work.tracer()
+        labels = self.session.primitives.labels
+        own = np.isin(labels, list(seen))
+        at = camera.screen(mesh.vertices[mesh.faces[own]].reshape(-1, 3))
+        low, high = np.nanmin(at, axis=0) - 0.012, np.nanmax(at, axis=0) + 0.012
+        if low.min() < 0.01 or high.max() > 0.99:
+            return
+        found = set(primitives_in_box(mesh, labels, tracer, camera, low, high))
+        if len(found & left) < 3 or not found <= left | (set() if self.fresh else self.shown()):
+            return
+        if self.fresh:
+            self.clear()
+        self.acts.drags += 1
+        self.acts.steps.append("box")
+        before = self.shown()
+        self.window.keyboard.down("Shift")
+        self.window.mouse.move(*self.pixel(low))
+        self.window.mouse.down()
+        self.window.mouse.move(*self.pixel((low + high) / 2))
+        self.window.mouse.move(*self.pixel(high))
+        self.window.mouse.up()
+        self.window.keyboard.up("Shift")
+        until(lambda: self.shown() != before, 20.0, fail=False)
+        left -= self.shown()
+        self.fresh = False
+
+    def clear(self) -> None:
+        """Select nothing: a click beside the object."""
+        if self.shown():
+            self.acts.clicks += 1
+            self.window.mouse.click(*self.pixel(np.array([0.02, 0.03])))
+            until(lambda: not self.shown(), 20.0)
+
+    def all_to(self, share: int) -> bool:
+        """Open (100) or close (0) everything by its slider; whether something moves."""
+        look = self.page.work.panels[1]
+        if look.all is None:
+            return False
+        self.tab("Look")
+        self.acts.drags += 1
+        self.acts.steps.append("open all" if share else "close all")
+        slider = self.window.get_by_role("slider").first
+        slider.focus()
+        for key in ("Home", "End") if share else ("End", "Home"):
+            slider.press(key)
+        until(lambda: look.all.value == share, 20.0)
+        self.window.wait_for_timeout(300)
+        self.tab("Put right")
+        return True
+
+    def point_at(self, place: FloatArray) -> bool:
+        """Click a place (3,) of the object at rest from where it is seen; whether it was hit."""
+        work, size = self.page.work, self.session.mesh.diagonal
+        if any(abs(v) > 1e-6 for v in work.scene.values.values()):
+            self.all_to(0)
+        for side in [None, *SIDES]:
+            camera = self.camera() if side is None else self.seen_from(side)
+            at = camera.screen(place[None])[0]
+            if not (0.02 < at.min() and at.max() < 0.98):
+                continue
+            hit = work.tracer()[1].cast(camera.position, camera.rays(at[None]))
+            if not len(hit.at) or np.linalg.norm(hit.at[0] - place) > 0.005 * size:
+                continue
+            if side is not None:
+                self.turn(side)
+                at = self.camera().screen(place[None])[0]
+            work.face = None
+            self.acts.clicks += 1
+            self.acts.steps.append("click a place")
+            self.window.mouse.click(*self.pixel(at))
+            return until(lambda: work.face is not None, 20.0, fail=False)
+        return False
+
+    def shown(self) -> set[int]:
+        """Pieces that are selected on the page."""
+        return set(self.page.work.selected)
+
+    def places(self, camera: Camera, pieces: set[int]) -> dict[int, FloatArray]:
+        """Where on the screen (0..1) pieces are best clicked."""
+        steps = (np.arange(120) + 0.5) / 120
+        grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        seen = self.page.work.tracer()[1].cast(camera.position, camera.rays(grid))
+        label = self.session.primitives.labels[seen.face]
+        out = {}
+        for piece in sorted(pieces, key=lambda p: -self.area[p]):
+            own = seen.at[label == piece]
+            if len(own) >= 2:
+                at = camera.screen(own)
+                apart = np.linalg.norm(at - np.median(at, axis=0), axis=1)
+                out[piece] = at[int(np.argmin(apart))]
+        return out
+
+    def seen_from(self, side: tuple[float, float]) -> Camera:
+        """The camera that `turn` sets."""
+
+        class Holder:
+            position: Any = None
+            look_at: Any = None
+
+        holder, now = Holder(), self.camera()
+        self.page.work.scene.view(holder, *side)
+        ahead = np.asarray(holder.look_at) - np.asarray(holder.position)
+        ahead /= np.linalg.norm(ahead)
+        right = np.cross(ahead, (0, 0, 1.0))
+        right /= np.linalg.norm(right)
+        turn = np.stack([right, np.cross(ahead, right), ahead], axis=1)
+        return Camera(np.asarray(holder.position), turn, now.fov, now.aspect)
+
+    def camera(self) -> Camera:
+        """That of the window."""
+        camera = next(iter(self.page.server.get_clients().values())).camera
+        turn = Rotation.from_quat(np.roll(camera.wxyz, -1)).as_matrix()
+        return Camera(np.asarray(camera.position), turn, camera.fov, camera.aspect)
+
+    def turn(self, side: tuple[float, float]) -> None:
+        """Turn the view."""
+        self.acts.drags += 1
+        self.acts.steps.append(f"view from {side[0]:.0f}, {side[1]:.0f}")
+        wanted = self.seen_from(side)
+        for client in self.page.server.get_clients().values():
+            self.page.work.scene.view(client.camera, *side)
+        until(lambda: np.allclose(self.camera().position, wanted.position, atol=1e-3), 10, False)
+        self.window.wait_for_timeout(300)  # the browser's own camera follows by a message
+
+    def pixel(self, at: FloatArray) -> tuple[float, float]:
+        """Where a place on the screen (0..1) is in the window."""
+        box = self.window.locator("canvas:visible").first.bounding_box()
+        return box["x"] + at[0] * box["width"], box["y"] + at[1] * box["height"]
+
+    def click(self, at: FloatArray, piece: int, more: bool) -> bool:
+        """Click a place on the screen; whether the piece is selected then."""
+        was = self.shown()
+        self.acts.clicks += 1
+        self.acts.steps.append(f"piece {piece}")
+        if more:
+            self.window.keyboard.down("Shift")
+        self.window.mouse.click(*self.pixel(at))
+        if more:
+            self.window.keyboard.up("Shift")
+        until(lambda: self.shown() != was, 20.0 if piece not in was else 0.5, fail=False)
+        self.fresh = False
+        return piece in self.shown()
+
+    def choose(self, name: str) -> None:
+        """Choose a part: by a click on it where it is seen, else from the list."""
+        node = self.node(name)
+        if self.page.work.part == name or node is None:
+            return
+        for piece, at in self.places(self.camera(), set(node.primitives)).items():
+            self.click(at, piece, more=False)
+            break
+        if not until(lambda: self.page.work.part == name, 2.0, fail=False):
+            self.pick("Part", name, edit=False)
+
+    def pick(self, label: str, option: str, edit: bool = True) -> None:
+        """Take an option of a list: two clicks."""
+        target = label == "Other part"
+        if target and self.page.work.panels[2].target.value == option:
+            return
+        before = self.session.state, self.page.work.part, self.page.work.panels[2].target.value
+        self.acts.clicks += 2
+        self.acts.edits += edit and not target
+        self.acts.steps.append(f"{label}: {option}")
+        self.window.get_by_label(label, exact=True).first.click()
+        self.window.get_by_role("option", name=option, exact=True).click()
+        work, panel = self.page.work, self.page.work.panels[2]
+        until(lambda: before != (self.session.state, work.part, panel.target.value), 20.0, False)
+
+    def type_in(self, label: str, text: str) -> None:
+        """Type a number into a field: a click, keys, Tab."""
+        before = self.session.state
+        self.acts.clicks += 1
+        self.acts.keys += len(text) + 2  # what is there is selected first
+        self.acts.edits += 1
+        self.acts.steps.append(f"{label}: {text}")
+        there = self.window.get_by_label(label, exact=True).first
+        there.fill(text)
+        there.press("Tab")
+        until(lambda: self.session.state is not before, 20.0, fail=False)
+
+    def press(self, button: str) -> None:
+        """Press a button that edits."""
+        before = self.session.state
+        self.acts.clicks += 1
+        self.acts.edits += 1
+        self.acts.steps.append(button)
+        self.window.get_by_role("button", name=button).click()
+        until(lambda: self.session.state is not before, 60.0, fail=False)
+
+    def tab(self, name: str) -> None:
+        """Go to a tab."""
+        self.acts.clicks += 1
+        self.window.get_by_role("tab", name=name).click()
+
+    def make(self, patience: float) -> bool:
+        """Make and check the asset; whether the check passes."""
+        self.tab("Try")
+        trying = self.page.work.panels[3]
+        self.acts.clicks += 1
+        trying.verdict.content = ""
+        self.window.get_by_role("button", name="Make and check the asset").click()
+        until(lambda: trying.verdict.content.startswith("**The check"), patience)
+        return bool(trying.verdict.content.startswith("**The check passes"))
+
+
+def owners(truth: GroundTruth, session: Session) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Shift (3,) from the truth to the page's frame, true link of every piece, area of every piece."""
+    mesh = session.mesh
+    shift = mesh.bounds[0] - truth.mesh.bounds[0]
+    middles = mesh.vertices[mesh.faces].mean(axis=1) - shift
+    own = truth.face_link[nearest_face(truth.mesh, middles)]
+    area = face_geometry(mesh.vertices, mesh.faces)[1]
+    votes = np.zeros((session.primitives.count, len(truth.links)))
+    np.add.at(votes, (session.primitives.labels, own), area + 1e-12)
+    return shift, votes.argmax(axis=1), votes.sum(axis=1)
+
+
+def until(true: Callable[[], Any], seconds: float, fail: bool = True) -> bool:
+    """Wait until something is true; False, or an error, where it does not become so."""
+    end = time.monotonic() + seconds
+    while not true():
+        if time.monotonic() > end:
+            if fail:
+                raise TimeoutError("the page did not do it")
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def _bounded(joint: Joint) -> bool:
+    return bool(np.isfinite([joint.lower, joint.upper]).all())
