@@ -1,64 +1,37 @@
 """A scripted person who knows the truth and puts an object right through the studio's page alone.
 
-Clicks, drags and keys go to a headless Chromium; the script reads the truth, and looks at the page
-by casting rays from the browser's camera. It never calls an edit. Views are turned by setting the
-browser's camera, which is counted as one drag.
+It decides what is to be done; `studio_hands.py` does it with clicks. It never calls an edit.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from studio_hands import SIDES, Hands, until
 
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.ground_truth import GroundTruth
 from mam_pipeline.metrics import nearest_face
 from mam_pipeline.types import FloatArray, IntArray, Joint, JointCandidate, PartNode
 from mam_sim.studio.page import Page
-from mam_sim.studio.picking import Camera, line_at, primitives_in_box
+from mam_sim.studio.picking import line_at, primitives_in_box
 from mam_sim.studio.session import Session
 
 TURNED, APART = np.radians(10), 0.03  # an axis within this is right: radians, diagonals
 WORTH = 0.01  # share of a part's surface below which a person does not miss a piece
 SHORT = 0.5  # a range that covers less of the true one than this is set
-SIDES = [(a, e) for e in (20.0, 55.0, -25.0) for a in (-35.0, 35.0, 90.0, 145.0, -145.0, -90.0)]
-THINK, POINT, PRESS, TYPE = 1.35, 1.1, 0.2, 0.28
-"""Seconds of the keystroke-level model (Card, Moran and Newell 1980): to think before an act, to
-point, to press and let go, to type one key as an average typist."""
 
 
-@dataclass
-class Acts:
-    """What a person did, and the time that the keystroke-level model gives for it."""
-
-    edits: int = 0
-    clicks: int = 0
-    drags: int = 0
-    keys: int = 0
-    steps: list[str] = field(default_factory=list)
-
-    @property
-    def seconds(self) -> float:
-        """Of the person alone: every click and drag is thought of, then pointed at."""
-        click, drag = THINK + POINT + PRESS, THINK + 2 * POINT + PRESS
-        return self.clicks * click + self.drags * drag + self.keys * TYPE
-
-
-class Person:
+class Person(Hands):
     """Puts one object right in a window, and counts what it takes."""
 
     def __init__(self, page: Page, window: Any, truth: GroundTruth, session: Session) -> None:
         """Sit down before the page, which shows the object."""
-        self.page, self.window, self.truth, self.session = page, window, truth, session
-        self.acts = Acts()
-        self.shift, self.owner, self.area = owners(truth, session)
-        self.unseen: set[int] = set()
-        self.fresh = True  # the next click selects anew
+        self.shift, self.owner, area = owners(truth, session)
+        super().__init__(page, window, session, area)
+        self.truth, self.unseen = truth, set[int]()
 
     def put_right(self) -> None:
         """Parts first, then how each moves."""
@@ -80,7 +53,7 @@ class Person:
                 self.range(name, joint)
 
     def part(self, joint: Joint) -> str:
-        """One true part: of the pieces that are its own; returns its name, "" where none was seen."""
+        """One true part, of its own pieces; returns its name, "" where none was seen."""
         wanted = self.pieces(joint)
         inside = [n for n in self.session.state.tree.nodes[1:] if self.mostly(n, wanted)]
         inside.sort(key=lambda n: -self.weight(set(n.primitives) & wanted))
@@ -143,7 +116,9 @@ class Person:
         """Take the first line of the list that fits; whether one does."""
         for k, c in enumerate(self.session.ways(name)):
             if self.fits(c, joint):
-                self.pick("Line", self.page.work.panels[2].way.options[k + 1])
+                self.settled()
+                panel: Any = self.page.work.panels[2]
+                self.pick("Line", panel.way.options[k + 1])
                 return True
         return False
 
@@ -276,123 +251,6 @@ class Person:
         left -= self.shown()
         self.fresh = False
 
-    def clear(self) -> None:
-        """Select nothing: a click beside the object."""
-        if self.shown():
-            self.acts.clicks += 1
-            self.window.mouse.click(*self.pixel(np.array([0.02, 0.03])))
-            until(lambda: not self.shown(), 20.0)
-
-    def all_to(self, share: int) -> bool:
-        """Open (100) or close (0) everything by its slider; whether something moves."""
-        look = self.page.work.panels[1]
-        if look.all is None:
-            return False
-        self.tab("Look")
-        self.acts.drags += 1
-        self.acts.steps.append("open all" if share else "close all")
-        slider = self.window.get_by_role("slider").first
-        slider.focus()
-        for key in ("Home", "End") if share else ("End", "Home"):
-            slider.press(key)
-        until(lambda: look.all.value == share, 20.0)
-        self.window.wait_for_timeout(300)
-        self.tab("Put right")
-        return True
-
-    def point_at(self, place: FloatArray) -> bool:
-        """Click a place (3,) of the object at rest from where it is seen; whether it was hit."""
-        work, size = self.page.work, self.session.mesh.diagonal
-        if any(abs(v) > 1e-6 for v in work.scene.values.values()):
-            self.all_to(0)
-        for side in [None, *SIDES]:
-            camera = self.camera() if side is None else self.seen_from(side)
-            at = camera.screen(place[None])[0]
-            if not (0.02 < at.min() and at.max() < 0.98):
-                continue
-            hit = work.tracer()[1].cast(camera.position, camera.rays(at[None]))
-            if not len(hit.at) or np.linalg.norm(hit.at[0] - place) > 0.005 * size:
-                continue
-            if side is not None:
-                self.turn(side)
-                at = self.camera().screen(place[None])[0]
-            work.face = None
-            self.acts.clicks += 1
-            self.acts.steps.append("click a place")
-            self.window.mouse.click(*self.pixel(at))
-            return until(lambda: work.face is not None, 20.0, fail=False)
-        return False
-
-    def shown(self) -> set[int]:
-        """Pieces that are selected on the page."""
-        return set(self.page.work.selected)
-
-    def places(self, camera: Camera, pieces: set[int]) -> dict[int, FloatArray]:
-        """Where on the screen (0..1) pieces are best clicked."""
-        steps = (np.arange(120) + 0.5) / 120
-        grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-        seen = self.page.work.tracer()[1].cast(camera.position, camera.rays(grid))
-        label = self.session.primitives.labels[seen.face]
-        out = {}
-        for piece in sorted(pieces, key=lambda p: -self.area[p]):
-            own = seen.at[label == piece]
-            if len(own) >= 2:
-                at = camera.screen(own)
-                apart = np.linalg.norm(at - np.median(at, axis=0), axis=1)
-                out[piece] = at[int(np.argmin(apart))]
-        return out
-
-    def seen_from(self, side: tuple[float, float]) -> Camera:
-        """The camera that `turn` sets."""
-
-        class Holder:
-            position: Any = None
-            look_at: Any = None
-
-        holder, now = Holder(), self.camera()
-        self.page.work.scene.view(holder, *side)
-        ahead = np.asarray(holder.look_at) - np.asarray(holder.position)
-        ahead /= np.linalg.norm(ahead)
-        right = np.cross(ahead, (0, 0, 1.0))
-        right /= np.linalg.norm(right)
-        turn = np.stack([right, np.cross(ahead, right), ahead], axis=1)
-        return Camera(np.asarray(holder.position), turn, now.fov, now.aspect)
-
-    def camera(self) -> Camera:
-        """That of the window."""
-        camera = next(iter(self.page.server.get_clients().values())).camera
-        turn = Rotation.from_quat(np.roll(camera.wxyz, -1)).as_matrix()
-        return Camera(np.asarray(camera.position), turn, camera.fov, camera.aspect)
-
-    def turn(self, side: tuple[float, float]) -> None:
-        """Turn the view."""
-        self.acts.drags += 1
-        self.acts.steps.append(f"view from {side[0]:.0f}, {side[1]:.0f}")
-        wanted = self.seen_from(side)
-        for client in self.page.server.get_clients().values():
-            self.page.work.scene.view(client.camera, *side)
-        until(lambda: np.allclose(self.camera().position, wanted.position, atol=1e-3), 10, False)
-        self.window.wait_for_timeout(300)  # the browser's own camera follows by a message
-
-    def pixel(self, at: FloatArray) -> tuple[float, float]:
-        """Where a place on the screen (0..1) is in the window."""
-        box = self.window.locator("canvas:visible").first.bounding_box()
-        return box["x"] + at[0] * box["width"], box["y"] + at[1] * box["height"]
-
-    def click(self, at: FloatArray, piece: int, more: bool) -> bool:
-        """Click a place on the screen; whether the piece is selected then."""
-        was = self.shown()
-        self.acts.clicks += 1
-        self.acts.steps.append(f"piece {piece}")
-        if more:
-            self.window.keyboard.down("Shift")
-        self.window.mouse.click(*self.pixel(at))
-        if more:
-            self.window.keyboard.up("Shift")
-        until(lambda: self.shown() != was, 20.0 if piece not in was else 0.5, fail=False)
-        self.fresh = False
-        return piece in self.shown()
-
     def choose(self, name: str) -> None:
         """Choose a part: by a click on it where it is seen, else from the list."""
         node = self.node(name)
@@ -403,46 +261,6 @@ class Person:
             break
         if not until(lambda: self.page.work.part == name, 2.0, fail=False):
             self.pick("Part", name, edit=False)
-
-    def pick(self, label: str, option: str, edit: bool = True) -> None:
-        """Take an option of a list: two clicks."""
-        target = label == "Other part"
-        if target and self.page.work.panels[2].target.value == option:
-            return
-        before = self.session.state, self.page.work.part, self.page.work.panels[2].target.value
-        self.acts.clicks += 2
-        self.acts.edits += edit and not target
-        self.acts.steps.append(f"{label}: {option}")
-        self.window.get_by_label(label, exact=True).first.click()
-        self.window.get_by_role("option", name=option, exact=True).click()
-        work, panel = self.page.work, self.page.work.panels[2]
-        until(lambda: before != (self.session.state, work.part, panel.target.value), 20.0, False)
-
-    def type_in(self, label: str, text: str) -> None:
-        """Type a number into a field: a click, keys, Tab."""
-        before = self.session.state
-        self.acts.clicks += 1
-        self.acts.keys += len(text) + 2  # what is there is selected first
-        self.acts.edits += 1
-        self.acts.steps.append(f"{label}: {text}")
-        there = self.window.get_by_label(label, exact=True).first
-        there.fill(text)
-        there.press("Tab")
-        until(lambda: self.session.state is not before, 20.0, fail=False)
-
-    def press(self, button: str) -> None:
-        """Press a button that edits."""
-        before = self.session.state
-        self.acts.clicks += 1
-        self.acts.edits += 1
-        self.acts.steps.append(button)
-        self.window.get_by_role("button", name=button).click()
-        until(lambda: self.session.state is not before, 60.0, fail=False)
-
-    def tab(self, name: str) -> None:
-        """Go to a tab."""
-        self.acts.clicks += 1
-        self.window.get_by_role("tab", name=name).click()
 
     def make(self, patience: float) -> bool:
         """Make and check the asset; whether the check passes."""
@@ -456,7 +274,7 @@ class Person:
 
 
 def owners(truth: GroundTruth, session: Session) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Shift (3,) from the truth to the page's frame, true link of every piece, area of every piece."""
+    """Shift (3,) from the truth to the page, and the true link and the area of every piece."""
     mesh = session.mesh
     shift = mesh.bounds[0] - truth.mesh.bounds[0]
     middles = mesh.vertices[mesh.faces].mean(axis=1) - shift
@@ -465,18 +283,6 @@ def owners(truth: GroundTruth, session: Session) -> tuple[FloatArray, IntArray, 
     votes = np.zeros((session.primitives.count, len(truth.links)))
     np.add.at(votes, (session.primitives.labels, own), area + 1e-12)
     return shift, votes.argmax(axis=1), votes.sum(axis=1)
-
-
-def until(true: Callable[[], Any], seconds: float, fail: bool = True) -> bool:
-    """Wait until something is true; False, or an error, where it does not become so."""
-    end = time.monotonic() + seconds
-    while not true():
-        if time.monotonic() > end:
-            if fail:
-                raise TimeoutError("the page did not do it")
-            return False
-        time.sleep(0.02)
-    return True
 
 
 def _bounded(joint: Joint) -> bool:

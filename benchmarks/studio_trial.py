@@ -3,8 +3,8 @@
     python benchmarks/studio_trial.py DATASET ... [--limit 20] [--each 8] [--out FILE.json]
 
 A dataset is a folder of URDF objects or `generated:test`. `studio_person.py` knows the truth and
-uses the page alone: real clicks in a headless Chromium, then "Make and check the asset". Objects are
-taken in the datasets' order, those that are right already left out. For each:
+uses the page alone: real clicks in a headless Chromium, then "Make and check the asset". Objects
+are taken in the datasets' order, those that are right already left out. For each:
 
     edits, clicks, drags, keys   that it took
     machine_s                    seconds that the page and the check took for it, by the clock
@@ -12,7 +12,7 @@ taken in the datasets' order, those that are right already left out. For each:
     total_s                      both
     right                        whether parts and joints are the true ones at the end
     passes                       whether the check passes
-    same                         whether `articulate --hints` makes the same files from the saved hints
+    same                         whether `articulate --hints` makes the same of what was saved
 
 The person's seconds are a model, not a measurement: 1.35 s to think before each click, 1.1 s to
 point, 0.2 s to press, 0.28 s a key (Card, Moran and Newell, 1980).
@@ -31,14 +31,17 @@ from typing import Any
 import numpy as np
 import tyro
 from common import save
+from playwright.sync_api import Error as PageError
 from playwright.sync_api import sync_playwright
-from studio_person import Person, until
+from studio_hands import until
+from studio_person import Person
 from studio_speed import DRAWN_BY_CPU, SIZE
 from tyro.conf import Positional
 
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.formats.mesh_files import save_glb
 from mam_pipeline.geometry.front import moved
+from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.ground_truth import GroundTruth
 from mam_pipeline.metrics import nearest_face, score
 from mam_pipeline.run import MakeConfig, make_asset
@@ -47,7 +50,7 @@ from mam_sim.studio.page import Page
 from mam_sim.studio.place import place_of
 from mam_sim.studio.session import Session
 
-PATIENCE = 300.0  # seconds for one step of the machine
+PATIENCE = 60.0  # seconds for one step of the machine
 GENERATED = 60  # objects of a generated split that are looked at
 SAME = ("object.urdf", "stages/3_parts/parts.yaml", "stages/4_joints/joints.yaml")
 
@@ -114,10 +117,7 @@ def bound(person: Person) -> float:
     mesh, truth, session = person.session.mesh, person.truth, person.session
     middles = mesh.vertices[mesh.faces].mean(axis=1) - person.shift
     own = truth.face_link[nearest_face(truth.mesh, middles)]
-    area = np.linalg.norm(
-        np.cross(*(mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, 0]] for k in (1, 2))),
-        axis=1,
-    )  # fmt: skip
+    area = face_geometry(mesh.vertices, mesh.faces)[1]
     moving = own != 0
     fits = person.owner[session.primitives.labels] == own
     return float(area[moving & fits].sum() / max(area[moving].sum(), 1e-12))
@@ -154,8 +154,8 @@ def main(
                     break
                 try:
                     row = one(task.load(), browser, Path(folder))
-                except (MamSimError, TimeoutError) as error:
-                    row = {"id": task.id, "failed": str(error)}
+                except (MamSimError, TimeoutError, PageError) as error:
+                    row = {"id": task.id, "failed": str(error).partition("\n")[0]}
                 if row is not None:
                     rows.append(row)
                     taken += 1

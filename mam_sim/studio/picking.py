@@ -205,7 +205,8 @@ def _circles(part: trimesh.Trimesh) -> list[tuple[FloatArray, FloatArray, IntArr
         middle = points.mean(axis=0)
         normal = np.linalg.svd(points - middle)[2][2]
         radius = np.linalg.norm(points - middle, axis=1)
-        if radius.std() < 0.03 * radius.mean():
+        flat = np.abs((points - middle) @ normal).max() < 0.03 * radius.mean()  # a box's corners
+        if flat and radius.std() < 0.03 * radius.mean():
             found.append((np.asarray(normal), np.asarray(middle), np.asarray(group)))
     return found
 

@@ -343,7 +343,7 @@ class Session:
         return found
 
     def opening(self, name: str, subtype: str, axis: ArrayLike, origin: ArrayLike) -> FloatArray:
-        """A line's axis (3,), turned so that positive motion opens, as of the likeliest line nearby.
+        """A line's axis (3,), turned so that positive motion opens, as the engine guesses.
 
         Args:
             axis, origin: of the line, in the engine's frame.

@@ -42,8 +42,8 @@ class Workspace:
         session: the open object; None while the first one is read.
         selected: pieces (primitives). part: name of the chosen part.
         show, axes, sizes: how the object is drawn. hulls: collision pieces by link name.
-        face: last one that was clicked; seen_along: (3,) the ray to it,
-            turned with its link to rest. at: (3,) where it was clicked, metres, on the object at rest.
+        face: last one that was clicked; seen_along: (3,) the ray to it, and
+            at: (3,) where it was clicked, metres, both as with the object at rest.
         bad: links that run into something, drawn red. panels: told of every change.
     """
 

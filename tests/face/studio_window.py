@@ -1,0 +1,94 @@
+"""Helpers of the studio's tests: parts of the cabinet, and what a browser's window shows."""
+
+from __future__ import annotations
+
+import io
+import shutil
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from PIL import Image
+from scipy.spatial.transform import Rotation
+
+from mam_pipeline.types import FloatArray, Joint, PartNode
+from mam_sim.studio.picking import Camera
+from mam_sim.studio.session import Session
+
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+
+
+SIZE = {"width": 900, "height": 560}
+
+
+DRAWN_BY_CPU = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+
+
+PATIENCE = 120_000  # ms: on a machine with other work a frame takes seconds
+
+
+def door(session: Session) -> PartNode:
+    """The part that has the panel: the largest piece at the front."""
+    middles = session.mesh.vertices[session.mesh.faces].mean(axis=1)
+    piece = session.primitives.labels[np.argmin(np.abs(middles - [-0.222, 0, 0.3]).sum(axis=1))]
+    return next(n for n in session.state.tree.nodes if piece in n.primitives)
+
+
+def joint_of(session: Session, name: str) -> Joint:
+    articulation = session.state.articulation
+    names = [link.name for link in articulation.links]
+    found = articulation.joint_of(names.index(name))
+    assert found is not None
+    return found
+
+
+def until(true: Callable[[], Any], seconds: float = PATIENCE / 1000) -> Any:
+    """Wait until something is neither None nor False; returns it."""
+    end = time.monotonic() + seconds
+    while (found := true()) is None or found is False:
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.05)
+    return found
+
+
+def camera_of(page: Any) -> Camera:
+    """The browser's camera."""
+    camera = next(iter(page.server.get_clients().values())).camera
+    turn = Rotation.from_quat(np.roll(camera.wxyz, -1)).as_matrix()
+    return Camera(np.asarray(camera.position), turn, camera.fov, camera.aspect)
+
+
+def canvas(window: Any) -> dict[str, float]:
+    box: dict[str, float] = window.locator("canvas").first.bounding_box()
+    return box
+
+
+def pixel(page: Any, window: Any, points: Any) -> FloatArray:
+    """(n, 2) where points are in the window, pixels."""
+    box = canvas(window)
+    at = camera_of(page).screen(np.asarray(points, dtype=float))
+    return at * [box["width"], box["height"]] + [box["x"], box["y"]]
+
+
+def seen(window: Any) -> FloatArray:
+    """(H, W, 3) the window as it is drawn."""
+    picture = Image.open(io.BytesIO(window.screenshot(timeout=PATIENCE))).convert("RGB")
+    return np.asarray(picture, dtype=float)
+
+
+def window_middle(box: dict[str, float]) -> tuple[int, int]:
+    """Column and row of the middle of the view."""
+    return int(box["x"] + box["width"] / 2), int(box["y"] + box["height"] / 2)
+
+
+def door_front(session: Session) -> FloatArray:
+    """A point on the door's front, off its knob."""
+    return np.array([-0.222, 0.1, 0.35])
+
+
+def changed(before: FloatArray, after: FloatArray, box: dict[str, float]) -> FloatArray | None:
+    """(n, 2) pixels of the view that differ, column and row; None for too few."""
+    differs = np.abs(before - after).max(axis=2) > 24
+    rows, columns = np.nonzero(differs[:, : int(box["x"] + box["width"])])
+    return np.stack([columns, rows], axis=1) if len(rows) > 500 else None

@@ -1,0 +1,168 @@
+"""Edits of hints, picking, and the words for what was found; without a browser."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mam_pipeline.types import Joint, KinematicTree, Mesh, PartNode, Primitives
+from mam_sim.studio import edits
+from mam_sim.studio.picking import Camera, Snap, line_at, primitives_in_box, snapped, snaps
+from mam_sim.studio.words import joint_text, line, verdict_text
+
+Change = Callable[..., object]
+
+
+def tree() -> KinematicTree:
+    """A base, a door with a knob on it, and a drawer."""
+    return KinematicTree((
+        PartNode("base", "body", (0, 1), -1, "fixed"),
+        PartNode("door", "door", (2, 3), 0, "hinge"),
+        PartNode("knob", "knob", (4,), 1, "spin"),
+        PartNode("drawer", "drawer", (5, 6), 0, "slide"),
+    ))  # fmt: skip
+
+
+def after(*changes: Change) -> dict[str, PartNode]:
+    """The parts after edits, by name; the tree of each edit is that which the one before made."""
+    from mam_pipeline.hints import Hints
+    from mam_pipeline.parts.hints import apply_hints
+
+    corners = np.concatenate([[[k, 0, 0], [k + 0.5, 0, 0], [k, 0, 0.5]] for k in range(7)])
+    mesh, primitives = Mesh(corners, np.arange(21).reshape(7, 3)), Primitives(np.arange(7))
+    hints, now = Hints(), tree()
+    for change in changes:
+        made = change(hints, now)
+        assert isinstance(made, Hints)
+        hints = edits.with_living_parents(made, now)
+        now = apply_hints(tree(), primitives, mesh, hints)
+    assert sorted(p for n in now.nodes for p in n.primitives) == list(range(7))
+    return {n.name: n for n in now.nodes}
+
+
+def parent(parts: dict[str, PartNode], name: str) -> str:
+    return list(parts)[parts[name].parent]
+
+
+def test_pieces_become_a_part_and_go_back() -> None:
+    parts = after(lambda h, t: edits.make_part(h, t, [1, 5], "lid", "hinge"))
+    assert parts["lid_0"].primitives == (1, 5) and parts["drawer"].primitives == (6,)
+    parts = after(
+        lambda h, t: edits.make_part(h, t, [1, 5], "lid", "hinge"),
+        lambda h, t: edits.do_not_move(h, [5]),
+        lambda h, t: edits.add_to(h, t, "drawer", [1]),
+    )
+    assert "lid_0" not in parts and parts["drawer"].primitives == (1, 6)
+
+
+def test_what_hangs_on_a_part_stays_on_it_when_it_is_edited() -> None:
+    for change in (
+        lambda h, t: edits.set_kind(h, t, "door", "gate"),
+        lambda h, t: edits.add_to(h, t, "door", [1]),
+        lambda h, t: edits.set_subtype(h, t, "door", "slide"),
+    ):
+        assert parent(after(change), "knob") == "door"
+    assert parent(after(lambda h, t: edits.rename(h, t, "door", "gate")), "knob") == "gate"
+    fixed = after(
+        lambda h, t: edits.set_kind(h, t, "knob", "dial"),
+        lambda h, t: edits.set_subtype(h, t, "door", "fixed"),
+    )
+    assert "door" not in fixed and parent(fixed, "knob") == "base"
+
+
+def test_merged_parts_move_as_the_first_and_carry_what_hung_on_both() -> None:
+    parts = after(lambda h, t: edits.merge(h, t, "drawer", "door"))
+    assert parts["drawer"].primitives == (2, 3, 5, 6) and parts["drawer"].subtype == "slide"
+    assert parent(parts, "knob") == "drawer"
+    parts = after(lambda h, t: edits.merge(h, t, "knob", "door"))
+    assert parts["knob"].primitives == (2, 3, 4) and parent(parts, "knob") == "base"
+
+
+def test_a_part_is_the_engines_again() -> None:
+    parts = after(
+        lambda h, t: edits.set_kind(h, t, "door", "gate"),
+        lambda h, t: edits.as_the_engine_says(h, t, "door"),
+    )
+    assert parts["door"].kind == "door" and parts["door"].provenance == "inferred"
+
+
+def test_a_box_on_the_screen_selects_what_is_seen_whole_in_it() -> None:
+    import trimesh
+
+    from mam_pipeline.render.tracer import Tracer
+
+    places = [
+        ((0.4, 0.5, 0.6), (0, 0, 0.3)),
+        ((0.02, 0.46, 0.5), (-0.215, 0, 0.3)),
+        ((0.04, 0.05, 0.05), (-0.245, 0.18, 0.3)),
+    ]
+    joined: Any = trimesh.util.concatenate([
+        trimesh.creation.box(size, trimesh.transformations.translation_matrix(at)).subdivide()
+        for size, at in places
+    ])  # fmt: skip
+    mesh = Mesh(joined.vertices, joined.faces)
+    primitives = Primitives(np.repeat(np.arange(3), 48))
+    tracer = Tracer(mesh.vertices, mesh.faces)
+    ahead = np.array([[0, 0, 1.0], [-1, 0, 0], [0, -1, 0]])  # looks along +X, Z up
+    camera = Camera(np.array([-2.0, 0, 0.3]), ahead, 0.6, 1.0)
+
+    def box(low: tuple[float, float], high: tuple[float, float]) -> list[int]:
+        corners = np.array(low), np.array(high)
+        return primitives_in_box(mesh, primitives.labels, tracer, camera, *corners)
+
+    assert box((0, 0), (1, 1)) == [0, 1, 2]
+    low, high = camera.screen(np.array([[-0.225, 0.23, 0.55], [-0.225, -0.23, 0.05]]))
+    assert box(tuple(low - 0.005), tuple(high + 0.005)) == [1, 2], "the body reaches beyond it"
+    knob = camera.screen(np.array([[-0.265, 0.18, 0.3]]))[0]
+    assert box(tuple(knob - 0.06), tuple(knob + 0.06)) == [2]
+
+
+def test_an_axis_snaps_to_edges_and_circles_with_its_sign() -> None:
+    import trimesh
+
+    shapes = [trimesh.creation.box((0.4, 0.5, 0.6)), trimesh.creation.cylinder(0.05, 0.2)]
+    for shape, left, want, what in (
+        (shapes[0], ((0.02, 0.01, -1), (0.21, 0.24, 0.1)), (0.2, 0.25), "edge"),
+        (shapes[1], ((0.1, 0.02, -1), (0.005, 0.0, 0.11)), (0.0, 0.0), "circle"),
+    ):
+        mesh = Mesh(shape.vertices, shape.faces)
+        axis = np.array(left[0]) / np.linalg.norm(left[0])
+        lines = [s for s in snaps(mesh, np.arange(len(mesh.faces))) if s.what == what]
+        found = snapped(axis, np.array(left[1]), lines, mesh.diagonal)
+        assert isinstance(found, Snap) and found.what == what
+        assert np.allclose(found.axis, [0, 0, -1], atol=1e-6)
+        assert np.allclose(found.origin[:2], want, atol=1e-6)
+
+
+def test_words_say_where_a_line_runs_as_seen_from_the_front() -> None:
+    box = np.array([[-0.22, -0.23, 0.0], [-0.2, 0.23, 0.6]])
+    assert line("hinge", np.array([0, 0, 1.0]), np.array([-0.2, -0.23, 0.3]), box) == (
+        "hinge at its right, upright"
+    )
+    assert line("slide", np.array([-1.0, 0, 0]), np.zeros(3), box) == "slide out to the front"
+    joint = Joint("j", "revolute", "hinge", 0, 1, np.array([0, 0, 1.0]),
+                  np.array([-0.2, 0.23, 0.3]), 0.0, np.pi / 2, confidence=0.4)  # fmt: skip
+    runs = line("hinge", joint.axis, joint.origin, box)
+    text = joint_text(joint, "door_0", "door", runs)
+    assert "at its left, upright" in text and "0 to 90 °" in text
+    assert "40 % sure. Please look at it." in text
+    assert "runs into another" in verdict_text(False, True, ["penetration"], [])
+
+
+def test_a_click_near_an_edge_gives_its_line_and_of_a_rim_its_middle_axis() -> None:
+    import trimesh
+
+    for shape, click, axis, at in (
+        (trimesh.creation.box((0.4, 0.5, 0.6)), (0.2, 0.24, 0.1), (0, 0, 1), (0.2, 0.25)),
+        (trimesh.creation.cylinder(0.05, 0.2), (0.045, 0.0, 0.1), (0, 0, 1), (0.0, 0.0)),
+    ):
+        mesh = Mesh(shape.vertices, shape.faces)
+        found = line_at(mesh, np.arange(len(mesh.faces)), np.array(click))
+        assert found is not None and abs(found.axis @ np.array(axis)) == pytest.approx(1)
+        assert np.allclose(found.origin[:2], at, atol=1e-6)
+    ball = trimesh.creation.icosphere(3)
+    smooth = Mesh(ball.vertices, ball.faces)
+    assert line_at(smooth, np.arange(len(ball.faces)), np.array([1.0, 0, 0])) is None

@@ -1,0 +1,135 @@
+"""The studio's page in a real browser without a screen."""
+
+from __future__ import annotations
+
+import urllib.error
+import urllib.request
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mam_pipeline.errors import InputError
+from mam_pipeline.hints import load_hints
+from mam_sim.studio.session import Session
+from tests.face.studio_window import (
+    canvas,
+    changed,
+    door,
+    door_front,
+    joint_of,
+    pixel,
+    seen,
+    until,
+    window_middle,
+)
+
+
+def test_in_a_browser_a_slider_moves_its_part_and_edits_are_undone_saved_and_read_again(
+    page: Any, window: Any, session: Session
+) -> None:
+    work, requests = page.work, []
+    window.on("request", lambda request: requests.append(request.url))
+    window.goto(page.url)
+    window.get_by_text("cabinet").wait_for()
+    until(lambda: len(page.server.get_clients()) > 0)
+    part = door(session).name
+    joint = joint_of(session, part)
+    box = canvas(window)
+    middle = window_middle(box)
+    until(lambda: bool(seen(window)[middle[1], middle[0]].min() < 250))  # the object is there
+
+    before = seen(window)
+    slider = window.get_by_role("slider").nth(1)
+    slider.focus()
+    slider.press("End")
+    until(lambda: bool(abs(work.scene.values[joint.name]) > 0.9 * (joint.upper - joint.lower)))
+    moved = until(lambda: changed(before, seen(window), box))
+    link = next(k for k in session.state.articulation.links if k.name == part)
+    corners = session.mesh.vertices[session.mesh.faces[link.faces]].reshape(-1, 3)
+    pose = session.state.articulation.link_poses(work.scene.values)[joint.child]
+    ways = np.concatenate([corners, corners @ pose[:3, :3].T + pose[:3, 3]])
+    low, high = (f(pixel(page, window, ways), axis=0) for f in (np.min, np.max))
+    assert np.all(moved >= low - 25) and np.all(moved <= high + 25), "only the door has moved"
+    slider.press("Home")
+
+    window.get_by_role("tab", name="Put right").click()
+    x, y = pixel(page, window, [door_front(session)])[0]
+    window.mouse.click(x, y)
+    until(lambda: work.part == part)
+    window.get_by_text("1 piece").wait_for()
+    window.get_by_role("button", name="Other direction").click()
+    until(lambda: bool(np.allclose(joint_of(session, part).axis, -joint.axis)))
+    window.get_by_role("button", name="Undo").click()
+    until(lambda: joint_of(session, part) is joint)
+    window.get_by_role("button", name="Redo").click()
+    until(lambda: joint_of(session, part) is not joint)
+    window.get_by_role("button", name="Save").click()
+    until(session.place.hints.is_file)
+
+    window.reload()
+    window.get_by_text("· saved").wait_for()
+    saved = load_hints(session.place.hints)
+    assert saved == session.state.hints and saved.parts[0].name == part
+    session.place.hints.unlink()
+    assert all(u.startswith((page.url, "blob:", "data:")) for u in requests), requests
+
+
+def test_in_a_browser_a_typed_length_sets_the_size(
+    page: Any, window: Any, session: Session
+) -> None:
+    page.work.refresh()
+    window.goto(page.url)
+    window.get_by_text("cabinet").wait_for()
+    until(lambda: len(page.server.get_clients()) > 0)
+    window.get_by_role("tab", name="Put right").click()
+    window.get_by_text("How it stands").click()
+    length = window.get_by_label("Metres")
+    length.fill("1.2")
+    length.press("Tab")
+    until(lambda: page.work.panels[2].stand.length.value == 1.2)
+    window.get_by_role("button", name="Set the size").click()
+    until(lambda: bool(np.isclose(page.work.size()[2], 1.2)))
+    assert session.state.hints.height == pytest.approx(1.2)
+
+    window.get_by_role("button", name="Undo").click()
+    until(lambda: not session.can_undo)
+    assert np.isclose(page.work.size()[2], 0.6)
+
+
+def test_in_a_browser_a_clicked_face_says_where_the_top_is(
+    page: Any, window: Any, session: Session
+) -> None:
+    page.work.refresh()
+    window.goto(page.url)
+    window.get_by_text("cabinet").wait_for()
+    until(lambda: len(page.server.get_clients()) > 0)
+    middle = window_middle(canvas(window))
+    until(lambda: bool(seen(window)[middle[1], middle[0]].min() < 250))  # the object is there
+    window.get_by_role("tab", name="Put right").click()
+    size = page.work.size().copy()
+    window.mouse.click(*pixel(page, window, [door_front(session)])[0])
+    until(lambda: page.work.face is not None)
+    window.get_by_text("How it stands").click()
+    window.get_by_role("button", name="The clicked face is on top").click()
+    until(lambda: session.state.hints.up is not None)
+    until(lambda: bool(np.isclose(page.work.size()[2], size[0])))  # its depth stands upright
+    window.get_by_role("button", name="Undo").click()
+    until(lambda: not session.can_undo)
+    assert np.allclose(page.work.size(), size)
+
+
+def test_other_sites_pages_are_refused(page: Any) -> None:
+    for headers in ({"Host": "evil.example"}, {"Origin": "http://evil.example"}):
+        request = urllib.request.Request(page.url, headers=headers)
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(request, timeout=20)
+    with urllib.request.urlopen(page.url, timeout=20) as answer:
+        assert answer.status == 200
+
+
+def test_a_port_that_is_taken_is_an_error(page: Any) -> None:
+    from mam_sim.studio.page import Page
+
+    with pytest.raises(InputError, match="cannot listen on port"):
+        Page(page.server.get_port())

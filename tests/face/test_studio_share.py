@@ -1,0 +1,62 @@
+"""Pages that are given away: one asset, and a gallery."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from mam_sim.studio.session import Session
+from tests.face.studio_window import (
+    canvas,
+    changed,
+    door,
+    seen,
+    until,
+)
+
+
+def test_the_viewers_script_was_built_from_its_source() -> None:
+    import hashlib
+    from importlib import resources
+
+    folder = resources.files("mam_sim.viewer")
+    digest = hashlib.sha256(folder.joinpath("source.js").read_bytes()).hexdigest()
+    built = folder.joinpath("viewer.js").read_text(encoding="utf-8")
+    assert digest in built[:200], "run scripts/build_viewer.sh"
+    assert "three.js authors" in built[:2000] and len(built) < 1_000_000
+
+
+def test_the_page_that_is_given_away_opens_offline_and_its_slider_moves_the_part(
+    window: Any, session: Session, tmp_path: Path
+) -> None:
+    from mam_sim import viewer
+
+    part = door(session).name
+    file = tmp_path / "view.html"
+    file.write_text(viewer.page(session.state.articulation, "cab</script>inet"), encoding="utf-8")
+    requests: list[str] = []
+    window.on("request", lambda request: requests.append(request.url))
+    window.goto(file.as_uri())
+    window.wait_for_function("document.body.dataset.ready === 'yes'")
+    assert window.get_by_role("heading").inner_text() == "cab</script>inet"
+    before, box = seen(window), canvas(window)
+    slider = window.get_by_role("slider", name=part, exact=True)
+    slider.focus()
+    slider.press("End")
+    assert until(lambda: changed(before, seen(window), box)) is not None
+    slider.press("Home")
+    until(lambda: True if changed(before, seen(window), box) is None else None)
+    assert all(u.startswith(("file:", "blob:")) for u in requests), requests
+
+
+def test_a_gallery_shows_every_asset_and_leads_to_its_page(tmp_path: Path) -> None:
+    from mam_sim.verbs.view import View
+    from mam_world.dataset import write_dataset
+
+    write_dataset("station_button", 2, 0, tmp_path / "all")
+    assert View(asset=tmp_path / "all", html=True, quiet=True, size=64).run() == 0
+    page = (tmp_path / "all" / "gallery.html").read_text(encoding="utf-8")
+    assert "all: 2 objects" in page and page.count("data:image/png") == 4
+    for k in range(2):
+        link = f"station_button_00000{k}/view.html"
+        assert f'href="{link}"' in page and (tmp_path / "all" / link).is_file()
