@@ -1,63 +1,126 @@
-"""Reading fronts drawn for the purpose: mouldings, long bars, repeated handles."""
+"""Reading fronts: what the network sees, the tiling of its votes, repeated handles."""
 
 from __future__ import annotations
+
+import itertools
 
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from mam_pipeline.photo.complete import fix_controls
-from mam_pipeline.photo.front import with_own_handles
-from mam_pipeline.photo.handles import COUNT, Blob, handle_candidates
-from mam_pipeline.photo.mouldings import moulding_credit, spans
+from mam_pipeline.photo import front_network
+from mam_pipeline.photo.front import read_front, with_own_handles
+from mam_pipeline.photo.front_network import FrontMaps, look_at_front
+from mam_pipeline.photo.handles import Blob, handles_seen
 from mam_pipeline.photo.panel import Panel
 from mam_pipeline.photo.repeat import handles_by_repetition
-from mam_pipeline.photo.seams import candidates, find_seams
+from mam_pipeline.photo.tiling import best_tiling, seams_of
+from mam_world.photos.painted_front import paint_front
 
 
-def test_spans_pair_lines_at_even_margins() -> None:
-    lines = np.array([0, 30, 100, 170, 200])
-    assert [0, 1, 3, 4] in spans(lines, 200.0).tolist()
-    assert [0, 1, 2, 4] not in spans(lines, 200.0).tolist()
+def drawn_front(columns: list[int], rows: list[int]) -> NDArray[np.uint8]:
+    """A white chest with dark joints and a knob in the middle of every cell."""
+    image = np.full((480, 640, 3), 215, np.uint8)
+    xs, ys = [0, *columns, 640], [0, *rows, 480]
+    for x in xs:
+        cv2.line(image, (x, 0), (x, 480), (70, 70, 70), 4)
+    for y in ys:
+        cv2.line(image, (0, y), (640, y), (70, 70, 70), 4)
+    for x0, x1 in itertools.pairwise(xs):
+        for y0, y1 in itertools.pairwise(ys):
+            centre = ((x0 + x1) // 2, (y0 + y1) // 2)
+            cv2.circle(image, (centre[0] + 2, centre[1] + 5), 12, (140, 140, 140), -1)
+            cv2.circle(image, centre, 11, (60, 55, 50), -1)
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), 1.0), np.uint8)
 
 
-def test_a_moulding_is_credited_to_its_panel() -> None:
-    xs = ys = np.array([0, 20, 180, 200])
-    column, row = np.zeros((4, 4, 4)), np.zeros((4, 4, 4))
-    column[1:3], row[1:3] = 1.0, 1.0
-    credit = moulding_credit(xs, ys, column, row, lambda s, share: share * s - 0.2)
-    assert credit[0, 3, 0, 3] == pytest.approx(4 * 0.8)  # each line in full, less four cuts
-    assert credit[0, 2, 0, 2] == 0.0  # no inner rectangle at even margins
-    column[1, 1, 2] = column[1, 0, 3] = row[1, 1, 2] = row[1, 0, 3] = 0.1
-    column[2, 1, 2] = 0.5
-    assert moulding_credit(xs, ys, column, row, lambda s, share: s)[0, 3, 0, 3] == 0.0
+def test_drawers_of_a_drawn_chest_are_read_with_their_knobs() -> None:
+    reading = read_front(drawn_front([320], [160, 320]))
+    assert [p.kind for p in reading.movable] == ["drawer"] * 6
+    corners = {(x, y) for x in (0, 320) for y in (0, 160, 320)}
+    for panel in reading.movable:
+        x0, y0, x1, y1 = panel.box
+        assert min(abs(x0 - a) + abs(y0 - b) for a, b in corners) <= 16
+        assert abs(x1 - x0 - 320) <= 16 and abs(y1 - y0 - 160) <= 16
+        (knob,) = panel.handles
+        assert knob.provenance == "observed"
+        assert np.abs(np.array(knob.center) - [(x0 + x1) / 2, (y0 + y1) / 2]).max() <= 16
+    assert reading.confidence > 0.7
 
 
-def test_a_wide_line_is_one_candidate() -> None:
-    response = np.zeros((100, 300))
-    response[:, 140:160] = 1.0
-    strength = response.copy()
-    strength[:, 150] = 3.0
-    found = candidates(response, strength, axis=1)
-    assert found[0] == 0 and found[-1] == 300 and 150 in found
-    assert np.diff(found).min() >= 4 and len(found) <= 8
+def test_the_network_in_numpy_is_that_which_was_trained() -> None:
+    torch = pytest.importorskip("torch")
+    model = pytest.importorskip("mam_training.photo.front_model")
+    decoder = model.FrontDecoder()
+    with np.load(front_network.WEIGHTS) as kept:
+        decoder.load_state_dict({k: torch.from_numpy(kept[k].astype(np.float32)) for k in kept})
+    image = np.random.default_rng(0).integers(0, 255, (256, 384, 3)).astype(np.uint8)
+    maps = look_at_front(image)
+    with torch.no_grad():
+        picture = (torch.from_numpy(image.transpose(2, 0, 1)[None].astype(np.float32)) - 127) / 128
+        raw = decoder(model.Backbone()(picture))[0]
+    assert np.allclose(maps.handle, torch.sigmoid(raw[2]).numpy(), atol=1e-4)
+    assert np.allclose(maps.kind, torch.softmax(raw[3:9], 0).numpy(), atol=1e-4)
+    far = torch.nn.functional.softplus(raw[9:]).numpy() + front_network.LEAST_REACH
+    assert np.allclose(maps.reach, far * sum(maps.handle.shape), atol=1e-2)
 
 
-def front() -> np.ndarray:
-    """Two shaker doors side by side, each with a rail of its own."""
-    image = np.full((400, 400, 3), 190, np.uint8)
-    for x in (10, 205):
-        cv2.rectangle(image, (x, 10), (x + 184, 389), (60, 60, 60), 2)
-        cv2.rectangle(image, (x + 36, 46), (x + 148, 353), (130, 130, 130), 2)
-    return image
+def voted(boxes: list[tuple[int, int, int, int]], h: int = 40, w: int = 60) -> FrontMaps:
+    """What a network would say that sees these panels (x0, y0, x1, y1 in places) exactly."""
+    y, x = np.mgrid[0:h, 0:w] + 0.5
+    kind, reach = np.zeros((6, h, w), np.float32), np.full((4, h, w), 1.0, np.float32)
+    kind[0] = 1.0
+    upright, level = np.zeros((2, h, w), np.float32)
+    for x0, y0, x1, y1 in boxes:
+        inside = (x > x0) & (x < x1) & (y > y0) & (y < y1)
+        kind[0, inside], kind[2, inside] = 0.0, 1.0
+        reach[:, inside] = np.stack([x - x0, y - y0, x1 - x, y1 - y])[:, inside]
+        for at in (x0, x1):
+            upright[y0:y1, min(at, w - 1)] = 1.0
+        for at in (y0, y1):
+            level[min(at, h - 1), x0:x1] = 1.0
+    return FrontMaps(upright, level, np.zeros((h, w), np.float32), kind, reach, 400, 600)
 
 
-def test_seam_lines_of_a_drawn_front_are_candidates() -> None:
-    seams = find_seams(front())
-    for x in (46, 199, 241):
-        assert np.abs(seams.xs - x).min() <= 4
-    for y in (46, 353):
-        assert np.abs(seams.ys - y).min() <= 4
+def test_the_tiling_follows_the_votes_and_leaves_the_rest() -> None:
+    maps = voted([(2, 2, 30, 20), (2, 20, 30, 38), (30, 2, 44, 38)])
+    tiles = best_tiling(maps, seams_of(maps))
+    panels = sorted(t.box for t in tiles if t.panel)
+    want = [(20, 20, 300, 200), (20, 200, 300, 380), (300, 20, 440, 380)]
+    assert np.allclose(panels, want, atol=12)
+    assert all(t.agreement > 0.8 for t in tiles if t.panel)
+    rest = [t for t in tiles if not t.panel]
+    assert any(t.box[0] > 420 and t.box[2] == 600 for t in rest)  # the right quarter is none
+    assert maps.kind_shares((20, 20, 300, 200))["door left"] > 0.99
+
+
+def test_a_front_without_votes_has_no_panel() -> None:
+    maps = voted([])
+    assert not any(t.panel for t in best_tiling(maps, seams_of(maps)))
+
+
+def test_a_faint_patch_is_kept_with_its_own_size() -> None:
+    maps = voted([])
+    maps.handle[10:14, 10:14] = 0.9
+    maps.handle[10:14, 40:44] = 0.3
+    sure, faint = handles_seen(maps)
+    assert (sure.score, faint.score) == pytest.approx((0.9, 0.3), abs=0.02)
+    assert np.allclose(sure.box, (100, 100, 140, 140), atol=8)
+    assert np.allclose(faint.box, (400, 100, 440, 140), atol=8)
+
+
+def test_painted_fronts_are_the_same_again_and_hold_their_panels() -> None:
+    one, two = (paint_front(np.random.default_rng(3)) for _ in range(2))
+    assert np.array_equal(one.picture, two.picture) and one.panels == two.panels
+    for seed in range(6):
+        front = paint_front(np.random.default_rng(seed))
+        for panel in front.panels:
+            u0, v0, u1, v1 = panel.rect
+            assert -0.01 < u0 < u1 < 1.01 and -0.01 < v0 < v1 < 1.01
+            for handle in panel.handles:
+                middle = (handle[0] + handle[2]) / 2, (handle[1] + handle[3]) / 2
+                assert u0 < middle[0] < u1 and v0 - 0.02 < middle[1] < v1
 
 
 def blob(x: float, y: float, score: float, w: float = 10, h: float = 10) -> Blob:
@@ -93,36 +156,3 @@ def test_handles_stay_within_their_panel() -> None:
     assert right.handles[0].box == pytest.approx((105.5, 40, 130, 60))
     lost = with_own_handles(Panel((0, 0, 100, 200), "door", "left", (Blob((99, 40, 120, 60), 1),)))
     assert [b.provenance for b in lost.handles] == ["assumed"]  # a virtual grasp line instead
-
-
-def test_a_handle_of_its_panels_own_colour_is_a_candidate() -> None:
-    rng = np.random.default_rng(0)
-    picture = np.full((300, 400, 3), 150.0) + rng.normal(0, 4.0, (300, 400, 3))
-    picture[146:154, 160:240] += 9.0  # about two deviations of the noise
-    image = np.clip(picture, 0, 255).astype(np.uint8)
-    boxes, table = handle_candidates(image, find_seams(image))
-    assert table.shape == (len(boxes), COUNT)
-    off = np.abs(boxes - [160, 146, 240, 154])
-    assert off.max(axis=1).min() <= 8
-
-
-def test_knobs_beside_a_microwaves_door_do_not_open() -> None:
-    door = Panel((0, 0, 300, 200), "door", "left", (blob(280, 100, 0.9, 10, 120),))
-    column = [
-        Panel((310, 0, 400, 100), "drawer", None, (blob(355, 50, 0.8),)),
-        Panel((310, 100, 400, 200), "drawer", None, (blob(355, 150, 0.8),)),
-    ]
-    fixed = fix_controls([door, *column], [], (400, 200))
-    assert [p.kind for p in fixed] == ["door", "fixed", "fixed"]
-    drawers = [Panel(p.box, p.kind, None, (blob(355, 50, 0.8, 10, 115),)) for p in column]
-    kept = fix_controls([door, *drawers], [], (400, 200))
-    assert [p.kind for p in kept] == ["door", "drawer", "drawer"]  # they carry the door's handle
-
-
-def test_three_knobs_in_a_row_are_controls_and_two_are_handles() -> None:
-    strip = Panel((0, 0, 300, 60), "drawer", None, ())
-    door = Panel((0, 60, 300, 400), "door", "bottom", ())
-    knobs = [blob(x, 30, 0.5) for x in (60, 150, 240)]
-    over = fix_controls([strip, door], knobs, (300, 400))
-    assert [p.kind for p in over] == ["fixed", "door"]
-    assert fix_controls([strip, door], knobs[:2], (300, 400))[0].kind == "drawer"

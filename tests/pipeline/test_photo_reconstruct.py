@@ -25,18 +25,15 @@ from mam_pipeline.photo.camera import (
 )  # fmt: skip
 from mam_pipeline.photo.evaluate import score_image, yolo_items
 from mam_pipeline.photo.find import find_object
-from mam_pipeline.photo.handles import Blob
 from mam_pipeline.photo.image import make_photo
 from mam_pipeline.photo.layout import split
 from mam_pipeline.photo.lines import find_segments
 from mam_pipeline.photo.mask import middle_mask
 from mam_pipeline.photo.measure import settle_sizes
 from mam_pipeline.photo.options import PhotoOptions, parse_options
-from mam_pipeline.photo.partition import best_partition
 from mam_pipeline.photo.quad import aspect_of_quad
 from mam_pipeline.photo.reconstruct import reconstruct_photo
 from mam_pipeline.photo.score import handle_hits, polygon_iou
-from mam_pipeline.photo.seams import find_seams
 from mam_world.photos.synthetic_photo import synthesise
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -96,27 +93,6 @@ def test_handles_are_hit_when_the_centre_lies_inside() -> None:
     assert handle_hits(truth, [SQUARE * 18 + 102]) == (1, 1)
     assert handle_hits(truth, [SQUARE * 18 + 140]) == (0, 0)
     assert handle_hits(truth, [SQUARE * 200 + 10]) == (0, 0)  # ten times the size
-
-
-def drawn_front(columns: list[int], rows: list[int]) -> np.ndarray:
-    image = np.full((480, 640, 3), 190, np.uint8)
-    for x in columns:
-        cv2.line(image, (x, 0), (x, 480), (70, 70, 70), 3)
-    for y in rows:
-        cv2.line(image, (0, y), (640, y), (70, 70, 70), 3)
-    return image
-
-
-def test_partition_of_a_drawn_grid_is_exact() -> None:
-    image = drawn_front([320], [160, 320])
-    centres = [(x, y) for y in (80, 240, 400) for x in (160, 480)]
-    blobs = [Blob((x - 10, y - 10, x + 10, y + 10), 0.95) for x, y in centres]
-    leaves = [x for x in best_partition(find_seams(image), blobs).leaves if x.kind == "panel"]
-    assert len(leaves) == 6
-    expected = {(x0, y0) for x0 in (0, 320) for y0 in (0, 160, 320)}
-    for x0, y0, x1, y1 in (leaf.box for leaf in leaves):
-        assert min(abs(x0 - a) + abs(y0 - b) for a, b in expected) <= 8
-        assert abs(x1 - x0 - 320) <= 8 and abs(y1 - y0 - 160) <= 8
 
 
 def test_split_follows_lines_within_the_named_count() -> None:

@@ -27,7 +27,7 @@ from mam_pipeline.photo.mask import ObjectMask
 from mam_pipeline.photo.measure import USUAL, usual_size
 from mam_pipeline.photo.options import CATEGORY_NAMES, PhotoOptions, parse_layout, parse_options
 from mam_pipeline.photo.panel import Panel
-from mam_pipeline.photo.seams import find_seams
+from mam_pipeline.photo.tiling import SeamMaps
 from mam_pipeline.photo.verdict import (
     Judgement,
     fills_the_picture,
@@ -52,7 +52,7 @@ def two_drawers(width: float = 1.0) -> Found:
         panels.append(Panel((2.0, y, w - 2.0, y + 98), "drawer", None, (knob,)))
     quad = np.array([[50.0, 40], [50 + w, 40], [50 + w, 240], [50, 240]])
     mask = ObjectMask(np.ones((300, 400)), "user", 1.0)
-    reading = FrontReading(image, tuple(panels), 1.0, 0.9)
+    reading = FrontReading(image, tuple(panels), 0.9)
     return Found(mask, quad, (width, 0.5, 1.0), reading, 0.1, 0.3, [quad], depth_hold=1.0)
 
 
@@ -98,7 +98,10 @@ def test_nobody_looks_where_the_user_says_what_it_is() -> None:
 
 def test_panels_are_believed_where_each_shows_its_handle_and_reads_the_same_again() -> None:
     found = two_drawers()
-    assert evidence(found)["panels"] == pytest.approx(0.9)
+    votes = np.mean([p.confidence for p in found.reading.movable])
+    assert evidence(found)["panels"] == pytest.approx((1 - found.cost) * votes * 0.9)
+    beside = replace(found, reading=replace(found.reading, missed=0.8))
+    assert evidence(beside)["panels"] == 0.0  # a handle that no panel holds
     assert evidence(found, agree=0.5)["panels"] == 0.0
     bare = replace(found.reading.panels[0], handles=())
     reading = replace(found.reading, panels=(bare, found.reading.panels[1]))
@@ -155,10 +158,10 @@ def test_a_pinwheel_cannot_be_said() -> None:
 
 
 def test_columns_are_cut_at_their_lines_and_then_into_rows() -> None:
-    image = np.full((400, 600, 3), 190, np.uint8)
-    cv2.line(image, (200, 0), (200, 400), (60, 60, 60), 3)
-    cv2.line(image, (200, 200), (600, 200), (60, 60, 60), 3)
-    cells = cells_of_layout(find_seams(image), [], parse_layout("door | 2 drawers"))
+    vertical, horizontal = np.zeros((400, 600)), np.zeros((400, 600))
+    vertical[:, 200], horizontal[200, 200:] = 1.0, 1.0
+    lines = SeamMaps(vertical, horizontal, np.array([0, 200, 600]), np.array([0, 200, 400]))
+    cells = cells_of_layout(lines, [], parse_layout("door | 2 drawers"))
     want = [("door", (0, 0, 200, 400)), ("drawer", (200, 0, 600, 200)),
             ("drawer", (200, 200, 600, 400))]  # fmt: skip
     for (kind, box), (truth, corners) in zip(cells, want, strict=True):

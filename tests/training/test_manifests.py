@@ -17,7 +17,7 @@ from mam_training.joints.train import JointTraining
 from mam_training.parts.fit_abstention import AbstentionTraining
 from mam_training.parts.train import PartsTraining
 from mam_training.photo.fit_confidence import ConfidenceTraining
-from mam_training.photo.train_handles import HandleTraining
+from mam_training.photo.train_front import FrontTraining
 
 ROOT = Path(__file__).resolve().parents[2]
 PIPELINE = Path(mam_pipeline.__file__).parent
@@ -26,7 +26,7 @@ FOLDERS = sorted({
     for file in PIPELINE.rglob(pattern) if "weights" in file.parts
 })  # fmt: skip
 TRAINERS = {
-    "parts": PartsTraining, "joints": JointTraining, "photo_handles": HandleTraining,
+    "parts": PartsTraining, "joints": JointTraining, "photo_front": FrontTraining,
     "photo_confidence": ConfidenceTraining, "abstention": AbstentionTraining,
     "network": NetworkTraining,
 }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Second thoughts on a front: like panels agree, missing handles are completed, strips are fixed.
+"""Second thoughts on a front: like panels agree, missing handles are completed.
 
 What is added is marked: `inferred` where like panels show it, `assumed` for a virtual grasp line.
 """
@@ -12,24 +12,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from mam_pipeline.photo.handles import Blob
+from mam_pipeline.photo.handles import FAINT, Blob
 from mam_pipeline.photo.panel import Panel
 
 LIKE = 0.14  # relative size difference of panels that are of one make
-WEAK_HANDLE = 0.12  # a faint candidate where like panels have their handle is the handle
 
 
-def complete(
-    panels: Sequence[Panel], blobs: Sequence[Blob], size: tuple[int, int], keep_all: bool = False
-) -> list[Panel]:
-    """Complete the panels of a front of (width, height) pixels; `keep_all`: none becomes fixed."""
-    out = list(panels) if keep_all else fix_controls(list(panels), blobs, size)
-    out = agree_on_kinds(out)
-    out = complete_handles(out, blobs)
-    if not keep_all:
-        out = fix_strips(out, size)
-    out = pair_doors(out)
-    return [virtual_grasp(p) for p in out]
+def complete(panels: Sequence[Panel], blobs: Sequence[Blob]) -> list[Panel]:
+    """Complete the panels of a front; `blobs`: the patches on it that may be handles."""
+    out = complete_handles(agree_on_kinds(list(panels)), blobs)
+    return [virtual_grasp(p) for p in pair_doors(out)]
 
 
 def _like(a: Panel, b: Panel) -> bool:
@@ -111,7 +103,7 @@ def _door_side(p: Panel, model: Panel, panels: list[Panel], edge: float) -> floa
 def _faint(blobs: Sequence[Blob], x: float, y: float, like: Blob) -> Blob | None:
     near = [
         b for b in blobs
-        if b.score > WEAK_HANDLE
+        if b.score > FAINT
         and abs(b.center[0] - x) < 0.5 * like.size[0] + 4
         and abs(b.center[1] - y) < 0.5 * like.size[1] + 6
         and np.abs(np.log(np.array(b.size) / np.array(like.size))).max() < 0.6
@@ -122,81 +114,7 @@ def _faint(blobs: Sequence[Blob], x: float, y: float, like: Blob) -> Blob | None
 def _copy(b: Blob, x: float, y: float) -> Blob:
     w, h = b.size
     box = (x - w / 2, y - h / 2, x + w / 2, y + h / 2)
-    return Blob(box, 0.5 * b.score, b.features, "inferred")
-
-
-def fix_strips(panels: list[Panel], size: tuple[int, int]) -> list[Panel]:
-    """Cells without a handle, small or thin, among cells with handles are fixed strips."""
-    w, h = size
-    handled = [p for p in panels if p.movable and p.handles]
-    out = []
-    for p in panels:
-        pw, ph = p.box[2] - p.box[0], p.box[3] - p.box[1]
-        area = pw * ph / (w * h)
-        thin = ph < 0.1 * h or pw < 0.1 * w
-        lone = not p.handles and p.movable and not any(_like(p, q) for q in handled)
-        largest = max((_area(q) / (w * h) for q in panels), default=0.0)
-        strip = lone and (
-            (thin and area < 0.12 and area < 0.5 * largest)
-            or (len(handled) >= 1 and area < 0.07)
-            or (len(handled) >= 3 and area < 0.12 and thin)
-        )
-        out.append(replace(p, kind="fixed", hinge_side=None) if strip else p)
-    return out if any(p.movable for p in out) else panels
-
-
-def fix_controls(
-    panels: list[Panel], blobs: Sequence[Blob], size: tuple[int, int]
-) -> list[Panel]:
-    """Panels with knobs and displays, which do not open: beside a microwave's door, over an oven's.
-
-    Beside: whatever lies in a narrow column next to the one panel that fills the rest of a wide
-    front. Over: a strip that three or more like knobs share; no drawer has three handles.
-    """
-    w, h = size
-    out = list(panels)
-    largest = max(panels, key=_area, default=None)
-    if largest is not None and 1.2 < w / h < 2.6:
-        x0, y0, x1, y1 = largest.box
-        others = [p for p in panels if p is not largest]
-        beside = all(p.box[0] > x1 - 0.02 * w or p.box[2] < x0 + 0.02 * w for p in others)
-        narrow = all(p.box[2] - p.box[0] < 0.31 * w for p in others)
-        one_side = len({p.box[0] > x1 - 0.02 * w for p in others}) == 1
-        fills = x1 - x0 > 0.55 * w and y1 - y0 > 0.7 * h
-        twins = any(_alike(a, b) for p in others for a in p.handles for b in largest.handles)
-        if beside and narrow and one_side and fills and not twins:
-            out = [p if p is largest else _fixed(p) for p in out]
-    return [_fixed(p) if _row_of_knobs(p, blobs, size) else p for p in out]
-
-
-def _fixed(p: Panel) -> Panel:
-    return replace(p, kind="fixed", hinge_side=None, handles=())
-
-
-def _alike(a: Blob, b: Blob) -> bool:
-    return bool(np.abs(np.log(np.array(a.size) / np.array(b.size))).max() < 0.35)
-
-
-def _row_of_knobs(p: Panel, blobs: Sequence[Blob], size: tuple[int, int]) -> bool:
-    """Whether a low strip holds three or more like small candidates side by side."""
-    x0, y0, x1, y1 = p.box
-    if not p.movable or y1 - y0 > 0.25 * size[1] or x1 - x0 < 0.6 * size[0]:
-        return False
-    knobs = [
-        b for b in blobs
-        if b.score > 0.15 and x0 < b.center[0] < x1 and y0 < b.center[1] < y1
-        and max(b.size) < 0.12 * (x1 - x0)
-    ]  # fmt: skip
-    for a in knobs:
-        like = [b for b in knobs if abs(b.center[1] - a.center[1]) < 0.12 * (y1 - y0)]
-        like = [b for b in like if _alike(a, b)]
-        if len(like) >= 3:
-            return True
-    return False
-
-
-def _area(p: Panel) -> float:
-    return (p.box[2] - p.box[0]) * (p.box[3] - p.box[1])
+    return Blob(box, 0.5 * b.score, "inferred")
 
 
 def pair_doors(panels: list[Panel]) -> list[Panel]:
@@ -234,7 +152,7 @@ def virtual_grasp(p: Panel) -> Panel:
         box = (x0, y0 + 0.35 * h, x0 + t, y1 - 0.35 * h)
     else:
         box = (x1 - t, y0 + 0.35 * h, x1, y1 - 0.35 * h)
-    return replace(p, handles=(Blob(box, 0.0, (), "assumed"),))
+    return replace(p, handles=(Blob(box, 0.0, "assumed"),))
 
 
 def round_door(image: NDArray[np.uint8]) -> tuple[float, float, float] | None:

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mam_pipeline.photo.handles import HALF
+
 if TYPE_CHECKING:
     from mam_pipeline.photo.find import Found
 
@@ -26,19 +28,24 @@ KEPT = Path(__file__).parent / "weights" / "confidence" / "confidence.json"
 def evidence(found: Found, agree: float = 1.0) -> dict[str, float]:
     """Topic to the evidence that it is right, 0..1.
 
-    For the box, how well it explains the picture. For panels and handles, the mean score of the
-    handles seen, where every panel shows one and the front reads the same again; else 0.
+    For the box, how well it explains the picture. For panels and handles, that times how well the
+    places of the panels agree (`tiling`) times the mean score of their handles, where every panel
+    shows one, no handle lies beside all panels and the front reads the same again; else 0.
 
     Args:
         agree: whether the front reads the same when shown differently (`agreement`).
     """
+    panels = found.reading.movable
     scores = [
         max((b.score for b in p.handles if b.provenance == "observed"), default=0.0)
-        for p in found.reading.movable
+        for p in panels
     ]
-    witnessed = bool(scores) and min(scores) > SEEN and agree >= AGAIN
-    seen = float(np.mean(scores)) if witnessed else 0.0
-    return {"cuboid": float(np.clip(1 - found.cost, 0, 1)), "panels": seen, "handles": seen}
+    box = float(np.clip(1 - found.cost, 0, 1))
+    witnessed = bool(scores) and min(scores) > SEEN and found.reading.missed < HALF
+    if not witnessed or agree < AGAIN:
+        return {"cuboid": box, "panels": 0.0, "handles": 0.0}
+    seen = box * float(np.mean([p.confidence for p in panels])) * float(np.mean(scores))
+    return {"cuboid": box, "panels": seen, "handles": seen}
 
 
 @lru_cache(maxsize=1)

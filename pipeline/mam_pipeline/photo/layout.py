@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mam_pipeline.photo.handles import Blob
 from mam_pipeline.photo.options import Layout, Rows
-from mam_pipeline.photo.seams import Seams
+from mam_pipeline.photo.tiling import SeamMaps
 
 Array = NDArray[np.float64]
 Cell = tuple[str, tuple[int, int, int, int]]
@@ -19,7 +19,7 @@ OVERLAP = 0.3  # of a panel: so far may two rows or columns run into each other
 MARGIN = 0.3  # the outermost panels begin within this share of the front
 
 
-def cells_of_layout(seams: Seams, blobs: list[Blob], layout: Layout) -> list[Cell]:
+def cells_of_layout(seams: SeamMaps, blobs: list[Blob], layout: Layout) -> list[Cell]:
     """(kind, (x0, y0, x1, y1)) of every cell of a layout, column by column, rows from the top."""
     w, h = int(seams.xs[-1]), int(seams.ys[-1])
     knobs = [b.center for b in blobs if b.score > 0.5]

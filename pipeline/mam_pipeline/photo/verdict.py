@@ -99,8 +99,7 @@ def read_again(found: Found, options: PhotoOptions) -> float:
     """How well the front reads the same again, 0..1; 1 where the user says what is on it."""
     if options.layout or options.hints or not found.reading.movable:
         return 1.0
-    size = (options.height or 0.85) / found.reading.image.shape[0]
-    return agreement(found.reading, options.category, size)
+    return agreement(found.reading, options.category)
 
 
 def stop_if_unsure(

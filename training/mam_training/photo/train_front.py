@@ -1,0 +1,268 @@
+"""Trains the decoder of the front network on painted and rendered fronts with exact truth.
+
+    python -m mam_training.photo.train_front configs/train/photo_front.yaml
+
+Every front is painted once (`mam_world.photos.painted_front`) and seen once; a share of them are
+fronts of rendered photos, which are seen several times, each time cut out otherwise. On one core
+the photos take some 3 minutes and the training 15.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional as f
+from torch.utils.data import DataLoader, IterableDataset
+
+from mam_pipeline.photo.front_network import KINDS, MAPS, SHAPES, STRIDE, WEIGHTS, shape_for
+from mam_training import manifest
+from mam_training.command import configured
+from mam_training.photo.front_model import Backbone, FrontDecoder
+from mam_world.photos.painted_front import PaintedFront, paint_front
+from mam_world.photos.synthetic_photo import LEVELS, synthesise
+
+Array = NDArray[np.float32]
+PHOTO_WIDTH = 560  # pixels of a rendered photo
+RENDERED_LONG, RENDERED_MARGIN = 430, 50  # pixels of its front's long side, and around it
+
+
+@dataclass(frozen=True)
+class FrontTraining:
+    """What the front network is trained on, and where it goes."""
+
+    seed: int = 0
+    """Of the painted fronts."""
+    count: int = 6000
+    """Fronts that are seen."""
+    rendered: int = 100
+    """Rendered photos."""
+    first: int = 100_000
+    """Their first seed."""
+    share: float = 0.2
+    """Of the fronts that come from rendered photos."""
+    batch: int = 8
+    """Fronts a step."""
+    rate: float = 2e-3
+    """Greatest step of the optimiser."""
+    out: Path = WEIGHTS.parent
+    """Folder that the weights and their manifest are written to."""
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """A front as the network sees it (h, w, 3) uint8, and the maps it should give."""
+
+    picture: NDArray[np.uint8]
+    lines: Array  # (2, h / 4, w / 4): upright, level
+    handle: Array  # (h / 4, w / 4)
+    kind: NDArray[np.int64]  # (h / 4, w / 4) index of KINDS
+    reach: Array  # (4, h / 4, w / 4) to the left, top, right, bottom side, shares of w + h
+
+
+def lesson_of(front: PaintedFront, rng: np.random.Generator) -> Lesson:
+    """Cut the front out, as well or badly as a fitted box does, and draw its maps."""
+    corners = front.corners
+    size = corners[2] - corners[0]
+    off = rng.normal(0, 0.006, (4, 2))
+    if rng.random() < 0.3:  # a box too large or too small
+        off += rng.normal(0.0, 0.035, (1, 2)) + np.array(
+            [[-1, -1], [1, -1], [1, 1], [-1, 1]]
+        ) * rng.normal(0.0, 0.025, (1, 2))
+    quad = (corners + off * size).astype(np.float32)
+    h, w = shape_for(float(size[1] * np.exp(rng.normal(0, 0.08))), float(size[0]))
+    target = np.array([[0, 0], [w, 0], [w, h], [0, h]], np.float32)
+    m = cv2.getPerspectiveTransform(quad, target)
+    picture = cv2.warpPerspective(
+        front.picture, m, (w, h), flags=cv2.INTER_AREA, borderMode=cv2.BORDER_REPLICATE
+    )
+    flip = rng.random() < 0.5
+    if flip:
+        picture = picture[:, ::-1]
+    boxes, kinds, handles = [], [], []
+
+    def seen(rect: tuple[float, float, float, float]) -> Array:
+        p = corners[0] + np.array([[rect[0], rect[1]], [rect[2], rect[3]]]) * size
+        q = cv2.perspectiveTransform(p[None].astype(np.float32), m)[0].ravel()
+        return np.array([w - q[2], q[1], w - q[0], q[3]] if flip else q, np.float32)
+
+    for panel in front.panels:
+        hinge = panel.hinge_side or "left"
+        if flip:
+            hinge = {"left": "right", "right": "left"}.get(hinge, hinge)
+        boxes.append(seen(panel.rect))
+        kinds.append(KINDS.index("drawer" if panel.kind == "drawer" else f"door {hinge}"))
+        handles += [seen(k) for k in panel.handles]
+    return _drawn(np.ascontiguousarray(picture, np.uint8), boxes, kinds, handles)
+
+
+def _drawn(
+    picture: NDArray[np.uint8], boxes: list[Array], kinds: list[int], handles: list[Array]
+) -> Lesson:
+    h, w = (n // STRIDE for n in picture.shape[:2])
+    y, x = (np.arange(n, dtype=np.float32) + 0.5 for n in (h, w))
+    lines, handle = np.zeros((2, h, w), np.float32), np.zeros((h, w), np.float32)
+    kind, reach = np.zeros((h, w), np.int64), np.zeros((4, h, w), np.float32)
+    for box, k in zip(boxes, kinds):
+        x0, y0, x1, y1 = box / STRIDE
+        rows, columns = (y > y0) & (y < y1), (x > x0) & (x < x1)
+        inside = rows[:, None] & columns[None]
+        kind[inside] = k
+        far = np.stack(
+            np.broadcast_arrays(x[None] - x0, y[:, None] - y0, x1 - x[None], y1 - y[:, None])
+        )
+        reach[:, inside] = far[:, inside] / (h + w)
+        for at in (x0, x1):
+            near = np.clip(1.6 - np.abs(x - at), 0, 1)
+            lines[0] = np.maximum(lines[0], near[None] * rows[:, None])
+        for at in (y0, y1):
+            near = np.clip(1.6 - np.abs(y - at), 0, 1)
+            lines[1] = np.maximum(lines[1], near[:, None] * columns[None])
+    for box in handles:
+        x0, y0, x1, y1 = box / STRIDE
+        cover_x = np.clip(np.minimum(x + 0.5, x1) - np.maximum(x - 0.5, x0), 0, 1)
+        cover_y = np.clip(np.minimum(y + 0.5, y1) - np.maximum(y - 0.5, y0), 0, 1)
+        cover_x = cover_x / max(float(cover_x.max()), 1e-3)  # thin ones count as a whole cell
+        cover_y = cover_y / max(float(cover_y.max()), 1e-3)
+        handle = np.maximum(handle, cover_y[:, None] * cover_x[None])
+    return Lesson(picture, lines, handle, kind, reach)
+
+
+class Lessons(IterableDataset):  # type: ignore[type-arg]
+    """Batches of fronts of one shape each."""
+
+    def __init__(self, config: FrontTraining, rendered: list[PaintedFront]) -> None:
+        self.config, self.rendered = config, rendered
+
+    def __iter__(self) -> Iterator[list[Tensor]]:
+        waiting: dict[tuple[int, int], list[Lesson]] = {s: [] for s in SHAPES}
+        for k in range(self.config.count):
+            rng = np.random.default_rng([self.config.seed, k])
+            if rng.random() < self.config.share and self.rendered:
+                front = self.rendered[int(rng.integers(len(self.rendered)))]
+            else:
+                front = paint_front(rng)
+            lesson = lesson_of(front, rng)
+            h, w = lesson.picture.shape[:2]
+            group = waiting[h, w]
+            group.append(lesson)
+            if len(group) == self.config.batch:
+                yield batch_of(group)
+                group.clear()
+
+
+def batch_of(lessons: Sequence[Lesson]) -> list[Tensor]:
+    """Stacked tensors: pictures (n, 3, h, w), lines, handle, kind, reach."""
+    pictures = np.stack([q.picture for q in lessons]).transpose(0, 3, 1, 2)
+    return [
+        (torch.from_numpy(pictures.astype(np.float32)) - 127.0) / 128.0,
+        *(
+            torch.from_numpy(np.stack([getattr(q, name) for q in lessons]))
+            for name in ("lines", "handle", "kind", "reach")
+        ),
+    ]
+
+
+def rendered_front(seed: int) -> PaintedFront:
+    """The front of a rendered photo, seen straight on with some room around it."""
+    picture, truth = synthesise(seed, LEVELS[seed % len(LEVELS)], PHOTO_WIDTH)
+    w, _, h = truth.size
+    w, h = RENDERED_LONG * w / max(w, h), RENDERED_LONG * h / max(w, h)
+    m = RENDERED_MARGIN
+    corners = np.array([[m, m], [m + w, m], [m + w, m + h], [m, m + h]])
+    matrix = cv2.getPerspectiveTransform(truth.front.astype(np.float32), corners.astype(np.float32))
+    size = (int(w + 2 * m), int(h + 2 * m))
+    seen = cv2.warpPerspective(
+        picture, matrix, size, flags=cv2.INTER_AREA, borderMode=cv2.BORDER_REPLICATE
+    )
+    return PaintedFront(np.asarray(seen, np.uint8), corners, truth.panels)
+
+
+def loss_of(
+    out: Tensor, lines: Tensor, handle: Tensor, kind: Tensor, reach: Tensor
+) -> dict[str, Tensor]:
+    """Losses of raw maps (`front_network.MAPS`) by name: seams, handle, kind, reach."""
+    upright, level, touched, kinds, far = out.split(list(MAPS.values()), dim=1)
+    ends = torch.cat([upright, level], 1)
+    weight = 1.0 + 2.0 * lines
+    seams = (f.binary_cross_entropy_with_logits(ends, lines, reduction="none") * weight).mean()
+    grip = f.binary_cross_entropy_with_logits(touched[:, 0], handle, reduction="none")
+    grip = (grip * (1.0 + 4.0 * handle)).mean()
+    inside = kind > 0
+    share = f.softplus(far) + 1e-3
+    low = torch.minimum(share, reach)
+    common = (low[:, 0] + low[:, 2]) * (low[:, 1] + low[:, 3])
+    mine = (share[:, 0] + share[:, 2]) * (share[:, 1] + share[:, 3])
+    true = (reach[:, 0] + reach[:, 2]) * (reach[:, 1] + reach[:, 3])
+    iou = common / (mine + true - common + 1e-6)
+    return {
+        "seams": 3.0 * seams,
+        "handle": 4.0 * grip,
+        "kind": 0.7 * f.cross_entropy(kinds, kind),
+        "reach": -0.5 * ((iou + 1e-4).log() * inside).sum() / inside.sum().clamp(min=1),
+    }
+
+
+def train(config: FrontTraining) -> FrontDecoder:
+    """The decoder, trained."""
+    torch.set_num_threads(1)
+    torch.manual_seed(config.seed)
+    rendered = [rendered_front(config.first + k) for k in range(config.rendered)]
+    backbone, decoder = Backbone(), FrontDecoder()
+    steps = config.count // config.batch
+    optimiser = torch.optim.AdamW(decoder.parameters(), lr=config.rate, weight_decay=1e-3)
+    pace = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, config.rate, total_steps=steps + 8, pct_start=0.08
+    )
+    batches = DataLoader(
+        Lessons(config, rendered), batch_size=None, num_workers=1, prefetch_factor=6
+    )
+    for k, (pictures, *truth) in enumerate(batches):
+        losses = loss_of(decoder(backbone(pictures)), *truth)
+        optimiser.zero_grad()
+        torch.stack(list(losses.values())).sum().backward()
+        torch.nn.utils.clip_grad_norm_(decoder.parameters(), 2.0)
+        optimiser.step()
+        pace.step()
+        if k % 50 == 49:
+            said = " ".join(f"{name} {float(v.detach()):.3f}" for name, v in losses.items())
+            print(f"{k + 1}/{steps} {said}", flush=True)
+    return decoder
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Train and save."""
+    config = configured(FrontTraining(), argv)
+    decoder = train(config)
+    config.out.mkdir(parents=True, exist_ok=True)
+    kept = {k: v.numpy().astype(np.float16) for k, v in decoder.state_dict().items()}
+    np.savez_compressed(config.out / WEIGHTS.name, **kept)  # type: ignore[arg-type]
+    manifest.write(
+        config.out,
+        "python -m mam_training.photo.train_front configs/train/photo_front.yaml",
+        config,
+        {"fronts": config.seed, "photos": config.first},
+        data_of(config),
+    )
+
+
+def data_of(config: FrontTraining) -> dict[str, Any]:
+    """How many fronts were seen, and a digest of the first painted and rendered ones."""
+    first = [paint_front(np.random.default_rng([config.seed, k])).picture for k in range(20)]
+    first += [rendered_front(config.first + k).picture for k in range(min(config.rendered, 5))]
+    return {
+        "fronts": config.count,
+        "rendered": config.rendered,
+        "sha256": manifest.data_digest(p.tobytes() for p in first),
+    }
+
+
+if __name__ == "__main__":
+    main()
