@@ -110,7 +110,7 @@ class _Sweep:
             blocking |= set(owner[hit].tolist())
             if found.value is not None and found.depth / self.diagonal > depth:
                 depth, at = found.depth / self.diagonal, found.value
-            if slides:
+            if slides and np.isfinite(paths.rest_gap):  # else nothing stands near it: `mid_air`
                 gaps = paths.gaps(self.motion, joint.axis, joint.origin, values)
                 gap = max(gap, float(gaps.max() - paths.rest_gap) / self.diagonal)
         if self.motion == "prismatic" and not slides:
