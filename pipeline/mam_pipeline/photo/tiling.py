@@ -35,13 +35,11 @@ class Tile:
 
     Attributes:
         panel: whether something opens here.
-        support: mean probability of a panel's end along its sides.
         agreement: mean of probability times overlap of the places within.
     """
 
     box: tuple[int, int, int, int]
     panel: bool
-    support: float
     agreement: float
 
 
@@ -114,7 +112,7 @@ def best_tiling(maps: FrontMaps, seams: SeamMaps) -> list[Tile]:
             box = (int(xs[i0]), int(ys[j0]), int(xs[i1]), int(ys[j1]))
             opens = bool(value[i0, i1, j0, j1] > rest[i0, i1, j0, j1])
             mean = float(panel[i0, i1, j0, j1] * area / share[i0, i1, j0, j1])
-            out.append(Tile(box, opens, float(support[i0, i1, j0, j1]), mean))
+            out.append(Tile(box, opens, mean))
     return out
 
 
