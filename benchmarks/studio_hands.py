@@ -7,14 +7,15 @@ camera. Views are turned by setting that camera, which counts as one drag.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mam_pipeline.types import FloatArray
+from mam_pipeline.geometry.sampling import face_geometry
+from mam_pipeline.types import FloatArray, IntArray
 from mam_sim.studio.page import Page
 from mam_sim.studio.picking import Camera
 from mam_sim.studio.session import Session
@@ -49,13 +50,14 @@ class Hands:
         acts: what was done. fresh: the next click on a piece selects anew.
     """
 
-    def __init__(self, page: Page, window: Any, session: Session, area: FloatArray) -> None:
+    def __init__(self, page: Page, window: Any, session: Session) -> None:
         """Sit down before a page.
 
         Args:
-            window: of Playwright, in which the page is open. area: of every piece, square metres.
+            window: of Playwright, in which the page is open.
         """
-        self.page, self.window, self.session, self.area = page, window, session, area
+        self.page, self.window, self.session = page, window, session
+        self.face_area = face_geometry(session.mesh.vertices, session.mesh.faces)[1]
         self.acts, self.fresh = Acts(), True
 
     def clear(self) -> None:
@@ -109,14 +111,21 @@ class Hands:
         """Pieces that are selected on the page."""
         return set(self.page.work.selected)
 
-    def places(self, camera: Camera, pieces: set[int]) -> dict[int, FloatArray]:
-        """Where on the screen (0..1) pieces are best clicked."""
+    def places(
+        self, camera: Camera, pieces: Iterable[int], labels: IntArray | None = None
+    ) -> dict[int, FloatArray]:
+        """Where on the screen (0..1) pieces are best clicked, the largest first.
+
+        Args:
+            labels: (F,) piece of every face; default: those of the page.
+        """
+        labels = self.session.primitives.labels if labels is None else labels
         steps = (np.arange(120) + 0.5) / 120
         grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
         seen = self.page.work.tracer()[1].cast(camera.position, camera.rays(grid))
-        label = self.session.primitives.labels[seen.face]
+        label = labels[seen.face]
         out = {}
-        for piece in sorted(pieces, key=lambda p: -self.area[p]):
+        for piece in sorted(pieces, key=lambda p: -float(self.face_area[labels == p].sum())):
             own = seen.at[label == piece]
             if len(own) >= 2:
                 at = camera.screen(own)
@@ -175,6 +184,16 @@ class Hands:
         self.fresh = False
         return piece in self.shown()
 
+    def click_area(self, at: FloatArray) -> bool:
+        """Click a place on the screen for the faces around it; whether more are selected then."""
+        work, before = self.page.work, set(self.page.work.brushed)
+        self.acts.clicks += 1
+        self.acts.steps.append("area")
+        self.window.keyboard.down("Shift")
+        self.window.mouse.click(*self.pixel(at))
+        self.window.keyboard.up("Shift")
+        return until(lambda: work.brushed > before, 5.0, fail=False)
+
     def settled(self) -> None:
         """Wait until the panel shows what was done: a person reads it before the next act."""
         with self.page.work.lock:
@@ -188,14 +207,18 @@ class Hands:
         target = label == "Other part"
         if target and panel.target.value == option:
             return
-        before = self.session.state, self.page.work.part, panel.target.value
+        work = self.page.work
+
+        def now() -> tuple[Any, ...]:
+            return self.session.state, work.part, panel.target.value, work.picks
+
+        before = now()
         self.acts.clicks += 2
-        self.acts.edits += edit and not target
+        self.acts.edits += edit and label not in ("Other part", "Select")
         self.acts.steps.append(f"{label}: {option}")
         self.window.get_by_label(label, exact=True).first.click()
         self.window.get_by_role("option", name=option, exact=True).click()
-        work = self.page.work
-        until(lambda: before != (self.session.state, work.part, panel.target.value), 20.0, False)
+        until(lambda: before != now(), 20.0, False)
 
     def press(self, button: str) -> None:
         """Press a button that edits."""

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from studio_hands import SIDES, Hands, until
 
 from mam_pipeline.geometry.sampling import face_geometry
@@ -16,11 +17,12 @@ from mam_pipeline.ground_truth import GroundTruth
 from mam_pipeline.metrics import nearest_face
 from mam_pipeline.types import FloatArray, IntArray, Joint, JointCandidate, PartNode
 from mam_sim.studio.page import Page
-from mam_sim.studio.picking import line_at, primitives_in_box
+from mam_sim.studio.picking import area_around, line_at, primitives_in_box
 from mam_sim.studio.session import Session
 
 TURNED, APART = np.radians(10), 0.03  # an axis within this is right: radians, diagonals
 WORTH = 0.01  # share of a part's surface below which a person does not miss a piece
+SHARED = 0.15  # share of a part, and of a piece, that is worth a cut
 SHORT = 0.5  # a range that covers less of the true one than this is set
 
 
@@ -29,14 +31,24 @@ class Person(Hands):
 
     def __init__(self, page: Page, window: Any, truth: GroundTruth, session: Session) -> None:
         """Sit down before the page, which shows the object."""
-        self.shift, self.owner, area = owners(truth, session)
-        super().__init__(page, window, session, area)
+        super().__init__(page, window, session)
         self.truth, self.unseen = truth, set[int]()
+        self.shift, self.link = owners(truth, session)
+        self.count()
+
+    def count(self) -> None:
+        """True link and surface (square metres) of every piece; anew where pieces were cut."""
+        labels, links = self.session.primitives.labels, len(self.truth.links)
+        votes = np.zeros((self.session.primitives.count, links))
+        np.add.at(votes, (labels, self.link), self.face_area + 1e-12)
+        self.owner, self.area = votes.argmax(axis=1), votes.sum(axis=1)
 
     def put_right(self) -> None:
         """Parts first, then how each moves."""
         self.tab("Put right")
         moving = [j for j in self.truth.joints if j.type != "fixed"]
+        for joint in moving:
+            self.split(joint)
         names = {j.child: self.part(j) for j in moving}
         for joint in moving:
             self.take_out(names[joint.child], joint)
@@ -51,6 +63,47 @@ class Person(Hands):
                 self.hang(name, names.get(joint.parent, self.session.state.tree.nodes[0].name))
                 self.line(name, joint)
                 self.range(name, joint)
+
+    def split(self, joint: Joint) -> None:
+        """Cut a part's faces off the pieces that it shares with another."""
+        labels, own = self.session.primitives.labels, self.link == joint.child
+        whole = self.face_area[own].sum()
+        for piece in np.unique(labels[own]):
+            inside = labels == piece
+            share = self.face_area[inside & own].sum()
+            if share < SHARED * whole or share > (1 - SHARED) * self.face_area[inside].sum():
+                continue
+            areas = self.areas(inside, own)
+            if not areas.max(initial=-1) >= 0:
+                continue
+            self.pick("Select", "faces up to an edge")
+            self.clear()
+            left = {*range(areas.max() + 1)}
+            for side in [None, *SIDES]:
+                if side is not None:
+                    if not self.places(self.seen_from(side), left, areas):
+                        continue
+                    self.turn(side)
+                for area, at in self.places(self.camera(), left, areas).items():
+                    if self.click_area(at):
+                        left.discard(area)
+                if not left:
+                    break
+            if self.page.work.brushed:
+                self.press("Make a part of them")
+                self.count()
+            self.pick("Select", "whole pieces")
+
+    def areas(self, inside: NDArray[np.bool_], own: NDArray[np.bool_]) -> IntArray:
+        """(F,) number of each area of a piece that is mostly of a part, -1 elsewhere."""
+        out, free, count = np.full(len(inside), -1), inside & own, 0
+        faces = np.flatnonzero(inside)
+        while free.any():
+            area = area_around(self.session.mesh, faces, int(np.argmax(free)))
+            free[area] = False
+            if self.face_area[area[own[area]]].sum() > 0.5 * self.face_area[area].sum():
+                out[area], count = count, count + 1
+        return out
 
     def part(self, joint: Joint) -> str:
         """One true part, of its own pieces; returns its name, "" where none was seen."""
@@ -273,16 +326,12 @@ class Person(Hands):
         return bool(trying.verdict.content.startswith("**The check passes"))
 
 
-def owners(truth: GroundTruth, session: Session) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Shift (3,) from the truth to the page, and the true link and the area of every piece."""
+def owners(truth: GroundTruth, session: Session) -> tuple[FloatArray, IntArray]:
+    """Shift (3,) from the truth to the page, and the true link of every face (F,)."""
     mesh = session.mesh
     shift = mesh.bounds[0] - truth.mesh.bounds[0]
     middles = mesh.vertices[mesh.faces].mean(axis=1) - shift
-    own = truth.face_link[nearest_face(truth.mesh, middles)]
-    area = face_geometry(mesh.vertices, mesh.faces)[1]
-    votes = np.zeros((session.primitives.count, len(truth.links)))
-    np.add.at(votes, (session.primitives.labels, own), area + 1e-12)
-    return shift, votes.argmax(axis=1), votes.sum(axis=1)
+    return shift, truth.face_link[nearest_face(truth.mesh, middles)]
 
 
 def _bounded(joint: Joint) -> bool:

@@ -38,6 +38,28 @@ def free_name(kind: str, tree: KinematicTree) -> str:
     return next(name for k in range(len(used) + 1) if (name := f"{stem}_{k}") not in used)
 
 
+def cut_off(
+    hints: Hints, primitives: Primitives, faces: Iterable[int]
+) -> tuple[Hints, list[int]]:  # fmt: skip
+    """Faces become primitives of their own; returns the hints with the cuts, and the numbers.
+
+    A primitive that is chosen whole keeps its number. Who has the new ones is not said yet.
+
+    Args:
+        primitives: with the cuts of `hints`.
+    """
+    chosen = np.unique(np.fromiter(faces, dtype=np.int64))
+    cuts, numbers = list(hints.cut), []
+    for primitive in np.unique(primitives.labels[chosen]).tolist():
+        own = chosen[primitives.labels[chosen] == primitive]
+        if len(own) == np.count_nonzero(primitives.labels == primitive):
+            numbers.append(primitive)
+        else:
+            numbers.append(primitives.count + len(cuts) - len(hints.cut))
+            cuts.append(tuple(own.tolist()))
+    return replace(hints, cut=tuple(cuts)), numbers
+
+
 def make_part(
     hints: Hints, tree: KinematicTree, primitives: Iterable[int], kind: str, subtype: str
 ) -> Hints:

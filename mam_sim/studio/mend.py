@@ -10,18 +10,22 @@ from scipy.spatial.transform import Rotation
 
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.geometry.sampling import unit as unit_vector
-from mam_pipeline.types import Joint, JointCandidate
+from mam_pipeline.hints import Hints
+from mam_pipeline.types import Joint, JointCandidate, KinematicTree
 from mam_sim.studio import edits, words
 from mam_sim.studio.look import Look
 from mam_sim.studio.picking import line_at, snapped, snaps
 from mam_sim.studio.stand import Stand
-from mam_sim.studio.workspace import Workspace
+from mam_sim.studio.workspace import Picks, Workspace
 
 KINDS = ("door", "drawer", "lid", "knob", "handle", "wheel", "lever", "button", "panel", "other")
 MOTIONS = ("hinge", "spin", "slide", "fixed")
 NONE = "(none)"
 TURNS, SLIDES = "It turns about the clicked edge", "It slides out of the clicked face"
-HELP = "*Click a piece to select it; with Shift, one more. Shift and drag selects a box.*"
+HELP = "*A click selects, with Shift one more. Shift and drag selects what lies in a box.*"
+PICKS: dict[str, Picks] = {
+    "whole pieces": "pieces", "faces up to an edge": "areas", "faces under a brush": "brush",
+}  # fmt: skip
 
 
 class Mend:
@@ -34,7 +38,11 @@ class Mend:
         self.steps = gui.add_button_group("Steps", ("Undo", "Redo", "Save"))
         self.steps.on_click(on(self._step))
         gui.add_markdown(HELP)
-        with gui.add_folder("Selected pieces"):
+        with gui.add_folder("Selection"):
+            self.picks = gui.add_dropdown(
+                "Select", tuple(PICKS), hint="Faces become a piece of their own"
+            )
+            self.brush = gui.add_slider("Brush (%)", 0.5, 20, 0.5, 3, visible=False)
             self.selection = gui.add_markdown("")
             self.new_kind = gui.add_dropdown("Kind", KINDS)
             self._button("Make a part of them", self._make, main=True)
@@ -75,6 +83,8 @@ class Mend:
         ):  # fmt: skip
             handle.on_update(self._typed(change))
         self.hand.on_update(on(self._handles))
+        self.picks.on_update(on(self._pick_by))
+        self.brush.on_update(on(self._pick_by))
 
     def _button(self, label: str, work: Any, main: bool = False) -> Any:
         button = self.work.server.gui.add_button(label, color=None if main else "gray")
@@ -106,8 +116,9 @@ class Mend:
         work, nodes = self.work, self.work.state.tree.nodes
         chosen = sorted(work.selected)
         shown = ", ".join(map(str, chosen[:12])) + (" …" if len(chosen) > 12 else "")
-        count = f"{len(chosen)} piece{'' if len(chosen) == 1 else 's'}"
-        self.selection.content = f"{count}: {shown}" if chosen else "Nothing is selected."
+        rows = [f"{_count(len(chosen), 'piece')}: {shown}"] if chosen else []
+        rows += [_count(len(work.brushed), "face")] if work.brushed else []
+        self.selection.content = ", and ".join(rows) or "Nothing is selected."
         names = [n.name for n in nodes]
         moving = names[1:]
         _options(self.target, names, self.target.value)
@@ -161,26 +172,44 @@ class Mend:
         if session.state.ground is not ground:
             self.work.look_at_the_front()
 
-    def _make(self) -> None:
-        work, chosen = self.work, sorted(self.work.selected)
-        kind = "part" if self.new_kind.value == "other" else self.new_kind.value
-        if not chosen:
+    def _pick_by(self) -> None:
+        """What a click takes from now on."""
+        self.work.picks = PICKS[self.picks.value]
+        self.work.brush = self.brush.value / 100
+        self.work.scene.paint(self.work.picks == "brush")
+        self.brush.visible = self.work.picks == "brush"
+
+    def _with_selection(self, change: Callable[[Hints, KinematicTree, list[int]], Hints]) -> None:
+        """An edit of the selected pieces; selected faces are cut off and become pieces."""
+        primitives = self.work.open.primitives
+        faces = np.flatnonzero(self.work.chosen_faces())
+        if not len(faces):
             raise ConfigError("nothing is selected: click on the object first")
-        subtype = work.open.best_subtype(chosen)
+
+        def changed(hints: Hints, tree: KinematicTree) -> Hints:
+            cut, pieces = edits.cut_off(hints, primitives, faces)
+            return change(cut, tree, pieces)
+
+        self.work.edit(changed)
+
+    def _make(self) -> None:
+        work = self.work
+        kind = "part" if self.new_kind.value == "other" else self.new_kind.value
+        subtype = work.open.best_subtype(work.chosen_faces())
         name = edits.free_name(kind, work.state.tree)
-        work.edit(lambda h, t: edits.make_part(h, t, chosen, kind, subtype))
+        self._with_selection(lambda h, t, p: edits.make_part(h, t, p, kind, subtype))
         work.choose(name)
 
     def _add(self) -> None:
-        chosen, target = sorted(self.work.selected), self.target.value
-        self.work.edit(lambda h, t: edits.add_to(h, t, target, chosen))
+        target = self.target.value
+        self._with_selection(lambda h, t, p: edits.add_to(h, t, target, p))
         self.work.choose(target)
 
     def _fix(self) -> None:
-        chosen = sorted(self.work.selected)
-        self.work.edit(lambda h, t: edits.do_not_move(h, chosen))
+        self._with_selection(lambda h, _t, p: edits.do_not_move(h, p))
 
     def _select(self) -> None:
+        self.work.select_nothing()
         self.work.selected = set(self.work.members())
         self.work.choose(self.work.part)
 
@@ -322,6 +351,10 @@ class Mend:
         if joint is None:
             raise ConfigError(f"{self.work.part} does not move; say first how it moves")
         return joint
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _options(handle: Any, options: list[str], value: str) -> None:

@@ -7,17 +7,14 @@ from contextlib import redirect_stdout
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-from scipy.spatial.transform import Rotation
-
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.run import MakeConfig
 from mam_sim.console import STAGES
 from mam_sim.studio import server as studio_server
 from mam_sim.studio.look import Look
 from mam_sim.studio.mend import Mend
-from mam_sim.studio.picking import Camera, face_under, primitives_in_box
 from mam_sim.studio.place import Place, place_of
+from mam_sim.studio.pointer import Pointer
 from mam_sim.studio.queue import Queue
 from mam_sim.studio.review import Review
 from mam_sim.studio.scene import Scene
@@ -48,7 +45,8 @@ class Page:
         )
         gui.main_panel.dock_right()
         self.server.scene.set_up_direction("+z")
-        self.server.scene.configure_default_lights(cast_shadow=False)  # halves the frame rate
+        self.server.scene.configure_default_lights(False)  # `Scene.light` has its own
+        self.server.scene.configure_environment_map(None)  # would halve the frames a second
         self.work = Workspace(self.server, Scene(self.server.scene))
         self.head = gui.add_markdown("Reading …")
         self.url = f"http://{studio_server.HOST}:{self.server.get_port()}/"
@@ -125,42 +123,4 @@ class Page:
         with tabs.add_tab("Try", icon="player-play"):
             trying = Trying(work, look)
         work.panels = [self, look, mend, trying]
-        self._pointer()
-
-    def _pointer(self) -> None:
-        """Clicks select a piece, with shift one more; a box with shift selects what lies in it."""
-        scene, guarded = self.server.scene, self.work.guarded
-
-        def click(event: Any) -> None:
-            self._click(event, more=False)
-
-        def click_more(event: Any) -> None:
-            self._click(event, more=True)
-
-        scene.on_click()(guarded(click))
-        scene.on_click(modifier="shift")(guarded(click_more))
-        scene.on_rect_select(modifier="shift")(guarded(self._box))
-
-    def _click(self, event: Any, more: bool) -> None:
-        work = self.work
-        tracer = work.tracer()[1]
-        found = face_under(tracer, np.asarray(event.ray_origin), np.asarray(event.ray_direction))
-        work.bad, work.face = (), None
-        if found is None:
-            work.selected = work.selected if more else set()
-            work.choose(work.part if more else "")
-            return
-        work.clicked(*found, np.asarray(event.ray_direction))
-        piece = int(work.open.primitives.labels[found[0]])
-        work.selected = (work.selected if more else set()) ^ {piece}
-        work.choose(work.open.link_of_face(found[0]).name)
-
-    def _box(self, event: Any) -> None:
-        work, camera = self.work, event.client.camera
-        turn = Rotation.from_quat(np.roll(camera.wxyz, -1)).as_matrix()
-        seen = Camera(np.asarray(camera.position), turn, camera.fov, camera.aspect)
-        mesh, tracer = work.tracer()
-        low, high = np.asarray(event.screen_min), np.asarray(event.screen_max)
-        found = primitives_in_box(mesh, work.open.primitives.labels, tracer, seen, low, high)
-        work.selected |= set(found)
-        work.choose(work.part)
+        Pointer(work)

@@ -99,6 +99,65 @@ def primitives_in_box(
     return [int(p) for p in np.unique(labels[seen.face]) if held[p] >= PICK.inside]
 
 
+def faces_in_box(
+    mesh: Mesh, tracer: Tracer, camera: Camera, low: FloatArray, high: FloatArray
+) -> IntArray:
+    """Faces whose middle lies in a box on the screen, and is seen there.
+
+    Args:
+        mesh: as posed. low, high: corners of the box, 0..1.
+    """
+    middles = mesh.vertices[mesh.faces].mean(axis=1)
+    at = camera.screen(middles)
+    inside = np.flatnonzero(np.all((at >= low) & (at <= high), axis=1))
+    if not len(inside):
+        return inside
+    away = middles[inside] - camera.position
+    far = np.linalg.norm(away, axis=1)
+    eyes = np.broadcast_to(camera.position, away.shape)
+    free = tracer.distance(eyes, away)  # 1 at the face itself; a twin turned away lies as near
+    return inside[(free - 1) * far > -1e-4 * mesh.diagonal]
+
+
+def area_around(mesh: Mesh, own: IntArray, face: int) -> IntArray:
+    """Faces of a piece that are joined to one of them without a sharp edge between.
+
+    Args:
+        mesh: at rest. own: faces of the piece, `face` among them.
+    """
+    triangles = mesh.vertices[mesh.faces[own]]
+    corners = np.unique(
+        np.round(triangles.reshape(-1, 3) / (1e-5 * mesh.diagonal)).astype(np.int64),
+        axis=0, return_inverse=True,
+    )[1].reshape(-1, 3)  # fmt: skip
+    sides = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    owner = np.repeat(np.arange(len(own)), 3)
+    order = np.lexsort(sides.T)
+    sides, owner = sides[order], owner[order]
+    normal = face_geometry(mesh.vertices, mesh.faces[own])[0]
+    links = []
+    for step in (1, 2, 3):  # an edge of a double-sided surface has four faces
+        both = np.all(sides[step:] == sides[:-step], axis=1)
+        a, b = owner[step:][both], owner[:-step][both]
+        flat = np.abs(np.einsum("ij,ij->i", normal[a], normal[b])) > np.cos(PICK.crease)
+        links.append(np.stack([a[flat], b[flat]], axis=1))
+    joined = trimesh.graph.connected_component_labels(
+        np.concatenate(links), node_count=len(own)
+    )  # fmt: skip
+    return own[joined == joined[np.searchsorted(own, face)]]
+
+
+def faces_near(mesh: Mesh, own: IntArray, face: int, at: FloatArray, radius: float) -> IntArray:
+    """Faces of a piece whose middle is within a radius of a point on one of them, and that one.
+
+    Args:
+        mesh: at rest. own: faces of the piece. at: (3,), metres.
+    """
+    middles = mesh.vertices[mesh.faces[own]].mean(axis=1)
+    near = np.linalg.norm(middles - at, axis=1) <= radius
+    return own[near | (own == face)]
+
+
 @dataclass(frozen=True)
 class Snap:
     """A line that an axis may snap to: unit direction, a point on it, and what it is."""

@@ -34,6 +34,7 @@ SELECTED, AXIS, CHOSEN, BAD = (255, 140, 0), (60, 110, 200), (230, 70, 50), (214
 NUMBERS = 150  # pieces that can be told apart by a number
 CELLS = tuple(float(m * 10.0**e) for e in range(-4, 3) for m in (1, 2, 5))  # metres
 SIDES, SIDES_TURNED = ("deep", "wide", "high"), ("wide", "deep", "high")
+GROUND, SUN = (150, 145, 140), np.array([-2.2, -1.0, 3.0])  # SUN: towards it, front at -X
 STEPS = 24  # of the arc that shows a range
 FIT = 1.2  # distance of the camera, diagonals
 
@@ -44,13 +45,17 @@ class Scene:
     Attributes:
         values: joint name -> value, as shown.
         turn: (3, 3) rotation about Z that brings the object's front to -X.
+        on_stroke: told of drags on the object while it can be painted.
     """
 
     def __init__(self, api: viser.SceneApi) -> None:
         self.api = api
         self.values: dict[str, float] = {}
         self.turn: FloatArray = np.eye(3)
+        self.on_stroke: Any = None
         self._links: list[Any] = []
+        self._surfaces: list[list[Any]] = []  # nodes of each link's surface
+        self._painted = False
         self._drawn: list[Any] = []  # what each link's surface was drawn from
         self._extras: dict[str, list[Any]] = {}
 
@@ -80,18 +85,33 @@ class Scene:
                 self._links[i].remove()
             node = self.api.add_frame(f"/object/{i}", show_axes=False)
             self._links[i : i + 1], self._drawn[i : i + 1] = [node], [drawn]
+            self._surfaces[i : i + 1] = [[]]
             if show == "edges" and len(link.faces):
                 part = articulation.mesh.submesh(link.faces)
                 self.api.add_mesh_simple(
                     f"/object/{i}/edges", part.vertices, part.faces, color=EDGES, wireframe=True,
                 )  # fmt: skip
                 continue
-            for k, mesh in enumerate(self._surfaces(i, show, pieces)):
-                self.api.add_glb(f"/object/{i}/surface{k}", glb_bytes(mesh, up="z"))
+            for k, mesh in enumerate(self._meshes(i, show, pieces)):
+                surface = self.api.add_glb(f"/object/{i}/surface{k}", glb_bytes(mesh, up="z"))
+                self._surfaces[i].append(surface)
+                if self._painted:
+                    surface.on_drag("left")(self.on_stroke)
         self._cut_off(len(articulation.links))
         if show == "pieces":
             self._numbers()
         self.pose(self.values)
+
+    def paint(self, on: bool) -> None:
+        """Whether a drag that begins on the object is a stroke; else it turns the view."""
+        if on == self._painted:
+            return
+        self._painted = on
+        for surface in (s for link in self._surfaces for s in link):
+            if on:
+                surface.on_drag("left")(self.on_stroke)
+            else:
+                surface.remove_drag_callback()
 
     def clear(self) -> None:
         """Take everything away."""
@@ -102,9 +122,9 @@ class Scene:
         """Take links away from one on."""
         for node in self._links[first:]:
             node.remove()
-        del self._links[first:], self._drawn[first:]
+        del self._links[first:], self._drawn[first:], self._surfaces[first:]
 
-    def _surfaces(self, link: int, show: Show, hulls: Sequence[Mesh]) -> list[Mesh]:
+    def _meshes(self, link: int, show: Show, hulls: Sequence[Mesh]) -> list[Mesh]:
         faces = self.articulation.links[link].faces
         mesh = self.articulation.mesh
         if show == "collision":
@@ -146,10 +166,9 @@ class Scene:
                 thickness=0.006 * size,
             ))  # fmt: skip
 
-    def select(self, primitives: Iterable[int]) -> None:
-        """Lay colour over some pieces."""
+    def select(self, chosen: NDArray[np.bool_]) -> None:
+        """Lay colour over some faces (F,)."""
         self._drop("selected")
-        chosen = np.isin(self.labels, sorted(primitives))
         mesh = self.articulation.mesh
         normal = face_geometry(mesh.vertices, mesh.faces)[0]
         for i, link in enumerate(self.articulation.links):
@@ -167,9 +186,7 @@ class Scene:
 
     def redden(self, links: Iterable[int]) -> None:
         """Lay red over what runs into something."""
-        names = set(links)
-        primitives = np.unique(self.labels[np.isin(self.articulation.face_link, list(names))])
-        self.select(primitives)
+        self.select(np.isin(self.articulation.face_link, list(links)))
         for node in self._extras.get("selected", []):
             node.color = BAD
 
@@ -208,6 +225,15 @@ class Scene:
             position=(float((low[0] + high[0]) / 2), float((low[1] + high[1]) / 2), float(low[2])),
         )  # fmt: skip
         return cell
+
+    def light(self) -> None:
+        """A sky, and a sun that shines on the front from the upper left."""
+        self.api.add_light_hemisphere(
+            "/light/sky", ground_color=GROUND, intensity=2.0, wxyz=(0.5**0.5, 0.5**0.5, 0.0, 0.0)
+        )  # fmt: skip
+        self.api.add_light_directional(
+            "/light/sun", intensity=2.2, position=tuple(self.turn.T @ SUN)
+        )  # fmt: skip
 
     def view(
         self, camera: Any, azimuth: float = -35.0, elevation: float = 20.0,

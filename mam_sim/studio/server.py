@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import gzip
 import http
 import io
 import threading
@@ -18,6 +19,30 @@ if TYPE_CHECKING:
 
 HOST = "127.0.0.1"
 HOSTS = (HOST, "localhost")
+LIGHT = """
+{
+  const probe = document.createElement("canvas").getContext("webgl2");
+  const info = probe?.getExtension("WEBGL_debug_renderer_info");
+  const drawnBy = info ? probe.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
+  probe?.getExtension("WEBGL_lose_context")?.loseContext();
+  if (/swiftshader|llvmpipe|softpipe|software|basic render/i.test(drawnBy)) {
+    const plain = HTMLCanvasElement.prototype.getContext;
+    HTMLCanvasElement.prototype.getContext = function (kind, options) {
+      return plain.call(this, kind, { ...options, antialias: false });
+    };
+    Object.defineProperty(window, "devicePixelRatio", { value: 1 });
+    const close = ".mantine-Notification-closeButton";
+    setTimeout(() => document.querySelectorAll(close).forEach((b) => b.click()), 10000);
+  }
+}
+"""
+"""Where the processor draws, smooth edges and the pixels of a fine screen would take most of the
+frames a second: both are left out. Viser's notice about such drawing would stay for good."""
+NOTICES = """
+.mantine-Notification-root { pointer-events: none; }
+.mantine-Notification-closeButton { pointer-events: auto; }
+"""
+"""Notices lie over the view; a click is meant for what is under them."""
 
 
 def start(port: int, label: str) -> viser.ViserServer:
@@ -43,7 +68,7 @@ def start(port: int, label: str) -> viser.ViserServer:
     def guarded(*args: Any, process_request: Callable[..., Any], **more: Any) -> Any:
         def answer(connection: Any, request: Any) -> Any:
             if _own(request.headers):
-                return process_request(connection, request)
+                return _with_script(process_request(connection, request))
             return connection.respond(http.HTTPStatus.FORBIDDEN, "only the local page may ask\n")
 
         return serve(*args, process_request=answer, **more)
@@ -55,6 +80,20 @@ def start(port: int, label: str) -> viser.ViserServer:
         finally:
             websockets_server.serve = serve  # type: ignore[misc]
     return server
+
+
+def _with_script(response: Any) -> Any:
+    """The page, with `LIGHT` and `NOTICES` before all else; other answers as they are."""
+    if response is None or response.headers.get("Content-Type") != "text/html":
+        return response
+    packed = response.headers.get("Content-Encoding") == "gzip"
+    body = gzip.decompress(response.body) if packed else response.body
+    head = f"<head><script>{LIGHT}</script><style>{NOTICES}</style>"
+    body = body.replace(b"<head>", head.encode(), 1)
+    response.body = gzip.compress(body, 1) if packed else body
+    del response.headers["Content-Length"]
+    response.headers["Content-Length"] = str(len(response.body))
+    return response
 
 
 _PATCHING = threading.Lock()

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import tempfile
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.read import read_asset
@@ -26,6 +26,7 @@ from mam_pipeline.hints import Hints, load_hints, save_hints
 from mam_pipeline.joints.candidates import rank_hypotheses
 from mam_pipeline.joints.estimate import faces_around, same_joint
 from mam_pipeline.models.settings import given
+from mam_pipeline.parts.cut import with_cuts, with_cuts_in_tree
 from mam_pipeline.parts.hints import along_nodes, apply_hints
 from mam_pipeline.run import (
     Source,
@@ -77,13 +78,15 @@ class State:
     """What a person said, and the tree and the joints that come of it.
 
     Attributes:
-        ground: what they are of. turn: (3, 3) rotation about Z that brings the front to -X.
+        ground: what they are of. primitives: of the faces, cut as the person said.
+        turn: (3, 3) rotation about Z that brings the front to -X.
     """
 
     hints: Hints
     tree: KinematicTree
     articulation: Articulation
     ground: Ground
+    primitives: Primitives
     turn: FloatArray
 
 
@@ -175,7 +178,8 @@ class Session:
             )
             for i, link in enumerate(articulation.links)
         )  # fmt: skip
-        self._history = [State(Hints(), KinematicTree(nodes), articulation, ground, np.eye(3))]
+        tree = KinematicTree(nodes)
+        self._history = [State(Hints(), tree, articulation, ground, primitives, np.eye(3))]
 
     @property
     def state(self) -> State:
@@ -190,7 +194,7 @@ class Session:
     @property
     def primitives(self) -> Primitives:
         """Of the faces of `mesh`; a link is one where there is no engine's work to show."""
-        return self.state.ground.primitives
+        return self.state.primitives
 
     @property
     def faces_in_file(self) -> int:
@@ -271,7 +275,7 @@ class Session:
         change = ground.read.source_to_asset @ np.linalg.inv(read.source_to_asset)
         if read.kind == "photo":  # its frame begins at the floor
             change = np.diag([size, size, size, 1.0])
-        same = _renumbered(now.ground.primitives, ground.primitives)
+        same = _renumbered(now.primitives, with_cuts(ground.primitives, hints))
         return self._add(self._state(ground, edits.moved(hints, change, same)))
 
     def _add(self, made: State) -> State:
@@ -318,9 +322,8 @@ class Session:
             config = replace(yielding(config, self.state.hints), hints=place.hints)
         return make_asset(place.source, place.asset, config, tell)
 
-    def best_subtype(self, primitives: Iterable[int]) -> str:
-        """How faces would move if they were a part of their own: slide, hinge or spin."""
-        chosen = np.isin(self.primitives.labels, sorted(primitives))
+    def best_subtype(self, chosen: NDArray[np.bool_]) -> str:
+        """How faces (F,) would move if they were a part of their own: slide, hinge or spin."""
         ranked = self._ranked(np.flatnonzero(chosen), np.flatnonzero(~chosen))
         return next((c.subtype for c in ranked if c.subtype != "fixed"), "hinge")
 
@@ -397,22 +400,28 @@ class Session:
         """Tree and joints that hints make; estimates that nothing touched are remembered."""
         with self._thinking, given(self.place.config.models.settings()):
             tree = self._engine_says(ground)
-        tree = apply_hints(tree, ground.primitives, ground.mesh, hints)
+        cut = with_cuts(ground.primitives, hints)
+        tree = with_cuts_in_tree(tree, ground.primitives, cut)
+        tree = apply_hints(tree, cut, ground.mesh, hints)
         return self._solved(self._fresh, ground, tree, hints)
 
     def _solved(
         self, stages: Stages, ground: Ground, tree: KinematicTree, hints: Hints | None
     ) -> State:
         """A tree with its joints; none where nothing moves."""
-        said, labels = hints or Hints(), ground.primitives.labels
+        said, primitives = hints or Hints(), with_cuts(ground.primitives, hints)
         if any(node.subtype != "fixed" for node in tree.nodes):
-            made = stages.solve(ground.mesh, ground.primitives, tree, hints)
+            made = stages.solve(ground.mesh, primitives, tree, hints)
         else:
             made = Articulation(ground.mesh, tuple(
-                Link(n.name, n.kind, np.flatnonzero(np.isin(labels, n.primitives)), n.primitives)
+                Link(
+                    n.name, n.kind, np.flatnonzero(np.isin(primitives.labels, n.primitives)),
+                    n.primitives,
+                )
                 for n in tree.nodes
             ), ())  # fmt: skip
-        return State(said, tree, made, ground, self._turn(made, ground.read, hints))
+        turn = self._turn(made, ground.read, hints)
+        return State(said, tree, made, ground, primitives, turn)
 
     def _turn(self, made: Articulation, read: Source, hints: Hints | None) -> FloatArray:
         """(3, 3) rotation that brings the front to -X."""

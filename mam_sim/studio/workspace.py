@@ -9,9 +9,10 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import wraps
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mam_pipeline.errors import ConfigError, MamSimError
 from mam_pipeline.geometry.sampling import face_geometry
@@ -24,6 +25,9 @@ from mam_sim.studio.session import Change, Session, State
 
 if TYPE_CHECKING:
     import viser
+
+
+Picks = Literal["pieces", "areas", "brush"]
 
 
 class Panel(Protocol):
@@ -40,8 +44,11 @@ class Workspace:
     Attributes:
         server: of the page. scene: its three-dimensional view.
         session: the open object; None while the first one is read.
-        selected: pieces (primitives). part: name of the chosen part.
+        selected: pieces (primitives), and brushed: faces that are to become pieces of their own.
+        part: name of the chosen part.
         show, axes, sizes: how the object is drawn. hulls: collision pieces by link name.
+        picks: what a click takes: pieces, areas (faces up to the next sharp edge) or, by brush,
+            faces within `brush` of the pointer, diagonals.
         face: last one that was clicked; seen_along: (3,) the ray to it, and
             at: (3,) where it was clicked, metres, both as with the object at rest.
         bad: links that run into something, drawn red. panels: told of every change.
@@ -51,7 +58,10 @@ class Workspace:
     scene: Scene
     session: Session | None = None
     selected: set[int] = field(default_factory=set)
+    brushed: set[int] = field(default_factory=set)
     part: str = ""
+    picks: Picks = "pieces"
+    brush: float = 0.03
     face: int | None = None
     seen_along: FloatArray = field(default_factory=lambda: np.zeros(3))
     at: FloatArray = field(default_factory=lambda: np.zeros(3))
@@ -92,6 +102,16 @@ class Workspace:
         nodes = [n for n in self.state.tree.nodes if n.name == self.part]
         return [*nodes[0].primitives] if nodes else []
 
+    def select_nothing(self) -> None:
+        """Forget the selection; nothing is drawn."""
+        self.selected, self.brushed = set(), set()
+
+    def chosen_faces(self) -> NDArray[np.bool_]:
+        """(F,) which faces are selected, by piece or by brush."""
+        chosen = np.isin(self.open.primitives.labels, sorted(self.selected))
+        chosen[sorted(self.brushed)] = True
+        return chosen
+
     def line(self, joint: Joint | JointCandidate, link: int) -> str:
         """Where the line of a joint runs on a link, as seen from the front."""
         turn, shown = self.state.turn, self.state.articulation
@@ -107,7 +127,8 @@ class Workspace:
     def put(self, session: Session) -> None:
         """Open another object."""
         with self.lock:
-            self.session, self.selected, self.part = session, set(), ""
+            self.session, self.part = session, ""
+            self.select_nothing()
             self.face = None
             self.hulls, self.bad = {}, ()
             self.scene.values = {}
@@ -117,7 +138,8 @@ class Workspace:
     def drop(self) -> None:
         """Show nothing: the next object could not be opened."""
         with self.lock:
-            self.session, self.selected, self.part = None, set(), ""
+            self.session, self.part = None, ""
+            self.select_nothing()
             self.scene.clear()
 
     def edit(self, change: Change) -> None:
@@ -133,15 +155,17 @@ class Workspace:
         self.look_at_the_front()
 
     def look_at_the_front(self) -> None:
-        """The floor under the object, and every camera before its front."""
+        """Floor and light round the object, and every camera before its front."""
         self.scene.floor()
+        self.scene.light()
         self.scene.view(self.server.initial_camera)
         for client in self.server.get_clients().values():
             self.scene.view(client.camera)
 
     def after_edit(self) -> None:
         """Draw the state after an edit, an undo or a redo."""
-        self.hulls, self.bad, self.selected = {}, (), set()
+        self.hulls, self.bad = {}, ()
+        self.select_nothing()
         if self.part not in {n.name for n in self.state.tree.nodes}:
             self.part = ""
         self.refresh()
@@ -163,7 +187,7 @@ class Workspace:
         if self.bad:
             self.scene.redden(self.bad)
         else:
-            self.scene.select(self.selected)
+            self.scene.select(self.chosen_faces())
 
     def choose(self, part: str) -> None:
         """Make a part the one that is spoken of."""

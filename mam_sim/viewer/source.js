@@ -10,8 +10,16 @@ const asset = JSON.parse(document.getElementById("asset").textContent);
 const view = document.getElementById("view");
 const values = new Map(asset.joints.map((joint) => [joint.name, 0]));
 
-const renderer = new THREE.WebGLRenderer({ antialias: true });
-renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+// Without a graphics card the processor draws every pixel: fewer and plainer ones while the view moves.
+function drawnByProcessor() {
+  const probe = document.createElement("canvas").getContext("webgl2");
+  const info = probe?.getExtension("WEBGL_debug_renderer_info");
+  const name = info ? probe.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
+  probe?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+}
+const slow = drawnByProcessor();
+const renderer = new THREE.WebGLRenderer({ antialias: !slow });
 renderer.shadowMap.enabled = true;
 renderer.shadowMap.autoUpdate = false; // only what moves changes the shadows, not the view
 renderer.toneMapping = THREE.NeutralToneMapping;
@@ -19,10 +27,13 @@ view.appendChild(renderer.domElement);
 
 const scene = new THREE.Scene();
 scene.background = new THREE.Color(0xf4f5f7);
-scene.environment = new THREE.PMREMGenerator(renderer).fromScene(new RoomEnvironment(), 0.04, 0.1, 100, {
-  size: 64,
-}).texture;
-scene.environmentIntensity = 0.7;
+if (slow) {
+  scene.add(new THREE.HemisphereLight(0xffffff, 0x9a958f, 1.9));
+} else {
+  const rooms = new THREE.PMREMGenerator(renderer);
+  scene.environment = rooms.fromScene(new RoomEnvironment(), 0.04, 0.1, 100, { size: 64 }).texture;
+  scene.environmentIntensity = 0.7;
+}
 const camera = new THREE.PerspectiveCamera(32, 1, 0.001, 1000);
 const controls = new OrbitControls(camera, renderer.domElement);
 controls.addEventListener("change", draw);
@@ -60,13 +71,31 @@ function pose() {
 }
 
 let waiting = false;
+let resting;
 function draw() {
   if (waiting) return;
   waiting = true;
   requestAnimationFrame(() => {
     waiting = false;
-    renderer.render(scene, camera);
+    render(0.5e6, 1);
+    clearTimeout(resting);
+    if (slow) resting = setTimeout(() => render(4e6, 2), 250);
   });
+}
+
+// Draw with about so many pixels, where they are to be spared.
+function render(pixels, most) {
+  const spared = Math.min(most, Math.sqrt(pixels / (view.clientWidth * view.clientHeight)));
+  const ratio = slow ? spared : Math.min(window.devicePixelRatio, 2);
+  if (renderer.getPixelRatio() !== ratio) renderer.setPixelRatio(ratio);
+  renderer.render(scene, camera);
+}
+
+function plain(color, map = null) {
+  const look = { color, map, side: THREE.DoubleSide };
+  return slow
+    ? new THREE.MeshLambertMaterial(look)
+    : new THREE.MeshStandardMaterial({ ...look, roughness: 0.8 });
 }
 
 function fit() {
@@ -89,7 +118,7 @@ function place() {
   controls.target.copy(middle);
 
   const light = new THREE.DirectionalLight(0xffffff, 1.6);
-  light.position.set(-0.5, -0.8, 1.6).multiplyScalar(size).add(middle);
+  light.position.set(-1.1, -0.6, 1.5).multiplyScalar(size).add(middle);
   light.target.position.copy(middle);
   light.castShadow = true;
   light.shadow.mapSize.set(2048, 2048);
@@ -157,6 +186,15 @@ function panel() {
   });
 }
 
+// The same surface without reflections.
+function lighten(mesh) {
+  const was = mesh.material;
+  mesh.material = plain(was.color, was.map);
+  for (const key of ["vertexColors", "transparent", "opacity", "alphaTest", "side"]) {
+    mesh.material[key] = was[key];
+  }
+}
+
 function colours() {
   const row = document.createElement("label");
   const box = document.createElement("input");
@@ -164,19 +202,15 @@ function colours() {
   row.append(box, "parts in colours");
   row.className = "choice";
   document.getElementById("joints").append(row);
-  const plain = links.map((_, k) =>
-    new THREE.MeshStandardMaterial({
-      color: k ? new THREE.Color().setHSL((0.08 + 0.618 * k) % 1, 0.6, 0.55) : 0xc9ccd1,
-      roughness: 0.8,
-      side: THREE.DoubleSide,
-    }),
+  const own = links.map((_, k) =>
+    plain(k ? new THREE.Color().setHSL((0.08 + 0.618 * k) % 1, 0.6, 0.55) : 0xc9ccd1),
   );
   box.addEventListener("change", () => {
     links.forEach((link, k) =>
       link.traverse((child) => {
         if (!child.isMesh) return;
         child.userData.own ??= child.material;
-        child.material = box.checked ? plain[k] : child.userData.own;
+        child.material = box.checked ? own[k] : child.userData.own;
       }),
     );
     draw();
@@ -190,6 +224,7 @@ new GLTFLoader().parse(bytes.buffer, "", (made) => {
     links[Math.max(index, 0)].add(node);
     node.traverse((child) => {
       child.castShadow = child.receiveShadow = Boolean(child.isMesh);
+      if (slow && child.isMesh) lighten(child);
     });
   }
   panel();

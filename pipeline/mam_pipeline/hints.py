@@ -7,6 +7,7 @@ One schema for both. Written by the reconstructor, read by the engine, edited by
     facing: -y                              # optional: axis of the file in which its front looks
     height: 0.72                            # optional: metres, floor to top
     photo_front: [x, y, x, y, x, y, x, y]   # optional: front corners TL, TR, BR, BL on the photo
+    cut: [[310, 311, 315]]                  # faces of a primitive that become one of their own
     merge: [[1, 2, 3], [7, 8]]              # primitives that are one part
     fixed: [4]                              # primitives that must not move
     parts:
@@ -106,6 +107,7 @@ class Hints:
     up: Axis | None = None
     facing: Axis | None = None
     height: Length | None = None
+    cut: tuple[tuple[Index, ...], ...] = ()
     merge: tuple[tuple[Index, ...], ...] = ()
     fixed: tuple[Index, ...] = ()
     parts: Annotated[tuple[HintPart, ...], Field(max_length=MOST_PARTS)] = ()
@@ -114,7 +116,7 @@ class Hints:
 
     @property
     def empty(self) -> bool:
-        return not (self.merge or self.fixed or self.parts)
+        return not (self.cut or self.merge or self.fixed or self.parts)
 
 
 def load_hints(path: str | Path, shown: str | Path | None = None) -> Hints:

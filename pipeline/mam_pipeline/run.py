@@ -35,6 +35,7 @@ from mam_pipeline.hints import Hints, load_hints
 from mam_pipeline.models import settings
 from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.models.settings import ModelConfig
+from mam_pipeline.parts.cut import with_cuts, with_cuts_in_tree
 from mam_pipeline.parts.hints import along_nodes, apply_hints
 from mam_pipeline.photo.options import PhotoConfig
 from mam_pipeline.rules import ALL_RULES, Ruled, Rules
@@ -455,6 +456,7 @@ class Stages:
         primitives = along_nodes(self.segment(mesh), mesh, hints, stated_groups(spec))
         prior = self.observe(mesh, primitives, hints)
         tree = self.reason(mesh, primitives, prior, hints, spec)
+        primitives = with_cuts(primitives, hints)
         articulation = self.solve(mesh, primitives, tree, hints)
         used = {role: maker.name for role, maker in self.makers.items()}
         notes = (left_out_note(tree), *carried_notes(tree), *said_notes(tree))
@@ -513,8 +515,11 @@ class Stages:
         """Primitives and priors to parts, tree and joint subtypes.
 
         Hints have the last word; what else is known is given to a reasoner that listens.
-        """
 
+        Args:
+            primitives: without the hints' cuts; the tree is of those with them.
+        """
+        cut = with_cuts(primitives, hints)
         said = {} if spec.empty else {"spec": text_digest(repr(spec))}
 
         def reasoned(backend: Any) -> KinematicTree:
@@ -525,11 +530,12 @@ class Stages:
                 if isinstance(backend, Informed) and not spec.empty:
                     backend = backend.with_spec(spec)
                 tree = backend.reason(mesh, primitives, prior, seed=self.config.seed)
-            return tree if hints is None else apply_hints(tree, primitives, mesh, hints)
+            tree = with_cuts_in_tree(tree, primitives, cut)
+            return tree if hints is None else apply_hints(tree, cut, mesh, hints)
 
         return self._stage(
             "reasoner", "hints" if _settled(hints) else self.config.reasoner, "reason",
-            tree_codec(primitives.count), reasoned,
+            tree_codec(cut.count), reasoned,
             lambda: self._inputs(mesh, hints, "segmenter", "prior") | said,
         )  # fmt: skip
 

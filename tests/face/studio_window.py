@@ -82,6 +82,24 @@ def window_middle(box: dict[str, float]) -> tuple[int, int]:
     return int(box["x"] + box["width"] / 2), int(box["y"] + box["height"] / 2)
 
 
+def show(page: Any, window: Any, tab: str = "") -> None:
+    """Open the studio's page, wait until the object is drawn, and go to a tab."""
+    page.work.refresh()
+    window.goto(page.url)
+    window.get_by_text("cabinet").wait_for()
+    until(lambda: len(page.server.get_clients()) > 0)
+    column, row = window_middle(canvas(window))
+    until(lambda: bool(seen(window)[row, column].min() < 250))
+    if tab:
+        window.get_by_role("tab", name=tab).click()
+
+
+def choose(window: Any, label: str, option: str) -> None:
+    """Take an option of a list."""
+    window.get_by_label(label, exact=True).first.click()
+    window.get_by_role("option", name=option, exact=True).click()
+
+
 def door_front(session: Session) -> FloatArray:
     """A point on the door's front, off its knob."""
     return np.array([-0.222, 0.1, 0.35])

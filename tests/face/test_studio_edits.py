@@ -10,7 +10,17 @@ import pytest
 
 from mam_pipeline.types import Joint, KinematicTree, Mesh, PartNode, Primitives
 from mam_sim.studio import edits
-from mam_sim.studio.picking import Camera, Snap, line_at, primitives_in_box, snapped, snaps
+from mam_sim.studio.picking import (
+    Camera,
+    Snap,
+    area_around,
+    faces_in_box,
+    faces_near,
+    line_at,
+    primitives_in_box,
+    snapped,
+    snaps,
+)
 from mam_sim.studio.words import joint_text, line, verdict_text
 
 Change = Callable[..., object]
@@ -118,6 +128,28 @@ def test_a_box_on_the_screen_selects_what_is_seen_whole_in_it() -> None:
     assert box(tuple(low - 0.005), tuple(high + 0.005)) == [1, 2], "the body reaches beyond it"
     knob = camera.screen(np.array([[-0.265, 0.18, 0.3]]))[0]
     assert box(tuple(knob - 0.06), tuple(knob + 0.06)) == [2]
+
+
+def test_faces_are_taken_up_to_an_edge_under_a_brush_or_in_a_box() -> None:
+    import trimesh
+
+    from mam_pipeline.render.tracer import Tracer
+
+    box = trimesh.creation.box((0.4, 0.5, 0.6)).subdivide().subdivide()
+    twice = np.concatenate([box.faces, box.faces[:, ::-1]])  # both sides, as many files have it
+    mesh, own = Mesh(box.vertices, twice), np.arange(len(twice))
+    middles = mesh.vertices[mesh.faces].mean(axis=1)
+    front = np.flatnonzero(middles[:, 0] < -0.199)
+    assert set(area_around(mesh, own, int(front[0]))) == set(front)
+    at = np.array([-0.2, 0.0, 0.0])
+    near = faces_near(mesh, own, int(front[0]), at, 0.1)
+    assert front[0] in near and len(near) < len(front)
+    assert np.all(np.linalg.norm(middles[near[near != front[0]]] - at, axis=1) <= 0.1)
+    ahead = np.array([[0, 0, 1.0], [-1, 0, 0], [0, -1, 0]])  # looks along +X, Z up
+    camera = Camera(np.array([-2.0, 0, 0]), ahead, 0.6, 1.0)
+    tracer = Tracer(mesh.vertices, mesh.faces)
+    seen = faces_in_box(mesh, tracer, camera, np.zeros(2), np.ones(2))
+    assert set(seen) == set(front), "what is hidden stays"
 
 
 def test_an_axis_snaps_to_edges_and_circles_with_its_sign() -> None:

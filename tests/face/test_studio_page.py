@@ -13,15 +13,17 @@ from mam_pipeline.errors import InputError
 from mam_pipeline.hints import load_hints
 from mam_sim.studio.session import Session
 from tests.face.studio_window import (
+    camera_of,
     canvas,
     changed,
+    choose,
     door,
     door_front,
     joint_of,
     pixel,
     seen,
+    show,
     until,
-    window_middle,
 )
 
 
@@ -30,14 +32,10 @@ def test_in_a_browser_a_slider_moves_its_part_and_edits_are_undone_saved_and_rea
 ) -> None:
     work, requests = page.work, []
     window.on("request", lambda request: requests.append(request.url))
-    window.goto(page.url)
-    window.get_by_text("cabinet").wait_for()
-    until(lambda: len(page.server.get_clients()) > 0)
+    show(page, window)
     part = door(session).name
     joint = joint_of(session, part)
     box = canvas(window)
-    middle = window_middle(box)
-    until(lambda: bool(seen(window)[middle[1], middle[0]].min() < 250))  # the object is there
 
     before = seen(window)
     slider = window.get_by_role("slider").nth(1)
@@ -78,11 +76,7 @@ def test_in_a_browser_a_slider_moves_its_part_and_edits_are_undone_saved_and_rea
 def test_in_a_browser_a_typed_length_sets_the_size(
     page: Any, window: Any, session: Session
 ) -> None:
-    page.work.refresh()
-    window.goto(page.url)
-    window.get_by_text("cabinet").wait_for()
-    until(lambda: len(page.server.get_clients()) > 0)
-    window.get_by_role("tab", name="Put right").click()
+    show(page, window, "Put right")
     window.get_by_text("How it stands").click()
     length = window.get_by_label("Metres")
     length.fill("1.2")
@@ -100,13 +94,7 @@ def test_in_a_browser_a_typed_length_sets_the_size(
 def test_in_a_browser_a_clicked_face_says_where_the_top_is(
     page: Any, window: Any, session: Session
 ) -> None:
-    page.work.refresh()
-    window.goto(page.url)
-    window.get_by_text("cabinet").wait_for()
-    until(lambda: len(page.server.get_clients()) > 0)
-    middle = window_middle(canvas(window))
-    until(lambda: bool(seen(window)[middle[1], middle[0]].min() < 250))  # the object is there
-    window.get_by_role("tab", name="Put right").click()
+    show(page, window, "Put right")
     size = page.work.size().copy()
     window.mouse.click(*pixel(page, window, [door_front(session)])[0])
     until(lambda: page.work.face is not None)
@@ -117,6 +105,44 @@ def test_in_a_browser_a_clicked_face_says_where_the_top_is(
     window.get_by_role("button", name="Undo").click()
     until(lambda: not session.can_undo)
     assert np.allclose(page.work.size(), size)
+
+
+def test_in_a_browser_faces_are_taken_up_to_an_edge_and_painted_and_become_a_part(
+    page: Any, window: Any, session: Session
+) -> None:
+    show(page, window, "Put right")
+    work, count = page.work, session.primitives.count
+    choose(window, "Select", "faces up to an edge")
+    until(lambda: work.picks == "areas")
+    front = pixel(page, window, [door_front(session)])[0]
+    window.mouse.click(*front)
+    until(lambda: len(work.brushed) > 0)
+    assert len(work.brushed) == 2, "the two triangles of the door's front"
+    window.get_by_text("2 faces").wait_for()
+    window.get_by_role("button", name="Make a part of them").click()
+    until(lambda: work.part == "door_1")
+    assert session.primitives.count == count + 1 and len(session.state.hints.cut) == 1
+    window.get_by_role("button", name="Undo").click()
+    until(lambda: session.primitives.count == count)
+    window.get_by_role("button", name="Redo").click()
+    until(lambda: session.primitives.count == count + 1)
+    window.get_by_role("button", name="Undo").click()
+    until(lambda: session.primitives.count == count)
+
+    choose(window, "Select", "faces under a brush")
+    window.get_by_text("Brush (%)").wait_for()
+    before = camera_of(page).position
+    ends = pixel(page, window, [[-0.222, 0.15, 0.5], [-0.222, -0.15, 0.1]])
+    window.mouse.move(*ends[0])
+    window.mouse.down()
+    window.mouse.move(*ends.mean(axis=0), steps=4)
+    window.mouse.move(*ends[1], steps=4)
+    window.mouse.up()
+    until(lambda: len(work.brushed) >= 2)
+    assert {*session.primitives.labels[sorted(work.brushed)]} <= {*door(session).primitives}
+    assert np.allclose(camera_of(page).position, before), "a stroke does not turn the view"
+    choose(window, "Select", "whole pieces")
+    until(lambda: work.picks == "pieces")
 
 
 def test_other_sites_pages_are_refused(page: Any) -> None:

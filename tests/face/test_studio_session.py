@@ -10,8 +10,10 @@ import pytest
 
 from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.formats.mesh_files import save_glb
+from mam_pipeline.geometry.sampling import face_geometry
+from mam_pipeline.hints import Hints
 from mam_pipeline.run import MakeConfig, make_asset
-from mam_pipeline.types import Mesh
+from mam_pipeline.types import KinematicTree, Mesh
 from mam_sim.studio import edits
 from mam_sim.studio.place import place_of
 from mam_sim.studio.review import Review
@@ -49,6 +51,39 @@ def test_edits_make_the_asset_that_articulate_makes_of_the_saved_hints(
     alone = Session(place_of(tmp_path / "empty" / "moved", MakeConfig()))
     with pytest.raises(ConfigError, match="source was not found"):
         alone.edit(lambda h, t: h)
+    session.place.hints.unlink()
+
+
+def test_faces_are_cut_off_a_piece_and_articulate_cuts_the_same(
+    cabinet: Path, session: Session, tmp_path: Path
+) -> None:
+    normals = face_geometry(session.mesh.vertices, session.mesh.faces)[0]
+    middles = session.mesh.vertices[session.mesh.faces].mean(axis=1)
+    panel = door(session)
+    piece = session.primitives.labels[np.argmin(np.abs(middles - [-0.222, 0, 0.3]).sum(axis=1))]
+    front = np.flatnonzero((session.primitives.labels == piece) & (normals[:, 0] < -0.9))
+    before, count = session.primitives, session.primitives.count
+
+    def split(h: Hints, t: KinematicTree) -> Hints:
+        cut, pieces = edits.cut_off(h, before, [*front, *np.flatnonzero(before.labels == 0)])
+        assert sorted(pieces) == [0, count], "a whole piece keeps its number"
+        return edits.make_part(cut, t, [count], "lid", "hinge")
+
+    session.edit(split)
+    assert session.primitives.count == count + 1
+    made = {n.name: n.primitives for n in session.state.tree.nodes}
+    assert made["lid_0"] == (count,) and made[panel.name] == panel.primitives
+    assert set(np.flatnonzero(session.primitives.labels == count)) == set(front)
+    session.undo()
+    assert session.primitives.count == count
+    session.redo()
+    session.stand(size=1.5)
+    ours = session.make()
+    theirs = make_asset(cabinet, tmp_path / "made", MakeConfig(hints=session.place.hints))
+    for file in ("object.urdf", "stages/3_parts/parts.yaml", "stages/4_joints/joints.yaml"):
+        assert (ours.folder / file).read_bytes() == (theirs.folder / file).read_bytes()
+    again = Session(place_of(ours.folder, MakeConfig()))
+    assert again.state.hints == session.state.hints and again.primitives.count == count + 1
     session.place.hints.unlink()
 
 
