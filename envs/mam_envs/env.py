@@ -385,6 +385,7 @@ class OperateJointEnv(BaseEnv):
             q=float(values[joints.index(goal.joint)]),
             others={n: float(values[k]) for k, n in enumerate(joints) if n != goal.joint},
             arm=np.array([arm[names.index(n)] for n in self.robot_spec.arm], dtype=float),
+            force=common.to_numpy(self._probe.part_push)[index].astype(float),
         )
         claimed = self.claimed[self._chosen[index]]
         return state if claimed is item else as_claimed(state, claimed, int(self.stage[index]))

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
-from scipy.spatial import ConvexHull, QhullError
 
+from mam_envs.convex import THIN_SHARE, ConvexPiece
 from mam_envs.kinematics import KinematicModel
 from mam_pipeline.asset.card import Asset, CardGrasp, CardJoint
 from mam_pipeline.errors import NotPhysicalError, unknown_name
@@ -19,43 +18,6 @@ from mam_pipeline.formats.urdf.geometry import existing, origin_of, shape_triang
 from mam_pipeline.types import Coupling, FloatArray, IntArray
 
 GRAVITY = 9.81  # m/s^2
-Hull = tuple[FloatArray, FloatArray]
-"""A convex shape: its box (2, 3) and planes (M, 4), inside where n . x + d <= 0."""
-
-
-@dataclass(frozen=True)
-class ThinPieces:
-    """How pieces too thin for a hand's sample points are treated.
-
-    Attributes:
-        wall: pieces thinner than this (metres) are walls, which get sample points of their own.
-        step: distance of those points, metres.
-        most: at most so many on one piece.
-        dip: share of a piece's thickness that nothing may dip into; what runs through a thin wall
-            is never deep in it.
-    """
-
-    wall: float = 0.008
-    step: float = 0.003
-    most: int = 4000
-    dip: float = 0.25
-
-
-THIN = ThinPieces()
-
-
-@dataclass(frozen=True)
-class ConvexPiece:
-    """A convex collision piece in its link's frame: `planes` (M, 4) rows (normal, offset),
-    inside where normal . x + offset <= 0; `points` (V, 3) its corners."""
-
-    planes: FloatArray
-    points: FloatArray
-
-    @cached_property
-    def thickness(self) -> float:
-        """Least distance (m) between a face and the corner farthest from it."""
-        return float(-(self.points @ self.planes[:, :3].T + self.planes[:, 3]).min(axis=0).max())
 
 
 @dataclass(frozen=True)
@@ -229,7 +191,7 @@ class ObjectModel:
     def boxes(self) -> dict[str, FloatArray]:
         """(P, 2, 3) box of every link's pieces, link frame."""
         return {
-            name: np.array([[p.points.min(axis=0), p.points.max(axis=0)] for p in pieces])
+            name: np.array([p.box for p in pieces])
             for name, pieces in self.pieces.items()
             if pieces
         }
@@ -253,42 +215,35 @@ class ObjectModel:
         """Whether any of the points (N, 3), asset frame, is deeper inside the object than `slack`
         (m), or than a share of a thin piece's thickness."""
         return any(
-            bool((depth > min(slack, THIN.dip * piece.thickness)).any())
+            bool((depth > min(slack, THIN_SHARE * piece.thickness)).any())
             for _, depth, piece in self._dips(points, q, skip)
         )
 
-    @cached_property
-    def walls(self) -> dict[str, FloatArray]:
-        """(N, 3) points, about 3 mm apart, on every link's thin pieces, link frame: what a hand's
-        own points would miss."""
-        out = {}
-        for name, pieces in self.pieces.items():
-            rows = []
-            for piece in pieces:
-                if piece.thickness < THIN.wall:
-                    hull = trimesh.convex.convex_hull(piece.points)
-                    count = min(int(hull.area / THIN.step**2), THIN.most)
-                    rows += [trimesh.sample.sample_surface(hull, count, seed=0)[0], piece.points]
-            if rows:
-                out[name] = np.concatenate(rows)
-        return out
-
     def cuts_into(
-        self, hulls: Sequence[Hull], pose: FloatArray, q: Mapping[str, float], slack: float
+        self,
+        hulls: Sequence[ConvexPiece],
+        pose: FloatArray,
+        q: Mapping[str, float],
+        slack: float,
+        skip: tuple[str, ...] = (),
     ) -> bool:
-        """Whether a thin piece runs more than `slack` (m) into convex shapes that stand in the
-        frame `pose` (4, 4), asset frame."""
+        """Whether a piece goes more than `slack` (m) into convex shapes that stand in the frame
+        `pose` (4, 4), asset frame; a negative slack is a distance that they must keep."""
+        if not hulls:
+            return False
         poses = self.kinematics.link_poses(q)
-        into = np.linalg.inv(pose)
-        low = np.min([box[0] for box, _ in hulls], axis=0)
-        high = np.max([box[1] for box, _ in hulls], axis=0)
-        for name, points in self.walls.items():
-            m = into @ poses[name][0]
-            here = points @ m[:3, :3].T + m[:3, 3]
-            here = here[((here > low) & (here < high)).all(axis=1)]
-            for box, planes in hulls if len(here) else ():
-                near = here[((here > box[0]) & (here < box[1])).all(axis=1)]
-                if ((near @ planes[:, :3].T + planes[:, 3]).max(axis=1) < -slack).any():
+        corners = np.concatenate([hull.points for hull in hulls]) @ pose[:3, :3].T + pose[:3, 3]
+        room = max(0.0, -slack)
+        for name, boxes in self.boxes.items():
+            if name in skip:
+                continue
+            link = poses[name][0]
+            local = (corners - link[:3, 3]) @ link[:3, :3]
+            low, high = local.min(axis=0) - room, local.max(axis=0) + room
+            apart = (boxes[:, 0] > high) | (boxes[:, 1] < low)
+            into = np.linalg.inv(link) @ pose
+            for k in np.flatnonzero(~apart.any(axis=1)):
+                if any(self.pieces[name][k].cuts(hull, into, slack) for hull in hulls):
                     return True
         return False
 
@@ -329,9 +284,5 @@ def _pieces(collision: Any, urdf: Path, scale: float) -> list[ConvexPiece]:
         return []
     origin = origin_of(collision)
     points = (surface[0] @ origin[:3, :3].T + origin[:3, 3]) * scale
-    try:
-        hull = ConvexHull(points)
-    except QhullError:  # flat: no volume to run into
-        return []
-    planes = np.unique(np.round(hull.equations, 7), axis=0)
-    return [ConvexPiece(planes, points[hull.vertices])]
+    piece = ConvexPiece.of(points)
+    return [] if piece is None else [piece]  # flat: no volume to run into

@@ -22,6 +22,7 @@ class PlannerState:
         base: (4, 4) world_T_base. world_asset: (4, 4) world_T_asset.
         q: joint value of the goal's joint. others: values of the object's other joints.
         arm: (n,) arm joint values.
+        force: (3,) newtons of the part on the robot, world, mean of the last control step.
     """
 
     layout: Layout
@@ -31,6 +32,7 @@ class PlannerState:
     q: float
     others: Mapping[str, float]
     arm: FloatArray
+    force: FloatArray
 
     @property
     def model(self) -> ObjectModel:

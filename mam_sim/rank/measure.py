@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-VERSION = 3
+VERSION = 4
 """Raised whenever the same asset could get another number."""
 
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from mam_envs.convex import ConvexPiece
 from mam_envs.grasping.force_closure import first_hit, hits, pull_capacity
 from mam_envs.grasping.limits import LIMITS
-from mam_envs.object_model import ConvexPiece, ObjectModel
+from mam_envs.object_model import ObjectModel
 from mam_envs.robots import robot_spec
 from mam_pipeline.asset.card import Asset
 
@@ -60,9 +61,31 @@ def test_thin_walls_are_no_less_solid(drawer: Path) -> None:
     assert not model.runs_into(inside + np.array([0.0024, 0.0, 0.0]), {}, slack=0.003)
     assert not model.runs_into(inside, {}, slack=0.003, skip=("part_1",))
     cube = trimesh.creation.box((0.02, 0.02, 0.02))
-    hull = (np.asarray(cube.bounds), planes_of(cube))
+    hull = ConvexPiece.of(np.asarray(cube.vertices))
+    assert hull is not None
     pose = np.eye(4)
     pose[:3, 3] = inside[0]
     assert model.cuts_into([hull], pose, {}, slack=0.0015)
     pose[0, 3] -= 0.2
     assert not model.cuts_into([hull], pose, {}, slack=0.0015)
+
+
+def test_shapes_go_through_each_other_where_edges_enter() -> None:
+    box = np.asarray(trimesh.creation.box((2.0, 2.0, 0.2)).vertices)
+    board = ConvexPiece.of(box)
+    rod = ConvexPiece.of(np.asarray(trimesh.creation.box((0.2, 0.2, 3.0)).vertices))
+    assert board is not None and rod is not None
+    assert ConvexPiece.of(box * [1.0, 1.0, 0.0]) is None  # flat
+    through = np.eye(4)  # no corner of either lies in the other
+    assert board.cuts(rod, through, 0.01) and rod.cuts(board, through, 0.01)
+    inside = ConvexPiece.of(0.1 * box)
+    assert inside is not None and board.cuts(inside, through, 0.0)
+    beside = np.eye(4)
+    beside[0, 3] = 1.12  # 2 cm away
+    assert not board.cuts(rod, beside, 0.0)
+    assert board.cuts(rod, beside, -0.03) and not board.cuts(rod, beside, -0.01)
+    beside[0, 3] = 1.095  # 5 mm deep
+    assert board.cuts(rod, beside, 0.003) and not board.cuts(rod, beside, 0.007)
+    turned = board.moved(trimesh.transformations.rotation_matrix(np.pi / 2, (1, 0, 0)))
+    assert turned.box[1] == pytest.approx([1.0, 0.1, 1.0])
+    assert turned.cuts(rod, beside, 0.003)

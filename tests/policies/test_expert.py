@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import mam_envs
 from mam_pipeline.errors import ConfigError
 from mam_policies.expert import Expert, run_episode
+from mam_policies.expert.compliance import Compliance
 
 
 @pytest.mark.parametrize("kind", ["drawer", "door"])
@@ -47,6 +49,30 @@ def test_contact_is_the_most_of_all_simulation_steps(drawer: Path) -> None:
         assert len(felt) == 5 and float(info["contact_force"][0]) >= 0.99 * max(felt)
         touched += max(felt) > 0.1
     assert touched > 10
+    env.close()
+
+
+def test_the_hand_gives_way_across_the_joints_motion_only(drawer: Path) -> None:
+    env = mam_envs.make(drawer, control_mode="pd_joint_pos")
+    env.reset(seed=4)
+    expert = Expert(env)
+    expert.reset()
+    now, path, config = env.unwrapped.planner_state(), expert.plan.path, expert.config  # type: ignore[attr-defined]
+    arm, q = path.follow[0], float(path.q[0])
+    turn = now.base[:3, :3]
+    axis = now.world_asset[:3, :3] @ np.array([-1.0, 0.0, 0.0])  # in which the drawer opens
+    side = np.cross([0.0, 0.0, 1.0], axis)
+    along = replace(now, force=40 * axis)
+    assert np.array_equal(arm, Compliance(config).target(along, path, arm, q))
+    soft = Compliance(config)
+    pushed = replace(now, force=25 * side + 40 * axis)
+    moved = soft.target(pushed, path, arm, q)
+    assert turn @ soft.offset == pytest.approx(config.compliance * (25 - config.bearable) * side)
+    hand = now.robot.chain.forward(np.stack([arm, moved]))[1]
+    assert hand[1] - hand[0] == pytest.approx(soft.offset, abs=5e-4)
+    for _ in range(50):
+        soft.target(pushed, path, arm, q)
+    assert np.linalg.norm(soft.offset) == pytest.approx(config.most_offset)
     env.close()
 
 

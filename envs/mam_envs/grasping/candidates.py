@@ -68,7 +68,7 @@ def turn(axis: FloatArray, angle: float) -> FloatArray:
 
 
 def card_grasps(
-    model: ObjectModel, goal: JointGoal, robot: RobotSpec, tilts: Sequence[float] = (0, 25, 50)
+    model: ObjectModel, goal: JointGoal, robot: RobotSpec, tilts: Sequence[float] = (0, 15, 30, 50)
 ) -> list[Grasp]:
     """All grasps that the card's entries for a joint offer to this hand.
 
@@ -97,7 +97,7 @@ def card_grasps(
         if goal.closing:
             out += _variants(robot, _pushing(model, goal, g), "push", tilts, extra=0.5)
     out = _weighed(model, goal, out)
-    fits = [h for h in (fit_to_hand(model, goal, robot, grasp) for grasp in out) if h is not None]
+    fits = [h for h in (_fit(model, goal, robot, grasp) for grasp in out) if h is not None]
     if out and not fits:
         raise PlacementError(
             f"{name}: a {robot.uid}'s hand cannot get at {goal.joint!r} without hitting the "
@@ -117,6 +117,16 @@ def card_grasps(
             "width" if np.isfinite(narrowest) else "grasp",
         )
     return fits
+
+
+def _fit(model: ObjectModel, goal: JointGoal, robot: RobotSpec, grasp: Grasp) -> Grasp | None:
+    """The grasp as it fits the hand; fingers that meet something when they are wide open, open
+    less."""
+    found = fit_to_hand(model, goal, robot, grasp)
+    if found is None and grasp.mode == "grip":
+        narrow = replace(grasp, room=LIMITS.narrow, cost=grasp.cost + 0.1)
+        found = fit_to_hand(model, goal, robot, narrow)
+    return found
 
 
 def _weighed(model: ObjectModel, goal: JointGoal, rows: list[Grasp]) -> list[Grasp]:
@@ -144,7 +154,8 @@ def fit_to_hand(
     start = tool_path(model, goal, grasp, q[:1])[0]
     before = {goal.joint: float(q[0])}
     moving = model.moving_links(goal.joint)
-    hulls = robot.hand_hulls(opened)
+    finger_hulls, palm_hulls = robot.hand_hulls(opened)
+    hulls = [*finger_hulls, *palm_hulls]
     for distance in (LIMITS.back_off, 0.5 * LIMITS.back_off, 0.0):
         pose = backed(start[None], distance)[0]
         if grasp.card.kind == "push" and distance == 0.0:  # a tilted fingertip's corner goes in
@@ -166,6 +177,11 @@ def fit_to_hand(
         pull = _direction(model, goal, np.array(grasp.card.position))
         if pull_capacity(model, robot, start, width, pull, moving, before) < LIMITS.capacity:
             return None
+    near = -LIMITS.clearance
+    if model.cuts_into(finger_hulls, start, before, near, moving) or (
+        model.cuts_into(palm_hulls, start, before, near)
+    ):
+        grasp = replace(grasp, cost=grasp.cost + LIMITS.tight)
     free = []
     for lag in lags:
         poses = tool_path(model, goal, replace(grasp, lag=lag), q)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from mam_envs.convex import ConvexPiece
 from mam_envs.grasping.limits import LIMITS
-from mam_envs.object_model import ConvexPiece, ObjectModel
+from mam_envs.object_model import ObjectModel
 from mam_envs.robots import RobotSpec
 from mam_pipeline.types import FloatArray
 

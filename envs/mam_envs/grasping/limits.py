@@ -13,6 +13,9 @@ class GraspLimits:
         waypoints: joint values along the joint's path at which the hand's pose is computed.
         back_off: metres of straight motion along the approach before the grasp.
         dip: metres that the hand's surface points may dip into the object at the grasp.
+        clearance: metres that the palm had better keep from everything, and the fingers from what
+            does not move: arms err. tight: cost of a grasp where they do not.
+        narrow: metres by which fingers open wider than a handle where there is little room.
         shallow: least depth of a recessed pull or rim that fingers can hook, metres.
         board_tilt: degrees that the fingers may be tilted against a board's faces.
         capacity: least pull that fingers on a rim or board must bear, over the squeeze (a hand
@@ -27,6 +30,9 @@ class GraspLimits:
     waypoints: int = 14
     back_off: float = 0.10
     dip: float = 0.003
+    clearance: float = 0.005
+    tight: float = 1.0
+    narrow: float = 0.015
     shallow: float = 0.006
     board_tilt: float = 25.0
     capacity: float = 0.5

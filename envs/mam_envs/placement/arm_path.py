@@ -122,7 +122,7 @@ def search(
     extra = np.zeros(b) if base_costs is None else base_costs
     paths = _follow(model, goal, robot, candidates, bases, world_asset, q, rows, begin, extra)
     good: list[ArmPath] = []
-    for path in paths[:60]:
+    for path in paths[: PLACEMENT.looked_at]:
         if clear(model, goal, robot, path, world_asset, others or {}, ground, begin):
             good.append(path)
             if len(good) >= keep:
@@ -174,7 +174,7 @@ def _follow(
     for i, j, arm in rows:
         grasp = candidates[j]
         for lag in grasp.lags:
-            extra = grasp.cost + 0.3 * (1 - lag)
+            extra = grasp.cost + PLACEMENT.pivoting * (1 - lag)
             lagged.append((i, replace(grasp, lag=lag, lags=(lag,), cost=extra), arm))
     if len(lagged) > 900:  # the cheapest are enough
         lagged = sorted(lagged, key=lambda r: r[1].cost)[:900]

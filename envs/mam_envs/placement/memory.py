@@ -34,7 +34,14 @@ from mam_pipeline.formats.urdf.geometry import existing
 VARIABLE = "MAM_SIM_PLACEMENTS"
 """Environment variable that names the folder; "off" remembers nothing."""
 DEFAULT = "~/.cache/mam-sim/placements"
-SOURCES = ("placement/*.py", "grasping/*.py", "robots/base.py", "kinematics.py", "object_model.py")
+SOURCES = (
+    "placement/*.py",
+    "grasping/*.py",
+    "robots/base.py",
+    "kinematics.py",
+    "convex.py",
+    "object_model.py",
+)
 
 
 def remembered_place(

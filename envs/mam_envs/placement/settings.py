@@ -20,6 +20,9 @@ class PlacementSearch:
             stand on.
         tight: cost of a metre by which a base is too near to where a displaced object's parts pass.
         groups: places on the part's surface that are tried in turn.
+        pivoting: cost of a hand that does not turn with the part at all: a bar that turns between
+            the fingers may jam there.
+        looked_at: so many of the cheapest paths are compared with the object in full.
         position_tolerance: error at which inverse kinematics has reached a pose, metres.
         seed: of the first guesses of inverse kinematics.
     """
@@ -32,6 +35,8 @@ class PlacementSearch:
     floor: float = 0.06
     tight: float = 10.0
     groups: int = 3
+    pivoting: float = 1.0
+    looked_at: int = 180
     position_tolerance: float = 0.004
     seed: int = 20240601
 

@@ -15,12 +15,14 @@ import numpy as np
 import trimesh
 import yourdfpy
 
+from mam_envs.convex import ConvexPiece
 from mam_envs.kinematics import Chain, KinematicModel
-from mam_envs.object_model import Hull
 from mam_pipeline.errors import ConfigError, unknown_name
 from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.formats.urdf.geometry import shape_triangles
 from mam_pipeline.types import FloatArray
+
+Hand = tuple[FloatArray, FloatArray, list[ConvexPiece], list[ConvexPiece]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,35 +191,33 @@ class RobotSpec:
         """Points (P, 3) on the fingers and (Q, 3) on the rest of the hand, tool frame."""
         return self._hand(gripper)[:2]
 
-    def hand_hulls(self, gripper: float) -> list[Hull]:
-        """The hand's convex shapes, tool frame."""
-        return self._hand(gripper)[2]
+    def hand_hulls(self, gripper: float) -> tuple[list[ConvexPiece], list[ConvexPiece]]:
+        """Convex shapes of the fingers and of the rest of the hand, tool frame."""
+        return self._hand(gripper)[2:]
 
-    def _hand(self, gripper: float) -> tuple[FloatArray, FloatArray, list[Hull]]:
-        """Fingers, palm and convex shapes at one opening, remembered."""
+    def _hand(self, gripper: float) -> Hand:
+        """Points and convex shapes of fingers and palm at one opening, remembered."""
         key = round(gripper, 4)
         if key in self._hands:
             return self._hands[key]
         poses = self.link_poses(self.rest_arm[None], key)
         into = np.linalg.inv(poses[self.tip][0] @ self.chain.tool)
         fingers, palm = [np.zeros((0, 3))], [np.zeros((0, 3))]
-        hulls: list[Hull] = []
+        hulls: tuple[list[ConvexPiece], list[ConvexPiece]] = [], []
         for name in dict.fromkeys((*self.finger_links, *self.hand_links)):
             m = into @ poses[name][0]
             if name in self.surface:
                 rows = self.surface[name] @ m[:3, :3].T + m[:3, 3]
                 (fingers if name in self.finger_links else palm).append(rows)
             for hull in self.hulls.get(name, ()):
-                normals = hull.face_normals @ m[:3, :3].T
-                on = hull.vertices @ m[:3, :3].T + m[:3, 3]
-                rows = np.c_[normals, -(normals * on[hull.faces[:, 0]]).sum(axis=1)]
-                box = np.stack([on.min(axis=0), on.max(axis=0)])
-                hulls.append((box, np.unique(np.round(rows, 4), axis=0)))
-        self._hands[key] = np.concatenate(fingers), np.concatenate(palm), hulls
+                piece = ConvexPiece.of(np.asarray(hull.vertices))
+                if piece is not None:
+                    hulls[name not in self.finger_links].append(piece.moved(m))
+        self._hands[key] = np.concatenate(fingers), np.concatenate(palm), *hulls
         return self._hands[key]
 
     @cached_property
-    def _hands(self) -> dict[float, tuple[FloatArray, FloatArray, list[Hull]]]:
+    def _hands(self) -> dict[float, Hand]:
         return {}
 
     @cached_property

@@ -55,7 +55,12 @@ class ContactProbe:
     @property
     def part_force(self) -> torch.Tensor:
         """(b,) newtons on the part as one vector, mean since `clear`."""
-        return self._on_part.norm(dim=-1) / max(self._steps, 1)
+        return self.part_push.norm(dim=-1)
+
+    @property
+    def part_push(self) -> torch.Tensor:
+        """(b, 3) that vector as the robot feels it, world frame."""
+        return self._on_part / max(self._steps, 1)
 
     @property
     def link_force(self) -> torch.Tensor:

@@ -11,7 +11,8 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from mam_envs.object_model import ConvexPiece, ObjectModel
+from mam_envs.convex import ConvexPiece
+from mam_envs.object_model import ObjectModel
 from mam_pipeline import folders
 from mam_pipeline.edited import read_yaml
 from mam_pipeline.errors import ConfigError

@@ -52,5 +52,16 @@ class ExpertConfig:
     """Share of the whole way that the joint may lag behind the hand before it counts as slipped."""
     slip_length: float = 0.03
     """Metres at the hand below which a lag is the arm's give, not a slip."""
+    bearable: float = 5.0
+    """Newtons across the joint's motion to which the hand does not give way."""
+    compliance: float = 0.0003
+    """Metres per step and newton by which it gives way."""
+    most_offset: float = 0.05
+    """Metres, at most, between the hand and its planned place."""
+    most_turn: float = 0.25
+    """Radians, at most, between an arm joint and its planned value."""
+    strained: float = 0.6
+    """Share of the force that the robot is trusted with above which the hand waits until it has
+    given way."""
     card_tries: int = 2
     """After so many grasps that slipped, those on the part's surface come first."""

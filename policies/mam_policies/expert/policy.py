@@ -12,6 +12,7 @@ from mam_envs.grasping.candidates import Grasp
 from mam_envs.planner_state import PlannerState
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import FloatArray
+from mam_policies.expert.compliance import Compliance
 from mam_policies.expert.config import ExpertConfig
 from mam_policies.expert.plan import Plan, PlanningError, correction, hand_travel, plan
 
@@ -100,7 +101,8 @@ class Expert:
     def _begin(self, now: PlannerState) -> None:
         self.plan = plan(now, self.skip, self.config)
         self.plans.append(self.plan)
-        self.at = self.corrections = self.waited = 0
+        self.at = self.corrections = self.waited = self.strained = 0
+        self.compliance = Compliance(self.config)
         self.retreat: list[FloatArray] = []
         self.gripper = float(self.plan.gripper[0])
         self.phase = self.plan.phase[0]
@@ -137,11 +139,22 @@ class Expert:
         self.target = self.plan.arm[self.at]
         self.gripper = float(self.plan.gripper[self.at])
         self.phase = self.plan.phase[self.at]
-        if self.phase in ("follow", "settle") and self._slipped(now) and self._may_retry():
-            self._give_up(now)
-            return self.act()
+        if self.phase in ("follow", "settle"):
+            if self._slipped(now) and self._may_retry():
+                self._give_up(now)
+                return self.act()
+            value = float(self.plan.expected[self.at])
+            self.target = self.compliance.target(now, self.plan.path, self.target, value)
+            if self._strained(now):
+                self.strained += 1
+                return self._action(now)
         self.at += 1
         return self._action(now)
+
+    def _strained(self, now: PlannerState) -> bool:
+        """Whether the hand pulls so hard that it waits for its compliance."""
+        hard = float(np.linalg.norm(now.force)) > self.config.strained * now.robot.force
+        return hard and self.strained < self.config.catch_up
 
     def _lags(self, now: PlannerState) -> bool:
         """Whether the arm is still on its way where the hand is to close next."""
