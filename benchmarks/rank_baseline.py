@@ -42,7 +42,7 @@ from mam_sim.forkserver import Limits
 from mam_sim.rank.measure import Measure, Share, Total, total
 from mam_sim.rank.run import attempts, examine, joints_of_truth, measured
 
-SPECK = 0.005
+SPECK = 0.05
 """A component with less than this share of the surface belongs to the base."""
 TOLD = MakeConfig(up="z", scale=1.0, names=False)
 """What is told of every mesh."""

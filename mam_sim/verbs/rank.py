@@ -56,7 +56,11 @@ class Rank(Verb):
     """Print the result as JSON instead of tables."""
 
     def run(self) -> int:
-        """Measure what is not measured yet; print the tables."""
+        """Measure what is not measured yet; print the tables.
+
+        Returns:
+            0, or 2 where none of the assets can be read.
+        """
         from mam_pipeline.optional import require
 
         names = self._robots()
@@ -67,8 +71,7 @@ class Rank(Verb):
             ROBOTS.check(name)
         scratch = nullcontext(str(self.out)) if self.out else tempfile.TemporaryDirectory()
         with scratch as folder:
-            self._measure(Path(folder).resolve(), names, Screen(self.quiet))
-        return 0
+            return self._measure(Path(folder).resolve(), names, Screen(self.quiet))
 
     def _robots(self) -> list[str]:
         names = list(dict.fromkeys(n.strip() for n in self.robots.split(",") if n.strip()))
@@ -84,7 +87,7 @@ class Rank(Verb):
             raise ConfigError("--video needs --out DIR: where the videos stay")
         return names
 
-    def _measure(self, out: Path, robots: Sequence[str], screen: Screen) -> None:
+    def _measure(self, out: Path, robots: Sequence[str], screen: Screen) -> int:
         from mam_sim.forkserver import Limits
         from mam_sim.rank.measure import Measure, total
         from mam_sim.rank.page import as_json, rows_table, totals_table
@@ -107,14 +110,16 @@ class Rank(Verb):
         data["truth"] = [str(path) for path in self.truth]
         if self.out is not None:
             self._save(out, data, verdicts, rows, totals, tasks)
+        status = 0 if any(v.folder for v in verdicts) else 2
         if self.json:
             screen.json(data)
-            return
+            return status
         screen.out.width = max(screen.out.width, 140)  # the table must not lose digits in a pipe
         screen.table(rows_table(verdicts, rows))
         screen.table(totals_table(totals))
         if self.out is not None:
             screen.say(f"page: {self.out / 'index.html'}")
+        return status
 
     def _save(
         self, out: Path, data: object, verdicts: Sequence[Verdict], rows: Sequence[Row],

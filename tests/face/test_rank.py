@@ -125,6 +125,7 @@ def test_what_can_be_run_is_run_and_what_cannot_is_said(
     assert rows["endless"]["cause"] == "asset" and "<limit>" in rows["endless"]["why"]
     why = {a["name"].split("-")[0]: a["why"] for a in found["assets"]}
     assert "XML" in why["broken"] and "MJCF" in why["other"]
+    assert main(["rank", str(broken), "--quiet"]) == 2
     kept = {p: p.stat().st_mtime_ns for p in (tmp_path / "out" / "rows").iterdir()}
     assert main(command) == 0
     assert json.loads(capsys.readouterr().out) == found
