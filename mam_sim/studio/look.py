@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from mam_pipeline.formats.suffixes import PHOTOS
 from mam_pipeline.types import Joint
 from mam_sim.studio.scene import SHOWS, all_at
+from mam_sim.studio.thumbnails import thumbnail
 from mam_sim.studio.words import joint_text, kept_value, shown_value, span, unit
 from mam_sim.studio.workspace import Workspace
 
+PHOTO = 480  # pixels of its longer side
 HELP = "*Drag turns the view, the right button moves it, the wheel goes closer.*"
 
 
@@ -23,16 +27,21 @@ class Look:
         self.show = gui.add_dropdown("Show", SHOWS, hint="Colours by part, or by piece")
         self.axes = gui.add_checkbox("Axes and ranges", True)
         self.sizes = gui.add_checkbox("Sizes", False)
+        self.contacts = gui.add_checkbox("Contacts", False, hint="Where parts touch, when closed")
         gui.add_markdown(HELP)
+        self.photo = gui.add_image(np.zeros((1, 1, 3), np.uint8), label="The photo", visible=False)
+        self._pictured: Path | None = None
         self.sliders = gui.add_folder("Move")
         self.thought = gui.add_folder("What was found")
         self._made: list[Any] = []
         self.show.on_update(work.guarded(self._redraw))
         self.axes.on_update(work.guarded(self._remark))
         self.sizes.on_update(work.guarded(self._remark))
+        self.contacts.on_update(work.guarded(self._remark))
 
     def refresh(self) -> None:
         """Sliders and sentences for the joints that there are now."""
+        self._show_photo(self.work.open.place.source)
         for handle in self._made:
             handle.remove()
         gui, joints = self.work.server.gui, self._moving()
@@ -50,6 +59,16 @@ class Look:
         with self.thought:
             for text in self._sentences():
                 self._made.append(gui.add_markdown(text))
+
+    def _show_photo(self, source: Path | None) -> None:
+        """The photo that an object was made from, beside it."""
+        if source is None or source.suffix.lower() not in PHOTOS:
+            self.photo.visible = False
+            return
+        if source != self._pictured:
+            self.photo.image = thumbnail(source, PHOTO)
+            self._pictured = source
+        self.photo.visible = True
 
     def _slider(self, joint: Joint) -> Any:
         low, high = _ends(joint)
@@ -105,6 +124,7 @@ class Look:
 
     def _remark(self) -> None:
         self.work.axes, self.work.sizes = self.axes.value, self.sizes.value
+        self.work.contacts = self.contacts.value
         self.work.mark()
 
 

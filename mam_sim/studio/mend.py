@@ -15,6 +15,7 @@ from mam_pipeline.types import Joint, JointCandidate, KinematicTree
 from mam_sim.studio import edits, words
 from mam_sim.studio.look import Look
 from mam_sim.studio.picking import line_at, snapped, snaps
+from mam_sim.studio.preview import Preview
 from mam_sim.studio.stand import Stand
 from mam_sim.studio.workspace import Picks, Workspace
 
@@ -44,7 +45,7 @@ class Mend:
             )
             self.brush = gui.add_slider("Brush (%)", 0.5, 20, 0.5, 3, visible=False)
             self.selection = gui.add_markdown("")
-            self.new_kind = gui.add_dropdown("Kind", KINDS)
+            self.new_kind = gui.add_dropdown("New part is a", KINDS)
             self._button("Make a part of them", self._make, main=True)
             self.target = gui.add_dropdown("Other part", (NONE,))
             self._button("Add to the other part", self._add)
@@ -57,6 +58,7 @@ class Mend:
             self.parent = gui.add_dropdown("Hangs on", (NONE,))
             self.motion = gui.add_dropdown("Moves", MOTIONS)
             self.way = gui.add_dropdown("Line", (NONE,), hint="Other lines, the likeliest first")
+            self.preview = Preview(work, look, lambda: self._ways)
             self.low = gui.add_number("From", 0.0, step=0.5)
             self.high = gui.add_number("To", 0.0, step=0.5)
             self.clicked = self._button(TURNS, self._from_click)
@@ -130,6 +132,7 @@ class Mend:
         for handle in (*about, *self._of_part):
             handle.visible = node is not None
         joint = work.joint()
+        self.preview.show(joint is not None)
         if node is None:
             self.name.value, self.kind.value = "", ""
             self._fill_ways(None)

@@ -22,6 +22,7 @@ class PickThresholds:
         crease: radians between faces at an edge that can be snapped to.
         near: diagonals of the object within which a line snaps.
         turned: radians within which a direction snaps.
+        gap: radians between neighbours on a circle, at most.
         reach: diagonals within which a click means an edge.
         lift: of a number before its piece, diagonals.
     """
@@ -31,6 +32,7 @@ class PickThresholds:
     crease: float = 0.5
     near: float = 0.04
     turned: float = 0.35
+    gap: float = 1.1
     reach: float = 0.1
     lift: float = 0.02
 
@@ -262,10 +264,12 @@ def _circles(part: trimesh.Trimesh) -> list[tuple[FloatArray, FloatArray, IntArr
     for group in groups[:50]:
         points = part.vertices[group]
         middle = points.mean(axis=0)
-        normal = np.linalg.svd(points - middle)[2][2]
+        along, across, normal = np.linalg.svd(points - middle)[2]
         radius = np.linalg.norm(points - middle, axis=1)
-        flat = np.abs((points - middle) @ normal).max() < 0.03 * radius.mean()  # a box's corners
-        if flat and radius.std() < 0.03 * radius.mean():
+        flat = np.abs((points - middle) @ normal).max() < 0.03 * radius.mean()
+        turns = np.sort(np.arctan2((points - middle) @ across, (points - middle) @ along))
+        gap = np.diff(turns, append=turns[0] + 2 * np.pi).max()  # a panel's corners lie so too
+        if flat and radius.std() < 0.03 * radius.mean() and gap < PICK.gap:
             found.append((np.asarray(normal), np.asarray(middle), np.asarray(group)))
     return found
 

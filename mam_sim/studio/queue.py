@@ -4,13 +4,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from html import escape
 from typing import Any
 
 from mam_sim.studio.review import DECISIONS, Decision, Review
+from mam_sim.studio.thumbnails import Thumbnails
 from mam_sim.studio.workspace import Workspace
 
 KEYS: dict[Decision, Any] = {"accept": "A", "mend": "M", "reject": "R"}
 SHOWN = 12  # rows of the list
+OPEN = "#e66e1433"  # behind the row of the open object
+HEAD = (
+    '<div style="padding:.2em .75em;font-size:.875em">'
+    "{done} of {count} decided, the most doubtful first.</div>"
+)
+ROW = (
+    '<div style="display:flex;gap:.6em;align-items:center;padding:.2em .75em;'
+    'background:{shade};font-size:.875em;overflow-wrap:anywhere">'
+    '<img src="{picture}" alt="" style="width:3em;height:3em;object-fit:contain;flex:none">'
+    "<span><b>{name}</b><br>{told}</span></div>"
+)
 
 
 class Queue:
@@ -29,7 +42,8 @@ class Queue:
         self.work, self.review, self.go_to, self.index = work, review, go_to, 0
         gui: Any = work.server.gui
         self.progress = gui.add_progress_bar(0)
-        self.list = gui.add_markdown("")
+        self.list = gui.add_html("")
+        self.thumbnails = Thumbnails(review.folder, self.refresh)
         self.note = gui.add_text("Note", "")
         self.buttons = gui.add_button_group("Decide", DECISIONS)
         self.buttons.on_click(work.guarded(self._clicked))
@@ -56,12 +70,16 @@ class Queue:
         entries = self.review.entries
         self.progress.value = 100 * self.review.done / len(entries)
         first = max(0, min(self.index - SHOWN // 3, len(entries) - SHOWN))
-        rows = [f"{self.review.done} of {len(entries)} decided, the most doubtful first."]
-        for k, entry in enumerate(entries[first : first + SHOWN], first):
-            name = f"**{entry.path}**" if k == self.index else entry.path
-            told = entry.decision or entry.why
-            rows.append(f"- {name} · {told}" if told else f"- {name}")
-        self.list.content = "\n".join([rows[0], "", *rows[1:]])
+        rows = [HEAD.format(done=self.review.done, count=len(entries))]
+        shown = entries[first : first + SHOWN]
+        for k, entry in enumerate(shown, first):
+            rows.append(ROW.format(
+                picture=self.thumbnails.url(entry.path), name=escape(entry.path),
+                told=escape(entry.decision or entry.why),
+                shade=OPEN if k == self.index else "transparent",
+            ))  # fmt: skip
+        self.list.content = "".join(rows)
+        self.thumbnails.want([entry.path for entry in shown])
 
     def _key(self, decision: Decision) -> Callable[[Any], None]:
         def decide(event: Any) -> None:

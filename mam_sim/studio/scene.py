@@ -18,6 +18,8 @@ from mam_pipeline.types import (
     FloatArray,
     IntArray,
     Joint,
+    JointCandidate,
+    JointType,
     Material,
     Mesh,
     joint_motion,
@@ -31,12 +33,14 @@ Show = Literal["as it is", "parts", "pieces", "edges", "collision"]
 SHOWS: tuple[Show, ...] = ("as it is", "parts", "pieces", "edges", "collision")
 EDGES = (70, 80, 95)
 SELECTED, AXIS, CHOSEN, BAD = (255, 140, 0), (60, 110, 200), (230, 70, 50), (214, 52, 44)
+CONTACT = (20, 150, 90)
 NUMBERS = 150  # pieces that can be told apart by a number
 CELLS = tuple(float(m * 10.0**e) for e in range(-4, 3) for m in (1, 2, 5))  # metres
 SIDES, SIDES_TURNED = ("deep", "wide", "high"), ("wide", "deep", "high")
 GROUND, SUN = (150, 145, 140), np.array([-2.2, -1.0, 3.0])  # SUN: towards it, front at -X
 STEPS = 24  # of the arc that shows a range
-FIT = 1.2  # distance of the camera, diagonals
+FOV = 0.75  # radians from the lower to the upper edge of the view
+FIT = 1.6  # height of the view at the object, diagonals
 
 
 class Scene:
@@ -56,6 +60,7 @@ class Scene:
         self._links: list[Any] = []
         self._surfaces: list[list[Any]] = []  # nodes of each link's surface
         self._painted = False
+        self._previewed: JointCandidate | None = None
         self._drawn: list[Any] = []  # what each link's surface was drawn from
         self._extras: dict[str, list[Any]] = {}
 
@@ -144,6 +149,39 @@ class Scene:
             node.wxyz = _wxyz(pose[:3, :3])
             node.position = pose[:3, 3]
 
+    def preview(self, links: Iterable[int], way: JointCandidate | None, value: float) -> None:
+        """Move links from rest along a way that is not their joint's, and draw its line.
+
+        Args:
+            links: what moves. way: None puts all where the joints are. value: radians or metres.
+        """
+        if way is None:
+            self._drop("preview")
+            self.pose({})
+            return
+        if self._previewed is not way or "preview" not in self._extras:
+            self._drop("preview")
+            self._previewed, size = way, self.articulation.mesh.diagonal
+            ends = way.origin + np.outer([-0.3, 0.3], way.axis) * size
+            self._keep("preview", self.api.add_arrows(
+                "/preview", ends[None], CHOSEN, shaft_radius=0.004 * size,
+                head_radius=0.011 * size, head_length=0.03 * size,
+            ))  # fmt: skip
+        kind: JointType = "prismatic" if way.subtype == "slide" else "revolute"
+        motion = joint_motion(kind, way.axis, way.origin, value)
+        for link in links:
+            self._links[link].wxyz = _wxyz(motion[:3, :3])
+            self._links[link].position = motion[:3, 3]
+
+    def contacts(self, points: FloatArray) -> None:
+        """Dots where a part touches what stands still: (n, 3), at rest."""
+        self._drop("contacts")
+        if len(points):
+            self._keep("contacts", self.api.add_point_cloud(
+                "/contacts", points.astype(np.float32), CONTACT, point_shape="circle",
+                point_size=0.006 * self.articulation.mesh.diagonal,
+            ))  # fmt: skip
+
     def axes(self, on: bool, chosen: str = "") -> None:
         """An arrow along every joint's axis, with its range; that of the chosen part in red."""
         self._drop("axes")
@@ -229,10 +267,10 @@ class Scene:
     def light(self) -> None:
         """A sky, and a sun that shines on the front from the upper left."""
         self.api.add_light_hemisphere(
-            "/light/sky", ground_color=GROUND, intensity=2.0, wxyz=(0.5**0.5, 0.5**0.5, 0.0, 0.0)
+            "/light/sky", ground_color=GROUND, intensity=1.8, wxyz=(0.5**0.5, 0.5**0.5, 0.0, 0.0)
         )  # fmt: skip
         self.api.add_light_directional(
-            "/light/sun", intensity=2.2, position=tuple(self.turn.T @ SUN)
+            "/light/sun", intensity=1.7, position=tuple(self.turn.T @ SUN)
         )  # fmt: skip
 
     def view(
@@ -249,7 +287,9 @@ class Scene:
         eye = np.array([-np.cos(a) * np.cos(e), -np.sin(a) * np.cos(e), np.sin(e)])
         eye = self.turn.T @ eye
         middle = (low + high) / 2
-        camera.position = middle + FIT * float(np.linalg.norm(high - low)) * eye
+        away = FIT / (2 * np.tan(FOV / 2)) * float(np.linalg.norm(high - low))
+        camera.fov = FOV
+        camera.position = middle + away * eye
         camera.look_at = middle
 
     def _numbers(self) -> None:

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from mam_pipeline.errors import ConfigError, MamSimError
 from mam_pipeline.geometry.sampling import face_geometry
+from mam_pipeline.geometry.sweep import SweepScene
+from mam_pipeline.joints.estimate import faces_around
 from mam_pipeline.render.mesh_pictures import posed
 from mam_pipeline.render.tracer import Tracer
 from mam_pipeline.types import FloatArray, Joint, JointCandidate, Mesh
@@ -46,7 +48,7 @@ class Workspace:
         session: the open object; None while the first one is read.
         selected: pieces (primitives), and brushed: faces that are to become pieces of their own.
         part: name of the chosen part.
-        show, axes, sizes: how the object is drawn. hulls: collision pieces by link name.
+        show, axes, sizes, contacts: how the object is drawn. hulls: collision pieces by link name.
         picks: what a click takes: pieces, areas (faces up to the next sharp edge) or, by brush,
             faces within `brush` of the pointer, diagonals.
         face: last one that was clicked; seen_along: (3,) the ray to it, and
@@ -68,6 +70,7 @@ class Workspace:
     show: Show = "as it is"
     axes: bool = True
     sizes: bool = False
+    contacts: bool = False
     hulls: dict[str, Sequence[Mesh]] = field(default_factory=dict)
     bad: tuple[int, ...] = ()
     panels: list[Panel] = field(default_factory=list)
@@ -184,10 +187,25 @@ class Workspace:
         """Draw axes, sizes and selection again; the surfaces stay."""
         self.scene.axes(self.axes, self.part)
         self.scene.sizes(self.sizes)
+        self.scene.contacts(self._touching() if self.contacts else np.zeros((0, 3)))
         if self.bad:
             self.scene.redden(self.bad)
         else:
             self.scene.select(self.chosen_faces())
+
+    def _touching(self) -> FloatArray:
+        """(n, 3) where the chosen part, or every one that moves, touches what it does not carry."""
+        tree, shown = self.state.tree, self.state.articulation
+        found: list[FloatArray] = [np.zeros((0, 3))]
+        for joint in shown.joints:
+            name = shown.links[joint.child].name
+            if joint.type == "fixed" or self.part not in ("", name, tree.nodes[0].name):
+                continue
+            index = [n.name for n in tree.nodes].index(name)
+            around = faces_around(tree, self.open.primitives, index)
+            scene = SweepScene(self.open.mesh, around.moving, around.static)
+            found.append(scene.contact(limit=400).points)
+        return np.concatenate(found)
 
     def choose(self, part: str) -> None:
         """Make a part the one that is spoken of."""

@@ -84,7 +84,9 @@ def window_middle(box: dict[str, float]) -> tuple[int, int]:
 
 def show(page: Any, window: Any, tab: str = "") -> None:
     """Open the studio's page, wait until the object is drawn, and go to a tab."""
-    page.work.refresh()
+    with page.work.lock:
+        page.work.refresh()
+        page.work.panels[1].pose(dict.fromkeys(page.work.scene.values, 0.0))
     window.goto(page.url)
     window.get_by_text("cabinet").wait_for()
     until(lambda: len(page.server.get_clients()) > 0)

@@ -189,6 +189,7 @@ def test_a_click_near_an_edge_gives_its_line_and_of_a_rim_its_middle_axis() -> N
 
     for shape, click, axis, at in (
         (trimesh.creation.box((0.4, 0.5, 0.6)), (0.2, 0.24, 0.1), (0, 0, 1), (0.2, 0.25)),
+        (trimesh.creation.box((0.02, 0.46, 0.55)), (0.01, 0.22, 0.1), (0, 0, 1), (0.01, 0.23)),
         (trimesh.creation.cylinder(0.05, 0.2), (0.045, 0.0, 0.1), (0, 0, 1), (0.0, 0.0)),
     ):
         mesh = Mesh(shape.vertices, shape.faces)

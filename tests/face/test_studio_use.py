@@ -1,0 +1,165 @@
+"""What is done in the studio beside edits, in a real browser: an edge, the robot, a lost link."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mam_sim.studio.session import Session
+from tests.face.studio_window import (
+    PATIENCE,
+    canvas,
+    changed,
+    door,
+    door_front,
+    joint_of,
+    pixel,
+    seen,
+    show,
+    until,
+)
+
+
+@pytest.fixture
+def own_page(opened: Session) -> Iterator[Any]:
+    """A page of this test alone, since it ends; yields it and what makes it again."""
+    pytest.importorskip("viser", reason="the studio's page needs the extra studio")
+    from mam_sim.studio.page import Page
+
+    pages = [Page()]
+    pages[0].put(opened)
+
+    def again() -> Any:
+        port = pages[-1].server.get_port()
+        pages[-1].stop()
+        pages.append(Page(port))
+        pages[-1].put(opened)
+        return pages[-1]
+
+    yield pages[0], again
+    pages[-1].stop()
+
+
+def test_in_a_browser_a_part_turns_about_the_edge_that_was_clicked(
+    page: Any, window: Any, session: Session
+) -> None:
+    show(page, window, "Put right")
+    part = door(session).name
+    here = -np.sign(joint_of(session, part).origin[1]) * 0.23  # the edge without the hinge
+    front = session.mesh.bounds[0, 0] + 0.04  # the knob stands 0.04 m before it
+    window.mouse.click(*pixel(page, window, [[front, 0.97 * here, 0.45]])[0])
+    until(lambda: page.work.part == part and page.work.face is not None)
+    window.get_by_role("button", name="It turns about the clicked edge").click()
+    until(lambda: bool(abs(joint_of(session, part).origin[1] - here) < 1e-3))
+    joint = joint_of(session, part)
+    assert abs(joint.axis[2]) > 0.999 and joint.provenance == "user"
+    opened = joint.axis @ np.cross([0, -np.sign(here), 0], [-1, 0, 0])
+    assert opened > 0, "positive motion brings the free side to the front"
+
+
+def test_in_a_browser_the_other_lines_are_played_and_nothing_is_changed(
+    page: Any, window: Any, session: Session
+) -> None:
+    show(page, window, "Put right")
+    part, state = door(session).name, session.state
+    page.work.choose(part)
+    page.work.contacts = True
+    page.work.mark()
+    assert len(page.work.scene._extras["contacts"]) == 1, "the closed door touches the carcass"
+    page.work.contacts = False
+    window.get_by_role("button", name="Play the other lines").click()
+    told = page.work.panels[2].preview.told
+    until(lambda: told.content.startswith("**1.**"))
+    node = page.work.scene._links[joint_of(session, part).child]
+    until(lambda: bool(abs(node.wxyz[0]) < 0.99 or np.linalg.norm(node.position) > 0.05))
+    until(lambda: told.content == "")
+    assert session.state is state and np.allclose(node.position, 0.0)
+
+
+def test_pictures_of_a_folders_objects_are_made_in_the_background(
+    cabinet: Path, tmp_path: Path
+) -> None:
+    from PIL import Image
+
+    from mam_sim.studio.thumbnails import EMPTY, Thumbnails
+
+    (tmp_path / "cabinet.glb").write_bytes(cabinet.read_bytes())
+    Image.new("RGB", (640, 480), (200, 40, 40)).save(tmp_path / "photo.jpg")
+    (tmp_path / "broken.glb").write_bytes(b"no mesh")
+    ready: list[int] = []
+    pictures = Thumbnails(tmp_path, lambda: ready.append(1))
+    names = ["cabinet.glb", "photo.jpg", "broken.glb"]
+    assert pictures.url(names[0]) == EMPTY
+    pictures.want(names)
+    until(lambda: len(ready) == 3)
+    urls = [pictures.url(name) for name in names]
+    assert urls[2] == EMPTY and all(u.startswith("data:image/png") for u in urls[:2])
+
+
+def test_in_a_browser_the_robots_attempt_is_played(
+    page: Any, window: Any, session: Session
+) -> None:
+    pytest.importorskip("mani_skill", reason="the robot needs ManiSkill")
+    session.make()
+    page.work.refresh()
+    show(page, window, "Try")
+    before, box = seen(window), canvas(window)
+    window.get_by_text("Robot", exact=True).click()
+    window.get_by_role("button", name="Let the robot try").click()
+    robot: Any = page.work.panels[3].robot
+    until(lambda: robot._attempt is not None and robot.at.value >= robot.at.max - 0.1, 400)
+    done = robot._attempt
+    window.get_by_text("It succeeds" if done.success else "It fails").wait_for()
+    assert len(done.poses) > 20 and page.work.scene.values[done.joints[0]] == pytest.approx(
+        float(done.values[-1][0]), abs=1e-6
+    )
+    assert until(lambda: changed(before, seen(window), box)) is not None, "an arm is drawn"
+    window.get_by_text("Moment (s)").wait_for()
+    session.place.hints.unlink(missing_ok=True)
+
+
+def test_in_a_browser_a_lost_connection_comes_back_with_all_that_was_said(
+    own_page: Any, window: Any, session: Session
+) -> None:
+    page, again = own_page
+    show(page, window, "Put right")
+    part, joint = door(session).name, joint_of(session, door(session).name)
+    window.mouse.click(*pixel(page, window, [door_front(session)])[0])
+    until(lambda: page.work.part == part)
+    window.get_by_role("button", name="Other direction").click()
+    until(lambda: bool(np.allclose(joint_of(session, part).axis, -joint.axis)))
+    page = again()
+    until(lambda: len(page.server.get_clients()) > 0)
+    window.get_by_text("not saved").wait_for()
+    window.get_by_role("tab", name="Put right").click()
+    window.get_by_role("button", name="Undo").click()
+    until(lambda: joint_of(session, part) is joint)
+
+
+def test_in_a_browser_a_gallery_leads_to_a_page_and_a_report_shows_its_pictures(
+    window: Any, session: Session, tmp_path: Path
+) -> None:
+    from mam_sim.report import write_report
+    from mam_sim.verbs.view import View
+    from mam_world.dataset import write_dataset
+
+    write_dataset("station_button", 2, 0, tmp_path / "all")
+    assert View(asset=tmp_path / "all", html=True, quiet=True, size=64).run() == 0
+    requests: list[str] = []
+    window.on("request", lambda request: requests.append(request.url))
+    loaded = "[...document.images].every((i) => i.complete && i.naturalWidth > 0)"
+    window.goto((tmp_path / "all" / "gallery.html").as_uri())
+    window.wait_for_function(f"document.images.length === 4 && {loaded}", timeout=PATIENCE)
+    window.get_by_role("link").first.click()
+    window.wait_for_function("document.body.dataset.ready === 'yes'", timeout=PATIENCE)
+    assert window.get_by_role("heading").inner_text().startswith("station_button")
+    report = write_report(session.make())
+    window.goto(report.as_uri())
+    window.wait_for_function(f"document.images.length > 3 && {loaded}", timeout=PATIENCE)
+    window.get_by_role("heading", name="Joints").wait_for()
+    assert all(u.startswith(("file:", "blob:", "data:")) for u in requests), requests
+    session.place.hints.unlink(missing_ok=True)
