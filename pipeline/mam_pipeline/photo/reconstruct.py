@@ -91,9 +91,10 @@ def reconstruct_photo(
         if source == "assumed"
     )  # fmt: skip
     details = {
-        "mask": found.mask.method, "category": sizes.category, "depth": sizes.depth_from,
+        "category": sizes.category, "depth": sizes.depth_from,
         "scale": sizes.scale_from, "size": (sizes.width, sizes.depth, sizes.height),
         "scale_spread": round(sizes.spread, 3), "legs": found.legs, "cost": found.cost,
+        "doubt": round(found.doubt, 4),
         "looks": {} if judged.looks is None else
         {k: round(p, 3) for k, p in list(judged.looks.kinds.items())[:5]},
         "front_quad": (np.asarray(found.quad) / photo.scale).round(1).tolist(),

@@ -23,7 +23,7 @@ SURE = 0.6  # below, the user is asked what it is
 BORDER = 0.01  # of the picture's side: nearer to its edge an object is cut off there
 TALL = 0.85  # width over height of the doors of a room is less
 APPLIANCES = ("refrigerator", "microwave", "oven", "dishwasher", "washing machine", "safe")
-WORST = 0.62  # cost of a box that explains the photo so badly that it is never believed
+NO_BOX = 0.3  # of the front's side: where its corners are more doubtful, there is no box
 ORDER = ("low", "medium", "high")
 
 
@@ -84,8 +84,6 @@ def judge(found: Found, options: PhotoOptions, looks: Looks | None = None) -> Ju
     Panels are never surer than the box that they lie on.
     """
     words = confidence.words(found, read_again(found, options))
-    if found.cost > WORST:
-        words["cuboid"] = "low"
     if found.front_given:
         words["cuboid"] = "high"
     if options.layout or options.hints:
@@ -116,15 +114,11 @@ def stop_if_unsure(
     if options.accept_low_confidence:
         return
     looks = judged.looks
-    if found.not_a_box:
+    if found.doubt > NO_BOX:
         raise NotThisKind(
-            f"{path} does not look like a closed, box-like object ({found.why}); if it is one, "
-            f"mark its front:\n{_annotate(path)}"
-        )
-    if found.open_object:
-        raise HintNeeded(
-            f"the object in {path} looks open ({found.why}); photograph it closed, or mark its "
-            f"front:\n{_annotate(path)}"
+            f"{path} does not look like a closed, box-like object (the corners of its front are "
+            f"uncertain by {found.doubt:.0%} of its side); if it is one, mark its front:\n"
+            f"{_annotate(path)}"
         )
     if looks is not None and looks.in_scope < SURE and not (found.front_given or options.layout):
         few = [f"{_a(k)} ({p:.2f})" for k, p in list(looks.kinds.items())[:2]]
@@ -163,7 +157,7 @@ def may_be_a_room_door(found: Found, options: PhotoOptions, looks: Looks | None 
 
 def fills_the_picture(found: Found) -> bool:
     """Whether the box touches the picture's edge on all four sides."""
-    height, width = found.mask.mask.shape
+    width, height = found.picture
     corners = np.vstack(found.faces)
     edge = BORDER * max(width, height)
     low, high = corners.min(axis=0), corners.max(axis=0)

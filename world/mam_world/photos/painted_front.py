@@ -59,20 +59,33 @@ def paint_front(rng: np.random.Generator) -> PaintedFront:
     if rng.random() < 0.4:
         floor = int(MARGIN + h - rng.uniform(-10, 30))
         room[floor:] = random_texture(rng).draw(rng, h + 2 * MARGIN, w + 2 * MARGIN)[floor:]
-    look = _random_look(rng, min(w, h))
+    box = (MARGIN, MARGIN, MARGIN + w, MARGIN + h)
+    sheet, _ = draw_front(rng, room, box)
+    _accidents(sheet, box)
+    picture = lit(rng, sheet.picture)
+    corners = np.array([[box[0], box[1]], [box[2], box[1]], [box[2], box[3]], [box[0], box[3]]])
+    panels = tuple(_in_front(p, box) for p in sheet.panels)
+    return PaintedFront(taken(rng, picture), corners.astype(np.float64), panels)
+
+
+def draw_front(
+    rng: np.random.Generator, room: Picture, box: tuple[int, int, int, int], legs: float = 0.25
+) -> tuple[Sheet, Texture]:
+    """Draw a front into a rectangle of a picture, by even light; also what its body is made of.
+
+    Args:
+        room: (h, w, 3) what is around it; drawn over.
+        legs: share of fronts with a high plinth that stand on legs instead.
+    """
+    look = _random_look(rng, min(box[2] - box[0], box[3] - box[1]))
     sheet = Sheet(rng, room, look, (float(rng.uniform(-1, 1)), float(rng.uniform(-0.2, 1))))
     body = random_texture(rng)
     material = body if rng.random() < 0.75 else random_texture(rng)
-    box = (MARGIN, MARGIN, MARGIN + w, MARGIN + h)
     fill(sheet, box, body)
-    area = _carcass(sheet, box, body)
+    area = _carcass(sheet, box, body, legs)
     for cell in random_cells(rng, area):
         _cell(sheet, cell, material, body)
-    _accidents(sheet, box)
-    picture = _lit(sheet)
-    corners = np.array([[box[0], box[1]], [box[2], box[1]], [box[2], box[3]], [box[0], box[3]]])
-    panels = tuple(_in_front(p, box) for p in sheet.panels)
-    return PaintedFront(_taken(rng, picture), corners.astype(np.float64), panels)
+    return sheet, body
 
 
 def _in_front(panel: PanelTruth, box: Box) -> PanelTruth:
@@ -119,7 +132,7 @@ def _random_look(rng: np.random.Generator, side: int) -> Look:
 
 
 def _carcass(
-    sheet: Sheet, box: tuple[int, int, int, int], body: Texture
+    sheet: Sheet, box: tuple[int, int, int, int], body: Texture, legs: float
 ) -> tuple[float, float, float, float]:
     """Top board, plinth and frame; returns where the cells go."""
     rng, side = sheet.rng, min(box[2] - box[0], box[3] - box[1])
@@ -136,7 +149,7 @@ def _carcass(
     if bottom > 8 and rng.random() < 0.4:
         plinth = (x0, int(y1 - bottom), x1, y1)
         shade(sheet, plinth, float(rng.uniform(0.2, 1.0)))
-    if bottom > 14 and rng.random() < 0.25:  # legs: the room shows between
+    if bottom > 14 and rng.random() < legs:  # legs: the room shows between
         leg = float(rng.uniform(6, 18))
         dark = random_texture(rng).draw(rng, int(bottom), x1 - x0)
         low = sheet.picture[int(y1 - bottom) : int(y1 - bottom) + int(bottom), x0:x1]
@@ -167,7 +180,7 @@ def _cell(sheet: Sheet, cell: FrontCell, material: Texture, body: Texture) -> No
     if min(box[2] - box[0], box[3] - box[1]) < 16:
         return
     if cell.kind == "open":
-        return _hollow(sheet, box)
+        return hollow(sheet, box)
     if cell.kind == "control":
         return _controls(sheet, box, material)
     if cell.kind == "fixed":
@@ -186,7 +199,7 @@ def _cell(sheet: Sheet, cell: FrontCell, material: Texture, body: Texture) -> No
     return None
 
 
-def _hollow(sheet: Sheet, box: Box) -> None:
+def hollow(sheet: Sheet, box: Box) -> None:
     rng = sheet.rng
     shade(sheet, box, float(rng.uniform(0.15, 0.7)))
     rows, columns = slices(box)
@@ -315,9 +328,11 @@ def _accidents(sheet: Sheet, box: tuple[int, int, int, int]) -> None:
     if rng.random() < 0.15:
         at = (int(rng.uniform(x0, x1 - 40)), int(rng.uniform(y0 + 10, y1)))
         letters = "".join(rng.choice(list("ABEHKLMNORSTX"), int(rng.integers(3, 9))))
-        tone = tuple(float(v) for v in random_colour(rng))
-        cv2.putText(sheet.picture, letters, at, int(rng.integers(0, 5)),
-                    float(rng.uniform(0.3, 0.8)), tone, 1, cv2.LINE_AA)  # fmt: skip
+        tone, drawn = random_colour(rng), np.zeros(sheet.picture.shape[:2], np.uint8)
+        cv2.putText(drawn, letters, at, int(rng.integers(0, 5)), float(rng.uniform(0.3, 0.8)), 255,
+                    1, cv2.LINE_AA)  # fmt: skip
+        cover = (drawn / np.float32(255))[..., None]
+        sheet.picture += cover * (tone - sheet.picture)
     if rng.random() < 0.12:  # a plant, a leg, a ball in front of it
         colour = random_colour(rng)
         n = int(rng.integers(1, 14))
@@ -332,9 +347,8 @@ def _accidents(sheet: Sheet, box: tuple[int, int, int, int]) -> None:
             plate(sheet, (x - w, y0 - h, x + w, y0 + rng.uniform(-2, 5)), random_colour(rng), 0.3)
 
 
-def _lit(sheet: Sheet) -> Picture:
-    """Uneven light, hard shadows, gloss and reflections over the whole."""
-    rng, p = sheet.rng, sheet.picture
+def lit(rng: np.random.Generator, p: Picture) -> Picture:
+    """A picture (h, w, 3) by uneven light, with hard shadows, gloss and reflections."""
     h, w = p.shape[:2]
 
     def soft(n: int, low: float, high: float) -> Picture:
@@ -363,7 +377,7 @@ def _lit(sheet: Sheet) -> Picture:
     return np.asarray(p, np.float32)
 
 
-def _taken(rng: np.random.Generator, picture: Picture) -> NDArray[np.uint8]:
+def taken(rng: np.random.Generator, picture: Picture) -> NDArray[np.uint8]:
     """Exposure, white balance, blur, noise and JPEG."""
     p = np.clip(picture, 0, 1.3) * float(rng.uniform(0.6, 1.25))
     p = p * rng.normal(1.0, 0.06, 3).astype(np.float32)
