@@ -1,7 +1,8 @@
 """Imports of the command without what it never calls: it starts a second and a half earlier.
 
 lightgbm looks for scikit-learn and pandas to offer their interfaces too, and open3d takes in a web
-server to draw with; we predict with the one and cast rays with the other. In a process of the
+server to draw with; we predict with the one and cast rays with the other. trimesh takes in graphs,
+trees and a CAD kernel that few of its functions use. In a process of the
 command line these are left out until somebody asks for them. Python users' imports are not touched.
 """
 
@@ -18,7 +19,10 @@ from typing import Any
 
 ABSENT = {"lightgbm": ("sklearn", "pandas", "dask", "pyarrow", "cffi", "matplotlib", "graphviz")}
 """What a library does without where it is not installed."""
-LATER = {"open3d": ("plotly", "plotly.graph_objects", "dash")}
+LATER = {
+    "open3d": ("plotly", "plotly.graph_objects", "dash"),
+    "trimesh": ("networkx", "cascadio", "rtree", "rtree.index"),
+}
 """What a library takes in at once and uses in few functions."""
 
 

@@ -9,8 +9,9 @@ SCRIPT = """
 import sys
 from mam_sim import lean
 lean.install(), lean.install()
-import lightgbm, open3d, numpy
-heavy = [m for m in ("sklearn", "pandas", "plotly", "dash") if m in sys.modules]
+import lightgbm, open3d, numpy, trimesh
+left_out = ("sklearn", "pandas", "plotly", "dash", "networkx", "cascadio", "rtree")
+heavy = [m for m in left_out if m in sys.modules]
 assert not heavy, heavy
 x = numpy.arange(40.0).reshape(20, 2)
 model = lightgbm.train(dict(verbose=-1, min_data_in_leaf=1), lightgbm.Dataset(x, x[:, 0]), 2)
@@ -20,6 +21,11 @@ import pandas, plotly.graph_objects, dash
 assert drawing.go.Figure is plotly.graph_objects.Figure
 assert drawing.html.Div is dash.html.Div
 assert type(drawing.Dash("x")) is dash.Dash
+box = trimesh.creation.box()
+assert len(list(box.triangles_tree.intersection((-1, -1, 0.4, 1, 1, 0.6)))) == 10
+box.faces[0] = box.faces[0][::-1]
+trimesh.repair.fix_winding(box)
+assert box.is_winding_consistent and "networkx" in sys.modules and "rtree" in sys.modules
 print(len(sys.meta_path))
 """
 
