@@ -41,12 +41,17 @@ def evidence(found: Found, agree: float = 1.0) -> dict[str, float]:
     scores = [
         max((b.score for b in p.handles if b.provenance == "observed"), default=0.0) for p in panels
     ]
-    box = float(np.exp(-found.doubt / DOUBT))
+    box = box_evidence(found.doubt)
     witnessed = bool(scores) and min(scores) > SEEN and found.reading.missed < HALF
     if not witnessed or agree < AGAIN:
         return {"cuboid": box, "panels": 0.0, "handles": 0.0}
     seen = box * float(np.mean([p.confidence for p in panels])) * float(np.mean(scores))
     return {"cuboid": box, "panels": seen, "handles": seen}
+
+
+def box_evidence(doubt: float) -> float:
+    """Evidence 0..1 that a box is right whose front's corners are this uncertain (`Found`)."""
+    return float(np.exp(-doubt / DOUBT))
 
 
 @lru_cache(maxsize=1)

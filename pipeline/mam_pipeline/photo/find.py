@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.hints import HintBox, Hints
 from mam_pipeline.photo.box_network import SEEN, BoxMaps, look_at_photo
-from mam_pipeline.photo.camera import quad_homography
+from mam_pipeline.photo.camera import FACES, quad_homography
 from mam_pipeline.photo.complete import virtual_grasp
 from mam_pipeline.photo.cuboid import Evidence, fit_cuboid, hold_of_length
 from mam_pipeline.photo.front import FrontReading, read_front
@@ -80,22 +80,41 @@ def find_object(photo: Photo, options: PhotoOptions) -> Found:
         return _from_front(photo, options)
     told = told_mask(photo, options.mask)
     window = _window(photo, options, told)
-    maps = look_at_photo(np.ascontiguousarray(_cut(photo.small, window)))
+    maps = look_at_photo(cut(photo.small, window))
     evidence = evidence_of(photo, maps, window)
     cuboid = fit_cuboid(evidence)
     quad = cuboid.quad("front")
     w, d, h = cuboid.extents
     reading = read_front(rectify(photo, quad, w / h), options.layout, options.category)
     others = [(f, cuboid.quad(f)) for f in cuboid.visible if f not in ("front", "bottom")]
-    spread = float(maps.spread[[0, 1, 2, 3]].mean())
     return Found(
         photo.size, quad, (w, d, h), reading, cuboid.cost, side_share(cuboid, "front"),
         [cuboid.quad(f) for f in cuboid.visible],
         tuple((f, q) for f, q in others if _thickness(q) > THIN * max(photo.size)),
         legs_below(photo, told, quad),
         depth_hold=hold_of_length(evidence, cuboid, 2),
-        doubt=spread / float(np.sqrt(max(quad_area(quad), 1.0))),
+        doubt=doubt_of(maps, quad),
     )  # fmt: skip
+
+
+def doubt_of(maps: BoxMaps, quad: Array | None = None) -> float:
+    """How far off the network takes the front's corners to be, over the front's mean side.
+
+    Args:
+        quad: (4, 2) of the front; the network's own without it.
+    """
+    front = list(FACES["front"])
+    side = np.sqrt(max(quad_area(maps.corners[front] if quad is None else quad), 1.0))
+    return float(maps.spread[front].mean() / side)
+
+
+def around(corners: Array, size: tuple[int, int]) -> Window:
+    """The window around points (n, 2), with some room, within a picture of (width, height)."""
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    room = ROOM * (high - low)
+    x0, y0 = np.floor(np.clip(low - room, 0, size)).astype(int)
+    x1, y1 = np.ceil(np.clip(high + room, 0, size)).astype(int)
+    return int(x0), int(y0), int(x1), int(y1)
 
 
 def _window(photo: Photo, options: PhotoOptions, told: Array | None) -> Window:
@@ -115,15 +134,13 @@ def _window(photo: Photo, options: PhotoOptions, told: Array | None) -> Window:
     inside = np.clip(high, 0, [width, height]) - np.clip(low, 0, [width, height])
     if inside.min() <= 0 or inside.prod() < LEAST_WINDOW:
         raise ConfigError("the bounding box lies outside the picture or is tiny")
-    room = ROOM * (high - low)
-    x0, y0 = np.floor(np.clip(low - room, 0, None)).astype(int)
-    x1, y1 = np.ceil(np.minimum(high + room, [width, height])).astype(int)
-    return int(x0), int(y0), int(x1), int(y1)
+    return around(np.stack([low, high]), photo.size)
 
 
-def _cut(image: NDArray[np.uint8], window: Window) -> NDArray[np.uint8]:
+def cut(image: NDArray[np.uint8], window: Window) -> NDArray[np.uint8]:
+    """The part of a picture that a window shows."""
     x0, y0, x1, y1 = window
-    return image[y0:y1, x0:x1]
+    return np.ascontiguousarray(image[y0:y1, x0:x1])
 
 
 def evidence_of(photo: Photo, maps: BoxMaps, window: Window) -> Evidence:

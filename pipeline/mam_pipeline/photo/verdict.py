@@ -7,12 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mam_pipeline.errors import HintNeeded, NotThisKind
 from mam_pipeline.photo import confidence
 from mam_pipeline.photo.agreement import agreement
+from mam_pipeline.photo.box_network import look_at_photo
 from mam_pipeline.photo.category import LIKELY, Looks, look
-from mam_pipeline.photo.find import Found
+from mam_pipeline.photo.find import Found, around, cut, doubt_of
 from mam_pipeline.photo.front import FrontReading
 from mam_pipeline.photo.image import Photo
 from mam_pipeline.photo.layout import layout_text
@@ -50,7 +52,19 @@ def seen_as(photo: Photo, options: PhotoOptions) -> Looks | None:
         if min(cut.shape[:2]) < 8:  # it lies outside the picture, as the masks will say
             return None
         picture = np.ascontiguousarray(cut)
-    return look(picture)
+    looks = look(picture)
+    if looks.in_scope >= SURE:
+        return looks
+    return max(looks, _closer(picture), key=lambda seen: seen.in_scope)
+
+
+def _closer(picture: NDArray[np.uint8]) -> Looks:
+    """What the object in a picture looks like without its surroundings, if its box is clear."""
+    maps = look_at_photo(picture)
+    height, width = picture.shape[:2]
+    x0, y0, x1, y1 = window = around(maps.corners, (width, height))
+    clear = confidence.box_evidence(doubt_of(maps)) >= confidence.limits()["cuboid"][1]
+    return look(cut(picture, window) if clear and min(x1 - x0, y1 - y0) >= 8 else picture)
 
 
 def stop_if_out_of_scope(looks: Looks | None, options: PhotoOptions, path: str) -> None:
