@@ -8,14 +8,17 @@ quarter as large as the picture, are the answers of one network: its `MAPS`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional as f
+from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from mam_pipeline.photo import efficientnet
 from mam_pipeline.photo.network import CHANNELS, TAPS
@@ -126,44 +129,88 @@ class Network(nn.Module):
 
 
 @dataclass(frozen=True)
-class Pace:
-    """How a network is trained.
+class NetworkTraining:
+    """How a network of the photo stage is trained."""
 
-    Attributes:
-        steps: batches that are seen.
-        rate: greatest step of the optimiser on the decoder; the backbone's is `slower` of it.
-        device: cpu or cuda.
+    seed: int = 0
+    """Of the painted pictures."""
+    count: int = 24_500
+    """Pictures that are seen."""
+    batch: int = 32
+    """Pictures a step."""
+    rate: float = 2e-3
+    """Greatest step of the optimiser on the decoder."""
+    slower: float = 0.15
+    """That of the backbone, over it."""
+    channels: int = 96
+    """Of the decoder."""
+    workers: int = 1
+    """Processes that paint."""
+    device: str = "cpu"
+    """That trains: cpu or cuda."""
+
+
+class Lessons(IterableDataset):  # type: ignore[type-arg]
+    """Batches of lessons of one shape each; workers share the numbers 0 to count.
+
+    Args:
+        lesson: number to a tuple of arrays that begins with a picture (h, w, 3).
     """
 
-    steps: int
-    rate: float
-    device: str
-    slower: float = 0.15
+    def __init__(
+        self, config: NetworkTraining, lesson: Callable[[int], tuple[NDArray[Any], ...]]
+    ) -> None:
+        self.config, self.lesson = config, lesson
+
+    def __iter__(self) -> Iterator[list[Tensor]]:
+        waiting: dict[tuple[int, ...], list[tuple[NDArray[Any], ...]]] = {}
+        worker = get_worker_info()
+        first, step = (0, 1) if worker is None else (worker.id, worker.num_workers)
+        for k in range(first, self.config.count, step):
+            lesson = self.lesson(k)
+            group = waiting.setdefault(lesson[0].shape, [])
+            group.append(lesson)
+            if len(group) == self.config.batch:
+                yield batch_of(group)
+                group.clear()
+
+
+def batch_of(lessons: Sequence[tuple[NDArray[Any], ...]]) -> list[Tensor]:
+    """Stacked tensors: pictures (n, 3, h, w) uint8, and the rest as it is."""
+    pictures, *truth = (np.stack(arrays) for arrays in zip(*lessons))
+    first = np.ascontiguousarray(pictures.transpose(0, 3, 1, 2))
+    return [torch.from_numpy(array) for array in (first, *truth)]
 
 
 def trained(
-    network: Network,
-    batches: Iterable[list[Tensor]],
+    config: NetworkTraining,
+    answers: int,
+    lesson: Callable[[int], tuple[NDArray[Any], ...]],
     loss_of: Callable[..., dict[str, Tensor]],
-    pace: Pace,
 ) -> Network:
-    """Train on batches (pictures, truth ...): the rate rises for 5 % of them, and falls to 0.
+    """A network that was trained: the step rises for 5 % of the batches, and falls to 0.
 
     Args:
+        answers: maps that it gives. lesson: see `Lessons`.
         loss_of: raw values and truth to losses by name; their sum is minimised.
     """
-    network.to(pace.device)
+    torch.manual_seed(config.seed)
+    network = Network(answers, config.channels).to(config.device)
+    batches = DataLoader(
+        Lessons(config, lesson), batch_size=None, num_workers=config.workers, prefetch_factor=6
+    )
+    steps = config.count // config.batch
     groups = [
-        {"params": list(network.decoder.parameters()), "peak": pace.rate},
-        {"params": list(network.backbone.parameters()), "peak": pace.slower * pace.rate},
+        {"params": list(network.decoder.parameters()), "peak": config.rate},
+        {"params": list(network.backbone.parameters()), "peak": config.slower * config.rate},
     ]
-    optimiser = torch.optim.AdamW(groups, lr=pace.rate, weight_decay=1e-3)
+    optimiser = torch.optim.AdamW(groups, lr=config.rate, weight_decay=1e-3)
     for k, batch in enumerate(batches):
-        done = k / pace.steps
+        done = k / steps
         share = done / 0.05 if done < 0.05 else 0.5 + 0.5 * math.cos(math.pi * (done - 0.05) / 0.95)
         for group in optimiser.param_groups:
             group["lr"] = group["peak"] * (share + 1e-3)
-        pictures, *truth = (b.to(pace.device) for b in batch)
+        pictures, *truth = (b.to(config.device) for b in batch)
         losses = loss_of(network(pictures), *truth)
         optimiser.zero_grad()
         torch.stack(list(losses.values())).sum().backward()
@@ -172,7 +219,7 @@ def trained(
         optimiser.step()
         if k % 50 == 49:
             said = " ".join(f"{name} {float(v.detach()):.3f}" for name, v in losses.items())
-            print(f"{k + 1}/{pace.steps} {said}", flush=True)
+            print(f"{k + 1}/{steps} {said}", flush=True)
     return network
 
 

@@ -8,8 +8,9 @@ cores that paint it takes some 8 minutes, on one core some 6 hours.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,13 +20,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional as f
-from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from mam_pipeline.photo.box_network import CORNERS, MAPS, SEEN, SHAPES, WEIGHTS
 from mam_pipeline.photo.network import STRIDE, nearest_shape
 from mam_training import manifest
 from mam_training.command import configured
-from mam_training.photo.network_model import Network, Pace, save, trained
+from mam_training.photo.network_model import Network, NetworkTraining, save, trained
 from mam_world.photos.painted_photo import PaintedPhoto, paint_photo
 
 Array = NDArray[np.float32]
@@ -36,23 +36,9 @@ SPREADS = (-6.0, 1.0)
 
 
 @dataclass(frozen=True)
-class BoxTraining:
+class BoxTraining(NetworkTraining):
     """What the box network is trained on, and where it goes."""
 
-    seed: int = 0
-    """Of the painted photos."""
-    count: int = 24_500
-    """Photos that are seen."""
-    batch: int = 32
-    """Photos a step."""
-    rate: float = 2e-3
-    """Greatest step of the optimiser."""
-    channels: int = 96
-    """Of the decoder."""
-    workers: int = 1
-    """Processes that paint."""
-    device: str = "cpu"
-    """That trains: cpu or cuda."""
     out: Path = WEIGHTS.parent
     """Folder that the weights and their manifest are written to."""
 
@@ -87,34 +73,10 @@ def lesson_of(photo: PaintedPhoto, rng: np.random.Generator) -> Lesson:
     )  # fmt: skip
 
 
-class Lessons(IterableDataset):  # type: ignore[type-arg]
-    """Batches of photos of one shape each."""
-
-    def __init__(self, config: BoxTraining) -> None:
-        self.config = config
-
-    def __iter__(self) -> Iterator[list[Tensor]]:
-        waiting: dict[tuple[int, ...], list[Lesson]] = {}
-        worker = get_worker_info()
-        first, step = (0, 1) if worker is None else (worker.id, worker.num_workers)
-        for k in range(first, self.config.count, step):
-            rng = np.random.default_rng([self.config.seed, k])
-            lesson = lesson_of(paint_photo(rng), rng)
-            group = waiting.setdefault(lesson.picture.shape[:2], [])
-            group.append(lesson)
-            if len(group) == self.config.batch:
-                yield batch_of(group)
-                group.clear()
-
-
-def batch_of(lessons: Sequence[Lesson]) -> list[Tensor]:
-    """Stacked tensors: pictures (n, 3, h, w) uint8, seen, corners."""
-    pictures = np.stack([q.picture for q in lessons]).transpose(0, 3, 1, 2)
-    return [
-        torch.from_numpy(np.ascontiguousarray(pictures)),
-        torch.from_numpy(np.stack([q.seen for q in lessons])),
-        torch.from_numpy(np.stack([q.corners for q in lessons])),
-    ]
+def painted_lesson(config: BoxTraining, number: int) -> Lesson:
+    """The photo of a number as a lesson."""
+    rng = np.random.default_rng([config.seed, number])
+    return lesson_of(paint_photo(rng), rng)
 
 
 def loss_of(out: Tensor, seen: Tensor, corners: Tensor) -> dict[str, Tensor]:
@@ -138,13 +100,7 @@ def loss_of(out: Tensor, seen: Tensor, corners: Tensor) -> dict[str, Tensor]:
 
 def train(config: BoxTraining) -> Network:
     """The network, trained."""
-    torch.manual_seed(config.seed)
-    batches = DataLoader(
-        Lessons(config), batch_size=None, num_workers=config.workers, prefetch_factor=6
-    )
-    network = Network(sum(MAPS.values()), config.channels)
-    pace = Pace(config.count // config.batch, config.rate, config.device)
-    return trained(network, batches, loss_of, pace)
+    return trained(config, sum(MAPS.values()), partial(painted_lesson, config), loss_of)
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -9,10 +9,11 @@ GPU with 15 cores that paint it takes some 5 minutes, on one core some 5 hours.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -20,13 +21,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional as f
-from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from mam_pipeline.photo.front_network import KINDS, MAPS, SHAPES, WEIGHTS
 from mam_pipeline.photo.network import STRIDE, nearest_shape
 from mam_training import manifest
 from mam_training.command import configured
-from mam_training.photo.network_model import Network, Pace, save, trained
+from mam_training.photo.network_model import Network, NetworkTraining, save, trained
 from mam_world.photos.painted_front import PaintedFront, paint_front
 from mam_world.photos.synthetic_photo import LEVELS, synthesise
 
@@ -36,11 +36,9 @@ RENDERED_LONG, RENDERED_MARGIN = 430, 50  # pixels of its front's long side, and
 
 
 @dataclass(frozen=True)
-class FrontTraining:
+class FrontTraining(NetworkTraining):
     """What the front network is trained on, and where it goes."""
 
-    seed: int = 0
-    """Of the painted fronts."""
     count: int = 24_400
     """Fronts that are seen."""
     rendered: int = 80
@@ -49,22 +47,11 @@ class FrontTraining:
     """Their first seed."""
     share: float = 0.2
     """Of the fronts that come from rendered photos."""
-    batch: int = 32
-    """Fronts a step."""
-    rate: float = 2e-3
-    """Greatest step of the optimiser."""
-    channels: int = 96
-    """Of the decoder."""
-    workers: int = 1
-    """Processes that paint."""
-    device: str = "cpu"
-    """That trains: cpu or cuda."""
     out: Path = WEIGHTS.parent
     """Folder that the weights and their manifest are written to."""
 
 
-@dataclass(frozen=True)
-class Lesson:
+class Lesson(NamedTuple):
     """A front as the network sees it (h, w, 3) uint8, and the maps it should give."""
 
     picture: NDArray[np.uint8]
@@ -142,41 +129,14 @@ def _drawn(
     return Lesson(picture, lines, handle, kind, reach)
 
 
-class Lessons(IterableDataset):  # type: ignore[type-arg]
-    """Batches of fronts of one shape each."""
-
-    def __init__(self, config: FrontTraining, rendered: list[PaintedFront]) -> None:
-        self.config, self.rendered = config, rendered
-
-    def __iter__(self) -> Iterator[list[Tensor]]:
-        waiting: dict[tuple[int, int], list[Lesson]] = {s: [] for s in SHAPES}
-        worker = get_worker_info()
-        first, step = (0, 1) if worker is None else (worker.id, worker.num_workers)
-        for k in range(first, self.config.count, step):
-            rng = np.random.default_rng([self.config.seed, k])
-            if rng.random() < self.config.share and self.rendered:
-                front = self.rendered[int(rng.integers(len(self.rendered)))]
-            else:
-                front = paint_front(rng)
-            lesson = lesson_of(front, rng)
-            h, w = lesson.picture.shape[:2]
-            group = waiting[h, w]
-            group.append(lesson)
-            if len(group) == self.config.batch:
-                yield batch_of(group)
-                group.clear()
-
-
-def batch_of(lessons: Sequence[Lesson]) -> list[Tensor]:
-    """Stacked tensors: pictures (n, 3, h, w) uint8, lines, handle, kind, reach."""
-    pictures = np.stack([q.picture for q in lessons]).transpose(0, 3, 1, 2)
-    return [
-        torch.from_numpy(np.ascontiguousarray(pictures)),
-        *(
-            torch.from_numpy(np.stack([getattr(q, name) for q in lessons]))
-            for name in ("lines", "handle", "kind", "reach")
-        ),
-    ]
+def front_lesson(config: FrontTraining, rendered: list[PaintedFront], number: int) -> Lesson:
+    """The front of a number as a lesson."""
+    rng = np.random.default_rng([config.seed, number])
+    if rng.random() < config.share and rendered:
+        front = rendered[int(rng.integers(len(rendered)))]
+    else:
+        front = paint_front(rng)
+    return lesson_of(front, rng)
 
 
 def rendered_front(seed: int) -> PaintedFront:
@@ -221,14 +181,8 @@ def loss_of(
 
 def train(config: FrontTraining) -> Network:
     """The network, trained."""
-    torch.manual_seed(config.seed)
     rendered = [rendered_front(config.first + k) for k in range(config.rendered)]
-    batches = DataLoader(
-        Lessons(config, rendered), batch_size=None, num_workers=config.workers, prefetch_factor=6
-    )
-    network = Network(sum(MAPS.values()), config.channels)
-    pace = Pace(config.count // config.batch, config.rate, config.device)
-    return trained(network, batches, loss_of, pace)
+    return trained(config, sum(MAPS.values()), partial(front_lesson, config, rendered), loss_of)
 
 
 def main(argv: Sequence[str] | None = None) -> None:
