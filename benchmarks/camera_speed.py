@@ -23,7 +23,7 @@ from mam_sim.preset_files import presets
 
 LOOKS = (
     "light", "light_colour", "light_turn", "camera", "camera_turn", "fov", "colour", "scenery",
-    "noise", "blur",
+    "backgrounds", "noise", "blur",
 )  # fmt: skip
 """Randomisation that only cameras see."""
 

@@ -10,14 +10,19 @@ import torch
 from mani_skill.utils.geometry.rotation_conversions import quaternion_apply
 from mani_skill.utils.structs import Pose
 
+from mam_envs.postures import MARKS, postures
 from mam_envs.scene.layout import Layout
+from mam_pipeline.types import FloatArray
 
 
 class Articulations:
-    """Axes, kinds, ways and planned grasps of the joints of b sub-scenes with some stages each."""
+    """Axes, kinds, ways and planned grasps of the joints of b sub-scenes with some stages each, and
+    the arm's postures on the way."""
 
-    def __init__(self, layouts: Sequence[Layout], device: torch.device) -> None:
-        """`layouts`: per sub-scene; its goals are the stages."""
+    def __init__(
+        self, layouts: Sequence[Layout], claimed: Sequence[Layout], device: torch.device
+    ) -> None:
+        """`layouts`: per sub-scene; its goals are the stages. `claimed`: what planners know."""
 
         def tensor(rows: list[list[object]]) -> torch.Tensor:
             return torch.tensor(np.array(rows), dtype=torch.float32, device=device)
@@ -44,15 +49,37 @@ class Articulations:
             torch.tensor(held[..., :3, column], dtype=torch.float32, device=device)
             for column in (3, 2, 1)
         )
+        self._claimed = claimed
+        shape = (len(layouts), len(joints[0]), len(MARKS), len(layouts[0].robot.arm))
+        self._postures = torch.zeros(shape, device=device)
+
+    def placed(self, index: Sequence[int], world_asset: FloatArray) -> None:
+        """Find the postures for sub-scenes whose objects now stand at (k, 4, 4) world_T_asset.
+
+        The first joint of a sequence is grasped as the placement plans it; the others are begun
+        from where the arm ends at the one before.
+        """
+        items = [self._claimed[i] for i in index]
+        models, robot = [item.model for item in items], items[0].robot
+        base = np.stack([item.placement.base for item in items])
+        guess = np.stack([item.placement.path.approach[-1] for item in items])
+        for k in range(self._postures.shape[1]):
+            goals, grasps = [item.goals[k] for item in items], [item.grasps[k] for item in items]
+            found = postures(
+                models, goals, grasps, robot, np.linalg.inv(base) @ world_asset, guess
+            )
+            self._postures[index, k] = torch.as_tensor(found).to(self._postures)
+            guess = found[:, -1]
 
     def observe(
-        self, base: torch.Tensor, poses: torch.Tensor, tool: torch.Tensor
+        self, base: torch.Tensor, poses: torch.Tensor, tool: torch.Tensor, arm: torch.Tensor
     ) -> dict[str, torch.Tensor]:
         """What is seen of joints and grasps, (b, stages) or (b, stages, n) each.
 
         Args:
             base, tool: (b, 7) of the robot's base and of its tool frame, world.
             poses: (b, stages, 7) of the links that the joints move, world.
+            arm: (b, n) arm joints.
 
         Returns:
             In the base frame: `joint_axis`, unit vector of the motion towards the goal;
@@ -62,7 +89,8 @@ class Articulations:
             `grasp_turn` (6): those two directions, all in the tool frame. `joint_slides`: 1 or 0;
             `joint_way`: from start to goal, radians or metres; `grasp_pushes`: 1 where closed
             fingers press; `grasp_width`: of what is held, metres; `grasp_lag`: share of a hinge's
-            turn that the hand follows.
+            turn that the hand follows. `posture_<mark>` (n), for the MARKS of
+            mam_envs.postures: how far the arm's joints are from where they are to be there.
         """
         turn, middle = poses[..., 3:], poses[..., :3]
         axis = quaternion_apply(turn, self._axis)
@@ -73,7 +101,9 @@ class Articulations:
         lever = reach - (reach * axis).sum(dim=-1, keepdim=True) * axis
         lever = lever * (1 - self._slides)[..., None]
         home, hand = _back(base), _back(tool)
+        left = self._postures - arm[:, None, None]
         return {
+            **{f"posture_{name}": left[:, :, m] for m, name in enumerate(MARKS)},
             "joint_axis": quaternion_apply(home, axis),
             "joint_lever": quaternion_apply(home, lever),
             "joint_slides": self._slides,

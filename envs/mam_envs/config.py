@@ -100,6 +100,7 @@ class RandomisationConfig:
         camera, camera_turn: shift and turn of every camera, metres and degrees (standard
             deviations); fov: its field of view, degrees each way.
         colour, scenery: share of random tint, 0..1, of the object, and of floor, table and walls.
+        backgrounds: chance that a random pattern hides all but robot and object from the cameras.
         noise, blur: of the pictures, at most (standard deviations, of 255 and in pixels).
     """
 
@@ -118,6 +119,7 @@ class RandomisationConfig:
     fov: Annotated[float, Range(0, 45)] = 0.0
     colour: Share = 0.0
     scenery: Share = 0.0
+    backgrounds: Share = 0.0
     noise: Annotated[float, Range(0, 255)] = 0.0
     blur: Annotated[float, Range(0, 50)] = 0.0
 
@@ -126,7 +128,7 @@ class RandomisationConfig:
         """Whether anything changes that only cameras see."""
         amounts = (
             self.light_colour, self.light_turn, self.camera, self.camera_turn, self.fov,
-            self.colour, self.scenery, self.noise, self.blur,
+            self.colour, self.scenery, self.backgrounds, self.noise, self.blur,
         )  # fmt: skip
         return self.light != (1.0, 1.0) or any(amounts)
 

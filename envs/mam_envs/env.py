@@ -24,7 +24,7 @@ from mam_envs.config import EnvConfig
 from mam_envs.planner_state import PlannerState
 from mam_envs.robots import robot_spec
 from mam_envs.scene import build, vulkan
-from mam_envs.scene.background import put_background
+from mam_envs.scene.background import put_background, read_background
 from mam_envs.scene.contact_probe import ContactProbe
 from mam_envs.scene.layout import Layout, arrange, several
 from mam_envs.scene.looks import Looks
@@ -229,7 +229,8 @@ class OperateJointEnv(BaseEnv):
                 pose = rest[item.model.kinematics.joint(g.joint).child][0]
                 points[i, k] = (item.handles[k] - pose[:3, 3]) @ pose[:3, :3]
         self._handle_point = torch.tensor(points, device=self.device)
-        self._articulation = Articulations(layouts, self.device)
+        claimed = [self.claimed[k] for k in self._chosen]
+        self._articulation = Articulations(layouts, claimed, self.device)
         self._world_asset = np.tile(np.eye(4), (n, 1, 1))
         self._rate = torch.zeros(n, device=self.device)
         self._last_action: torch.Tensor | None = None
@@ -239,6 +240,8 @@ class OperateJointEnv(BaseEnv):
         links = self.agent.robot.links_map
         hand = [links[name] for name in (*spec.finger_links, *spec.hand_links)]
         self._tip = links[spec.tip]
+        active = [j.name for j in self.agent.robot.active_joints]
+        self._arm_index = [active.index(name) for name in spec.arm]
         tool = spec.chain.tool
         self._tool = None if np.allclose(tool, np.eye(4)) else _pose(tool[None], self.device)
         item = self.layout(0)
@@ -283,6 +286,7 @@ class OperateJointEnv(BaseEnv):
         self.object.set_qpos(torch.tensor(object_q, device=self.device))
         self.object.set_qvel(torch.zeros_like(torch.tensor(object_q), device=self.device))
         self._world_asset[env_idx.cpu().numpy()] = pose
+        self._place_postures(env_idx.tolist())
         if self.gpu_sim_enabled:
             self.scene._gpu_apply_all()
             self.scene.px.gpu_update_articulation_kinematics()
@@ -319,6 +323,11 @@ class OperateJointEnv(BaseEnv):
         """Stand the object of a sub-scene elsewhere: (4, 4) world_T_asset."""
         self._world_asset[index] = pose
         self.object.set_pose(_pose(self._world_asset, self.device))
+        self._place_postures([index])
+
+    def _place_postures(self, index: list[int]) -> None:
+        if self.config.observation.articulation:
+            self._articulation.placed(index, self._world_asset[index])
 
     def set_state(self, state: Any, env_idx: torch.Tensor | None = None) -> None:
         """From the flat vector; ManiSkill's own takes for granted that there are free actors."""
@@ -423,7 +432,8 @@ class OperateJointEnv(BaseEnv):
             if self.config.observation.articulation:
                 poses = torch.stack([target.pose.raw_pose for target in self.targets], dim=1)
                 base = self.agent.robot.pose.raw_pose
-                tokens = self._articulation.observe(base, poses, self._now.tool)
+                qpos = self.agent.robot.get_qpos()[:, self._arm_index]
+                tokens = self._articulation.observe(base, poses, self._now.tool, qpos)
                 out["privileged"] |= {key: self.task.pick(v) for key, v in tokens.items()}
         return out
 
@@ -441,8 +451,12 @@ class OperateJointEnv(BaseEnv):
 
     def _get_obs_sensor_data(self, apply_texture_transforms: bool = True) -> dict:
         out = super()._get_obs_sensor_data(apply_texture_transforms)
-        picture = self.config.scene.background
-        if picture and apply_texture_transforms:
+        file, picture = self.config.scene.background, None
+        if self._looks is not None:
+            picture = self._looks.background
+        if file:
+            picture = read_background(file)
+        if picture is not None and apply_texture_transforms:
             kept = [*self.agent.robot.links, *(link for o in self.objects for link in o.links)]
             ids = torch.unique(torch.cat([link.per_scene_id for link in kept]))
             put_background(picture, out, self.scene.sensors, ids)

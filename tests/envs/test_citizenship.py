@@ -254,7 +254,7 @@ def test_looks_change_at_every_reset_and_a_seed_repeats_them(drawer: Path) -> No
     for one in (
         {"colour": 1.0}, {"light": (0.5, 1.5)}, {"light_colour": 0.5}, {"light_turn": 20.0},
         {"camera": 0.05}, {"camera_turn": 3.0}, {"fov": 5.0}, {"scenery": 1.0}, {"noise": 9.0},
-        {"blur": 2.0},
+        {"blur": 2.0}, {"backgrounds": 1.0},
     ):  # fmt: skip
         config = RandomisationConfig(**one)
         assert config.seen

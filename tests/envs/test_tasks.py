@@ -167,7 +167,9 @@ def test_joints_as_numbers(door: Path, drawer: Path) -> None:
         poses[i, 0, :3] = torch.tensor(item.model.kinematics.link_poses({})[link][0][:3, 3])
     base = torch.tensor([[-0.6, 0.2, 0.1, *quarter]] * 2, dtype=torch.float32)
     tool = torch.tensor([[-0.5, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0]] * 2)
-    seen = Articulations(layouts, CPU).observe(base, poses, tool)
+    arm = torch.ones(2, 7)
+    seen = Articulations(layouts, layouts, CPU).observe(base, poses, tool, arm)
+    assert (seen["posture_grasp"] == -1.0).all()  # none was looked for
     # the base's x axis is the world's y axis
     close = partial(torch.testing.assert_close, atol=1e-6, rtol=0)
     close(seen["joint_axis"], torch.tensor([[[0, 0, -1.0]], [[0, 1.0, 0]]]))

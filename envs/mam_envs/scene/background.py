@@ -3,36 +3,69 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from mam_pipeline.errors import ConfigError
 
+Picture = NDArray[np.uint8]
+SIDE = 128  # pixels of a random pattern
 
-def put_background(
-    picture: str | Path,
-    data: dict[str, Any],
-    sensors: Mapping[str, Any],
-    foreground: torch.Tensor,
-) -> None:
-    """Replace what is neither robot nor object by a picture, in place.
 
-    Args:
-        data: observations by camera; those with `rgb` (b, H, W, 3) uint8 are changed.
-        sensors: ManiSkill's cameras of the same names.
-        foreground: (n,) per-scene ids of the bodies that stay.
+@lru_cache(maxsize=8)
+def read_background(picture: str | Path) -> Picture:
+    """(h, w, 3) RGB of a picture file.
 
     Raises:
-        ConfigError: the picture cannot be read.
+        ConfigError: it cannot be read.
     """
     import cv2
 
     image = cv2.imread(str(picture))
     if image is None:
         raise ConfigError(f"background picture {picture} cannot be read")
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+
+
+def random_pattern(rng: np.random.Generator) -> Picture:
+    """(SIDE, SIDE, 3) colours that run into each other, with some bars and discs before them."""
+    import cv2
+
+    image = np.full((SIDE, SIDE, 3), rng.uniform(0, 255, 3))
+    for cells in (2, 4, 8, 16, 32, 64):
+        size = rng.uniform(0, 90) * rng.uniform(0.3, 1) ** np.log2(cells)
+        noise = rng.normal(0, size, (cells, cells, 3))
+        noise = np.where(rng.uniform() < 0.5, noise, noise.mean(axis=2, keepdims=True))
+        image += cv2.resize(noise, (SIDE, SIDE), interpolation=cv2.INTER_CUBIC)
+    for _ in range(rng.integers(0, 9)):
+        colour, at = rng.uniform(0, 255, 3).tolist(), rng.integers(0, SIDE, (2, 2)).tolist()
+        if rng.uniform() < 0.6:
+            cv2.rectangle(image, at[0], at[1], colour, -1)
+        else:
+            cv2.circle(image, at[0], int(rng.integers(3, SIDE // 3)), colour, -1)
+    return np.clip(image, 0, 255).astype(np.uint8)
+
+
+def put_background(
+    picture: Picture,
+    data: dict[str, Any],
+    sensors: Mapping[str, Any],
+    foreground: torch.Tensor,
+) -> None:
+    """Replace what is neither robot nor object by a picture (h, w, 3), in place.
+
+    Args:
+        data: observations by camera; those with `rgb` (b, H, W, 3) uint8 are changed.
+        sensors: ManiSkill's cameras of the same names.
+        foreground: (n,) per-scene ids of the bodies that stay.
+    """
+    import cv2
+
     for name, sensor in sensors.items():
         if "rgb" not in data.get(name, {}):
             continue
@@ -40,7 +73,6 @@ def put_background(
         mask = sensor.get_obs(rgb=False, depth=False, position=False, segmentation=True)
         keep = torch.isin(mask["segmentation"], foreground.to(rgb.device))
         size = (rgb.shape[2], rgb.shape[1])
-        fitted = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-        behind = np.ascontiguousarray(cv2.cvtColor(fitted, cv2.COLOR_BGR2RGB))
+        behind = np.ascontiguousarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
         shown = torch.from_numpy(behind).to(rgb.device)[None].expand_as(rgb)
         data[name]["rgb"] = torch.where(keep, rgb, shown)

@@ -1,4 +1,5 @@
-"""What cameras see differently in every episode: lights, colours, cameras and their pictures.
+"""What cameras see differently in every episode: lights, colours, backgrounds, cameras and their
+pictures.
 
 Nothing is rebuilt for it, so it costs about as much as putting the object elsewhere.
 """
@@ -14,6 +15,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from mam_envs.config import RandomisationConfig
+from mam_envs.scene.background import Picture, random_pattern
 from mam_pipeline.types import FloatArray
 
 SCENERY = ("table", "wall", "side_wall", "ground", "robot_stand", "object_stand")
@@ -44,6 +46,7 @@ class Looks:
             for raw in sensor.camera._render_cameras
         ]
         self._blur = self._noise = 0.0
+        self.background: Picture | None = None
         self._rng = np.random.default_rng(0)
 
     def draw(self, rng: np.random.RandomState) -> None:
@@ -60,6 +63,8 @@ class Looks:
             _place(camera, raw, pose * _shift(shift, c.camera, c.camera_turn), fovy + wider)
         self._noise, self._blur = c.noise * float(rng.uniform()), c.blur * float(rng.uniform())
         self._rng = np.random.default_rng(rng.randint(2**31))
+        varied = c.backgrounds > 0 and self._rng.uniform() < c.backgrounds
+        self.background = random_pattern(self._rng) if varied else None
 
     def _light(self, factor: FloatArray, turns: FloatArray) -> None:
         for sub in self._scene.sub_scenes:
