@@ -21,7 +21,9 @@ class MlpPolicy(torch.nn.Module):
 
     The arm's part of an action is predicted as its difference to the present joint values when
     `relative` (absolute joint targets); the gripper command as it is. `squash` says how actions
-    are kept in -1..1: none, clip or tanh.
+    are kept in -1..1: none, clip or tanh. With `marks` (postures as differences to the present one)
+    that difference is a weighted sum of theirs and a rest: what moves an arm from mark to mark on
+    one object then does so on others.
     """
 
     mean: torch.Tensor
@@ -42,8 +44,10 @@ class MlpPolicy(torch.nn.Module):
         squash: str = "none",
         activation: str = "relu",
         inputs: tuple[int, ...] | None = None,
+        marks: tuple[int, ...] = (),
     ) -> None:
-        """`inputs`: entries of the observation that the network sees; None is all of them."""
+        """`inputs`: entries of the observation that the network sees; None is all of them. `marks`:
+        where in the observation the arm's way to each mark begins."""
         super().__init__()
         self.sizes = {
             "obs_dim": obs_dim,
@@ -57,18 +61,20 @@ class MlpPolicy(torch.nn.Module):
             "squash": squash,
             "activation": activation,
             "inputs": None if inputs is None else list(inputs),
+            "marks": list(marks),
         }
+        self.marks = list(marks)
         self.inputs = None if inputs is None else list(inputs)
         self.obs_dim, self.action_dim, self.arm_joints = obs_dim, action_dim, arm_joints
         self.chunk, self.horizon, self.timed = chunk, horizon, timed
         self.relative, self.squash = relative, squash
         layers: list[torch.nn.Module] = []
-        width = (obs_dim if inputs is None else len(inputs)) + int(timed)
+        width = (obs_dim if inputs is None else len(inputs)) + int(timed) + len(marks)
         kind = torch.nn.Tanh if activation == "tanh" else torch.nn.ReLU
         for size in hidden:
             layers += [torch.nn.Linear(width, size), kind()]
             width = size
-        layers.append(torch.nn.Linear(width, chunk * action_dim))
+        layers.append(torch.nn.Linear(width, chunk * (action_dim + len(marks))))
         self.net = torch.nn.Sequential(*layers)
         self.register_buffer("mean", torch.zeros(obs_dim))
         self.register_buffer("std", torch.ones(obs_dim))
@@ -82,7 +88,14 @@ class MlpPolicy(torch.nn.Module):
             x = x[:, self.inputs]
         if self.timed:
             x = torch.cat([x, (step[:, None].float() / self.horizon)], dim=1)
-        return self.net(x).reshape(len(obs), self.chunk, self.action_dim)
+        if not self.marks:
+            return self.net(x).reshape(len(obs), self.chunk, self.action_dim)
+        ways = torch.stack([obs[:, k : k + self.arm_joints] for k in self.marks], dim=1)
+        far = ways.abs().amax(dim=2)
+        out = self.net(torch.cat([x, far], dim=1)).reshape(len(obs), self.chunk, -1)
+        rest, weights = out.split([self.action_dim, len(self.marks)], dim=2)
+        along = weights @ ways / self.scale[: self.arm_joints]
+        return torch.cat([rest[..., : self.arm_joints] + along, rest[..., self.arm_joints :]], 2)
 
     def actions(self, obs: torch.Tensor, step: torch.Tensor) -> torch.Tensor:
         """(b, chunk, action_dim) in the environment's units."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import torch
 
 import mam_envs
 from mam_envs.postures import MARKS
@@ -35,3 +36,17 @@ def test_postures_are_near_the_expert_s(drawer: Path, door: Path) -> None:
                     np.testing.assert_allclose(found, posture, atol=0.1)
         env.close()
     assert compared >= 2
+
+
+def test_a_clone_with_marks_weighs_the_ways_to_them() -> None:
+    from mam_policies.mlp import MlpPolicy
+
+    policy = MlpPolicy(6, 3, 2, chunk=2, hidden=(4,), timed=False, marks=(2, 4))
+    last = policy.net[-1]
+    assert isinstance(last, torch.nn.Linear)
+    with torch.no_grad():
+        last.weight.zero_()
+        last.bias.copy_(torch.tensor([0.0, 0, 7, 0.1, 0.5] * 2))  # the rest, then two weights
+    policy.scale.copy_(torch.tensor([0.2, 0.3, 1.0]))
+    told = policy.actions(torch.tensor([[3.0, -3.0, 4.0, -2.0, 1.0, 0.0]]), torch.zeros(1))
+    torch.testing.assert_close(told, torch.tensor([[[3.9, -3.2, 7.0]] * 2]))

@@ -90,6 +90,7 @@ def _network(choice: EnvChoice, config: BcConfig, sizes: dict[str, Any]) -> MlpP
         relative=absolute,
         squash="none" if absolute else "clip",
         inputs=entries(sizes["observation"], config.deployable),
+        marks=marks(sizes["observation"]) if absolute else (),
     )
 
 
@@ -111,6 +112,11 @@ def entries(rows: list[tuple[str, int, int, bool]], deployable: bool) -> tuple[i
     if not unseen:
         return None
     return tuple(i for name, a, b, _ in rows for i in range(a, b) if name not in unseen)
+
+
+def marks(rows: list[tuple[str, int, int, bool]]) -> tuple[int, ...]:
+    """Where in the flat observation the arm's way to each known posture begins."""
+    return tuple(start for name, start, *_ in rows if "/posture_" in name)
 
 
 def dagger_round(
