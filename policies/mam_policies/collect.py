@@ -25,7 +25,7 @@ from mam_pipeline import config_file, folders
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.edited import check_ranges
 from mam_pipeline.errors import InputError, NotPhysicalError
-from mam_policies.collection import CollectConfig, Collection, Names, finished
+from mam_policies.collection import CollectConfig, Collection, Names, finished, read_claim
 from mam_policies.expert import Expert, PlanningError
 from mam_policies.lerobot.dataset import write_dataset
 from mam_policies.run import task_settings
@@ -129,7 +129,7 @@ class _Claim:
         """Raise InputError where the folder holds other data or other things."""
         out, now = self.out, _flat(self.mine)
         if self.file.is_file():
-            then = _flat(config_file.read(self.file))
+            then = _flat(read_claim(self.file))
             differ = [k for k in now if k != "collect.episodes" and now[k] != then.get(k)]
             if differ:
                 key = differ[0]
@@ -188,7 +188,7 @@ def _make(asset: str, config: CollectConfig, env_config: EnvConfig) -> Any:
         task=config.task,
         robot_uids=config.robot,
         control_mode="pd_joint_pos",
-        obs_mode="rgb+state" if config.video else "state",
+        obs_mode="rgb+state" if config.cameras else "state",
         reward_mode="normalized_dense",
         max_episode_steps=config.max_steps,
         config=env_config,

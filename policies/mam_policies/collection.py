@@ -69,7 +69,7 @@ class CollectConfig:
     """Seed of the first attempt; attempt k uses seed + k."""
     noise: Annotated[float, Range(0, 1)] = 0.0
     """Standard deviation of noise on the arm's targets, radians; labels stay clean."""
-    video: bool = False
+    cameras: bool = False
     """Record the cameras into the LeRobot dataset (needs a Vulkan driver)."""
     keep_failures: bool = False
     """Keep failed attempts in the data as well."""
@@ -77,6 +77,15 @@ class CollectConfig:
     """Control steps that are recorded after success."""
     max_steps: Annotated[int, Range(1, 100_000)] = 220
     """Control steps of one attempt."""
+
+
+def read_claim(file: Path) -> dict[str, Any]:
+    """collect.json; `cameras` was called `video` in version 0.1."""
+    data = config_file.read(file)
+    asked = dict(data["collect"])
+    if "video" in asked:
+        asked["cameras"] = asked.pop("video")
+    return {**data, "collect": asked}
 
 
 @dataclass(frozen=True)
@@ -105,7 +114,7 @@ class Collection:
         file = folder / "collect.json"
         if not file.is_file() or not (folder / "attempts" / "names.json").is_file():
             raise InputError(f"{folder} holds no collection; make one with: mam-sim collect")
-        data = config_file.read(file)
+        data = read_claim(file)
         config = config_file.fill(CollectConfig(), data["collect"], file)
         settings = config_file.fill(task_settings(config.task), data["env"], file)
         outcomes = finished(folder / "attempts")

@@ -56,6 +56,24 @@ class BcConfig(DemonstrationConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
+class BcRgbConfig(BcConfig):
+    """Settings of behaviour cloning that sees one camera."""
+
+    deployable: bool = True
+    """The clone sees positions only; always so here."""
+    pictures: int = 4000
+    """Pictures to learn to see from."""
+    every: int = 4
+    """Control steps of the expert between two of them."""
+    sight_epochs: int = 15
+    """Passes over the pictures."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_least(self, pictures=1, every=1, sight_epochs=1)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Sb3Config(DemonstrationConfig):
     """Settings that ppo and sac share."""
 

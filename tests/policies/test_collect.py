@@ -95,7 +95,7 @@ def test_kill_9_loses_at_most_the_running_attempt(drawer: Path, tmp_path: Path) 
 def test_videos_go_into_the_dataset(drawer: Path, tmp_path: Path) -> None:
     # slow: every control step is rendered on the CPU
     world = {"cameras": {"front": {"width": 32, "height": 24}}, "wall": False}
-    config = CollectConfig(episodes=1, video=True)
+    config = CollectConfig(episodes=1, cameras=True)
     settings = EnvConfig.make({"scene": world})
     made = collect(drawer, config, tmp_path / "demos", env_config=settings)
     data = load_dataset(made.dataset)

@@ -30,6 +30,7 @@ ALGORITHMS = Registry(
     "algorithm",
     {
         "bc": "mam_policies.algorithms.bc:BehaviourCloning",
+        "bc_rgb": "mam_policies.algorithms.bc_rgb:CameraCloning",
         "ppo": "mam_policies.algorithms.ppo:Ppo",
         "sac": "mam_policies.algorithms.sac:Sac",
         "act": "mam_policies.algorithms.lerobot_policies:Act",
@@ -40,6 +41,7 @@ ALGORITHMS = Registry(
 
 SETTINGS: dict[str, type[Any]] = {
     "bc": settings.BcConfig,
+    "bc_rgb": settings.BcRgbConfig,
     "ppo": settings.PpoConfig,
     "sac": settings.SacConfig,
     "act": settings.LeRobotConfig,

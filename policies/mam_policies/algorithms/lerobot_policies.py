@@ -68,7 +68,7 @@ class LeRobotAlgorithm(Algorithm[LeRobotConfig]):
             raise ConfigError(f"{self.name} is trained on one asset at a time")
         demos = CollectConfig(
             episodes=config.episodes, joint=choice.joint, task=choice.task, robot=choice.robot,
-            seed=seed_of(config.seed, 0), noise=config.noise, video=config.cameras,
+            seed=seed_of(config.seed, 0), noise=config.noise, cameras=config.cameras,
             max_steps=choice.max_steps,
         )  # fmt: skip
         found = collect(

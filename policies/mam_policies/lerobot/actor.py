@@ -64,7 +64,10 @@ class LeRobotActor:
 
     def act(self, obs: Any) -> NDArray[np.float32]:
         """The environment's action for its observation."""
-        from lerobot.utils.control_utils import predict_action
+        try:
+            from lerobot.common.control_utils import predict_action
+        except ImportError:  # LeRobot 0.4
+            from lerobot.utils.control_utils import predict_action
 
         seen = {k: v for k, v in self.observe(obs).items() if k in self.inputs}
         target = predict_action(
