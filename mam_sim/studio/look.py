@@ -11,7 +11,7 @@ from mam_pipeline.formats.suffixes import PHOTOS
 from mam_pipeline.types import Joint
 from mam_sim.studio.scene import SHOWS, all_at
 from mam_sim.studio.thumbnails import thumbnail
-from mam_sim.studio.words import joint_text, kept_value, shown_value, span, unit
+from mam_sim.studio.words import dialogue_text, joint_text, kept_value, shown_value, span, unit
 from mam_sim.studio.workspace import Workspace
 
 PHOTO = 480  # pixels of its longer side
@@ -33,6 +33,12 @@ class Look:
         self._pictured: Path | None = None
         self.sliders = gui.add_folder("Move")
         self.thought = gui.add_folder("What was found")
+        self.asked = gui.add_folder(
+            "Asked of a language model", expand_by_default=False, visible=False
+        )
+        with self.asked:
+            gui.add_markdown("*Where it is wrong: what you put right outranks it.*")
+            self.dialogue = gui.add_markdown("")
         self._made: list[Any] = []
         self.show.on_update(work.guarded(self._redraw))
         self.axes.on_update(work.guarded(self._remark))
@@ -59,6 +65,9 @@ class Look:
         with self.thought:
             for text in self._sentences():
                 self._made.append(gui.add_markdown(text))
+        state = self.work.state
+        told = dialogue_text(state.tree.nodes[0].evidence, {p.name for p in state.hints.parts})
+        self.dialogue.content, self.asked.visible = told, bool(told)
 
     def _show_photo(self, source: Path | None) -> None:
         """The photo that an object was made from, beside it."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
+from typing import Any
+
 import numpy as np
 
 from mam_pipeline.check.report import REASONS
@@ -123,6 +126,32 @@ def joint_text(joint: Joint, part: str, kind: str, runs: str) -> str:
         rows.append(f"It goes only {percent(joint.basis.of_part)} of its own length.")
     if joint.basis.after_another:
         rows.append("Another part must be opened first.")
+    return "\n\n".join(rows)
+
+
+def dialogue_text(evidence: Mapping[str, Any], said: Collection[str]) -> str:
+    """What a language model was asked and what it answered, as Markdown; "" where none was.
+
+    Args:
+        evidence: of the base. said: parts on which the person has spoken since.
+    """
+    rows = []
+    for turn in evidence.get("dialogue", ()):
+        rows.append("\n".join(f"> {line}" for line in str(turn["question"]).splitlines()))
+        for part in turn.get("parts", ()):
+            pieces = ", ".join(map(str, part["pieces"]))
+            base = ", does not move" if part["is_base"] else ""
+            rows.append(
+                f"- **{part['name']}** ({part['kind']}{base}): pieces {pieces}; "
+                f"{percent(part['confidence'])} sure"
+            )
+        for mount in turn.get("mounts", ()):
+            over = "; *you said otherwise*" if mount["name"] in said else ""
+            rows.append(
+                f"- **{mount['name']}** hangs on {mount['parent']}: {mount['motion']}, axis "
+                f"{mount['axis']}, side {mount['side']}, {percent(mount['confidence'])} sure; "
+                f"else {mount['second_best']}{over}"
+            )
     return "\n\n".join(rows)
 
 

@@ -21,7 +21,7 @@ from mam_sim.studio.picking import (
     snapped,
     snaps,
 )
-from mam_sim.studio.words import joint_text, line, verdict_text
+from mam_sim.studio.words import dialogue_text, joint_text, line, verdict_text
 
 Change = Callable[..., object]
 
@@ -182,6 +182,19 @@ def test_words_say_where_a_line_runs_as_seen_from_the_front() -> None:
     assert "at its left, upright" in text and "0 to 90 °" in text
     assert "40 % sure. Please look at it." in text
     assert "runs into another" in verdict_text(False, True, ["penetration"], [])
+
+
+def test_a_language_models_answers_are_told_and_what_was_overruled() -> None:
+    part = {"name": "door", "kind": "door", "is_base": False, "pieces": [1, 2], "confidence": 0.9}
+    mount = {"name": "door", "parent": "body", "motion": "hinge", "confidence": 0.8, "axis": "z",
+             "second_best": "slide", "side": "+y", "opens": "-x"}  # fmt: skip
+    talk = [{"question": "Which pieces?\nSay.", "parts": [part]},
+            {"question": "How?", "mounts": [mount]}]  # fmt: skip
+    text = dialogue_text({"dialogue": talk}, ["door"])
+    assert "> Which pieces?\n> Say." in text and "pieces 1, 2; 90 % sure" in text
+    assert "hinge, axis z, side +y, 80 % sure; else slide; *you said otherwise*" in text
+    assert "otherwise" not in dialogue_text({"dialogue": talk}, [])
+    assert dialogue_text({}, []) == ""
 
 
 def test_a_click_near_an_edge_gives_its_line_and_of_a_rim_its_middle_axis() -> None:

@@ -54,6 +54,9 @@ def test_two_questions_make_a_tree_and_the_cache_repeats_it(
     again = VlmReasoner().reason(*boxes, None)
     assert len(server.asked) == 2 and again.nodes[1].name == "door"
     assert tree.nodes[0].evidence["ledger"]["tokens_in"] == 2000
+    pieces, mounts = tree.nodes[0].evidence["dialogue"]
+    assert "pieces" in pieces["question"] and pieces["parts"][1]["name"] == "door"
+    assert mounts["mounts"][0]["motion"] == "hinge"
     kept = "".join(p.read_text() for p in (tmp_path / "answers").iterdir())
     assert "sk-secret" not in kept
 

@@ -96,26 +96,32 @@ def ask_for_tree(
         HintNeeded: file mode, and no answer yet.
     """
     album = albums.cast(mesh, primitives)
+    first = grouping_question(album, prior)
     grouping = settle_answer(
         transport,
-        grouping_question(album, prior),
+        first,
         questions.Grouping,
         lambda a: questions.faults_of_grouping(a, set(album.ids)),
         lambda a: contradiction(a, prior),
     )
     groups = sorted(grouping.parts, key=lambda g: not g.is_base)
+    dialogue = [{"question": first.text, **grouping.model_dump()}]
     mounting = questions.Mounting(mounts=[])
     if len(groups) > 1:
         names = [g.name for g in groups]
+        second = mounting_question(album, groups)
         mounting = settle_answer(
             transport,
-            mounting_question(album, groups),
+            second,
             questions.Mounting,
             lambda a: questions.faults_of_mounting(a, names, names[0]),
             lambda a: "",
         )
+        dialogue.append({"question": second.text, **mounting.model_dump()})
     ledger = {**vars(transport.ledger), "cap": str(transport.ledger.cap)}
-    evidence: dict[str, object] = {"asked": "vision-language model", "ledger": ledger}
+    evidence: dict[str, object] = {
+        "asked": "vision-language model", "ledger": ledger, "dialogue": dialogue,
+    }  # fmt: skip
     if len(groups) == 1:
         evidence["nothing_movable"] = "the model sees one rigid part"
     tree = answers.tree_of(groups, mounting, album.stands_for, mesh, primitives, evidence, seed)
