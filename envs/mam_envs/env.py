@@ -33,7 +33,7 @@ from mam_envs.tasks import Task, TaskState, rewards, task_class
 from mam_envs.truth import as_claimed, true_layout
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.config_file import fill
-from mam_pipeline.errors import ConfigError
+from mam_pipeline.errors import BackendError, ConfigError
 from mam_pipeline.types import coupled
 
 ENV_ID = "OperateJoint-v1"
@@ -133,6 +133,12 @@ class OperateJointEnv(BaseEnv):
             ]
         if len({len(item.goals) for item in self.layouts}) > 1:
             raise ConfigError("all assets need the same number of joints in a sequence")
+        if num_envs > 1 and not torch.cuda.is_available():
+            raise BackendError(
+                f"num_envs={num_envs} needs CUDA, and there is none; on the CPU use processes: "
+                f'gymnasium.make_vec("mam_envs:OperateJointNumpy-v1", num_envs={num_envs}, '
+                'vectorization_mode="async", asset=...)'
+            )
         self._chosen = [0] * num_envs
         self._exact = exact
         if reconfiguration_freq is None:

@@ -129,6 +129,20 @@ def test_make_vec_and_time_limit(drawer: Path) -> None:
     vector.close()
 
 
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU for it")
+def test_several_environments_want_a_gpu_or_processes(drawer: Path) -> None:
+    with pytest.raises(BackendError, match=r"needs CUDA.*vectorization_mode"):
+        mam_envs.make(drawer, num_envs=2)
+    many = gym.make_vec(
+        mam_envs.NUMPY_ID, num_envs=2, vectorization_mode="async", asset=str(drawer)
+    )
+    obs, _ = many.reset(seed=0)
+    assert obs.shape[0] == 2 and not np.array_equal(obs[0], obs[1])
+    obs, reward, *_ = many.step(np.zeros(many.action_space.shape, np.float32))
+    assert reward.shape == (2,)
+    many.close()
+
+
 def test_episodes_are_recorded(drawer: Path, tmp_path: Path) -> None:
     import h5py
     from mani_skill.utils.wrappers.record import RecordEpisode
