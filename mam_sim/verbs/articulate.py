@@ -19,6 +19,7 @@ from mam_pipeline.models.ledger import Ledger, one_ledger
 from mam_pipeline.models.settings import given
 from mam_pipeline.optional import has
 from mam_pipeline.run import MakeConfig, make_asset
+from mam_sim.asking import ask_upload
 from mam_sim.console import Screen
 from mam_sim.options import Verb, carried
 
@@ -42,6 +43,8 @@ class Articulate(Verb):
         """Write the asset and its report; print what was found."""
         screen = Screen(self.quiet or self.json)
         names = ["read", "segment", "prior", "reason", "joints", "asset", "check", "report"]
+        with given(self.pipeline.models.settings()):
+            ask_upload(self.source, self.pipeline.reconstructor)
         with screen.stages(names) as bar, files_kept():
             with given(self.pipeline.models.settings()), one_ledger() as ledger:
                 asset = make(self.source, self.out, self.pipeline, bar)

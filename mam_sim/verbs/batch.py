@@ -11,6 +11,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_pipeline.edited import Count, Positive
 from mam_pipeline.errors import ConfigError
+from mam_pipeline.models.consent import offer_of
 from mam_pipeline.models.settings import given
 from mam_pipeline.run import MakeConfig
 from mam_sim.console import Screen
@@ -96,6 +97,13 @@ class Batch(Verb):
         self.pipeline.check()
         if self.pipeline.engine.reasoner == "vlm":
             raise ConfigError("batch has no --reasoner vlm: the cost cap is kept in one process")
+        with given(self.pipeline.models.settings()):
+            offer = offer_of(self.pipeline.reconstructor)
+        if offer is not None and offer.price:
+            name = self.pipeline.reconstructor
+            raise ConfigError(
+                f"batch has no --reconstructor {name}: the cost cap is kept in one process"
+            )
         if self.environment:
             from mam_envs.robots import ROBOTS
 

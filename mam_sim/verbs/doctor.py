@@ -30,6 +30,7 @@ EXTRAS = {
     "meshopt": ("formats", "glTF packed by meshoptimizer"),
     "opengl-basisu": ("formats", "KTX2 textures"),
     "openai": ("vlm", "vision-language reasoners"),
+    "gradio_client": ("space", "photo to mesh by a Gradio Space"),
 }
 
 
@@ -224,10 +225,10 @@ def _plugins() -> list[Finding]:
 
 
 def _models() -> list[Finding]:
-    from mam_pipeline.models.catalogue import ENDPOINT, MODELS, find
+    from mam_pipeline.models.catalogue import ENDPOINT, HOSTED, MODELS, SPACE, find
 
     out = []
-    for model in (*MODELS, ENDPOINT):
+    for model in (*MODELS, *HOSTED, SPACE, ENDPOINT):
         found = find(model)
         state = f"{found.text}; {model.flag}; licence: {model.licence}"
         fix = "\n".join((*model.commands, f"see {model.page}"))

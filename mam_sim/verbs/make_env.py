@@ -15,6 +15,7 @@ from mam_envs.config import EnvConfig
 from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.models.settings import given
 from mam_pipeline.run import MakeConfig
+from mam_sim.asking import ask_upload
 from mam_sim.console import Screen
 from mam_sim.options import Verb, carried
 from mam_sim.verbs.articulate import describe, make, tell_cost
@@ -48,6 +49,8 @@ class MakeEnv(Verb):
         ROBOTS.check(self.robot)
         screen = Screen(self.quiet or self.json)
         out = self.out if self.out is not None else Path(f"{self.source.stem}-asset")
+        with given(self.pipeline.models.settings()):
+            ask_upload(self.source, self.pipeline.reconstructor)
         stages = ["read", "segment", "prior", "reason", "joints", "asset", "check"]
         with screen.stages([*stages, "environment", "report"]) as bar:
             with given(self.pipeline.models.settings()), one_ledger() as ledger:

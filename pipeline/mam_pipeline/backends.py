@@ -140,6 +140,10 @@ BUILTIN: dict[str, dict[str, str]] = {
         "hunyuan3d": "mam_pipeline.models.image_to_mesh:HunyuanReconstructor",
         "triposr": "mam_pipeline.models.image_to_mesh:TripoSrReconstructor",
         "triposg": "mam_pipeline.models.image_to_mesh:TripoSgReconstructor",
+        "fal": "mam_pipeline.models.hosted:FalReconstructor",
+        "tripo": "mam_pipeline.models.hosted:TripoReconstructor",
+        "meshy": "mam_pipeline.models.hosted:MeshyReconstructor",
+        "space": "mam_pipeline.models.space:SpaceReconstructor",
     },
     "segmenter": {
         "geometric": "mam_pipeline.segment.geometric:GeometricSegmenter",

@@ -115,7 +115,7 @@ class MakeConfig:
     interiors: bool = True
     """Give drawers boxes and cut meshes caps where the source has none."""
     reconstructor: str = "auto"
-    """Backend that makes a mesh of a photo."""
+    """Makes a mesh of a photo: embedded; hunyuan3d, triposr, triposg; fal, tripo, meshy, space."""
     retexture: Mapping[str, str] = field(default_factory=dict)
     """New appearance of parts by Hunyuan3D-Paint, their triangles unchanged: PART PICTURE, or PART
     and words, of which an image endpoint first makes a picture."""

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import io
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
+from mam_pipeline.errors import ConfigError
 from mam_pipeline.models import settings
-from mam_pipeline.models.catalogue import ENDPOINT, MODELS, find
+from mam_pipeline.models.catalogue import ENDPOINT, HOSTED, MODELS, SPACE, find
 from mam_pipeline.models.settings import ModelConfig
 from mam_pipeline.run import EngineConfig
+from mam_sim.asking import ask_upload
 from mam_sim.bench.config import BenchConfig
 from mam_sim.bench.runner import Task, run_bench, task_key
 from mam_sim.cli import main
@@ -53,7 +58,14 @@ def test_flags_go_before_the_environment(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_help_names_them(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([verb, "--help"]) == 0
     said = capsys.readouterr().out
-    for flag in ("--max-cost", "--questions", "--vlm-url", "--vlm-model", "--prior-file"):
+    for flag in (
+        "--max-cost",
+        "--questions",
+        "--vlm-url",
+        "--vlm-model",
+        "--prior-file",
+        "--space",
+    ):
         assert flag in said
     assert ("--retexture" in said) == (verb != "bench")
 
@@ -89,6 +101,50 @@ def test_articulate_asks_in_a_folder_and_goes_on_when_answered(
     assert "Kinematic masks" in (out / "report.html").read_text()
 
 
+def _photo(folder: Path) -> Path:
+    picture = np.full((200, 300, 3), 235, dtype=np.uint8)
+    picture[60:150, 100:200] = (120, 60, 30)
+    Image.fromarray(picture).save(folder / "photo.png")
+    return folder / "photo.png"
+
+
+def test_a_photo_is_sent_away_only_after_a_yes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    monkeypatch.setenv("MAM_SIM_MESH_CACHE", str(tmp_path / "meshes"))
+    monkeypatch.delenv("MAM_SIM_ALLOW_UPLOAD", raising=False)
+    monkeypatch.delenv("FAL_KEY", raising=False)
+    photo, out = _photo(tmp_path), tmp_path / "asset"
+    command = ["articulate", str(photo), "--out", str(out), "--quiet", "--reconstructor", "fal"]
+    monkeypatch.setattr(sys, "stdin", io.StringIO())
+    assert main(command) == 2
+    assert "set FAL_KEY to your key" in capsys.readouterr().err
+    monkeypatch.setenv("FAL_KEY", "x")
+    assert main(command) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 2 and "takes about $0.375 for a mesh" in said[0]
+    assert said[1].startswith("mam-sim: fal.ai gets this photo") and "--allow-upload" in said[1]
+    assert main([*command, "--allow-upload", "--max-cost", "0.2"]) == 2
+    assert "passes the cap of $0.20 (--max-cost)" in capsys.readouterr().err
+    assert not out.exists() and main(["batch", str(photo), *command[2:5], *command[5:]]) == 2
+    assert "batch has no --reconstructor fal" in capsys.readouterr().err
+
+    typed = io.StringIO("\ny\n")
+    monkeypatch.setattr(typed, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(sys, "stdin", typed)
+    with pytest.raises(ConfigError, match=r"nothing was sent to fal.ai"):
+        ask_upload(photo, "fal")
+    ask_upload(photo, "fal")
+    assert "later ones? [y/N]" in capsys.readouterr().err
+    ask_upload(photo, "fal")  # it is remembered
+    assert capsys.readouterr().err.count("fal.ai") == 1
+    assert (tmp_path / "config" / "mam-sim" / "uploads.txt").read_text() == "fal.ai\n"
+    ask_upload(photo, "embedded")
+    ask_upload(photo, "auto")
+    assert capsys.readouterr().err == ""
+
+
 def test_bench_keeps_no_record_of_an_object_that_waits(tmp_path: Path) -> None:
     task = Task("drawer_1", "drawer_unit", "generated:test", 1)
     from mam_world.splits import iterate
@@ -116,11 +172,11 @@ def test_bench_keeps_the_cap_in_one_process(capsys: pytest.CaptureFixture[str]) 
 def test_doctor_tells_how_to_get_each_model(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    for model in (*MODELS, ENDPOINT):
+    for model in (*MODELS, *HOSTED, SPACE, ENDPOINT):
         monkeypatch.delenv(model.variable, raising=False)
         assert model.licence and model.commands and (ROOT / model.page).is_file()
     monkeypatch.delenv("OPENAI_API_KEY", raising=False)
-    assert not any(find(model).ok for model in (*MODELS, ENDPOINT))
+    assert not any(find(model).ok for model in (*MODELS, *HOSTED, SPACE, ENDPOINT))
     p3sam = MODELS[0]
     monkeypatch.setenv("MAM_SIM_P3SAM", "/nowhere/python run.py")
     assert "no such executable" in find(p3sam).text

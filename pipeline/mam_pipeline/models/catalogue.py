@@ -12,6 +12,8 @@ from pathlib import Path
 from urllib.parse import urlparse
 
 from mam_pipeline.models import settings
+from mam_pipeline.models.hosted import SERVICES
+from mam_pipeline.models.space import SpaceReconstructor
 from mam_pipeline.optional import has, install_command
 
 RUNNERS = Path(__file__).resolve().parent / "runners"
@@ -75,24 +77,36 @@ MODELS = (
         ),
     ),
     Model(
-        "TripoSR", "--reconstructor triposr", "MAM_SIM_TRIPOSR", "TRIPO_HOME", "MIT",
+        "TripoSR", "--reconstructor triposr", "MAM_SIM_TRIPOSR", "TRIPOSR_HOME", "MIT",
         "docs/guides/foundation-models.md",
         (
             "git clone https://github.com/VAST-AI-Research/TripoSR",
-            "export TRIPO_HOME=$PWD/TripoSR",
+            "export TRIPOSR_HOME=$PWD/TripoSR",
             f'export MAM_SIM_TRIPOSR="<its python> {RUNNERS / "tripo.py"} triposr"',
         ),
     ),
     Model(
-        "TripoSG", "--reconstructor triposg", "MAM_SIM_TRIPOSG", "TRIPO_HOME",
-        "MIT; its default matting (RMBG-1.4) has BRIA's terms, our runner leaves it out",
+        "TripoSG", "--reconstructor triposg", "MAM_SIM_TRIPOSG", "TRIPOSG_HOME",
+        "MIT; its default matting (RMBG-1.4) has BRIA's terms, our runner uses rembg",
         "docs/guides/foundation-models.md",
         (
             "git clone https://github.com/VAST-AI-Research/TripoSG",
-            "export TRIPO_HOME=$PWD/TripoSG",
+            "export TRIPOSG_HOME=$PWD/TripoSG",
             f'export MAM_SIM_TRIPOSG="<its python> {RUNNERS / "tripo.py"} triposg"',
         ),
     ),
+)  # fmt: skip
+HOSTED = tuple(
+    Model(
+        service.title, f"--reconstructor {service.name}", service.key, "", service.licence,
+        "docs/guides/foundation-models.md", (f"export {service.key}=...   (from {service.page})",),
+    )
+    for service in SERVICES
+)  # fmt: skip
+SPACE = Model(
+    "Gradio Space", "--reconstructor space", "MAM_SIM_SPACE", "", "the Space's and its model's",
+    "docs/guides/foundation-models.md",
+    (install_command("gradio_client"), "export MAM_SIM_SPACE=OWNER/NAME   (or a URL)"),
 )  # fmt: skip
 ENDPOINT = Model(
     "vision-language model", "--reasoner vlm", "OPENAI_BASE_URL", "", "the endpoint's terms",
@@ -108,6 +122,12 @@ def find(model: Model) -> Found:
     """Look for a model's runner or server; a server is only knocked at, nothing is sent."""
     if model is ENDPOINT:
         return _endpoint()
+    if model in HOSTED:
+        there = bool(settings.text(model.variable))
+        return Found(there, f"{model.variable} is {'set' if there else 'not set'}")
+    if model is SPACE:
+        state = SpaceReconstructor.available()
+        return Found(state.ok, state.version if state.ok else state.why)
     runner = settings.runner(model.variable)
     if runner is None:
         return Found(False, f"not set up ({model.variable} is not set)")

@@ -1,4 +1,4 @@
-"""Learned reconstructors: Hunyuan3D-2 / 2.1 over HTTP, TripoSR and TripoSG through runners.
+"""Learned reconstructors of your own: Hunyuan3D over HTTP, TripoSR and TripoSG through runners.
 
 Whatever mesh comes back is one shell in a frame of its own: it is turned and scaled onto the box
 that the embedded reconstructor fits to the same photo, and cut along the panels that it read there.
@@ -54,8 +54,9 @@ class HunyuanReconstructor:
         if found is None or found.url is None:
             raise BackendError(f"{self.variable} is not set; see: mam-sim doctor")
         request = {
-            "image": base64.b64encode(_png(cut_out(photo, options))).decode(),
-            "texture": False,
+            "image": base64.b64encode(png(cut_out(photo, options))).decode(),
+            # a server of 2.1 never says "completed" of a mesh without a texture
+            "texture": settings.text("MAM_SIM_HUNYUAN3D_TEXTURE", "1") != "0",
             "seed": int(options.get("seed", 0)),
             "octree_resolution": 256,
             "num_inference_steps": 5,
@@ -63,7 +64,7 @@ class HunyuanReconstructor:
             "face_count": 40000,
         }
         data = ask_server(found.url, request)
-        return _finish(data, ".glb", photo, options, "hunyuan3d")
+        return finish(data, ".glb", photo, options, "hunyuan3d")
 
 
 class _RunnerReconstructor:
@@ -90,7 +91,7 @@ class _RunnerReconstructor:
             for suffix in (".glb", ".obj"):
                 if (outbox / f"mesh{suffix}").is_file():
                     data = (outbox / f"mesh{suffix}").read_bytes()
-                    return _finish(data, suffix, photo, options, self.name)
+                    return finish(data, suffix, photo, options, self.name)
             raise BackendError(f"{self.name} ended without an error but wrote no mesh.glb")
 
 
@@ -130,7 +131,8 @@ def cut_out(photo: Path, options: Mapping[str, Any]) -> Image.Image:
     return Image.fromarray(np.dstack([picture.rgb, opaque]))
 
 
-def _png(image: Image.Image) -> bytes:
+def png(image: Image.Image) -> bytes:
+    """A picture as a PNG file."""
     out = io.BytesIO()
     image.save(out, format="PNG")
     return out.getvalue()
@@ -188,17 +190,36 @@ def _glb(text: Any, url: str) -> bytes:
         data = base64.b64decode(text or "", validate=True)
     except (ValueError, TypeError) as error:
         raise BackendError(f"{url} sent a model that is no base64") from error
+    return whole_glb(data, url)
+
+
+def whole_glb(data: bytes, whence: str) -> bytes:
+    """The bytes themselves; raises BackendError where they are no GLB, or half of one."""
     if data[:4] != b"glTF":
-        raise BackendError(f"{url} sent a model that is no GLB")
+        raise BackendError(f"{whence} sent a model that is no GLB")
     if int.from_bytes(data[8:12], "little") != len(data):
-        raise BackendError(f"{url} sent half a GLB")
+        raise BackendError(f"{whence} sent half a GLB")
     return data
 
 
-def _finish(
-    data: bytes, suffix: str, photo: Path, options: Mapping[str, Any], name: str
+def finish(
+    data: bytes,
+    suffix: str,
+    photo: Path,
+    options: Mapping[str, Any],
+    name: str,
+    quarters: int = 0,
 ) -> Reconstruction:
-    """Onto the photo's box, cut along its panels; only scaled where the photo shows no box."""
+    """Onto the photo's box, cut along its panels; only scaled where the photo shows no box.
+
+    Args:
+        data: the mesh file, Y up. suffix: its kind.
+        quarters: turns of 90 degrees about the vertical, counter-clockwise seen from above, that
+            bring its front to glTF's +Z.
+
+    Raises:
+        BackendError: the mesh cannot be used.
+    """
     with tempfile.TemporaryDirectory(prefix="mam-mesh-") as scratch:
         file = Path(scratch, f"mesh{suffix}")
         file.write_bytes(data)
@@ -206,6 +227,10 @@ def _finish(
             mesh = load_mesh(file, up="y").mesh
         except InputError as error:
             raise BackendError(f"{name} made an unusable mesh: {error}") from error
+    if quarters:
+        turn = np.eye(4)
+        turn[:2, :2] = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), quarters % 4)
+        mesh = mesh.transformed(turn)
     found, sure = _measured(photo, options)
     note = f"{name}: {len(mesh.faces)} faces"
     if found is None or body_of(found.hints) is None:

@@ -1,4 +1,4 @@
-"""What asking costs: tokens, US dollars, and the cap that no question may pass."""
+"""What models cost: tokens, US dollars, and the cap that no question and no mesh may pass."""
 
 from __future__ import annotations
 
@@ -34,6 +34,7 @@ class Ledger:
     tokens_in: int = 0
     tokens_out: int = 0
     cost: float = 0.0
+    bought: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
     def allow(self, price: tuple[float, float] | None, tokens: int) -> None:
@@ -41,11 +42,20 @@ class Ledger:
         if price is None:
             return
         expected = (tokens * price[0] + ANSWER_TOKENS * price[1]) / 1e6
+        self.reserve("the next question", expected)
+
+    def reserve(self, what: str, expected: float) -> None:
+        """Raise BackendError where something of that many dollars could pass the cap."""
         if self.cost + expected > self.cap:
             raise BackendError(
-                f"the questions have cost ${self.cost:.3f} and the next may cost "
-                f"${expected:.3f}, which passes the cap of ${self.cap:.2f} (--max-cost)"
+                f"this run has cost ${self.cost:.3f} and {what} may cost ${expected:.3f}, "
+                f"which passes the cap of ${self.cap:.2f} (--max-cost)"
             )
+
+    def buy(self, what: str, price: float) -> None:
+        """Add something that has a price of its own."""
+        self.bought.append(f"{what} ${price:.3f}")
+        self.cost += price
 
     def book(self, model: str, usage: Mapping[str, int]) -> None:
         """Add one answered question."""
@@ -65,9 +75,9 @@ class Ledger:
 
     def summary(self) -> str:
         """One line for people; "" where nothing was asked."""
+        notes = "".join(f"; {n}" for n in [*self.bought, *self.notes])
         if not self.questions and not self.cached:
-            return ""
-        notes = "".join(f"; {n}" for n in self.notes)
+            return notes.removeprefix("; ")
         return (
             f"{self.questions} questions asked, {self.cached} from the cache, "
             f"{self.tokens_in} + {self.tokens_out} tokens, ${self.cost:.3f}{notes}"

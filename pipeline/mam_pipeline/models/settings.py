@@ -18,14 +18,25 @@ DOCS = {
     "MAM_SIM_SP4D": "command or http(s) URL of an SP4D runner",
     "MAM_SIM_PRIOR_FILE": "folder with kinematic masks written by anybody",
     "MAM_SIM_HUNYUAN3D": "http(s) URL of a Hunyuan3D-2 or 2.1 server",
+    "MAM_SIM_HUNYUAN3D_TEXTURE": "0 for a server of 2.0 that was started without --enable_tex",
     "MAM_SIM_TRIPOSR": "command or http(s) URL of a TripoSR runner",
     "MAM_SIM_TRIPOSG": "command or http(s) URL of a TripoSG runner",
+    "FAL_KEY": "key of fal.ai, for --reconstructor fal",
+    "TRIPO_API_KEY": "key of Tripo, for --reconstructor tripo",
+    "MESHY_API_KEY": "key of Meshy, for --reconstructor meshy",
+    "MAM_SIM_SPACE": "Gradio Space (owner/name or URL) of --reconstructor space",
+    "MAM_SIM_SPACE_API": "its endpoint that makes a mesh of a picture, where several do",
+    "HF_TOKEN": "token of Hugging Face, for a Space that is private or has a quota",
+    "MAM_SIM_HOSTED_MODEL": "model of the hosted reconstructor, as its service names it",
+    "MAM_SIM_HOSTED_PRICE": "US dollars of one mesh, where we do not know them",
+    "MAM_SIM_ALLOW_UPLOAD": "1: photos may be sent to the hosted reconstructor that is named",
+    "MAM_SIM_MESH_CACHE": "folder of meshes that were paid (default ~/.cache/mam-sim/meshes)",
     "MAM_SIM_TIMEOUT": "seconds that one call of an external model may take (default 900)",
     "MAM_SIM_VLM_MODEL": "name of the vision-language model (default gpt-4o)",
     "MAM_SIM_VLM_IMAGES": "most images that the endpoint takes in one question (default 16)",
     "MAM_SIM_VLM_PRICE": "US dollars per million tokens in,out where we do not know them",
     "MAM_SIM_IMAGE_MODEL": "model that makes a picture of words for --retexture",
-    "MAM_SIM_MAX_COST": "US dollars that one run may spend on questions (default 1.00)",
+    "MAM_SIM_MAX_COST": "US dollars that one run may spend on models (default 1.00)",
     "MAM_SIM_VLM_CACHE": "folder of answers, by content (default ~/.cache/mam-sim/answers)",
     "MAM_SIM_QUESTIONS": "folder for the file reasoner's questions and answers",
     "MAM_SIM_WAIT": "seconds that the file reasoner waits for an answer (default 0)",
@@ -55,7 +66,15 @@ class ModelConfig:
     vlm_images: int | None = None
     """Most pictures that the endpoint takes in one question (16); more are combined."""
     max_cost: float | None = None
-    """US dollars that this run may spend on questions (1.00)."""
+    """US dollars that this run may spend on questions and hosted meshes (1.00)."""
+    allow_upload: bool = False
+    """Send the photo to the hosted reconstructor that is named, without asking."""
+    hosted_model: str | None = None
+    """Model of the hosted reconstructor, as its service names it."""
+    space: str | None = None
+    """Gradio Space of `--reconstructor space`: owner/name, or a URL."""
+    space_api: str | None = None
+    """Endpoint of the Space that makes a mesh of a picture, where several do."""
     prior_file: Path | None = None
     """Folder with the masks.npz of `--prior file`."""
     timeout: float | None = None
@@ -70,6 +89,10 @@ class ModelConfig:
             "OPENAI_BASE_URL": self.vlm_url,
             "MAM_SIM_VLM_IMAGES": self.vlm_images,
             "MAM_SIM_MAX_COST": self.max_cost,
+            "MAM_SIM_ALLOW_UPLOAD": "1" if self.allow_upload else None,
+            "MAM_SIM_HOSTED_MODEL": self.hosted_model,
+            "MAM_SIM_SPACE": self.space,
+            "MAM_SIM_SPACE_API": self.space_api,
             "MAM_SIM_PRIOR_FILE": self.prior_file,
             "MAM_SIM_TIMEOUT": self.timeout,
         }
