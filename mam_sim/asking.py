@@ -39,7 +39,7 @@ def ask_upload(source: Path, reconstructor: str) -> None:
     offer = offer_of(reconstructor)
     if offer is None:
         return
-    print(f"{offer.told()}.", file=sys.stderr)
+    print(f"{offer.told()}, unless it is kept from an earlier run.", file=sys.stderr)
     if allowed(offer.who) or not sys.stdin.isatty():
         return
     print("May photos be sent there, this one and later ones? [y/N] ", end="", file=sys.stderr)

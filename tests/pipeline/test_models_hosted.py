@@ -57,6 +57,7 @@ class StandIn:
         self.task: dict[str, Any] = {}
         self.faults: list[Reply] = []
         self.mesh: bytes = GLB
+        self.no_path = ""
 
     def answer(self, method: str, path: str, body: bytes) -> Reply:
         """What a service sends: a status, and JSON or bytes."""
@@ -73,7 +74,9 @@ class StandIn:
         return self._state(path, state)
 
     def _created(self, path: str, body: bytes) -> Reply:
-        if path == "/upload/sts":
+        if path == self.no_path:
+            return 404, {"code": 2001, "message": "no such path"}
+        if path in ("/upload/sts", "/upload"):
             assert b'name="file"' in body and PICTURE in body
             return 200, {"code": 0, "data": {"image_token": "tok-1"}}
         asked = json.loads(body)
@@ -246,6 +249,12 @@ def test_a_failed_task_says_why_and_may_be_tried_anew(
             _task(stand_in, service).mesh(PICTURE, 0)
     posts = [p for m, p, _ in stand_in.heard if m == "POST" and "upload" not in p]
     assert len(posts) == 2
+
+
+def test_tripo_takes_the_photo_at_either_of_its_paths(stand_in: StandIn, allowed: None) -> None:
+    stand_in.no_path = "/upload/sts"
+    assert _task(stand_in, TRIPO).mesh(PICTURE, 0) == GLB
+    assert [p for m, p, _ in stand_in.heard if m == "POST"] == ["/upload/sts", "/upload", "/task"]
 
 
 def test_a_model_that_failed_behind_the_queue(stand_in: StandIn, allowed: None) -> None:

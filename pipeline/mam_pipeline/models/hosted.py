@@ -12,7 +12,7 @@ from PIL import Image
 from mam_pipeline.backends import Availability, Reconstruction
 from mam_pipeline.errors import BackendError
 from mam_pipeline.models.consent import Offer
-from mam_pipeline.models.hosted_caller import Caller, dig
+from mam_pipeline.models.hosted_caller import Caller, Refused, dig
 from mam_pipeline.models.hosted_task import HostedTask, Service, availability
 from mam_pipeline.models.image_to_mesh import cut_out, finish, png
 
@@ -74,7 +74,11 @@ def _start_fal(caller: Caller, model: str, picture: bytes, seed: int) -> Any:
 
 
 def _start_tripo(caller: Caller, model: str, picture: bytes, seed: int) -> Any:
-    sent = caller.post("/upload/sts", files={"file": ("photo.png", picture, "image/png")})
+    file = {"file": ("photo.png", picture, "image/png")}
+    try:
+        sent = caller.post("/upload/sts", files=file)
+    except Refused:  # its pages name this path, its own client the other
+        sent = caller.post("/upload", files=file)
     token = dig(sent, "data.image_token")
     if not token:
         raise BackendError(f"{caller.title} took the photo but gave no token for it")
