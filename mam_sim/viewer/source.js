@@ -36,7 +36,13 @@ if (slow) {
 }
 const camera = new THREE.PerspectiveCamera(32, 1, 0.001, 1000);
 const controls = new OrbitControls(camera, renderer.domElement);
+let held = false; // by the pointer
 controls.addEventListener("change", draw);
+controls.addEventListener("start", () => (held = true));
+controls.addEventListener("end", () => {
+  held = false;
+  draw();
+});
 
 const links = asset.links.map(() => {
   const group = new THREE.Group();
@@ -79,7 +85,7 @@ function draw() {
     waiting = false;
     render(0.5e6, 1);
     clearTimeout(resting);
-    if (slow) resting = setTimeout(() => render(4e6, 2), 250);
+    if (slow && !held) resting = setTimeout(() => render(4e6, 2), 400);
   });
 }
 
