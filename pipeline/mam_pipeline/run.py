@@ -376,9 +376,19 @@ def _read_photo(source: Path, config: MakeConfig, stages: Stages) -> Source:
         options = read_by_model(source, config.photo.reader, options)
     made = stages.reconstruct(source, options, config.reconstructor)
     scale_from = "assumed" if "scale" in made.assumed else "user"
+    shell = stages.makers["reconstructor"].name != "embedded"  # whose parts are built hollow
+    spec = NOTHING
+    if shell:
+        from mam_pipeline.evidence.read import object_of, spec_of
+        from mam_pipeline.evidence.spec import Said
+
+        category = str(options.get("category", "")).replace("_", " ")
+        known = bool(category) and object_of(category, Said("user", category)) is not None
+        word = config.what or (category if known else None)
+        spec = spec_of(made.mesh, what=word, use_names=False)
     return Source(
         "photo", made.mesh, np.eye(4), 1.0, scale_from, hints=made.hints, summary=made.summary,
-        shell=stages.makers["reconstructor"].name != "embedded",  # its parts are built hollow
+        spec=spec, notes=spec.notes, shell=shell,
     )  # fmt: skip
 
 

@@ -18,6 +18,9 @@ from PIL import Image
 from mam_pipeline.errors import BackendError, ConfigError
 from mam_pipeline.models.image_to_mesh import TripoSrReconstructor, ask_server, cut_out
 from mam_pipeline.models.retexture import adopt, repainted
+from mam_pipeline.photo.options import PhotoConfig
+from mam_pipeline.run import MakeConfig, Stages, _read_photo
+from mam_pipeline.stage_store import StageStore
 from mam_pipeline.types import Articulation, Joint, Link, Mesh, Primitives
 
 GLB = trimesh.creation.box().export(file_type="glb")
@@ -148,6 +151,36 @@ def test_a_learned_shell_is_cut_along_the_panels_of_its_photo(
     assert [p.nodes[0] for p in made.hints.parts[1:]] == names
     assert made.confidence["cuboid"] == "high" and "overlay" in made.pictures
     assert "3 parts cut" in made.summary
+
+
+@pytest.mark.parametrize(
+    ("category", "what", "word"),
+    [
+        ("washing_machine", None, "washer"),
+        ("fridge", "toaster oven", "oven"),
+        ("drawer_unit", None, None),  # not a word of the vocabulary
+        (None, None, None),
+    ],
+)
+def test_the_category_is_the_engines_word_for_a_learned_shell(
+    script: Callable[[str], str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    category: str | None,
+    what: str | None,
+    word: str | None,
+) -> None:
+    (tmp_path / "box.glb").write_bytes(GLB)
+    source = str(tmp_path / "box.glb")
+    code = f"(out / 'mesh.glb').write_bytes(pathlib.Path({source!r}).read_bytes())"
+    monkeypatch.setenv("MAM_SIM_TRIPOSR", script(code))
+    config = MakeConfig(
+        height=0.5, what=what, reconstructor="triposr", photo=PhotoConfig(category=category)
+    )
+    stages = Stages(config.engine, None, StageStore(tmp_path / "stages"))
+    read = _read_photo(_photo(tmp_path), config, stages)
+    assert read.shell
+    assert [o.word for o in read.spec.objects] == ([word] if word else [])
 
 
 def test_the_object_is_cut_out_of_its_photo(tmp_path: Path) -> None:
