@@ -34,10 +34,8 @@ def ask_upload(source: Path, reconstructor: str) -> None:
     from mam_pipeline.models.consent import allowed, offer_of, remember
     from mam_pipeline.run import kind_of
 
-    if kind_of(source) != "photo":
-        return
     offer = offer_of(reconstructor)
-    if offer is None:
+    if offer is None or kind_of(source) != "photo":
         return
     print(f"{offer.told()}, unless it is kept from an earlier run.", file=sys.stderr)
     if allowed(offer.who) or not sys.stdin.isatty():

@@ -33,7 +33,7 @@ def test_postures_are_near_the_expert_s(drawer: Path, door: Path) -> None:
                 left = obs[0, rows[f"extra/privileged/posture_{name}"]].numpy()
                 if posture is not None:
                     found = left + base.planner_state().arm
-                    np.testing.assert_allclose(found, posture, atol=0.1)
+                    np.testing.assert_allclose(found, posture, atol=0.2)
         env.close()
     assert compared >= 2
 

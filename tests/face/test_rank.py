@@ -56,6 +56,7 @@ def test_a_number_is_only_compared_with_one_of_the_same_measure() -> None:
         "damping": [1.0, 1.0], "mass": [1.0, 1.0], "start": None, "light": [1.0, 1.0],
         "light_colour": 0.0, "light_turn": 0.0, "camera": 0.0, "camera_turn": 0.0, "fov": 0.0,
         "colour": 0.0, "scenery": 0.0, "noise": 0.0, "blur": 0.0,
+            "backgrounds": 0.0,
     }  # fmt: skip
     text = (Path(__file__).resolve().parents[2] / "docs/concepts/success.md").read_text()
     assert f"Its version is {VERSION}," in text and "50 000 017" in text and "200 control" in text
