@@ -3,7 +3,7 @@
     python -m mam_training.photo.train_box configs/train/photo_box.yaml
 
 Every photo is painted once (`mam_world.photos.painted_photo`) and seen once. On a GPU with 11
-cores that paint it takes some 8 minutes, on one core some 6 hours.
+cores that paint it takes some 8 minutes, on one core an estimated 6 hours.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 
 Every front is painted once (`mam_world.photos.painted_front`) and seen once; a share of them are
 fronts of rendered photos, which are seen several times, each time cut out otherwise. On a
-GPU with 15 cores that paint it takes some 5 minutes, on one core some 5 hours.
+GPU with 15 cores that paint it takes some 5 minutes, on one core an estimated 5 hours.
 """
 
 from __future__ import annotations
