@@ -21,7 +21,17 @@ ABSENT = {"lightgbm": ("sklearn", "pandas", "dask", "pyarrow", "cffi", "matplotl
 """What a library does without where it is not installed."""
 LATER = {
     "open3d": ("plotly", "plotly.graph_objects", "dash"),
-    "trimesh": ("networkx", "cascadio", "rtree", "rtree.index"),
+    "trimesh": (
+        "networkx",
+        "cascadio",
+        "rtree",
+        "rtree.index",
+        "scipy.optimize",
+        "scipy.ndimage",
+    ),
+    "scipy._lib.array_api_compat.numpy": ("numpy.f2py", "numpy.testing"),
+    "sapien.asset": ("requests",),
+    "sapien.physx": ("requests",),
 }
 """What a library takes in at once and uses in few functions."""
 
@@ -64,12 +74,26 @@ def _stood_for(name: str) -> Iterator[None]:
     put |= {other: _Later(other) for other in LATER.get(name, ()) if other not in sys.modules}
     modules: dict[str, Any] = sys.modules
     modules.update(put)
+    within = [_within(other, stand_in) for other, stand_in in put.items() if "." in other]
     try:
         yield
     finally:
+        for package, other in filter(None, within):
+            if isinstance(vars(package).get(other), _Later):
+                delattr(package, other)
         for other, stand_in in put.items():
             if modules.get(other, put) is stand_in:
                 del modules[other]
+
+
+def _within(other: str, stand_in: ModuleType | None) -> tuple[ModuleType, str] | None:
+    """Make what stands for a submodule its package's attribute too; None where that has one."""
+    above, _, name = other.rpartition(".")
+    package = sys.modules.get(above)
+    if stand_in is None or package is None or isinstance(package, _Later) or name in vars(package):
+        return None
+    setattr(package, name, stand_in)
+    return package, name
 
 
 class _Loader(Loader):

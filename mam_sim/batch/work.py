@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import io
 import json
@@ -25,8 +26,7 @@ from mam_pipeline.errors import (
     NotThisKind,
     disk_is_full,
 )
-from mam_pipeline.optional import has
-from mam_pipeline.run import MakeConfig, make_asset
+from mam_pipeline.run import EngineConfig, MakeConfig, make_asset
 from mam_sim import __version__
 from mam_sim.batch.inputs import Input
 from mam_sim.batch.record import Record, Target
@@ -72,30 +72,44 @@ class Work:
         return hashlib.sha256(json.dumps(told, sort_keys=True, default=str).encode()).hexdigest()
 
     def warm(self) -> None:
-        """Import what objects need, and read the learned weights."""
-        import lightgbm  # noqa: F401
-        import open3d  # noqa: F401
-
-        from mam_pipeline.asset import interiors, read, writer  # noqa: F401
-        from mam_pipeline.check import check, shorten  # noqa: F401
-        from mam_pipeline.formats import mesh_files  # noqa: F401
+        """Load what objects need, by making a small one, so that no process loads it again."""
         from mam_pipeline.joints.ranker import learned
         from mam_pipeline.parts.scores import load_scores
-        from mam_pipeline.render import motion  # noqa: F401
 
         for role in ("segmenter", "prior", "reasoner", "solver"):
             name = backends.resolved(role, getattr(self.pipeline.engine, role))
             backends.maker(role, name)
-        load_scores("authored"), load_scores("fused"), learned(), learned(True)
-        if has("sapien"):
-            from mam_pipeline.check import drive  # noqa: F401
+        load_scores("fused"), learned(True)
+        # a failure here is met again by the first object, which has a record to tell it in
+        with contextlib.suppress(Exception):
+            self._rehearse()
         if self.environment:
             import mam_envs.env
             import mam_envs.trial  # noqa: F401
 
+    def _rehearse(self) -> None:
+        """Make a generated object by the embedded backends, which ask no network and no GPU."""
+        from mam_pipeline.formats.mesh_files import save_glb
+        from mam_world.truth import generated_truth
+
+        engine = EngineConfig("geometric", "embedded", "embedded", "embedded")
+        with tempfile.TemporaryDirectory(prefix="mam_sim_batch_") as folder:
+            source = Path(folder) / "object.glb"
+            save_glb(generated_truth("cabinet_one_door", 0).mesh, source)
+            config = MakeConfig(engine=engine, visuals=self.pipeline.visuals)
+            asset = make_asset(source, Path(folder) / "asset", config)
+            _picture(asset)
+            if self.report:
+                from mam_sim.report import write_report
+
+                write_report(asset)
+
     def make(self, job: Job, target: Target, out: Path) -> Record:
         """Make the asset at `out`, its picture, and what else is asked for."""
-        asset = make_asset(job.item.path, out, self.pipeline)
+        from mam_pipeline.formats.mesh_files import files_kept
+
+        with files_kept():
+            asset = make_asset(job.item.path, out, self.pipeline)
         tried: dict[str, Any] = {}
         if self.environment:
             from mam_envs.trial import try_environment
@@ -223,5 +237,3 @@ def _picture(asset: Asset) -> bytes:
 def job_key(item: Input, work: str) -> str:
     """What an object's result depends on: its content, and the digest of the work."""
     return hashlib.sha256(f"{item.sha256} {work}".encode()).hexdigest()[:24]
-
-

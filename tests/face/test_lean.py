@@ -10,7 +10,8 @@ import sys
 from mam_sim import lean
 lean.install(), lean.install()
 import lightgbm, open3d, numpy, trimesh
-left_out = ("sklearn", "pandas", "plotly", "dash", "networkx", "cascadio", "rtree")
+left_out = ("sklearn", "pandas", "plotly", "dash", "networkx", "cascadio", "rtree",
+            "scipy.optimize", "scipy.ndimage", "numpy.f2py", "numpy.testing")
 heavy = [m for m in left_out if m in sys.modules]
 assert not heavy, heavy
 x = numpy.arange(40.0).reshape(20, 2)
@@ -26,6 +27,11 @@ assert len(list(box.triangles_tree.intersection((-1, -1, 0.4, 1, 1, 0.6)))) == 1
 box.faces[0] = box.faces[0][::-1]
 trimesh.repair.fix_winding(box)
 assert box.is_winding_consistent and "networkx" in sys.modules and "rtree" in sys.modules
+import scipy
+assert trimesh.bounds.minimum_cylinder(trimesh.creation.icosphere())["radius"] > 0.9
+assert scipy.optimize.minimize_scalar(lambda v: (v - 2) ** 2).success
+assert scipy.optimize is sys.modules["scipy.optimize"] and numpy.f2py.run_main
+numpy.testing.assert_allclose(scipy.ndimage.sum_labels(x), x.sum())
 print(len(sys.meta_path))
 """
 

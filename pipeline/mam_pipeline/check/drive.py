@@ -6,6 +6,7 @@ a pose must hold; then joint friction is all that holds it. Works without a grap
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -108,10 +109,12 @@ class _Driver:
         self.low = np.where(free, -0.5 * _TURN, bounds[:, 0])
         self.high = np.where(free, 0.5 * _TURN, bounds[:, 1])
         self.span = np.maximum(self.high - self.low, 1e-9)
-        self.top = np.zeros(len(self.joints))
+        fastest = np.where(self.slide, thresholds.max_slide_speed, thresholds.max_turn_speed)
+        self.fastest: list[float] = fastest.tolist()
+        self.top = [0.0] * len(self.joints)
         self.exploded = False
         self.drift = 0.0
-        self.base = np.asarray(robot.get_root_pose().p, dtype=float)
+        self.base: list[float] = robot.get_root_pose().p.tolist()
 
     def run(self) -> DriveResult:
         out: dict[str, JointDrive] = {}
@@ -123,7 +126,7 @@ class _Driver:
             self.rest = self._pose(joint.name)
             reached, back = self._reach(i)
             held = self._hold(i)
-            out[joint.name] = JointDrive(reached, back, held, float(self.top[i]))
+            out[joint.name] = JointDrive(reached, back, held, self.top[i])
             if self.exploded:
                 break
         return DriveResult(out, self.drift, exploded=self.exploded, unfinished=unfinished)
@@ -209,16 +212,13 @@ class _Driver:
         """One step; False once the state is no longer sane."""
         self.budget -= len(self.joints)
         self.scene.step()
-        q = np.asarray(self.robot.get_qpos(), dtype=float)
-        speed = np.abs(np.asarray(self.robot.get_qvel(), dtype=float))
-        if not (np.isfinite(q).all() and np.isfinite(speed).all()):
+        speeds = self.robot.get_qvel().tolist()  # of few joints, 200 times a second: no arrays
+        if not all(map(math.isfinite, [*self.robot.get_qpos().tolist(), *speeds])):
             self.exploded = True
             return False
-        self.top = np.maximum(self.top, speed)
-        t = self.thresholds
-        if (speed > np.where(self.slide, t.max_slide_speed, t.max_turn_speed)).any():
+        self.top = [max(top, abs(speed)) for top, speed in zip(self.top, speeds)]
+        if any(abs(speed) > most for speed, most in zip(speeds, self.fastest)):
             self.exploded = True
             return False
-        moved = np.linalg.norm(np.asarray(self.robot.get_root_pose().p, dtype=float) - self.base)
-        self.drift = max(self.drift, float(moved))
+        self.drift = max(self.drift, math.dist(self.robot.get_root_pose().p.tolist(), self.base))
         return True

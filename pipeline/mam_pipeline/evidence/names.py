@@ -11,12 +11,10 @@ import unicodedata
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from importlib import resources
 from itertools import pairwise
 
-import yaml
-
 from mam_pipeline.evidence.spec import KindCount, Moves, ObjectWord, Said
+from mam_pipeline.package_data import table
 
 _HEAD_FIRST = frozenset({"fr", "es", "it", "pt"})  # "porta sinistra": the head stands first
 _NO_COMPOUND = frozenset({"indoor", "outdoor", "dashboard", "keyboard", "cardboard"})
@@ -61,8 +59,7 @@ class Vocabulary:
 @lru_cache(maxsize=1)
 def vocabulary() -> Vocabulary:
     """The embedded vocabulary."""
-    file = resources.files("mam_pipeline.evidence") / "vocabulary.yaml"
-    data = yaml.safe_load(file.read_text(encoding="utf-8"))
+    data = table("mam_pipeline.evidence", "vocabulary.yaml")
     kinds = {
         name: PartKind(name, row["moves"], float(row["sure"]), row.get("line", ""))
         for name, row in data["parts"].items()

@@ -163,8 +163,10 @@ class PartPaths:
         pressed = np.flatnonzero(self.touching & facing & square)
         into = np.zeros((len(pressed), 3))
         radius = (0.05 * self.diagonal) ** 2
+        x, y, z = np.ascontiguousarray(self.points.T)  # by column: a sum over rows of 3 is slow
         for row, k in enumerate(pressed):
-            local = self.points[((self.points - self.points[k]) ** 2).sum(axis=1) < radius]
+            apart = (x - x[k]) ** 2 + (y - y[k]) ** 2 + (z - z[k]) ** 2
+            local = self.points[apart < radius]
             sides = (local - closest.points[k]) @ closest.normals[k]
             clear = sides[np.abs(sides) > 0.001 * self.diagonal]
             share = float((clear > 0).mean()) if len(clear) else 0.5

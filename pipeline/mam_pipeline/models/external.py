@@ -19,8 +19,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import requests
-
 from mam_pipeline.backends import Availability
 from mam_pipeline.errors import BackendError
 from mam_pipeline.models import settings
@@ -88,6 +86,8 @@ def _as_process(command: list[str], limit: float) -> None:
 
 
 def _over_http(url: str, task: str, inbox: Path, outbox: Path, limit: float) -> None:
+    import requests
+
     body = io.BytesIO()
     with zipfile.ZipFile(body, "w", zipfile.ZIP_DEFLATED) as archive:
         for file in sorted(p for p in inbox.rglob("*") if p.is_file()):

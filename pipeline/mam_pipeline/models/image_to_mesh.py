@@ -17,7 +17,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-import requests
 from PIL import Image
 
 from mam_pipeline.backends import Availability, Reconstruction
@@ -147,6 +146,8 @@ def ask_server(url: str, request: Mapping[str, Any]) -> bytes:
     Raises:
         BackendError: see above.
     """
+    import requests
+
     limit = settings.number("MAM_SIM_TIMEOUT", 900)
     deadline = time.monotonic() + limit
     job = _json(lambda: requests.post(f"{url}/send", json=request, timeout=(10, limit)), url)
@@ -167,6 +168,8 @@ def ask_server(url: str, request: Mapping[str, Any]) -> bytes:
 
 
 def _json(send, url: str) -> dict[str, Any]:  # type: ignore[no-untyped-def]
+    import requests
+
     try:
         answer = send()
     except requests.Timeout as error:

@@ -47,6 +47,7 @@ class Scores:
         self.members = tuple(members)
         self.networks = tuple(networks)
         self.least = float(settings.get("least", 0.0))
+        self._names: dict[int, tuple[str, ...]] = {}  # by booster
         self._promise = float(settings.get("promise", 0.0))
         self._curve = np.asarray(settings["calibration"], dtype=np.float64)  # (k, 2) value, odds
 
@@ -54,7 +55,9 @@ class Scores:
         boosters = [m[name] for m in self.members if name != "choose" or name in m]
         answers = []
         for booster in boosters:
-            rows = features.columns(tuple(booster.feature_name()))
+            if id(booster) not in self._names:
+                self._names[id(booster)] = tuple(booster.feature_name())
+            rows = features.columns(self._names[id(booster)])
             if len(rows) == 0:
                 return np.zeros(0)
             answers.append(booster.predict(rows, num_threads=1))

@@ -10,9 +10,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
+from mam_pipeline.package_data import table
 from mam_pipeline.photo import efficientnet
 
 LIKELY = 0.35  # from this probability on a kind is named
@@ -98,8 +98,7 @@ def _letterbox(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 @lru_cache(maxsize=1)
 def _table() -> dict[str, dict[str, Any]]:
-    text = resources.files("mam_pipeline.photo").joinpath("imagenet", "kinds.yaml").read_text()
-    return dict(yaml.safe_load(text))
+    return dict(table("mam_pipeline.photo", "imagenet", "kinds.yaml"))
 
 
 @lru_cache(maxsize=1)

@@ -95,7 +95,8 @@ class Probe:
         row = self.hit_sample[hits] + np.repeat(shift, last - first)
         use = ~member[self.hit_owner[hits]] & ~self._interlocked[hits]
         hits, row = hits[use], row[use]
-        np.minimum.at(out, (row, self.hit_direction[hits]), self.hit_distance[hits])
+        cell = row * 6 + self.hit_direction[hits]
+        np.minimum.at(out.reshape(-1), cell, self.hit_distance[hits])  # fast for one index alone
         return out
 
     def members(self, member: NDArray[np.bool_]) -> IntArray:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import heapq
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from mam_pipeline.segment.topology import Topology
@@ -60,6 +59,8 @@ def hierarchy(topo: Topology, chosen: IntArray) -> Hierarchy:
     Args:
         chosen: (n,) kept faces to split; those on different surfaces are never merged.
     """
+    from mam_pipeline.segment.superfaces import superfaces
+
     local = np.full(len(topo.faces), -1, dtype=np.int64)
     local[chosen] = np.arange(len(chosen))
     inside = (local[topo.manifold] >= 0).all(axis=1)
@@ -73,7 +74,7 @@ def hierarchy(topo: Topology, chosen: IntArray) -> Hierarchy:
     centres = topo.points[topo.faces[chosen]].mean(axis=1)
     angle, concave = _angles(normals, centres, pairs)
     order = np.argsort(angle, kind="stable")
-    super_ = _superfaces(pairs[order], angle[order], share, MERGES.scale, MERGES.smallest)
+    super_ = superfaces(pairs[order], angle[order], share, MERGES.scale, MERGES.smallest)
     super_ = np.unique(super_, return_inverse=True)[1].astype(np.int64)
     weight = length * np.where(concave, angle, MERGES.convex * angle)
     merges, costs, area = _merge(super_, pairs, length, weight, share)
@@ -115,40 +116,6 @@ def _angles(normals: FloatArray, centres: FloatArray, pairs: IntArray) -> tuple[
     # both views, so that neither face's tilt decides alone
     concave = np.einsum("ij,ij->i", a - b, step) > 0
     return angle, concave
-
-
-@numba.njit(cache=True)
-def _find(parent, i):  # type: ignore[no-untyped-def]
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
-
-
-@numba.njit(cache=True)
-def _superfaces(pairs, angle, share, scale, smallest):  # type: ignore[no-untyped-def]
-    """Graph segmentation over edges sorted by angle; returns the root face of every face."""
-    n = len(share)
-    parent = np.arange(n)
-    size = share.copy()
-    inner = np.zeros(n)
-    for e in range(len(pairs)):
-        a, b = _find(parent, pairs[e, 0]), _find(parent, pairs[e, 1])
-        w = angle[e]
-        if a != b and w <= min(inner[a] + scale / max(size[a], 1e-30),
-                               inner[b] + scale / max(size[b], 1e-30)):  # fmt: skip
-            parent[b] = a
-            size[a] += size[b]
-            inner[a] = w
-    for e in range(len(pairs)):
-        a, b = _find(parent, pairs[e, 0]), _find(parent, pairs[e, 1])
-        if a != b and min(size[a], size[b]) < smallest:
-            parent[b] = a
-            size[a] += size[b]
-    out = np.empty(n, dtype=np.int64)
-    for i in range(n):
-        out[i] = _find(parent, i)
-    return out
 
 
 def _merge(
