@@ -10,18 +10,24 @@ if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$want" ] && [ -x .venv/bin/python ]
 
 bash scripts/system_packages.sh
 
-python=${PYTHON:-}
-for p in python3.11 python3.12 python3; do [ -n "$python" ] || python=$(command -v "$p" || true); done
-[ -n "$python" ] || { say "no python3 found; install Python 3.11 with its venv module"; exit 2; }
-"$python" -c 'import sys; raise SystemExit(not ((3, 11) <= sys.version_info[:2] < (3, 13)))' ||
-  { say "$("$python" --version) found, but Python 3.11 or 3.12 is needed; point PYTHON at one"; exit 2; }
 need=12 free=$(df -Pk . | awk 'NR == 2 {print int($4 / 1048576)}')
 if [ "$free" -lt "$need" ] && ! .venv/bin/python -c 'import open3d, torch' 2>/dev/null; then
   say "$need GB of free disk are needed at least, $free GB are left here"
   exit 2
 fi
+
+# Only an interpreter that runs and can make environments counts: pyenv answers to every name that it knows.
+usable() { "$1" -c 'import ensurepip, sys; raise SystemExit(not ((3, 11) <= sys.version_info[:2] < (3, 13)))' >/dev/null 2>&1; }
 if [ ! -x .venv/bin/python ]; then
-  "$python" -m venv .venv || { say "the venv module is missing; on Debian and Ubuntu: apt-get install python3-venv"; exit 2; }
+  pyenv=$(pyenv root 2>/dev/null || true)
+  candidates=(python3.11 "$pyenv"/versions/3.11*/bin/python python3.12 "$pyenv"/versions/3.12*/bin/python python3)
+  [ -z "${PYTHON:-}" ] || candidates=("$PYTHON")
+  python=
+  for p in "${candidates[@]}"; do [ -n "$python" ] || ! usable "$p" || python=$p; done
+  [ -n "$python" ] ||
+    { say "no Python 3.11 or 3.12 with its venv module at ${PYTHON:-hand}; docs/install.md says where to get one, PYTHON names one"; exit 2; }
+  say "making .venv with $("$python" --version)"
+  "$python" -m venv .venv
 fi
 
 say "installing the pinned Python packages into .venv (12 GB once, several minutes)"

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
 import re
-import shlex
-import sys
+import shutil
 from dataclasses import fields
 from pathlib import Path
 
@@ -20,16 +18,11 @@ pytest.importorskip("lerobot_policy_mam_sim", reason="scripts/setup.sh installs 
 pytest.importorskip("lerobot_robot_mam_sim", reason="scripts/setup.sh installs the plug-ins")
 
 from mam_policies.lerobot.export_readme import rolls_out
+from tests.policies.lerobot_commands import run_readme
 
 pytestmark = pytest.mark.slow  # each starts the simulator or LeRobot's training
 
 SEED = 50_000_017
-
-
-def _lerobot(monkeypatch: pytest.MonkeyPatch, verb: str, *arguments: str) -> None:
-    """Run a stock command in this process."""
-    monkeypatch.setattr(sys, "argv", [f"lerobot-{verb}", *arguments])
-    importlib.import_module(f"lerobot.scripts.lerobot_{verb}").main()
 
 
 def _load(folder: Path):  # type: ignore[no-untyped-def]
@@ -145,11 +138,30 @@ def test_so100_speaks_degrees_and_percent(drawer: Path) -> None:
 def test_missing_perception_is_explained(exported: Path) -> None:
     policy, *_ = _load(exported)
     motors = len(policy.config.plan.joints)
-    with pytest.raises(ValueError, match=r"handle\.x.*--policy\.fixed"):
+    with pytest.raises(ValueError, match=r"handle_x\.pos.*--policy\.fixed"):
         policy.select_action({"observation.state": torch.zeros(1, motors)})
     names = policy.config.state_names[motors:]
     policy.config.fixed = dict.fromkeys(names, 0.1)
     assert policy.select_action({"observation.state": torch.zeros(1, motors)}).shape == (1, 8)
+
+
+def test_a_folder_with_older_names_of_what_is_perceived_still_acts(
+    exported: Path, tmp_path: Path
+) -> None:
+    """The state is read by order, and --policy.fixed by the names that the folder itself has."""
+    shutil.copytree(exported, tmp_path / "older")
+    file = tmp_path / "older" / "config.json"
+    config = json.loads(file.read_text())
+    older = ["handle.x", "handle.y", "handle.z", "joint.value", "touch"]
+    config["state_names"][-5:] = older
+    config["fixed"] = dict.fromkeys(older, 0.1)
+    file.write_text(json.dumps(config))
+    (policy, *_), (now, *_) = _load(file.parent), _load(exported)
+    state = torch.full((1, len(config["state_names"])), 0.1)
+    expected = now.select_action({"observation.state": state})
+    for seen in (state, state[:, :-5]):
+        policy.reset()
+        assert torch.equal(policy.select_action({"observation.state": seen}), expected)
 
 
 def test_readme_commands_have_only_settings_that_exist(exported: Path) -> None:
@@ -164,7 +176,7 @@ def test_readme_commands_have_only_settings_that_exist(exported: Path) -> None:
     example = re.search(r"--policy\.fixed='(.*?)'", text)
     states = json.loads((exported / "config.json").read_text())["state_names"]
     assert example and set(json.loads(example[1])) < set(states)
-    assert "`touch`" in text and "not used" in text  # the policy sees positions only
+    assert "`touch.pos`" in text and "not used" in text  # the policy sees positions only
 
 
 FAULTS = (
@@ -173,76 +185,46 @@ FAULTS = (
 )  # fmt: skip
 
 
-def _words(readme: str, verb: str) -> list[str]:
-    """The first command line of a README that begins with lerobot-VERB, as arguments."""
-    text = readme.replace("\\\n", " ")
-    line = next(row for row in text.splitlines() if row.startswith(f"lerobot-{verb} "))
-    return shlex.split(line)[1:]
-
-
-@pytest.mark.skipif(not rolls_out(), reason="LeRobot 0.4 runs policies by lerobot-record")
-def test_rollout_of_the_readme_runs_headless(
+def test_readmes_policy_runs_headless_and_the_data_reload(
     exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    words = _words((exported / "README.md").read_text(), "rollout")
-    seed = f"--robot.seed={SEED}"
-    _lerobot(monkeypatch, "rollout", *words, seed, *FAULTS[:-1], "--duration=4")
-    episode = json.loads((tmp_path / "episodes.jsonl").read_text().splitlines()[0])
-    assert episode["seed"] == SEED and episode["steps"] > 3
-
-
-@pytest.mark.skipif(rolls_out(), reason="LeRobot 0.6 runs policies by lerobot-rollout")
-def test_record_runs_headless_and_the_data_reload(
-    exported: Path, drawer: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    """By lerobot-rollout or lerobot-record, whichever runs policies in the installed LeRobot."""
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
-    log, root = tmp_path / "log.jsonl", tmp_path / "recorded"
-    _lerobot(
-        monkeypatch, "record", "--robot.type=mam_sim", f"--robot.asset={drawer}",
-        f"--robot.seed={SEED}", f"--robot.log={log}", *FAULTS,
-        f"--policy.path={exported}", "--dataset.repo_id=local/eval_policy",
-        f"--dataset.root={root}", "--dataset.single_task=open the drawer", "--dataset.fps=20",
-        "--dataset.num_episodes=1", "--dataset.episode_time_s=4", "--dataset.reset_time_s=0",
-        "--dataset.video=false", "--dataset.push_to_hub=false", "--play_sounds=false",
-    )  # fmt: skip
-    episode = json.loads(log.read_text().splitlines()[0])
-    assert episode["seed"] == SEED and episode["steps"] > 3
-    data = LeRobotDataset("local/eval_policy", root=root)
-    assert data.num_episodes == 1 and data.fps == 20
+    verb, count = ("rollout", 2) if rolls_out() else ("record", 1)
+    short = (f"--dataset.num_episodes={count}", "--dataset.episode_time_s=4")
+    run_readme(monkeypatch, exported, verb, tmp_path, f"--robot.seed={SEED}", *FAULTS, *short)
+    episodes = [json.loads(row) for row in (tmp_path / "episodes.jsonl").read_text().splitlines()]
+    assert [e["seed"] for e in episodes] == [SEED, SEED + 1][:count]
+    assert all(e["steps"] > 3 for e in episodes)
+    data = LeRobotDataset("local/recorded", root=tmp_path / "recorded")
+    assert data.num_episodes == count and data.fps == 20
     names = data.features["observation.state"]["names"]
-    assert names[0] == "panda_joint1.pos" and names[-1] == "touch"
+    assert names[0] == "panda_joint1.pos" and names[-1] == "touch.pos"
 
 
 def test_eval_runs_our_environment(
-    exported: Path, drawer: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    _lerobot(
-        monkeypatch, "eval", f"--policy.path={exported}", "--env.type=mam_sim",
-        f"--env.asset={drawer}", "--env.episode_length=90", "--eval.n_episodes=1",
-        "--eval.batch_size=1", f"--output_dir={tmp_path / 'eval'}", f"--seed={SEED}",
+    run_readme(
+        monkeypatch, exported, "eval", tmp_path, "--env.episode_length=90",
+        "--eval.n_episodes=1", "--output_dir=eval", f"--seed={SEED}",
     )  # fmt: skip
     found = json.loads((tmp_path / "eval" / "eval_info.json").read_text())
     assert found["overall"]["n_episodes"] == 1 and found["overall"]["avg_sum_reward"] > 0
 
 
 def test_replay_of_the_best_trajectory(
-    run_folder: Path, exported: Path, drawer: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run_folder: Path, exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """From its own start the demonstration succeeds again, through LeRobot too."""
     from mam_policies.lerobot.replay import best_demonstration, measure
 
     assert len(measure(run_folder, 2).each) == 2
     _, seed, demo = best_demonstration(run_folder)
-    log = tmp_path / "log.jsonl"
-    _lerobot(
-        monkeypatch, "replay", "--robot.type=mam_sim", f"--robot.asset={drawer}",
-        f"--robot.seed={seed}", f"--robot.log={log}", "--dataset.repo_id=local/best",
-        f"--dataset.root={exported / 'best_trajectory'}", "--dataset.episode=0",
-        "--dataset.fps=200", "--play_sounds=false",
-    )  # fmt: skip
-    episode = json.loads(log.read_text())
+    fast = (f"--robot.seed={seed}", "--dataset.fps=200")
+    run_readme(monkeypatch, exported, "replay", tmp_path, *fast)
+    episode = json.loads((tmp_path / "episodes.jsonl").read_text())
     assert episode["success"] and episode["steps"] == len(demo.actions)
 
 
@@ -258,17 +240,14 @@ def test_dataset_export_and_a_few_steps_of_training(
     collect(drawer, CollectConfig(episodes=1), tmp_path / "demos")
     out = tmp_path / "out"
     export_dataset(tmp_path / "demos", out)
-    root = out / "dataset"
-    data = LeRobotDataset("local/mam_sim", root=root)
+    data = LeRobotDataset("local/mam_sim", root=out / "dataset")
     assert data.features["action"]["names"][0] == "panda_joint1.pos"
-    _lerobot(
-        monkeypatch, "train", "--policy.type=act", "--policy.pretrained_backbone_weights=null",
-        "--policy.dim_model=32", "--policy.n_heads=2", "--policy.dim_feedforward=32",
-        "--policy.n_encoder_layers=1", "--policy.chunk_size=8", "--policy.n_action_steps=8",
-        "--policy.push_to_hub=false", "--policy.device=cpu", "--dataset.repo_id=local/mam_sim",
-        f"--dataset.root={root}", f"--output_dir={tmp_path / 'act'}", "--steps=3",
-        "--batch_size=4", "--num_workers=0", "--save_freq=3", "--wandb.enable=false",
+    run_readme(
+        monkeypatch, out, "train", tmp_path, "--policy.dim_model=32", "--policy.n_heads=2",
+        "--policy.dim_feedforward=32", "--policy.n_encoder_layers=1", "--policy.chunk_size=8",
+        "--policy.n_action_steps=8", "--steps=3", "--batch_size=4", "--save_freq=3",
     )  # fmt: skip
     saved = tmp_path / "act" / "checkpoints" / "000003" / "pretrained_model"
     policy, *_ = _load(saved)
     assert policy.config.type == "act"
+    assert "no real arm can run it" in (out / "README.md").read_text()

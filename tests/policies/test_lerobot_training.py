@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +18,7 @@ from mam_policies.evaluate import evaluate_run
 from mam_policies.lerobot.export import export_run
 from mam_policies.lerobot.export_readme import rolls_out
 from mam_policies.run import EnvChoice, RunInfo
+from tests.policies.lerobot_commands import run_readme
 
 SMALL = {
     "act": (
@@ -84,24 +83,8 @@ def test_act_sees_cameras_and_motors_only(
     export_run(run, out)
     readme = (out / "README.md").read_text()
     assert "--robot.pictures=true" in readme and "`front` 128 x 128" in readme
-    log = tmp_path / "log.jsonl"
-    arguments = [
-        "--robot.type=mam_sim", f"--robot.asset={drawer}", f"--robot.log={log}",
-        "--robot.perceived=false", "--robot.pictures=true", f"--policy.path={out}",
-        "--policy.device=cpu", "--play_sounds=false",
-    ]  # fmt: skip
-    if rolls_out():
-        verb = "rollout"
-        arguments += ["--strategy.type=base", "--task=open the drawer", "--fps=20"]
-        arguments += ["--duration=2", "--return_to_initial_position=false"]
-    else:
-        verb = "record"
-        arguments += [
-            "--dataset.repo_id=local/eval_policy", f"--dataset.root={tmp_path / 'recorded'}",
-            "--dataset.single_task=open the drawer", "--dataset.fps=20",
-            "--dataset.num_episodes=1", "--dataset.episode_time_s=2", "--dataset.reset_time_s=0",
-            "--dataset.push_to_hub=false",
-        ]  # fmt: skip
-    monkeypatch.setattr(sys, "argv", [f"lerobot-{verb}", *arguments])
-    importlib.import_module(f"lerobot.scripts.lerobot_{verb}").main()
-    assert json.loads(log.read_text().splitlines()[0])["steps"] > 0
+    run_readme(
+        monkeypatch, out, "rollout" if rolls_out() else "record", tmp_path, "--policy.device=cpu",
+        "--dataset.num_episodes=1", "--dataset.episode_time_s=2",
+    )  # fmt: skip
+    assert json.loads((tmp_path / "episodes.jsonl").read_text().splitlines()[0])["steps"] > 0

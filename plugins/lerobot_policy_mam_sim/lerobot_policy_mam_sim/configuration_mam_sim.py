@@ -20,7 +20,7 @@ class MamSimConfig(PreTrainedConfig):
     Attributes:
         sizes: of the network. plan: from motor values to its inputs and back.
         state_names, action_names: entries of observation.state and action, in order.
-        fixed: values for perceived entries (handle.x ...) where the robot reports motors only.
+        fixed: values for perceived entries (handle_x.pos ...) where the robot reports motors only.
     """
 
     sizes: dict[str, Any] = field(default_factory=dict)

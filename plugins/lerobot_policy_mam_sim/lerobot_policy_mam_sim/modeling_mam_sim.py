@@ -9,7 +9,7 @@ from lerobot.policies.pretrained import PreTrainedPolicy
 from lerobot.utils.constants import OBS_STATE
 
 from lerobot_policy_mam_sim.configuration_mam_sim import MamSimConfig
-from mam_policies.lerobot.policy import PERCEIVED, Converter
+from mam_policies.lerobot.policy import Converter
 from mam_policies.mlp import MlpPolicy
 
 
@@ -70,12 +70,13 @@ class MamSimPolicy(PreTrainedPolicy):
         names, fixed = self.config.state_names, self.config.fixed
         if state.shape[1] == len(names):
             return state
-        motors = len(names) - len(PERCEIVED)
-        if state.shape[1] == motors and set(PERCEIVED) <= set(fixed):
-            known = torch.tensor([fixed[k] for k in PERCEIVED]).to(state)
+        motors = len(self.config.plan.joints)
+        perceived = names[motors:]
+        if state.shape[1] == motors and set(perceived) <= set(fixed):
+            known = torch.tensor([fixed[k] for k in perceived]).to(state)
             return torch.cat([state, known.expand(len(state), -1)], dim=1)
         raise ValueError(
             f"observation.state has {state.shape[1]} entries; the policy needs {len(names)}: "
             f"{', '.join(names)}. A robot that reports motors only needs --policy.fixed with "
-            f"values of {', '.join(PERCEIVED)}"
+            f"values of {', '.join(perceived)}"
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,27 +12,29 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from mam_policies.lerobot.dataset import FPS
+from mam_policies.lerobot.dataset import FPS, IMAGES, REPO_ID
 from mam_policies.lerobot.joint_mapping import JointMapping
 from mam_policies.lerobot.policy import PERCEIVED
 from mam_policies.mlp import MlpPolicy
 from mam_policies.run import EnvChoice, RunInfo
 from mam_policies.task_words import task_words
 
-MEANING = {
-    "handle.x": "grasp point, x in the robot's base frame, metres",
-    "handle.y": "the same, y (left)",
-    "handle.z": "the same, z (up)",
-    "joint.value": "value of the object's joint, radians or metres, 0 in the asset's own pose",
-    "touch": "1 while the hand touches the moving part, else 0",
-}
-USES = {
-    "handle": ("handle_position", "tcp_to_handle"),
-    "joint": ("joint_value", "joint_speed", "open_fraction", "progress"),
-    "touch": ("touching",),
-}
-"""Entries of the observation that follow from what is perceived."""
-EXAMPLE = dict(zip(PERCEIVED, (0.6, 0.0, 0.3, 0.0, 0)))
+HANDLE_ROWS = ("handle_position", "tcp_to_handle")
+VALUE_ROWS = ("joint_value", "joint_speed", "open_fraction", "progress")
+PERCEPTION: dict[str, tuple[str, tuple[str, ...], float]] = dict(
+    zip(
+        PERCEIVED,
+        (
+            ("grasp point, x in the robot's base frame, metres", HANDLE_ROWS, 0.6),
+            ("the same, y (left)", HANDLE_ROWS, 0.0),
+            ("the same, z (up)", HANDLE_ROWS, 0.3),
+            ("the object's joint, radians or metres, 0 in the asset's own pose", VALUE_ROWS, 0.0),
+            ("1 while the hand touches the moving part, else 0", ("touching",), 0),
+        ),
+        strict=True,
+    )
+)
+"""Of each perceived value: its meaning, the observation entries that follow from it, an example."""
 
 
 def write_readme(
@@ -53,8 +56,11 @@ def write_readme(
         {
             **_page(folder, out, env, info, choice, joints),
             "states": states,
-            "perceived": [(n, MEANING[n], _uses(n, seen, info)) for n in PERCEIVED],
-            "example": json.dumps(EXAMPLE),
+            "perceived": [
+                (name, meaning, _uses(rows, seen, info))
+                for name, (meaning, rows, _) in PERCEPTION.items()
+            ],
+            "example": json.dumps({name: value for name, (*_, value) in PERCEPTION.items()}),
             "best_trajectory": (folder / "best_trajectory").is_dir(),
             "base": place[:3, 3],
             "yaw": np.degrees(np.arctan2(place[1, 0], place[0, 0])),
@@ -70,6 +76,39 @@ def write_lerobot_readme(
     listed = [{"name": k, "width": c.width, "height": c.height} for k, c in cameras.items()]
     page = _page(folder, out, env, info, info.env, joints)
     _write("lerobot_policy.md.j2", folder, {**page, "cameras": listed})
+
+
+def write_dataset_readme(
+    folder: Path, out: Path, task: str, robot: str, joints: JointMapping
+) -> None:
+    """Write README.md of a dataset in `folder`/dataset, which will lie in `out`/dataset."""
+    from mam_policies.lerobot.training import LeRobotTraining, training_arguments
+
+    info = json.loads((folder / "dataset" / "meta" / "info.json").read_text())
+    own = ("observation.", "action", "next.")
+    rows = {k: v for k, v in info["features"].items() if k.startswith(own)}
+    cameras = any(name.startswith(IMAGES) for name in rows)
+    act = LeRobotTraining(
+        "--policy.type=act", 100_000, 8, 1000, cameras, False,
+        ("--policy.pretrained_backbone_weights=null",),
+    )  # fmt: skip
+    words = training_arguments(out / "dataset", rows, act, Path("act"))
+    table = [
+        (name, " x ".join(map(str, row["shape"])) if name.startswith(IMAGES) else
+         ", ".join(f"`{n}`" for n in row["names"] or [row["dtype"]]))
+        for name, row in rows.items()
+    ]  # fmt: skip
+    _write(
+        "dataset.md.j2",
+        folder,
+        {
+            "task": task, "episodes": info["total_episodes"], "robot": robot,
+            "fps": info["fps"], "lerobot": metadata.version("lerobot"), "repo_id": REPO_ID,
+            "root": out / "dataset", "features": table, "cameras": cameras,
+            "units": _units(joints),
+            "train": " \\\n  ".join(["lerobot-train", *map(shlex.quote, words)]),
+        },
+    )  # fmt: skip
 
 
 def _page(
@@ -99,7 +138,7 @@ def _page(
         "asset": choice.assets[0],
         "joint": layout.goals[0].joint,
         "fps": FPS,
-        "units": ", ".join(sorted({m.unit for m in joints.motors})),
+        "units": _units(joints),
         "out": out,
         "mapping": mapping,
         "driver": driver,
@@ -108,6 +147,10 @@ def _page(
         "view": _picture(env, folder / "camera.png"),
     }
     return {**page, "page": page}
+
+
+def _units(joints: JointMapping) -> str:
+    return ", ".join(sorted({m.unit for m in joints.motors}))
 
 
 def rolls_out() -> bool:
@@ -125,9 +168,8 @@ def _write(template: str, folder: Path, values: dict[str, Any]) -> None:
     (folder / "README.md").write_text(text.rstrip() + "\n", encoding="utf-8")
 
 
-def _uses(name: str, seen: set[int], info: RunInfo) -> bool:
-    """Whether the network sees anything that follows from a perceived value."""
-    wanted = USES[name.split(".")[0]]
+def _uses(wanted: tuple[str, ...], seen: set[int], info: RunInfo) -> bool:
+    """Whether the network sees any of these entries of the observation."""
     return any(
         row.rsplit("/", 1)[-1] in wanted and seen & set(range(start, stop))
         for row, start, stop, _ in info.observation

@@ -17,9 +17,12 @@ from numpy.typing import NDArray
 from mam_envs.kinematics import Chain, TreeJoint
 from mam_policies.mlp import MlpPolicy
 
-PERCEIVED = ("handle.x", "handle.y", "handle.z", "joint.value", "touch")
+HANDLE = ("handle_x.pos", "handle_y.pos", "handle_z.pos")
+VALUE, TOUCH = "object_joint.pos", "touch.pos"
+PERCEIVED = (*HANDLE, VALUE, TOUCH)
 """Named floats behind the motors in the state vector: the point to hold in the robot's base frame
-(metres), the joint's value (radians or metres), whether the fingers touch the part (0 or 1)."""
+(metres), the joint's value (radians or metres), whether the fingers touch the part (0 or 1).
+They end in .pos because lerobot-rollout passes no other numbers of a robot on to the policy."""
 
 Array = NDArray[np.float64]
 
@@ -109,7 +112,7 @@ class Converter:
         state = np.asarray(state, dtype=float)
         q = state[:, :count] * self.scale + self.offset
         seen = {name: state[:, count + i] for i, name in enumerate(PERCEIVED)}
-        value = seen["joint.value"]
+        value = seen[VALUE]
         before = self.last or (q, value)
         self.last = (q, value)
         if self.begin is None:
@@ -117,7 +120,7 @@ class Converter:
         rotation, position, _ = self.chain.forward(q[:, plan.arm])
         turn, shift = self.base[:3, :3], self.base[:3, 3]
         tool = position @ turn.T + shift
-        handle = np.stack([seen[f"handle.{k}"] for k in "xyz"], axis=1) @ turn.T + shift
+        handle = np.stack([seen[name] for name in HANDLE], axis=1) @ turn.T + shift
         parts = {
             "agent/qpos": q,
             "agent/qvel": (q - before[0]) / plan.dt,
@@ -129,7 +132,7 @@ class Converter:
             "extra/privileged/joint_goal": np.full_like(value, plan.goal),
             "extra/privileged/open_fraction": (value - plan.closed) / (plan.opened - plan.closed),
             "extra/privileged/progress": (value - self.begin) / (plan.goal - self.begin),
-            "extra/privileged/touching": seen["touch"],
+            "extra/privileged/touching": seen[TOUCH],
         }
         aim = q[:, [*plan.arm, plan.gripper]] if self.target is None else self.target
         parts["agent/controller/arm/target_qpos"] = aim[:, : len(plan.arm)]

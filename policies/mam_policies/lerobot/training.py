@@ -64,7 +64,8 @@ def train_policy(
         command += [f"--steps={config.steps}"]
     else:
         shutil.rmtree(folder, ignore_errors=True)
-        command += _arguments(dataset, config, folder)
+        features = json.loads((dataset / "meta" / "info.json").read_text())["features"]
+        command += training_arguments(dataset, features, config, folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
     said: list[str] = []
     around = {k: v for k, v in os.environ.items() if k != "HF_HUB_OFFLINE" or not config.download}
@@ -96,8 +97,10 @@ def _keep_last(checkpoints: Path) -> None:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def _arguments(dataset: Path, config: LeRobotTraining, folder: Path) -> list[str]:
-    features = json.loads((dataset / "meta" / "info.json").read_text())["features"]
+def training_arguments(
+    dataset: Path, features: dict[str, Any], config: LeRobotTraining, folder: Path
+) -> list[str]:
+    """Arguments of lerobot-train for a dataset with these features (of its meta/info.json)."""
     seen: dict[str, dict[str, Any]] = {}
     for name, feature in features.items():
         shape = list(feature["shape"])
