@@ -23,6 +23,7 @@ from mam_envs.articulations import Articulations
 from mam_envs.config import EnvConfig
 from mam_envs.planner_state import PlannerState
 from mam_envs.robots import robot_spec
+from mam_envs.robots.agent import agent_of
 from mam_envs.scene import build, vulkan
 from mam_envs.scene.background import put_background, read_background
 from mam_envs.scene.contact_probe import ContactProbe
@@ -147,7 +148,7 @@ class OperateJointEnv(BaseEnv):
         super().__init__(
             *args,
             num_envs=num_envs,
-            robot_uids=self.robot_spec.uid,
+            robot_uids=agent_of(self.robot_spec),
             reconfiguration_freq=reconfiguration_freq,
             obs_mode=obs_mode,
             render_mode=render_mode,

@@ -16,9 +16,11 @@ from gymnasium.utils.env_checker import check_env
 import mam_envs
 from mam_envs.config import RandomisationConfig
 from mam_envs.robots import robot_spec
+from mam_envs.robots.so101 import SO101
 from mam_envs.scene import vulkan
 from mam_envs.scene.looks import Looks
 from mam_pipeline.errors import ConfigError, MamSimError
+from mam_policies.expert import Expert, run_episode
 
 needs_vulkan = pytest.mark.skipif(not vulkan.vulkan_ok(), reason="no Vulkan device to render with")
 SMALL = {"cameras": {"front": {"width": 32, "height": 24}}, "wall": False}
@@ -308,6 +310,31 @@ def test_other_robots(drawer: Path, robot: str) -> None:
         obs, *_ = made.step(base.robot_spec.action(now.arm, base.robot_spec.opened))
     assert torch.isfinite(obs).all()
     made.close()
+
+
+@pytest.mark.parametrize("mode", ["pos", "delta_pos", "target_delta_pos"])
+def test_the_gripper_goes_where_it_is_told_in_every_control_mode(drawer: Path, mode: str) -> None:
+    made = mam_envs.make(drawer, robot_uids="so101", control_mode=f"pd_joint_{mode}")
+    made.reset(seed=0)
+    base = made.unwrapped
+    still = base.planner_state().arm if mode == "pos" else np.zeros(5)
+    for command in (base.robot_spec.opened, base.robot_spec.shut):
+        for _ in range(20):
+            made.step(base.robot_spec.action(still, command))
+        at = float(base.agent.robot.get_qpos()[0, -1])
+        assert abs(at - command) < 0.02
+    made.close()
+
+
+def test_a_small_arm_opens_a_drawer_by_changes_of_its_joints(drawer: Path) -> None:
+    made = mam_envs.make(drawer, robot_uids="so101", control_mode="pd_joint_delta_pos")
+    assert run_episode(made, Expert(made), seed=0).success
+    made.close()
+
+
+def test_an_arm_whose_package_is_missing_says_what_to_install() -> None:
+    with pytest.raises(ConfigError, match=r"no-such-package, not installed; pip install 'mam-sim"):
+        _ = replace(SO101, package="no-such-package").path
 
 
 def test_fetch_stands_on_the_floor(door: Path) -> None:

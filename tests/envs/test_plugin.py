@@ -53,7 +53,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 @pytest.fixture(scope="module")
 def env(drawer: Path) -> Iterator[Any]:
     made = gym.make(
-        mam_envs.ENV_ID, asset=drawer, robot_uids="koch", task="open_and_keep", scale=0.5,
+        mam_envs.ENV_ID, asset=drawer, robot_uids="koch", task="open_and_keep", scale=0.6,
         control_mode="pd_joint_pos", reward_mode="dense", success={"keep_steps": 10},
         randomisation={"position": 0.0, "yaw": 0.0},
     )  # fmt: skip

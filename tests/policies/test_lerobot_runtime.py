@@ -49,7 +49,7 @@ def test_stock_runtime_sends_our_actions(run_folder: Path, exported: Path, drawe
     policy, before, after = _load(exported)
     actor = MlpActor(MlpPolicy.load(run_folder))
     interface = RobotInterface(EnvChoice((str(drawer),), max_steps=120))
-    low, high = interface.spec.gripper_range or (0.0, 0.0)
+    low, high = interface.spec.grip
     state = interface.reset(SEED)
     policy.reset()
     for _ in range(70):

@@ -1,6 +1,6 @@
 """Robot arms: one file each; `ROBOTS` names them, and other packages add theirs by an entry point.
 
-A robot is a `RobotSpec` beside a ManiSkill agent of the same uid (docs/extend/robot.md).
+A robot is a `RobotSpec` (docs/extend/robot.md).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ ROBOTS = Registry(
         "panda": "mam_envs.robots.panda:PANDA",
         "panda_wristcam": "mam_envs.robots.panda:WRISTCAM",
         "so100": "mam_envs.robots.so100:SO100",
-        "so101": "mam_envs.robots.so100:SO100",
+        "so101": "mam_envs.robots.so101:SO101",
         "fetch": "mam_envs.robots.fetch:FETCH",
         "xarm6_robotiq": "mam_envs.robots.xarm6_robotiq:XARM6",
         "xarm6": "mam_envs.robots.xarm6_robotiq:XARM6",

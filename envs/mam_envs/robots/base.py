@@ -17,6 +17,7 @@ import yourdfpy
 
 from mam_envs.convex import ConvexPiece
 from mam_envs.kinematics import Chain, KinematicModel
+from mam_envs.robots.packaged import packaged
 from mam_pipeline.errors import ConfigError, unknown_name
 from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.formats.urdf.geometry import shape_triangles
@@ -27,11 +28,14 @@ Hand = tuple[FloatArray, FloatArray, list[ConvexPiece], list[ConvexPiece]]
 
 @dataclass(frozen=True, eq=False)
 class RobotSpec:
-    """What placement, environment and expert need to know of one ManiSkill agent.
+    """What placement, environment and expert need to know of an arm.
 
     Attributes:
-        uid: ManiSkill's name of the agent.
+        uid: the arm's name.
+        agent: uid of a ManiSkill agent to use; "" makes one from this specification.
         urdf: path below ManiSkill's robot folder, or an absolute one.
+        package: where the URDF comes from otherwise: a package of the index that keeps robots as
+            example-robot-data does (below cmeel.prefix/share), and `urdf` is below its robots/.
         arm: joints that inverse kinematics moves.
         locked: values of other joints on the way to the hand.
         tip: link that carries the tool.
@@ -50,8 +54,8 @@ class RobotSpec:
         force: what the hand can pull, newtons (assumed, below the data sheet's payload limits).
         forward: yaw of the base frame in which the arm points, radians.
         base_radius: clearance around the base, metres.
-        gripper_range: command values that ManiSkill's normalised gripper action of -1 and 1 stands
-            for; None where the action is the joint value itself.
+        gripper_range: command values that the gripper's action of -1 and 1 stands for; () is the
+            range from `opened` to `closed`.
         step: joint motion per control step that real arms of the kind follow, radians.
         floor_only: the robot drives on the floor and cannot be put on a stand.
         extra_actions: entries of the action behind arm and gripper, which stay 0 (body, base).
@@ -85,10 +89,12 @@ class RobotSpec:
     base_radius: float = 0.12
     step: float = 0.1
     floor_only: bool = False
-    gripper_range: tuple[float, float] | None = None
+    gripper_range: tuple[float, float] | tuple[()] = ()
     extra_actions: int = 0
     delta: float = 0.1
     passive_links: tuple[str, ...] = ("wheel", "head", "caster", "bellows")
+    package: str = ""
+    agent: str = ""
 
     def check(self) -> None:
         """Compare this specification with the robot's URDF.
@@ -129,11 +135,13 @@ class RobotSpec:
 
     @cached_property
     def path(self) -> Path:
-        """The robot's URDF in the installed ManiSkill.
+        """The robot's URDF in the installed ManiSkill or in its package.
 
         Raises:
-            ConfigError: this ManiSkill does not bundle the robot.
+            ConfigError: this ManiSkill does not bundle the robot, or its package is not there.
         """
+        if self.package:
+            return packaged(self.package, self.urdf)
         from mani_skill import ASSET_DIR, PACKAGE_ASSET_DIR
 
         for root in (PACKAGE_ASSET_DIR, ASSET_DIR):
@@ -173,11 +181,16 @@ class RobotSpec:
         share = float(np.clip(width / self.max_width, 0.0, 1.0))
         return self.shut + share * (self.opened - self.shut)
 
+    @property
+    def grip(self) -> tuple[float, float]:
+        """Gripper commands that actions of -1 and 1 stand for."""
+        low, high = self.gripper_range or sorted((self.opened, self.closed))
+        return low, high
+
     def action(self, arm: FloatArray, gripper: float) -> FloatArray:
         """Action of control mode pd_joint_pos: arm targets (n,), gripper command, zeros."""
-        if self.gripper_range is not None:
-            low, high = self.gripper_range
-            gripper = 2.0 * (gripper - low) / (high - low) - 1.0
+        low, high = self.grip
+        gripper = 2.0 * (gripper - low) / (high - low) - 1.0
         return np.concatenate([arm, [gripper], np.zeros(self.extra_actions)]).astype(np.float32)
 
     def link_poses(self, arm: FloatArray, gripper: float) -> dict[str, FloatArray]:

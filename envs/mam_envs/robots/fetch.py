@@ -6,6 +6,7 @@ from mam_envs.robots.base import RobotSpec
 
 FETCH = RobotSpec(
     uid="fetch",
+    agent="fetch",
     urdf="fetch/fetch.urdf",
     arm=(
         "shoulder_pan_joint",

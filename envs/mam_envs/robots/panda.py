@@ -10,6 +10,7 @@ from mam_envs.robots.base import RobotSpec
 
 PANDA = RobotSpec(
     uid="panda",
+    agent="panda",
     urdf="panda/panda_v2.urdf",
     arm=tuple(f"panda_joint{i}" for i in range(1, 8)),
     tip="panda_hand_tcp",
@@ -38,5 +39,5 @@ PANDA = RobotSpec(
     },
 )
 
-WRISTCAM = replace(PANDA, uid="panda_wristcam")
+WRISTCAM = replace(PANDA, uid="panda_wristcam", agent="panda_wristcam")
 """ManiSkill's Panda that carries a camera at its hand."""

@@ -1,4 +1,4 @@
-"""SO-100 (and SO-101, which ManiSkill does not ship): five joints, one moving jaw."""
+"""SO-100: five joints, one moving jaw."""
 
 from __future__ import annotations
 
@@ -39,5 +39,5 @@ SO100 = RobotSpec(
     forward=-np.pi / 2,
     base_radius=0.06,
     step=0.08,
-    delta=0.05,
+    delta=0.15,
 )

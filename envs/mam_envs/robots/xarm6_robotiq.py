@@ -6,6 +6,7 @@ from mam_envs.robots.base import RobotSpec
 
 XARM6 = RobotSpec(
     uid="xarm6_robotiq",
+    agent="xarm6_robotiq",
     urdf="xarm6/xarm6_robotiq.urdf",
     arm=tuple(f"joint{i}" for i in range(1, 7)),
     tip="eef",

@@ -1,49 +1,14 @@
-"""The Koch v1.1 arm: five joints and a hinged jaw, bundled with ManiSkill."""
+"""The Koch v1.1, an arm with five joints and a hinged jaw."""
 
 from __future__ import annotations
 
-from typing import Any
-
-from mani_skill.agents.controllers import PDJointPosControllerConfig
-from mani_skill.agents.registration import register_agent
-from mani_skill.agents.robots.koch import Koch
-
 from mam_envs.robots import RobotSpec
-
-ARM = tuple(f"joint_{i}" for i in range(1, 6))
-
-
-@register_agent()
-class KochArm(Koch):
-    """ManiSkill's Koch with two control modes, arm joints first and the jaw last."""
-
-    uid = "koch"
-
-    @property
-    def _controller_configs(self) -> dict[str, Any]:
-        drive: dict[str, Any] = {
-            "stiffness": [1e3] * 5 + [1e2], "damping": [1e2] * 5 + [1.0], "force_limit": 100,
-        }  # fmt: skip
-        joints = [*ARM, "joint_6"]
-        return {
-            "pd_joint_pos": PDJointPosControllerConfig(
-                joints, lower=None, upper=None, normalize_action=False, **drive
-            ),
-            "pd_joint_delta_pos": PDJointPosControllerConfig(
-                joints,
-                lower=[-0.05] * 5 + [-0.2],
-                upper=[0.05] * 5 + [0.2],
-                use_delta=True,
-                **drive,
-            ),
-        }
-
 
 KOCH = RobotSpec(
     uid="koch",
     urdf="koch/follower_arm_v1.1.urdf",
     # the arm, from base to hand
-    arm=ARM,
+    arm=tuple(f"joint_{i}" for i in range(1, 6)),
     tip="link_6",
     # the tool frame in the tip's frame: between the fingertips
     tool_position=(-0.004, 0.0, -0.058),

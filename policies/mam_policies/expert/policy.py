@@ -226,11 +226,7 @@ class Expert:
         if self.mode == "pd_joint_target_delta_pos":  # changes add up on the last target
             arm = self.env.agent.controller.controllers["arm"]
             begin = arm.get_state()["target_qpos"][0].cpu().numpy()
-        action = robot.action((target - begin) / robot.delta, self.gripper)
-        if robot.gripper_range is None:  # the gripper, too, is commanded by its change
-            grip_now = float(self.env.agent.robot.get_qpos()[0, -1])
-            action[len(target)] = (self.gripper - grip_now) / 0.2
-        return np.clip(action, -1, 1)
+        return np.clip(robot.action((target - begin) / robot.delta, self.gripper), -1, 1)
 
 
 def run_episode(

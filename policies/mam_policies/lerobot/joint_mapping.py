@@ -23,7 +23,7 @@ from mam_pipeline.errors import ConfigError, HintNeeded, unknown_name
 
 UNITS = {"degrees": np.pi / 180.0, "radians": 1.0, "metres": 1.0}
 NUMBERS = ("sign", "offset", "closed", "open")
-SO_ARMS = {"so100": "so101_follower"}
+SO_ARMS = {"so100": "so101_follower", "so101": "so101_follower"}
 """Simulated robots with a driver in LeRobot, and its type (so100_follower has the same motors)."""
 
 HEADER = """\

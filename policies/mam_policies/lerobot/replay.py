@@ -74,10 +74,8 @@ def best_trajectory(run: Path, interface: RobotInterface) -> Trajectory:
     _, seed, demo = best_demonstration(run)
     spec = interface.spec
     arm = len(spec.arm)
-    gripper = demo.actions[:, arm].astype(float)
-    if spec.gripper_range is not None:
-        low, high = spec.gripper_range
-        gripper = low + (np.clip(gripper, -1, 1) + 1) / 2 * (high - low)
+    low, high = spec.grip
+    gripper = low + (np.clip(demo.actions[:, arm].astype(float), -1, 1) + 1) / 2 * (high - low)
     sim = np.concatenate([demo.actions[:, :arm], gripper[:, None]], axis=1)
     targets = interface.mapping.to_real(interface.moved, sim).astype(np.float32)
     states = [interface.reset(seed)]
