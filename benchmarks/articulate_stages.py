@@ -39,7 +39,8 @@ def one(source: Path) -> dict[str, Any]:
 
     from mam_pipeline.errors import MamSimError
     from mam_pipeline.formats.mesh_files import files_kept
-    from mam_pipeline.run import MakeConfig, make_asset
+    from mam_pipeline.make_config import MakeConfig
+    from mam_pipeline.run import make_asset
     from mam_sim.report import write_report
     from mam_sim.verbs import articulate  # noqa: F401
 

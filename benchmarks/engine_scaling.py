@@ -21,7 +21,8 @@ import numpy as np
 import tyro
 from common import save
 
-from mam_pipeline.run import EngineConfig, Stages
+from mam_pipeline.make_config import EngineConfig
+from mam_pipeline.stages import Stages
 from mam_pipeline.types import Mesh
 from mam_world import make_object
 from mam_world.style import Style

@@ -110,7 +110,7 @@ def on_cluster(folder: Path, out: Path, nodes: int, until: int) -> dict[str, Any
     import ray
     from ray.cluster_utils import Cluster
 
-    from mam_pipeline.run import MakeConfig
+    from mam_pipeline.make_config import MakeConfig
     from mam_sim.batch.inputs import find_inputs
     from mam_sim.batch.record import Target
     from mam_sim.batch.run import plan, run

@@ -30,6 +30,7 @@ from mam_pipeline.geometry.fuse import fuse_mesh
 from mam_pipeline.ground_truth import GroundTruth
 from mam_pipeline.joints.estimate import OF_JOINTS, JointEstimator
 from mam_pipeline.joints.solver import EmbeddedSolver
+from mam_pipeline.make_config import EngineConfig
 from mam_pipeline.metrics import score
 from mam_pipeline.parts.embedded import (
     REASONER,
@@ -44,7 +45,6 @@ from mam_pipeline.parts.settle import settled
 from mam_pipeline.parts.tree import clear_from
 from mam_pipeline.prior.embedded import EmbeddedPrior
 from mam_pipeline.rules import ALL_RULES, Rules
-from mam_pipeline.run import EngineConfig
 from mam_pipeline.segment.geometric import GeometricSegmenter
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import KinematicTree, Mesh, Primitives

@@ -82,7 +82,8 @@ def main(sources: Positional[tuple[Path, ...]], cores: int = 2, out: Path | None
         sources: meshes. cores: that work side by side. out: JSON file for the figures.
     """
     from mam_pipeline.formats.mesh_files import files_kept
-    from mam_pipeline.run import MakeConfig, make_asset
+    from mam_pipeline.make_config import MakeConfig
+    from mam_pipeline.run import make_asset
 
     calls: dict[str, list[float]] = defaultdict(list)
     with tempfile.TemporaryDirectory() as folder:

@@ -43,7 +43,8 @@ def of_work(work: Callable[[int], object]) -> float:
 def main(mesh: Positional[Path], /, out: Path | None = None) -> None:
     """Measure and print."""
     from mam_pipeline.check.check import check_asset
-    from mam_pipeline.run import MakeConfig, make_asset
+    from mam_pipeline.make_config import MakeConfig
+    from mam_pipeline.run import make_asset
 
     rows: list[dict[str, Any]] = []
     for words in (["--help"], ["train", "--help"], ["articulate", "--help"], ["batch", "--help"]):

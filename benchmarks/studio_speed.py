@@ -36,7 +36,7 @@ from engine_scaling import refined
 from playwright.sync_api import sync_playwright
 
 from mam_pipeline.formats.mesh_files import save_glb
-from mam_pipeline.run import MakeConfig
+from mam_pipeline.make_config import MakeConfig
 from mam_sim import viewer
 from mam_sim.studio.page import Page
 from mam_sim.studio.place import place_of

@@ -43,8 +43,9 @@ from mam_pipeline.formats.mesh_files import save_glb
 from mam_pipeline.geometry.front import moved
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.ground_truth import GroundTruth
+from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.metrics import nearest_face, score
-from mam_pipeline.run import MakeConfig, make_asset
+from mam_pipeline.run import make_asset
 from mam_sim.bench.runner import Task, find_tasks
 from mam_sim.studio.page import Page
 from mam_sim.studio.place import place_of

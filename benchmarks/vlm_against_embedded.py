@@ -22,9 +22,10 @@ from tyro.conf import Positional
 
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
+from mam_pipeline.make_config import EngineConfig
 from mam_pipeline.metrics import Scores, score
 from mam_pipeline.models import settings
-from mam_pipeline.run import EngineConfig, Stages
+from mam_pipeline.stages import Stages
 from mam_pipeline.types import Primitives
 
 ANSWERS = ROOT / "tests" / "pipeline" / "answers.zip"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from mam_pipeline import config_file
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import ConfigError
-from mam_pipeline.run import MakeConfig
+from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.run import make_asset as _make_asset
 from mam_sim.preset_files import located, values_of
 

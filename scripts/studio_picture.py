@@ -18,7 +18,7 @@ from playwright.sync_api import sync_playwright
 
 import mam_world as world
 from mam_pipeline.formats.mesh_files import save_glb
-from mam_pipeline.run import MakeConfig
+from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.types import Link
 from mam_sim.studio.page import Page
 from mam_sim.studio.place import place_of

@@ -26,7 +26,8 @@ from mam_pipeline.errors import (
     NotThisKind,
     disk_is_full,
 )
-from mam_pipeline.run import EngineConfig, MakeConfig, make_asset
+from mam_pipeline.make_config import EngineConfig, MakeConfig
+from mam_pipeline.run import make_asset
 from mam_sim import __version__
 from mam_sim.batch.inputs import Input
 from mam_sim.batch.record import Record, Target

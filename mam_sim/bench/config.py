@@ -8,8 +8,8 @@ from typing import Annotated
 import tyro
 
 from mam_pipeline.edited import Range
+from mam_pipeline.make_config import EngineConfig
 from mam_pipeline.models.settings import ModelConfig
-from mam_pipeline.run import EngineConfig
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from mam_pipeline.geometry.front import moved
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.metrics import FoundJoint, JointScore, Scores, score
 from mam_pipeline.models import settings
-from mam_pipeline.run import articulate_mesh
+from mam_pipeline.stages import articulate_mesh
 from mam_pipeline.types import Articulation
 from mam_sim.bench.config import BenchConfig
 

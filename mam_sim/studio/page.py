@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from mam_pipeline.errors import MamSimError
-from mam_pipeline.run import MakeConfig
+from mam_pipeline.make_config import MakeConfig
 from mam_sim.console import STAGES
 from mam_sim.studio import server as studio_server
 from mam_sim.studio.look import Look

@@ -9,7 +9,8 @@ from mam_pipeline import config_file
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.digests import file_digest
 from mam_pipeline.hints import Hints
-from mam_pipeline.run import MakeConfig, kind_of
+from mam_pipeline.make_config import MakeConfig
+from mam_pipeline.run import kind_of
 
 
 @dataclass(frozen=True)

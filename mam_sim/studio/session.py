@@ -28,16 +28,9 @@ from mam_pipeline.joints.estimate import faces_around, same_joint
 from mam_pipeline.models.settings import given
 from mam_pipeline.parts.cut import with_cuts, with_cuts_in_tree
 from mam_pipeline.parts.hints import along_nodes, apply_hints
-from mam_pipeline.run import (
-    Source,
-    Stages,
-    kind_of,
-    make_asset,
-    read_source,
-    standing,
-    turned_to_front,
-)
+from mam_pipeline.run import Source, kind_of, make_asset, read_source, standing, turned_to_front
 from mam_pipeline.stage_store import StageStore, copy_stages
+from mam_pipeline.stages import Stages
 from mam_pipeline.types import (
     Articulation,
     Axis,

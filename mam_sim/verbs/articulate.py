@@ -15,10 +15,11 @@ from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.formats.mesh_files import files_kept
 from mam_pipeline.formats.placement import Decision
+from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.models.ledger import Ledger, one_ledger
 from mam_pipeline.models.settings import given
 from mam_pipeline.optional import has
-from mam_pipeline.run import MakeConfig, make_asset
+from mam_pipeline.run import make_asset
 from mam_sim.asking import ask_upload
 from mam_sim.console import Screen
 from mam_sim.options import Verb, carried

@@ -11,9 +11,9 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_pipeline.edited import Count, Positive
 from mam_pipeline.errors import ConfigError
+from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.models.consent import offer_of
 from mam_pipeline.models.settings import given
-from mam_pipeline.run import MakeConfig
 from mam_sim.console import Screen
 from mam_sim.options import Verb, settings
 

@@ -12,9 +12,9 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_envs import ENV_ID
 from mam_envs.config import EnvConfig
+from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.models.settings import given
-from mam_pipeline.run import MakeConfig
 from mam_sim.asking import ask_upload
 from mam_sim.console import Screen
 from mam_sim.options import Verb, carried

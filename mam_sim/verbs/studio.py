@@ -10,8 +10,8 @@ from typing import Annotated
 from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_pipeline.errors import ConfigError
+from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.optional import require
-from mam_pipeline.run import MakeConfig
 from mam_sim.options import Verb
 
 

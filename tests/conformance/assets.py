@@ -15,7 +15,8 @@ from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.formats.mesh_files import save_glb
 from mam_pipeline.geometry.fuse import fuse_mesh
-from mam_pipeline.run import MakeConfig, make_asset
+from mam_pipeline.make_config import MakeConfig
+from mam_pipeline.run import make_asset
 from mam_pipeline.types import Articulation, Joint, Link, Material, Mesh
 from mam_world import make_object
 

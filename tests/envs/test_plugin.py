@@ -20,7 +20,8 @@ from mam_envs.robots import ROBOTS, robot_spec
 from mam_envs.tasks import TASKS, task_class
 from mam_pipeline import backends
 from mam_pipeline.errors import ConfigError
-from mam_pipeline.run import EngineConfig, articulate_mesh
+from mam_pipeline.make_config import EngineConfig
+from mam_pipeline.stages import articulate_mesh
 from mam_policies.algorithms import algorithm
 from mam_policies.evaluate import evaluate_run
 from mam_policies.expert import Expert, run_episode

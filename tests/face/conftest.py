@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from mam_pipeline.formats.mesh_files import save_glb
-from mam_pipeline.run import MakeConfig
+from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.types import Mesh
 from mam_sim.studio.place import place_of
 from mam_sim.studio.session import Session

@@ -11,7 +11,7 @@ import yaml
 from mam_envs.config import EnvConfig, RewardConfig, SuccessConfig
 from mam_pipeline import config_file
 from mam_pipeline.errors import ConfigError
-from mam_pipeline.run import MakeConfig
+from mam_pipeline.make_config import MakeConfig
 from mam_policies.algorithms.ppo import Ppo
 from mam_policies.run import EnvChoice, RunInfo
 from mam_sim.bench.config import BenchConfig

@@ -13,10 +13,10 @@ import trimesh
 from PIL import Image
 
 from mam_pipeline.errors import ConfigError
+from mam_pipeline.make_config import EngineConfig
 from mam_pipeline.models import settings
 from mam_pipeline.models.catalogue import ENDPOINT, HOSTED, MODELS, SPACE, find
 from mam_pipeline.models.settings import ModelConfig
-from mam_pipeline.run import EngineConfig
 from mam_sim.asking import ask_upload
 from mam_sim.bench.config import BenchConfig
 from mam_sim.bench.runner import Task, run_bench, task_key

@@ -12,7 +12,8 @@ from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.formats.mesh_files import save_glb
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.hints import Hints
-from mam_pipeline.run import MakeConfig, make_asset
+from mam_pipeline.make_config import MakeConfig
+from mam_pipeline.run import make_asset
 from mam_pipeline.types import KinematicTree, Mesh
 from mam_sim.studio import edits
 from mam_sim.studio.place import place_of

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from mam_pipeline.errors import NotPhysicalError
+from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.parts.abstain import SIGNS, Bar, load_bar, withheld, without
 from mam_pipeline.parts.tree import left_out_note
-from mam_pipeline.run import MakeConfig, Stages
+from mam_pipeline.stages import Stages
 from mam_pipeline.types import KinematicTree, Mesh, PartNode, Primitives
 
 BAR = Bar(0.0, {"value": 1.0}, 0.5, 0.3, 0.2)

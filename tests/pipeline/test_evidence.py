@@ -18,7 +18,7 @@ from mam_pipeline.evidence.spec import KinematicSpec, PartStatement, Said
 from mam_pipeline.formats.mesh_files import load_mesh, read_file, save_glb
 from mam_pipeline.formats.scene import read_scene
 from mam_pipeline.parts.said import Heard, with_line
-from mam_pipeline.run import articulate_mesh
+from mam_pipeline.stages import articulate_mesh
 from mam_pipeline.types import JointCandidate, Mesh, Primitives
 from tests.pipeline.test_pictures import BIND, dae
 

@@ -17,7 +17,7 @@ from mam_pipeline import config_file
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.hints import load_hints
-from mam_pipeline.run import MakeConfig
+from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.stage_artefacts import articulation_codec, tree_codec
 from mam_pipeline.types import KinematicTree, PartNode
 from tests.pipeline.test_fuzz import changed, ours, replaced, two_parts, usual

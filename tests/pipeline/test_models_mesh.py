@@ -16,11 +16,13 @@ import trimesh
 from PIL import Image
 
 from mam_pipeline.errors import BackendError, ConfigError
+from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.models.image_to_mesh import TripoSrReconstructor, ask_server, cut_out
 from mam_pipeline.models.retexture import adopt, repainted
 from mam_pipeline.photo.options import PhotoConfig
-from mam_pipeline.run import MakeConfig, Stages, _read_photo
+from mam_pipeline.run import _read_photo
 from mam_pipeline.stage_store import StageStore
+from mam_pipeline.stages import Stages
 from mam_pipeline.types import Articulation, Joint, Link, Mesh, Primitives
 
 GLB = trimesh.creation.box().export(file_type="glb")

@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
+from mam_pipeline.make_config import EngineConfig
 from mam_pipeline.metrics import score
 from mam_pipeline.models import questions, settings
-from mam_pipeline.run import EngineConfig, Stages
+from mam_pipeline.stages import Stages
 from mam_pipeline.types import KinematicTree, Primitives
 
 ARCHIVE = Path(__file__).resolve().parent / "answers.zip"

@@ -14,7 +14,8 @@ from mam_pipeline.errors import ConfigError
 from mam_pipeline.formats.mesh_files import load_mesh
 from mam_pipeline.formats.placement import choose_unit
 from mam_pipeline.geometry.front import front_of, moved
-from mam_pipeline.run import MakeConfig, Source, turned_to_front
+from mam_pipeline.make_config import MakeConfig
+from mam_pipeline.run import Source, turned_to_front
 from mam_pipeline.types import Articulation, Joint, Link, Mesh
 from mam_world.dataset import write_dataset
 from mam_world.object import make_object

@@ -9,8 +9,8 @@ import pytest
 from mam_pipeline import backends, config_file
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.joints.estimate import OF_JOINTS
+from mam_pipeline.make_config import EngineConfig
 from mam_pipeline.rules import ALL_RULES, Ruled, Rules
-from mam_pipeline.run import EngineConfig
 
 
 def test_every_rule_has_a_sentence_and_is_on() -> None:

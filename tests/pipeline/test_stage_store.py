@@ -15,7 +15,6 @@ from mam_pipeline.backends import Maker, Reconstruction
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.hints import HintBox, HintPart, Hints
 from mam_pipeline.photo.reconstruct import EmbeddedReconstructor
-from mam_pipeline.run import Stages
 from mam_pipeline.stage_artefacts import (
     PHOTO,
     Codec,
@@ -25,6 +24,7 @@ from mam_pipeline.stage_artefacts import (
     tree_codec,
 )
 from mam_pipeline.stage_store import StageStore
+from mam_pipeline.stages import Stages
 from mam_pipeline.types import (
     Articulation,
     Joint,

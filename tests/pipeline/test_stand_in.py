@@ -13,7 +13,8 @@ from mam_pipeline.asset.inertia import link_inertials
 from mam_pipeline.geometry import stand_in as module
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.stand_in import Weight, lightened, restored, stand_in
-from mam_pipeline.run import MakeConfig, make_asset
+from mam_pipeline.make_config import MakeConfig
+from mam_pipeline.run import make_asset
 from mam_pipeline.types import Articulation, Joint, Link, Mesh
 
 SMALL = Weight(heavy=3000, light=1500, piece=100)

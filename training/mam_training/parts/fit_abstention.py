@@ -28,14 +28,15 @@ from scipy.special import expit
 import mam_pipeline.parts
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
+from mam_pipeline.make_config import EngineConfig
 from mam_pipeline.metrics import reliability, rigid_parts
 from mam_pipeline.parts.abstain import SIGNS, Bar
 from mam_pipeline.parts.embedded import decide, sampled_views, tree_of
 from mam_pipeline.parts.mobility_network import MobilityNetwork, read_mobility
 from mam_pipeline.parts.scores import load_scores
 from mam_pipeline.rules import ALL_RULES
-from mam_pipeline.run import EngineConfig, Stages
 from mam_pipeline.segment.topology import without_repeats
+from mam_pipeline.stages import Stages
 from mam_pipeline.types import KinematicTree, Mesh, Primitives
 from mam_training import manifest
 from mam_training.command import configured
