@@ -6,14 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 import yaml
 from scipy.spatial.transform import Rotation
 
 from mam_envs.robots import robot_spec
 from mam_pipeline.errors import ConfigError, HintNeeded, InputError
-from mam_policies.lerobot.export import MAPPING, export_run
+from mam_policies.lerobot.export import MAPPING, deployment, export_run
 from mam_policies.lerobot.joint_mapping import identity, load_mapping, template
-from mam_policies.lerobot.policy import quaternion
+from mam_policies.lerobot.policy import Converter, quaternion
+from mam_policies.lerobot.robot_interface import mapping_of
 from mam_policies.mlp import MlpPolicy
 from mam_policies.run import EnvChoice, RunInfo
 from mam_sim.cli import main
@@ -105,8 +107,29 @@ def test_foreign_folder_is_left_alone(tmp_path: Path) -> None:
 
 
 def test_quaternions_are_those_of_the_simulator() -> None:
-    import torch
     from mani_skill.utils.geometry.rotation_conversions import matrix_to_quaternion
 
     m = Rotation.random(50, random_state=1).as_matrix()
     assert np.allclose(quaternion(m), matrix_to_quaternion(torch.as_tensor(m)).numpy(), atol=1e-9)
+
+
+def test_the_hand_is_turned_as_the_simulator_has_it_also_where_w_changes_its_sign(
+    drawer: Path,
+) -> None:
+    env = EnvChoice((str(drawer),)).make()
+    base = env.unwrapped
+    rows = [["extra/tcp_pose", 0, 7, False]]
+    info = RunInfo("bc", EnvChoice((str(drawer),)), rows, 8, 7)
+    converter = Converter(deployment(base, info, mapping_of(base, None)), None)  # type: ignore[arg-type]
+    rng, negative = np.random.default_rng(0), 0
+    for _ in range(40):
+        q = base.agent.robot.get_qpos().clone()
+        rest = torch.as_tensor(base.robot_spec.rest_arm + rng.normal(0, 0.3, 7), dtype=q.dtype)
+        q[0, base._arm_index] = rest
+        base.agent.robot.set_qpos(q)
+        simulated = base.tool_pose().raw_pose[0].numpy()
+        state = np.concatenate([q[0].numpy(), np.zeros(5)])[None]
+        assert np.allclose(converter.observe(state)[1][0], simulated, atol=1e-5)
+        negative += simulated[3] < 0
+    env.close()
+    assert 5 < negative < 35  # both signs were met

@@ -214,6 +214,8 @@ def deployment(base: Any, info: RunInfo, joints: JointMapping) -> Deployment:
         ],
         locked={k: float(v) for k, v in spec.locked.items()},
         tool=np.asarray(spec.chain.tool).reshape(-1).tolist(),
+        # the simulator's sign goes on without a jump, and no arm turns its hand by 180 degrees
+        turn=base.tool_pose().raw_pose[0, 3:].tolist(),
         closed=goal.closed,
         opened=goal.open,
         goal=goal.q_goal,

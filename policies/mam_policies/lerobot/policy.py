@@ -40,6 +40,7 @@ class Deployment:
         gain, bias, moving: per action entry; its target is gain * a + bias, added to the target
             before where `moving`; limited: whether a is cut to -1..1 first.
         base: world_T_base, row by row. chain: joints on the way to the tool; tool: tip_T_tool.
+        turn: a quaternion of the tool in the world, w first, as the simulator signed it.
         closed, opened, goal: values of the joint to be operated.
         dt: seconds per control step. decay: weight of older chunks.
     """
@@ -58,6 +59,7 @@ class Deployment:
     chain: list[dict[str, Any]] = field(default_factory=list)
     locked: dict[str, float] = field(default_factory=dict)
     tool: list[float] = field(default_factory=list)
+    turn: list[float] = field(default_factory=lambda: [1.0, 0.0, 0.0, 0.0])
     closed: float = 0.0
     opened: float = 1.0
     goal: float = 1.0
@@ -120,11 +122,13 @@ class Converter:
         rotation, position, _ = self.chain.forward(q[:, plan.arm])
         turn, shift = self.base[:3, :3], self.base[:3, 3]
         tool = position @ turn.T + shift
+        facing = quaternion(turn @ rotation)
+        facing = np.where(facing @ np.array(plan.turn)[:, None] < 0, -facing, facing)
         handle = np.stack([seen[name] for name in HANDLE], axis=1) @ turn.T + shift
         parts = {
             "agent/qpos": q,
             "agent/qvel": (q - before[0]) / plan.dt,
-            "extra/tcp_pose": np.concatenate([tool, quaternion(turn @ rotation)], axis=1),
+            "extra/tcp_pose": np.concatenate([tool, facing], axis=1),
             "extra/privileged/handle_position": handle,
             "extra/privileged/tcp_to_handle": handle - tool,
             "extra/privileged/joint_value": value,
@@ -162,7 +166,7 @@ OBSERVED = (
 
 
 def quaternion(m: Array) -> Array:
-    """(b, 3, 3) rotations as (b, 4) quaternions, w first, signed as ManiSkill signs them.
+    """(b, 3, 3) rotations as (b, 4) quaternions, w first.
 
     The candidate with the greatest component wins (Markley 2008); w is never negative.
     """
