@@ -118,7 +118,7 @@ def test_the_hand_is_turned_as_the_simulator_has_it_also_where_w_changes_its_sig
 ) -> None:
     env = EnvChoice((str(drawer),)).make()
     base = env.unwrapped
-    rows = [["extra/tcp_pose", 0, 7, False]]
+    rows = [("extra/tcp_pose", 0, 7, False)]
     info = RunInfo("bc", EnvChoice((str(drawer),)), rows, 8, 7)
     converter = Converter(deployment(base, info, mapping_of(base, None)), None)  # type: ignore[arg-type]
     rng, negative = np.random.default_rng(0), 0
