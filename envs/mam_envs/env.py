@@ -456,6 +456,11 @@ class OperateJointEnv(BaseEnv):
             at += width
         return out
 
+    def foreground(self) -> torch.Tensor:
+        """(n,) ids, in segmentations, of the links of robot and objects."""
+        kept = [*self.agent.robot.links, *(link for o in self.objects for link in o.links)]
+        return torch.unique(torch.cat([link.per_scene_id for link in kept]))
+
     def _get_obs_sensor_data(self, apply_texture_transforms: bool = True) -> dict:
         out = super()._get_obs_sensor_data(apply_texture_transforms)
         file, picture = self.config.scene.background, None
@@ -464,9 +469,7 @@ class OperateJointEnv(BaseEnv):
         if file:
             picture = read_background(file)
         if picture is not None and apply_texture_transforms:
-            kept = [*self.agent.robot.links, *(link for o in self.objects for link in o.links)]
-            ids = torch.unique(torch.cat([link.per_scene_id for link in kept]))
-            put_background(picture, out, self.scene.sensors, ids)
+            put_background(picture, out, self.scene.sensors, self.foreground())
         if self._looks is not None and apply_texture_transforms:
             self._looks.spoil(out)
         return out

@@ -12,7 +12,7 @@ import mam_envs
 from mam_envs.config import EnvConfig
 from mam_envs.scene.vulkan import vulkan_ok
 from mam_pipeline.errors import ConfigError, InputError
-from mam_policies.sight.network import FILE, SightNetwork, fit
+from mam_policies.sight.network import FILE, SightNetwork, elsewhere, fit
 from mam_policies.sight.pictures import place_of, pose_at
 
 
@@ -41,6 +41,15 @@ def test_the_network_learns_places_and_is_kept(tmp_path: Path) -> None:
     (tmp_path / FILE).write_bytes(b"no")
     with pytest.raises(InputError, match="no network of mam-sim"):
         SightNetwork.load(tmp_path)
+
+
+def test_backgrounds_change_and_what_is_kept_stays() -> None:
+    pictures, _ = _squares(40, 2)
+    kept = pictures.min(axis=3) == 255
+    moved = elsewhere(pictures, kept, np.random.default_rng(0))
+    assert np.array_equal(moved[kept], pictures[kept])
+    changed = [np.mean(a != b) > 0.5 for a, b in zip(moved, pictures)]
+    assert 25 < sum(changed) < 40  # most, not all
 
 
 def test_a_place_is_three_numbers(drawer: Path) -> None:

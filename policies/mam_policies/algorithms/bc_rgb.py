@@ -65,7 +65,7 @@ class CameraCloning(Algorithm[BcRgbConfig]):
         network = SightNetwork((height, width), shown.arm.shape[1], OUTPUTS)
         loss = fit(
             network, shown.rgb, shown.arm, shown.target, config.sight_epochs, config.seed,
-            lambda share, words: update("sight", share, words),
+            lambda share, words: update("sight", share, words), kept=shown.kept,
         )  # fmt: skip
         network.save(out)
         results = {**info.results, "pictures": len(shown.rgb), "sight_loss": loss}

@@ -20,6 +20,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 from torch.nn import functional as f
 
+from mam_envs.scene.background import random_pattern
 from mam_pipeline import folders
 from mam_pipeline.errors import InputError
 from mam_pipeline.photo import efficientnet
@@ -28,6 +29,10 @@ STRIDE = 16
 """Of the last maps; pictures are cut to multiples of it."""
 FROZEN = 7
 """Blocks that are not trained."""
+AS_THEY_ARE = 3
+"""Epochs for which pictures stay as they are."""
+SHARE = 0.85
+"""Of the pictures that get a pattern."""
 FILE = "sight.safetensors"
 
 
@@ -136,12 +141,15 @@ def fit(
     told: Callable[[float, str], None] = lambda *_: None,
     batch: int = 32,
     rate: float = 1e-3,
+    kept: NDArray[np.bool_] | None = None,
 ) -> float:
     """Adam on the smooth L1 error; ImageNet's kernels move at a fifth of the rate.
 
     Args:
         pictures: (N, h, w, 3). arm: (N, n). target: (N, outputs).
         told: share of the training that is done, and words.
+        kept: (N, h, w) what stays when the rest of a picture gets a random pattern, another one
+            in every few epochs.
 
     Returns:
         The last epoch's mean loss.
@@ -151,9 +159,7 @@ def fit(
     network.mean.copy_(wanted.mean(0))
     network.std.copy_(wanted.std(0).clamp(min=1e-4))
     wanted = (wanted - network.mean) / network.std
-    told(0.0, "looking")
-    shown = torch.from_numpy(pictures).split(batch)
-    maps = torch.cat([network.early(part).half() for part in shown])  # once, as they stay
+    rng, maps = np.random.default_rng(seed), torch.zeros(0)
     old = [p for p in network.kernels.parameters() if p.requires_grad]
     new = [*network.squeeze.parameters(), *network.head.parameters()]
     groups: list[dict[str, Any]] = [{"params": old}, {"params": new}]
@@ -165,6 +171,11 @@ def fit(
     loss = float("nan")
     network.train()
     for epoch in range(epochs):
+        if epoch == 0 or (kept is not None and epoch % AS_THEY_ARE == 0):
+            told(epoch / epochs, "looking")
+            shown = pictures if kept is None else elsewhere(pictures, kept, rng)
+            parts = torch.from_numpy(shown).split(batch)
+            maps = torch.cat([network.early(part).half() for part in parts])
         total = 0.0
         for rows in torch.randperm(len(pictures)).split(batch):
             told_now = network(maps[rows].float(), torch.from_numpy(arm[rows]))
@@ -178,6 +189,21 @@ def fit(
         told((epoch + 1) / epochs, f"loss {loss:.4f}")
     network.eval()
     return loss
+
+
+def elsewhere(
+    pictures: NDArray[np.uint8], kept: NDArray[np.bool_], rng: np.random.Generator
+) -> NDArray[np.uint8]:
+    """The pictures, most of them with a random, slightly noisy pattern where they are not kept."""
+    import cv2
+
+    out, size = pictures.copy(), (pictures.shape[2], pictures.shape[1])
+    for picture, keep in zip(out, kept):
+        if rng.uniform() < SHARE:
+            pattern = cv2.resize(random_pattern(rng), size, interpolation=cv2.INTER_AREA)
+            noise = rng.normal(0, rng.uniform(0, 8), pattern.shape)
+            picture[~keep] = np.clip(pattern + noise, 0, 255).astype(np.uint8)[~keep]
+    return out
 
 
 def _name(block: int, part: str) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_envs.placement.base import object_pose
+from mam_envs.scene.background import kept_of
 from mam_envs.scene.layout import Layout
 from mam_pipeline import folders
 from mam_pipeline.types import FloatArray
@@ -21,12 +22,16 @@ from mam_policies.expert import Expert, PlanningError
 OUTPUTS = 4
 """What is told: shift of the object in x and y (metres), its yaw (radians), its joint's value."""
 
+PARTS = ("rgb", "kept", "arm", "target")
+
 
 @dataclass(frozen=True)
 class Pictures:
-    """Pictures (N, h, w, 3) uint8 RGB, arm joints (N, n) radians, and OUTPUTS (N, 4)."""
+    """Pictures (N, h, w, 3) uint8 RGB, where they show robot or object (N, h, w), arm joints (N, n)
+    in radians, and OUTPUTS (N, 4)."""
 
     rgb: NDArray[np.uint8]
+    kept: NDArray[np.bool_]
     arm: NDArray[np.float32]
     target: NDArray[np.float32]
 
@@ -56,13 +61,13 @@ def pictures(
         episode += 1
         told(min(1.0, got / count), f"{got} pictures")
     kept = [row for row in rows if len(row["target"])]
-    parts = (np.concatenate([r[key] for r in kept])[:count] for key in ("rgb", "arm", "target"))
+    parts = (np.concatenate([r[key] for r in kept])[:count] for key in PARTS)
     return Pictures(*parts)
 
 
 def _episode(env: Any, every: int, noise: float, seed: int) -> dict[str, NDArray[Any]]:
     base = env.unwrapped
-    rgb, arms, targets = [], [], []
+    rgb, kept, arms, targets = [], [], [], []
     rng = np.random.default_rng(seed)
     with unseen(base):
         env.reset(seed=seed)
@@ -70,11 +75,13 @@ def _episode(env: Any, every: int, noise: float, seed: int) -> dict[str, NDArray
         try:
             expert.reset()
         except PlanningError:
-            return {"rgb": np.zeros(0), "arm": np.zeros(0), "target": np.zeros(0)}
+            return {key: np.zeros(0) for key in PARTS}
         step, done = int(rng.integers(every)), False
         while not done:
             if step % every == 0:
-                rgb.append(look(base))
+                seen = look(base)
+                rgb.append(seen[0])
+                kept.append(seen[1])
                 now = base.planner_state()
                 arms.append(now.arm)
                 targets.append([*place_of(base.layout(0), now.world_asset), now.q])
@@ -84,7 +91,7 @@ def _episode(env: Any, every: int, noise: float, seed: int) -> dict[str, NDArray
             done |= bool(np.asarray(truncated).reshape(-1)[0])
             step += 1
     return {
-        "rgb": np.stack(rgb), "arm": np.array(arms, np.float32),
+        "rgb": np.stack(rgb), "kept": np.stack(kept), "arm": np.array(arms, np.float32),
         "target": np.array(targets, np.float32),
     }  # fmt: skip
 
@@ -100,13 +107,16 @@ def unseen(base: Any) -> Iterator[None]:
         base._obs_mode = mode
 
 
-def look(base: Any) -> NDArray[np.uint8]:
-    """(h, w, 3) RGB of the first camera, with what cameras see drawn anew."""
+def look(base: Any) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """(h, w, 3) RGB of the first camera, with what cameras see drawn anew; and (h, w) where it
+    shows robot or object."""
     mode, base._obs_mode = base._obs_mode, "rgb+state"
     try:
         if base._looks is not None:
             base._looks.draw(base._batched_episode_rng[0])
-        return picture_of(base._get_obs_sensor_data())
+        rgb = picture_of(base._get_obs_sensor_data())
+        sensor = next(iter(base.scene.sensors.values()))
+        return rgb, kept_of(sensor, base.foreground()).cpu().numpy()[0, ..., 0]
     finally:
         base._obs_mode = mode
 
