@@ -81,7 +81,7 @@ def make_env(
     Args:
         asset: what `make_asset` returned, or its folder.
         joint: name of the joint; None takes the surest one that has a grasp.
-        robot: panda, so100, fetch, xarm6_robotiq, or the name of a plug-in.
+        robot: panda, so100, so101, fetch, xarm6_robotiq, or the name of a plug-in.
         config: settings of the environment, a mapping of them, a YAML file with a section
             `env`, or the name of a preset.
         batched: give tensors with a batch axis, as ManiSkill's tools want them; False gives NumPy

@@ -96,7 +96,7 @@ class OperateJointEnv(BaseEnv):
                 sequence.
             task: open, close, turn_to, push, or a task of yours (mam_envs.tasks); one, or one per
                 joint; None picks by the joint.
-            robot_uids: panda, so100, fetch, xarm6_robotiq, or a robot of yours (mam_envs.robots).
+            robot_uids: panda, so100, so101, fetch, xarm6_robotiq, or yours (mam_envs.robots).
             scale: factor on the object's size, or "auto": 1 where the arm can do it, else shrunk
                 to its reach.
             config: EnvConfig, mapping or YAML file; randomisation, reward, scene, success and

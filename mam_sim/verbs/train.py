@@ -46,7 +46,7 @@ class Train(Verb):
     """What to do with the joint: open, close, turn_to, push or a plug-in's; default: what it
     suggests."""
     robot: str = "panda"
-    """Name of the arm: panda, so100, fetch, xarm6_robotiq, or that of a plug-in."""
+    """Name of the arm: panda, so100, so101, fetch, xarm6_robotiq, or that of a plug-in."""
     max_steps: Annotated[int, Range(1, 100_000)] = 200
     """Control steps of one episode."""
     test: Annotated[int, Range(0, 100_000)] = 20

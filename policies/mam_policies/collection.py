@@ -64,7 +64,7 @@ class CollectConfig:
     """What to do with it: open, close, turn_to, push or a plug-in's; by default what the joint
     suggests."""
     robot: str = "panda"
-    """Name of the arm: panda, so100, fetch, xarm6_robotiq, or that of a plug-in."""
+    """Name of the arm: panda, so100, so101, fetch, xarm6_robotiq, or that of a plug-in."""
     seed: Seed = 0
     """Seed of the first attempt; attempt k uses seed + k."""
     noise: Annotated[float, Range(0, 1)] = 0.0

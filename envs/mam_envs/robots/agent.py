@@ -40,7 +40,7 @@ def agent_of(spec: RobotSpec) -> str:
 
 def _agent(spec: RobotSpec, name: str) -> type[BaseAgent]:
     pad = {"material": "fingers", "patch_radius": 0.1, "min_patch_radius": 0.1}
-    pads = {name: pad for name in spec.finger_links}
+    pads = {link: pad for link in spec.finger_links}
     friction = {"static_friction": GRIP, "dynamic_friction": GRIP, "restitution": 0.0}
 
     class Arm(BaseAgent):

@@ -90,8 +90,8 @@ class CameraActor:
         self.network = SightNetwork.load(run)
         self.clone = MlpActor(MlpPolicy.load(run))
         self.layout: Layout = base.layout(0)
-        goal = self.layout.goals[0]
-        self.range = sorted((goal.closed, goal.open))
+        model = self.layout.model
+        self.limits = model.limits(model.card_joint(self.layout.goals[0].joint))
         self.joints = len(base.agent.robot.active_joints)
         self.arm = list(base._arm_index)
         plan = deployment(base, info, mapping_of(base, None))
@@ -112,7 +112,7 @@ class CameraActor:
             told = self.network.tell(rgb, torch.from_numpy(qpos[self.arm][None]))[0]
         self.seen.append(told.numpy().astype(float))
         place = np.median([row[:3] for row in self.seen], axis=0)
-        value = float(np.clip(np.mean([row[3] for row in self.seen[-3:]]), *self.range))
+        value = float(np.clip(np.mean([row[3] for row in self.seen[-3:]]), *self.limits))
         state = np.concatenate([qpos, self._handle(place, value), [value, 0.0]])
         return self.clone.act(self.converter.observe(state[None])[1])
 
