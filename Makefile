@@ -14,6 +14,7 @@ demo: setup
 
 test: setup
 	@$(VENV)/python -m ruff check .
+	@$(VENV)/python -m ruff format --check --quiet .
 	@$(VENV)/lint-imports
 	@$(VENV)/python -m mypy
 	@$(VENV)/python benchmarks/results_page.py --check
@@ -25,6 +26,7 @@ test-fast: setup
 
 lint: setup
 	$(VENV)/python -m ruff check .
+	$(VENV)/python -m ruff format --check .
 	$(VENV)/lint-imports
 	$(VENV)/python -m mypy
 

@@ -27,6 +27,7 @@ LOOKS = (
 )  # fmt: skip
 """Randomisation that only cameras see."""
 
+
 def steps_per_second(job: tuple[str, float, int, bool]) -> float:
     """Of one process; size 0: without pictures; then whether pictures are randomised."""
     import mam_envs

@@ -100,7 +100,8 @@ def compared(
 
 
 def changed(
-    before: Mapping[str, Mapping[str, Any]], after: Mapping[str, Mapping[str, Any]],
+    before: Mapping[str, Mapping[str, Any]],
+    after: Mapping[str, Mapping[str, Any]],
     least: float = 1e-6,
 ) -> dict[str, dict[str, tuple[float | None, float | None]]]:
     """What differs, by object and metric: (before, after)."""
@@ -117,7 +118,9 @@ def changed(
 
 
 def main(
-    before: tyro.conf.Positional[Path], after: tyro.conf.Positional[Path], /,
+    before: tyro.conf.Positional[Path],
+    after: tyro.conf.Positional[Path],
+    /,
     tolerance: float | None = None,
 ) -> None:
     """Compare two results of `mam-sim bench`.

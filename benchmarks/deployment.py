@@ -54,9 +54,7 @@ def measure(run: Path, faults: Faults, episodes: int) -> dict[str, Any]:
     return {**asdict(faults), "successes": good, "episodes": episodes, "low": low, "high": high}
 
 
-def main(
-    run: tyro.conf.Positional[Path], /, episodes: int = 24, out: Path | None = None
-) -> None:
+def main(run: tyro.conf.Positional[Path], /, episodes: int = 24, out: Path | None = None) -> None:
     """Measure every case and print a table."""
     torch.set_num_threads(1)
     rows = {}

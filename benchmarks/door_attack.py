@@ -427,7 +427,7 @@ def main(only: str = "", out: Path | None = None) -> None:
         (foreign / "x.usda").write_text(USD.format(layers="", arcs="", texture=""))
         (foreign / "x.obj").write_text(OBJ.format(library=""))
         source = foreign / "object.urdf"
-        plain = URDF.partition('<material')[0] + URDF.partition("</material>")[2]
+        plain = URDF.partition("<material")[0] + URDF.partition("</material>")[2]
         plain = plain.replace('<material name="m"/>', "")
         source.write_text(plain.format(visual=BOX, collision=BOX))
         assert mam_sim(["articulate", str(source), "--out", str(scratch / "asset"), "--quiet"]) < 2

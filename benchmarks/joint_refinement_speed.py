@@ -74,7 +74,7 @@ def main(objects: int = 3, contacts: int = 60, out: Path | None = None) -> None:
     """
     warnings.filterwarnings("ignore")
     rows = []
-    for k, name in enumerate(["cabinet_one_door", "chest_of_drawers", "valve"][: objects]):
+    for k, name in enumerate(["cabinet_one_door", "chest_of_drawers", "valve"][:objects]):
         truth = make_object(name, 100 + k).truth()
         joint = truth.joints[0]
         found = compare(truth, joint, contacts)

@@ -83,8 +83,7 @@ def main(
         print(f"{name:<36} {seconds:6.1f} s  {note}", flush=True)
     save(out, rows)
     print(
-        f"{len(rows)} objects: {done} assets, {passed} pass the check, "
-        f"{stepped} environments step"
+        f"{len(rows)} objects: {done} assets, {passed} pass the check, {stepped} environments step"
     )
 
 

@@ -179,9 +179,7 @@ class Case:
         least = clear_from(found.graph, draft, rules)
         return settled(draft, mesh, bare, least, SEED, rules)
 
-    def _score(
-        self, tree: KinematicTree, primitives: Primitives, rules: Rules
-    ) -> dict[str, float]:
+    def _score(self, tree: KinematicTree, primitives: Primitives, rules: Rules) -> dict[str, float]:
         if all(node.subtype == "fixed" for node in tree.nodes):
             found = None
         else:

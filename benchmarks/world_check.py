@@ -67,9 +67,7 @@ def rounds(names: list[str], count: int, seed: int) -> Iterator[tuple[str, int]]
         yield names[k % len(names)], int(rng.integers(1_000_000))
 
 
-def measure(
-    results: Path, plan: Iterator[tuple[str, int]], drive: bool, minutes: float
-) -> None:
+def measure(results: Path, plan: Iterator[tuple[str, int]], drive: bool, minutes: float) -> None:
     """Append one line for every planned object that the file does not hold yet."""
     rows = read(results)
     known = {(r["category"], r["seed"]) for r in rows}

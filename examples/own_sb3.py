@@ -1,7 +1,7 @@
 """Your own stable-baselines3 code on an asset of mam-sim: only gymnasium and SB3.
 
-    python examples/own_sb3.py ASSET --steps 200000 --out mine.zip
-    mam-sim eval mine.zip --asset ASSET --control pd_joint_delta_pos --trust
+python examples/own_sb3.py ASSET --steps 200000 --out mine.zip
+mam-sim eval mine.zip --asset ASSET --control pd_joint_delta_pos --trust
 """
 
 import argparse

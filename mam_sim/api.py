@@ -102,9 +102,7 @@ def make_env(
     return mam_envs.make(asset, env_id, joint=joint, robot_uids=robot, config=config, **arguments)
 
 
-def check(
-    path: Asset | str | Path, drive: bool = True, allow_outside: bool = False
-) -> CheckReport:
+def check(path: Asset | str | Path, drive: bool = True, allow_outside: bool = False) -> CheckReport:
     """Test whether an asset, or anybody's URDF, is ready for simulation.
 
     Example:

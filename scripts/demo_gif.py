@@ -1,6 +1,6 @@
 """The README's animation: the example photo beside the video that scripts/demo.py made of it.
 
-    python scripts/demo_gif.py demo_out/opened/demo.mp4 docs/demo.gif
+python scripts/demo_gif.py demo_out/opened/demo.mp4 docs/demo.gif
 """
 
 from __future__ import annotations

@@ -65,9 +65,7 @@ class Articulations:
         guess = np.stack([item.placement.path.approach[-1] for item in items])
         for k in range(self._postures.shape[1]):
             goals, grasps = [item.goals[k] for item in items], [item.grasps[k] for item in items]
-            found = postures(
-                models, goals, grasps, robot, np.linalg.inv(base) @ world_asset, guess
-            )
+            found = postures(models, goals, grasps, robot, np.linalg.inv(base) @ world_asset, guess)
             self._postures[index, k] = torch.as_tensor(found).to(self._postures)
             guess = found[:, -1]
 

@@ -32,9 +32,7 @@ class Reach:
     why: str = ""
 
 
-def reachable(
-    asset: Asset, robot: str = "panda", config: EnvConfig | None = None
-) -> list[Reach]:
+def reachable(asset: Asset, robot: str = "panda", config: EnvConfig | None = None) -> list[Reach]:
     """Look for a place of the arm for every movable joint, the surest first.
 
     Args:

@@ -88,9 +88,7 @@ def _from_same_place(
     if goal.subtype != "slide":
         way = float(np.clip(way, -widest, widest))
     share = (goal.q_goal - goal.q_start) / (goal.open - goal.closed)
-    return replace(
-        goal, q_start=start, q_goal=start + share * way, closed=start, open=start + way
-    )
+    return replace(goal, q_start=start, q_goal=start + share * way, closed=start, open=start + way)
 
 
 def _joint_at(model: ObjectModel, point: FloatArray, claimed: str) -> str:
@@ -135,9 +133,7 @@ def as_claimed(now: PlannerState, claimed: Layout, stage: int) -> PlannerState:
     place = _places(now.layout.model, now.goal.joint, [now.q], handle)[0]
     low, high = goal.q_start - 0.25 * way, goal.q_start + 1.5 * way
     values = np.asarray(np.linspace(low, high, SAMPLES), dtype=np.float64)
-    others = [
-        j.name for j in model.asset.card.joints if j.type != "fixed" and j.name != goal.joint
-    ]
+    others = [j.name for j in model.asset.card.joints if j.type != "fixed" and j.name != goal.joint]
     return replace(
         now,
         layout=claimed,

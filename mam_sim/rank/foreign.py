@@ -110,9 +110,7 @@ def true_asset(urdf: Path, asset: Asset, out: Path) -> Asset:
     joint = ET.SubElement(root, "joint", name=f"{new}_joint", type="fixed")
     angles = Rotation.from_matrix(place[:3, :3] / scale).as_euler("xyz")
     words = {"xyz": place[:3, 3] / scale, "rpy": angles}
-    ET.SubElement(
-        joint, "origin", {k: " ".join(f"{x:.9g}" for x in v) for k, v in words.items()}
-    )
+    ET.SubElement(joint, "origin", {k: " ".join(f"{x:.9g}" for x in v) for k, v in words.items()})
     ET.SubElement(joint, "parent", link=new)
     ET.SubElement(joint, "child", link=old)
     tree.write(made.urdf_path, encoding="utf-8", xml_declaration=True)

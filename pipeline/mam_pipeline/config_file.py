@@ -83,8 +83,7 @@ def _fill(base: T, values: Any, where: str, place: str) -> T:
         return values
     if not isinstance(values, Mapping):
         raise ConfigError(
-            f"{place}{where or type(base).__name__} must hold names and values, "
-            f"not {shown(values)}"
+            f"{place}{where or type(base).__name__} must hold names and values, not {shown(values)}"
         )
     hints = typing.get_type_hints(type(base), include_extras=True)
     known = [f.name for f in fields(base)]  # type: ignore[arg-type]

@@ -494,9 +494,7 @@ def _said(error: Mapping[str, Any]) -> str:
     return error["msg"][0].lower() + error["msg"][1:]
 
 
-def _key(
-    kind: Any, document: Document, place: Place, what: str
-) -> ConfigError | InputError:
+def _key(kind: Any, document: Document, place: Place, what: str) -> ConfigError | InputError:
     """The error for a key that is missing, or one too many; the nearest known one is named."""
     *above, key = place
     if what == "missing":
@@ -528,4 +526,3 @@ def _within(kind: Any) -> list[Any]:
     for inner in typing.get_args(kind):
         out += [inner, *_within(inner)]
     return out
-

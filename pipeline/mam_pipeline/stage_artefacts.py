@@ -4,7 +4,6 @@ written, read back and compared with what a person made of them.
 `stage_store` decides when they are used again.
 """
 
-
 from __future__ import annotations
 
 import json
@@ -473,9 +472,7 @@ def load_mesh(path: Path) -> Mesh:
             materials.append(Material(**{**row, "image": image}))
         given = {k: data[k] for k in ("face_material", "face_group", "uv", "colors") if k in data}
         names = tuple(str(n) for n in data["group_names"])
-        return Mesh(
-            data["vertices"], data["faces"], tuple(materials), group_names=names, **given
-        )
+        return Mesh(data["vertices"], data["faces"], tuple(materials), group_names=names, **given)
 
 
 def _fields(value: Any) -> dict[str, Any]:

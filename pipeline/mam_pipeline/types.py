@@ -495,9 +495,7 @@ class Articulation:
         return out
 
 
-def joint_motion(
-    type_: JointType, axis: ArrayLike, origin: ArrayLike, value: float
-) -> FloatArray:
+def joint_motion(type_: JointType, axis: ArrayLike, origin: ArrayLike, value: float) -> FloatArray:
     """(4, 4) rigid motion of a child when its joint moves to `value` (rad or m) from rest.
 
     The frame is that in which `axis` and `origin` are given (the paper's T(x; v, q, phi)).

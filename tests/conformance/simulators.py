@@ -123,8 +123,7 @@ def yourdfpy(asset: Asset) -> Opened:
     parts = [(n, robot.scene.geometry[g], m) for n, m, g in _nodes(robot.scene)]
     out.visuals, out.faces = len(parts), sum(len(g.faces) for _, g, _ in parts)
     out.textured = sum(
-        getattr(getattr(g.visual, "material", None), "image", None) is not None
-        for _, g, _ in parts
+        getattr(getattr(g.visual, "material", None), "image", None) is not None for _, g, _ in parts
     )
     out.visual_boxes = _scene_boxes(robot.scene, out.links)
     out.collision_boxes = _scene_boxes(robot.collision_scene, out.links)

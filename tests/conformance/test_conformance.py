@@ -23,9 +23,7 @@ def references() -> dict[str, Opened]:
 
 
 @pytest.mark.parametrize("simulator", list(READERS))
-@pytest.mark.parametrize(
-    "name", [*(pytest.param(n, marks=pytest.mark.slow) for n in SLOW), *FAST]
-)
+@pytest.mark.parametrize("name", [*(pytest.param(n, marks=pytest.mark.slow) for n in SLOW), *FAST])
 def test_an_asset_is_opened_whole(
     name: str,
     simulator: str,

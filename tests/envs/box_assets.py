@@ -85,9 +85,19 @@ def write_asset(folder: Path, kind: str) -> Path:
     )
     (folder / "object.urdf").write_text(urdf, encoding="utf-8")
     joint = CardJoint(
-        "joint_1", kind_, sub,  # type: ignore[arg-type]
-        "base", "part_1", list(axis), list(origin), 0.0, float(upper),
-        0.0, float(upper), damping=0.5, friction=0.1,
+        "joint_1",
+        kind_,
+        sub,  # type: ignore[arg-type]
+        "base",
+        "part_1",
+        list(axis),
+        list(origin),
+        0.0,
+        float(upper),
+        0.0,
+        float(upper),
+        damping=0.5,
+        friction=0.1,
     )
     card = AssetCard(
         name=f"box_{kind}",
@@ -114,9 +124,7 @@ def write_stack(folder: Path) -> Path:
     (folder / "object.urdf").write_text(urdf.replace("</robot>", upper + "</robot>"), "utf-8")
     card = Asset.load(folder).card
     joint, grasp = card.joints[0], card.grasps[0]
-    second = replace(
-        joint, name="joint_2", parent="base_2", child="part_2", origin=[0.0, 0.0, 0.6]
-    )
+    second = replace(joint, name="joint_2", parent="base_2", child="part_2", origin=[0.0, 0.0, 0.6])
     x, y, z = grasp.position
     held = replace(grasp, joint="joint_2", link="part_2", position=[x, y, z + 0.4])
     replace(

@@ -30,7 +30,7 @@ def _cabinet(path: Path, limit: str = LIMIT) -> Path:
     path.write_text(
         f'<robot name="cabinet"><link name="body">{_shape("0 0 0", "0.4 0.4 0.4")}{INERTIA}</link>'
         f'<link name="door">{_shape("0 -0.2 0", "0.02 0.38 0.38")}'
-        f'{_shape("-0.03 -0.35 0", "0.02 0.02 0.12")}{INERTIA}</link>'
+        f"{_shape('-0.03 -0.35 0', '0.02 0.02 0.12')}{INERTIA}</link>"
         '<joint name="hinge" type="revolute"><parent link="body"/><child link="door"/>'
         f'<origin xyz="-0.215 0.2 0"/><axis xyz="0 0 -1"/>{limit}</joint></robot>'
     )

@@ -262,6 +262,7 @@ def test_a_statement_takes_its_faces_by_material_where_no_group_says() -> None:
 
 def test_collada_nodes_and_copies_speak_as_those_of_gltf_do(tmp_path: Path) -> None:
     """A named node with nameless ones below it, and two nodes that show one geometry."""
+
     def shown(k: int, name: str) -> str:
         return (f'<node id="k{k}"{name}><translate>{40 * k} 0 0</translate>'
                 f'<instance_geometry url="#g">{BIND}</instance_geometry></node>')  # fmt: skip

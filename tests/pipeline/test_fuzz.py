@@ -207,9 +207,7 @@ def test_a_mesh_file_of_any_bytes(
 
 @usual
 @given(seed=st.integers(0, 2**32))
-def test_a_gltf_document_of_any_values(
-    seed: int, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_a_gltf_document_of_any_values(seed: int, tmp_path_factory: pytest.TempPathFactory) -> None:
     file = tmp_path_factory.getbasetemp() / "fuzz.glb"
     data = seeds()[".glb"]
     length = struct.unpack_from("<I", data, 12)[0]

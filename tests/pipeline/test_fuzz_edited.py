@@ -27,6 +27,7 @@ from tests.pipeline.test_fuzz import changed, ours, replaced, two_parts, usual
 def asset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_asset(two_parts(), tmp_path_factory.mktemp("fuzz_asset") / "a", name="a").folder
 
+
 HINTS = {
     "schema": 1, "up": "z", "merge": [[0, 1]], "fixed": [2],
     "parts": [{
@@ -56,9 +57,7 @@ def test_hints_of_any_values(seed: int, tmp_path_factory: pytest.TempPathFactory
 
 @usual
 @given(seed=st.integers(0, 2**32))
-def test_a_configuration_of_any_values(
-    seed: int, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_a_configuration_of_any_values(seed: int, tmp_path_factory: pytest.TempPathFactory) -> None:
     file = tmp_path_factory.getbasetemp() / "config.yaml"
     edited(file, config_file.plain(MakeConfig()), random.Random(seed))
     ours(lambda: config_file.fill(MakeConfig(), config_file.read(file), file).check())

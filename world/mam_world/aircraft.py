@@ -1,7 +1,5 @@
 """Planes, helicopters and drones."""
 
-
-
 from __future__ import annotations
 
 from collections.abc import Callable

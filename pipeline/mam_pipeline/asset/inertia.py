@@ -50,9 +50,7 @@ class MaterialPrior:
 _WOOD = MaterialPrior(
     "particle board", 680.0, 0.016, 0.045, "EN 312 boards, 600 to 750 kg/m3 (datasheets)"
 )
-_STEEL = MaterialPrior(
-    "steel sheet", 7850.0, 0.0008, 0.002, "mild steel (EN 1993-1-1: 7850 kg/m3)"
-)
+_STEEL = MaterialPrior("steel sheet", 7850.0, 0.0008, 0.002, "mild steel (EN 1993-1-1: 7850 kg/m3)")
 _PLASTIC = MaterialPrior("ABS", 1050.0, 0.0025, 0.006, "ABS, 1040 to 1070 kg/m3 (datasheets)")
 _METAL = MaterialPrior(
     "zinc casting", 6600.0, 0.002, 0.012, "zinc alloy ZA-3 (ASTM B86: 6600 kg/m3)"

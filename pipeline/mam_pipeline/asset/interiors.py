@@ -230,9 +230,7 @@ class _Flat:
         rim, wall = self._ledge(outer, inner, 0.0), self._wall(inner, 0.0, depth)
         return concatenate([rim, wall, self.cap(inner, depth)])
 
-    def compartment(
-        self, polygon: Polygon, steps: Sequence[tuple[Polygon, float]]
-    ) -> Triangles:
+    def compartment(self, polygon: Polygon, steps: Sequence[tuple[Polygon, float]]) -> Triangles:
         """A pocket behind the outline, open in front: each step narrows it, down to a depth."""
         out, outer, near = [], polygon, 0.0
         for inner, far in steps:
@@ -240,18 +238,14 @@ class _Flat:
             outer, near = inner, far
         return concatenate([*out, self.cap(outer, near)])
 
-    def _ledge(
-        self, outer: Polygon, inner: Polygon, depth: float
-    ) -> Triangles:
+    def _ledge(self, outer: Polygon, inner: Polygon, depth: float) -> Triangles:
         """The flat ring between two outlines at a depth."""
         ring = trimesh.creation.triangulate_polygon(
             Polygon(outer.exterior, [inner.exterior.coords]), engine="earcut"
         )
         return self.lift(np.asarray(ring[0]), depth), np.asarray(ring[1], dtype=np.int64)
 
-    def drawer(
-        self, polygon: Polygon, front: float, back: float, wall: float
-    ) -> Triangles:
+    def drawer(self, polygon: Polygon, front: float, back: float, wall: float) -> Triangles:
         """Bottom, sides and back boards within the polygon's box; open at the top."""
         low_u, low_v, high_u, high_v = polygon.bounds
         high_v = low_v + _HIGH * (high_v - low_v)

@@ -156,7 +156,12 @@ def _card(
     links = articulation.links
     parts = [
         CardPart(
-            link.name, link.name, link.kind, list(link.primitives), body.mass, handles[link.name],
+            link.name,
+            link.name,
+            link.kind,
+            list(link.primitives),
+            body.mass,
+            handles[link.name],
             body.material,
         )
         for link, body in zip(links, inertials)

@@ -98,9 +98,7 @@ def _solid_field(
     points = (origin + index * pitch).astype(np.float32)
     scene = _scene(mesh)
     chunks = np.array_split(points, max(1, len(points) // 400_000))
-    distance[near] = np.concatenate(
-        [scene.compute_distance(_tensor(c)).numpy() for c in chunks]
-    )
+    distance[near] = np.concatenate([scene.compute_distance(_tensor(c)).numpy() for c in chunks])
     # reach in from the border through wide openings only, then follow the surface closely
     region, _ = ndimage.label(distance > SEAL * pitch)
     sealed_outside = region == region[0, 0, 0]

@@ -201,9 +201,7 @@ def softmax(scores: FloatArray, temperature: float = 1.0) -> FloatArray:
     return np.asarray(z / z.sum())
 
 
-def rank(
-    part: FloatArray, hypotheses: Sequence[Hypothesis], *, fused: bool = False
-) -> Ranking:
+def rank(part: FloatArray, hypotheses: Sequence[Hypothesis], *, fused: bool = False) -> Ranking:
     """Rank one part's hypotheses with the learned model.
 
     Args:

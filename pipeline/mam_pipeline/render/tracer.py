@@ -66,9 +66,7 @@ class Tracer:
         return np.asarray(found.numpy(), dtype=np.bool_)
 
 
-def camera_rays(
-    forward: FloatArray, half: float, width: int, height: int
-) -> FloatArray:
+def camera_rays(forward: FloatArray, half: float, width: int, height: int) -> FloatArray:
     """Unit rays (H * W, 3) of an upright pinhole camera, row by row from the top.
 
     Args:

@@ -110,14 +110,10 @@ def calibrate(
     pose = np.asarray(np.linalg.inv(_matrix(found.x[n : n + 6])), dtype=np.float64)
     matrix, distortion = problem.lens(found.x)
     camera = CameraModel(guess.name, guess.size, matrix, distortion, pose, residual)
-    return Calibration(
-        sign, offset + found.x[:n], spread, camera, problem.seat_of(found.x)
-    )
+    return Calibration(sign, offset + found.x[:n], spread, camera, problem.seat_of(found.x))
 
 
-def _lens(
-    views: Sequence[View], guess: CameraModel
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _lens(views: Sequence[View], guess: CameraModel) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Camera matrix, distortion (5,), and camera_T_board (P, 4, 4) of every view."""
     _, matrix, distortion, turns, shifts = cv2.calibrateCamera(
         [v.corners.astype(np.float32) for v in views], [v.pixels.astype(np.float32) for v in views],

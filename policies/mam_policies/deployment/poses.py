@@ -64,9 +64,7 @@ def board_poses(
     return np.asarray(seen[chosen])
 
 
-def _in_sight(
-    robot: RobotSpec, camera: CameraModel, board: Board, arm: FloatArray
-) -> np.ndarray:
+def _in_sight(robot: RobotSpec, camera: CameraModel, board: Board, arm: FloatArray) -> np.ndarray:
     """(N,) whether all of the board is in the picture and faces the camera."""
     rotation, position, _ = robot.chain.forward(arm)
     seat = board.mount
@@ -87,9 +85,7 @@ def _in_sight(
     return np.asarray(ok & (np.einsum("ni,ni->n", view, turn[:, :, 2]) > SLANT))
 
 
-def _clear(
-    robot: RobotSpec, arm: FloatArray, obstacle: FloatArray, board: Board
-) -> np.ndarray:
+def _clear(robot: RobotSpec, arm: FloatArray, obstacle: FloatArray, board: Board) -> np.ndarray:
     """(N,) whether links, hand and board stay off the ground and the object."""
     if not len(arm):
         return np.zeros(0, dtype=bool)

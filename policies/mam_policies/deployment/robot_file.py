@@ -1,8 +1,8 @@
 """A robot of LeRobot from a YAML file: its `type`, and the fields of that type's configuration.
 
-    type: so101_follower
-    port: /dev/ttyACM0
-    cameras: {front: {type: opencv, index_or_path: 0, width: 1280, height: 720, fps: 30}}
+type: so101_follower
+port: /dev/ttyACM0
+cameras: {front: {type: opencv, index_or_path: 0, width: 1280, height: 720, fps: 30}}
 """
 
 from __future__ import annotations

@@ -39,9 +39,7 @@ class Attempt:
 class Pilot:
     """What runs an episode: a connected arm, a policy, and what perceives for it."""
 
-    def __init__(
-        self, arm: Arm, converter: Converter, perceiver: Perceiver, guard: Guard
-    ) -> None:
+    def __init__(self, arm: Arm, converter: Converter, perceiver: Perceiver, guard: Guard) -> None:
         self.arm, self.converter = arm, converter
         self.perceiver, self.guard = perceiver, guard
         self.names = arm.mapping.names(converter.plan.joints)

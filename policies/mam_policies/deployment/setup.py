@@ -94,9 +94,7 @@ class Twin:
     def with_mapping(self, mapping: JointMapping) -> Twin:
         """With motor values counted by another mapping."""
         scale, offset = mapping.arrays(self.plan.joints)
-        return replace(
-            self, plan=replace(self.plan, scale=scale.tolist(), offset=offset.tolist())
-        )
+        return replace(self, plan=replace(self.plan, scale=scale.tolist(), offset=offset.tolist()))
 
     @property
     def spec(self) -> RobotSpec:

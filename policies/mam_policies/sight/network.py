@@ -42,9 +42,7 @@ class SightNetwork(nn.Module):
     mean: Tensor
     std: Tensor
 
-    def __init__(
-        self, size: tuple[int, int], arm: int, outputs: int, width: int = 32
-    ) -> None:
+    def __init__(self, size: tuple[int, int], arm: int, outputs: int, width: int = 32) -> None:
         """`size`: height and width of the pictures. `arm`: joints that are given along."""
         super().__init__()
         self.sizes = {"size": list(size), "arm": arm, "outputs": outputs, "width": width}

@@ -112,9 +112,10 @@ def batch_of(
     blind = chance(b) < draw.blind
     keep_u, keep_g = torch.ones(b, u, device=device), torch.ones(b, g, device=device)
     if drop:
-        keep_u, keep_g = (chance(b, u) >= draw.left_out).float(), (
-            chance(b, g) >= draw.left_out
-        ).float()
+        keep_u, keep_g = (
+            (chance(b, u) >= draw.left_out).float(),
+            (chance(b, g) >= draw.left_out).float(),
+        )
     for keep, columns in ((keep_u, prior[0]), (keep_g, prior[1])):
         if len(columns):
             keep[:, list(columns)] *= (~blind)[:, None].float()

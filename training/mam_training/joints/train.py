@@ -118,9 +118,7 @@ def fit_kinds(data: Sequence[Example]) -> tuple[Bag, Bag]:
     moving = np.flatnonzero(kind > 0)
     few = [order[i] for i in moving]
     target = (kind[moving] == 1).astype(float)
-    slide = bagged(
-        KIND, lgb.Dataset(x[moving], target, weight=weights(few)), ROUNDS["slides"]
-    )
+    slide = bagged(KIND, lgb.Dataset(x[moving], target, weight=weights(few)), ROUNDS["slides"])
     return moves, slide
 
 
@@ -137,9 +135,7 @@ def fit_side(data: Sequence[Example], revolute: bool, rounds: int) -> Bag | None
     return bagged(BINARY, lgb.Dataset(np.array(x), np.array(y)), rounds)
 
 
-def fit_reach(
-    data: Sequence[Example], revolute: bool, column: int, rounds: int
-) -> Bag | None:
+def fit_reach(data: Sequence[Example], revolute: bool, column: int, rounds: int) -> Bag | None:
     """Travel from rest to open (column 0) or to closed (1), on the part's right hypotheses."""
     x, y = [], []
     for e in data:

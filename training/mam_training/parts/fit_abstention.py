@@ -138,9 +138,7 @@ def found_in(
     views = sampled_views(once, bare, prior, config.seed, config.rules, 1)
     scores = load_scores("fused" if bare.is_fused else "authored")
     masks, choice = decide(views, scores, config.rules)
-    tree = tree_of(
-        views[0], masks, choice, once, bare, config.seed, config.rules, mobility=network
-    )
+    tree = tree_of(views[0], masks, choice, once, bare, config.seed, config.rules, mobility=network)
     return tree, primitives
 
 

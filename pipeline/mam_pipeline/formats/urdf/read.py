@@ -115,7 +115,5 @@ def _bounded(joint: Joint) -> Joint:
     if not np.isfinite(joint.upper - joint.lower):
         return replace(joint, closed=0.0, open=np.pi / 2)
     near_lower = abs(joint.lower) <= abs(joint.upper)
-    closed, opened = (
-        (joint.lower, joint.upper) if near_lower else (joint.upper, joint.lower)
-    )
+    closed, opened = (joint.lower, joint.upper) if near_lower else (joint.upper, joint.lower)
     return replace(joint, closed=closed, open=opened)
