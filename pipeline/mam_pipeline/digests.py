@@ -18,9 +18,14 @@ def file_digest(path: Path) -> str:
         return hashlib.file_digest(handle, "sha256").hexdigest()
 
 
+def bytes_digest(content: bytes) -> str:
+    """SHA-256 of bytes, hex."""
+    return hashlib.sha256(content).hexdigest()
+
+
 def text_digest(text: str) -> str:
     """SHA-256 of a text, hex."""
-    return hashlib.sha256(text.encode()).hexdigest()
+    return bytes_digest(text.encode())
 
 
 def array_digest(array: NDArray[Any]) -> str:

@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 import lzma
 from dataclasses import replace
-from importlib import resources
 
 import numpy as np
 import pytest
@@ -31,6 +30,7 @@ from mam_pipeline.joints.line_features import ANGLES
 from mam_pipeline.joints.slide_features import STEPS
 from mam_pipeline.joints.surroundings import SIBLING_NAMES
 from mam_pipeline.types import IntArray, Mesh
+from mam_pipeline.weights import place_of
 from mam_training.joints.examples import make_examples, of_whole_primitives
 from mam_training.parts.corpus import as_met
 
@@ -74,7 +74,7 @@ def test_the_packaged_weights_fit_the_features() -> None:
 
 
 def test_a_renamed_feature_is_an_error() -> None:
-    file = resources.files("mam_pipeline.joints") / ranker.WEIGHTS
+    file = place_of(ranker.WEIGHTS) / ranker.FILE
     data = json.loads(lzma.decompress(file.read_bytes()))
     data["line_names"][3] = "renamed"
     with pytest.raises(ConfigError, match="other features"):
@@ -82,7 +82,7 @@ def test_a_renamed_feature_is_an_error() -> None:
 
 
 def test_parts_of_fused_meshes_ask_the_boosters_that_know_them() -> None:
-    file = resources.files("mam_pipeline.joints") / ranker.WEIGHTS
+    file = place_of(ranker.WEIGHTS) / ranker.FILE
     data = json.loads(lzma.decompress(file.read_bytes()))
     every, few = ranker.learned(), ranker.learned(fused=True)
     assert every is not None and few is not None

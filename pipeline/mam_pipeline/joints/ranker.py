@@ -11,8 +11,6 @@ import lzma
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
-from importlib import resources
-from importlib.resources.abc import Traversable
 from typing import Any
 
 import numpy as np
@@ -21,9 +19,11 @@ from numpy.typing import NDArray
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.joints.features import LINE_NAMES, PART_NAMES, SLIDE_NAMES, Hypothesis
 from mam_pipeline.types import FloatArray, UsualTravel
+from mam_pipeline.weights import open_weights
 
 KINDS = ("fixed", "slide", "revolute")
-WEIGHTS = "weights/ranker.json.xz"
+WEIGHTS = "joints"
+FILE = "ranker.json.xz"
 _LEAST = (
     "free_30", "free_60", "free_90", "line_part", "line_static", "near_gap", "spin_match",
     "contact_mean", "contact_centred", "free_0", "free_2", "free_4", "contact_normal",
@@ -119,11 +119,6 @@ class Model:
     endless: Any
 
 
-def ranker_weights() -> Traversable:
-    """The file that holds the packaged models."""
-    return resources.files("mam_pipeline.joints") / WEIGHTS
-
-
 @lru_cache(maxsize=2)
 def learned(fused: bool = False) -> Model:
     """The packaged model.
@@ -134,7 +129,8 @@ def learned(fused: bool = False) -> Model:
     Raises:
         ConfigError: the weights were made for other features than the code computes.
     """
-    return unpack(json.loads(lzma.decompress(ranker_weights().read_bytes())), fused)
+    packed = (open_weights(WEIGHTS) / FILE).read_bytes()
+    return unpack(json.loads(lzma.decompress(packed)), fused)
 
 
 def unpack(data: dict[str, Any], fused: bool = False) -> Model:

@@ -25,7 +25,7 @@ from mam_pipeline.joints.estimate import (
 from mam_pipeline.joints.limits import Limits, Surroundings, embedded_limits, paper_limits
 from mam_pipeline.joints.optimise import Method, refine
 from mam_pipeline.joints.paper import initialise, paper_part
-from mam_pipeline.joints.ranker import ranker_weights
+from mam_pipeline.joints.ranker import WEIGHTS
 from mam_pipeline.joints.straight import turned_joint
 from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.segment.topology import without_repeats
@@ -41,6 +41,7 @@ from mam_pipeline.types import (
     Primitives,
     RangeBasis,
 )
+from mam_pipeline.weights import place_of
 
 SHOWN = 6  # hypotheses that the report shows
 
@@ -63,7 +64,7 @@ class EmbeddedSolver:
     @classmethod
     def weights(cls) -> list[Traversable]:
         """Those of the joint ranker."""
-        return [ranker_weights()]
+        return [place_of(WEIGHTS)]
 
     def with_rules(self, rules: Rules) -> Self:
         """See `rules.Ruled`."""

@@ -13,8 +13,6 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from importlib import resources
-from importlib.resources.abc import Traversable
 from typing import Any
 
 import numpy as np
@@ -24,7 +22,9 @@ from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.joints.estimate import Estimate, JointEstimator
 from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.types import FloatArray, KinematicTree, Mesh, PartNode, Primitives
+from mam_pipeline.weights import open_weights
 
+WEIGHTS = "parts/abstention"
 SIGNS = ("value", "confidence", "sure", "stays", "free", "alike", "best", "moving")
 
 
@@ -66,13 +66,8 @@ class Bar:
 @lru_cache(maxsize=1)
 def load_bar() -> Bar:
     """The fitted bar of this package."""
-    said = json.loads((bar_weights() / "abstention.json").read_text(encoding="utf-8"))
+    said = json.loads((open_weights(WEIGHTS) / "abstention.json").read_text(encoding="utf-8"))
     return Bar(said["bias"], said["weights"], said["least"], said["fused"], said["others"])
-
-
-def bar_weights() -> Traversable:
-    """Where the fit lies."""
-    return resources.files("mam_pipeline.parts") / "weights" / "abstention"
 
 
 def abstained(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from importlib import resources
 from importlib.resources.abc import Traversable
 
 import numpy as np
@@ -18,7 +17,8 @@ from scipy.special import expit
 from mam_pipeline.backends import Availability, KinematicPrior
 from mam_pipeline.evidence.spec import NOTHING, KinematicSpec
 from mam_pipeline.geometry.sampling import SEED_STEP
-from mam_pipeline.joints.ranker import ranker_weights
+from mam_pipeline.joints import ranker
+from mam_pipeline.parts import abstain, mobility_network
 from mam_pipeline.parts.abstain import abstained
 from mam_pipeline.parts.configurations import enumerate_sets, set_features
 from mam_pipeline.parts.features import pair_features, primitive_features
@@ -32,7 +32,7 @@ from mam_pipeline.parts.rules.bare_handles import with_boards
 from mam_pipeline.parts.rules.choice import lighter, nearest, with_sure, with_twins
 from mam_pipeline.parts.rules.extent import completed, without_spanning
 from mam_pipeline.parts.said import Heard, against_physics, with_masks
-from mam_pipeline.parts.scores import Kind, Scores, load_scores
+from mam_pipeline.parts.scores import WEIGHTS, Kind, Scores, load_scores
 from mam_pipeline.parts.select import SELECTION
 from mam_pipeline.parts.settle import settled
 from mam_pipeline.parts.tree import SUBTYPES, Choice, build_tree, clear_from, named, with_base
@@ -41,6 +41,7 @@ from mam_pipeline.prior.probe import Probe
 from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import FloatArray, KinematicTree, Mesh, Primitives
+from mam_pipeline.weights import place_of
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,8 @@ class EmbeddedReasoner:
     @classmethod
     def weights(cls) -> list[Traversable]:
         """Its own scores, and the joint ranker's, whom it asks."""
-        return [resources.files("mam_pipeline.parts") / "weights", ranker_weights()]
+        bar = (abstain.WEIGHTS, mobility_network.WEIGHTS)
+        return [place_of(room) for room in (*WEIGHTS.values(), *bar, ranker.WEIGHTS)]
 
     def with_rules(self, rules: Rules) -> EmbeddedReasoner:
         """See `rules.Ruled`."""
@@ -127,6 +129,8 @@ def tree_of(
     tree = settled(tree, mesh, primitives, clear_from(graph, tree, rules), seed, rules)
     if len(tree.nodes) < 2:
         return tree
+    if mobility is None and not rules.abstain:
+        return tree  # nothing is withheld, so nobody asks how likely its parts are
     moving = (mobility or load_mobility()).moving(graph, view.prior)
     told = 0 if heard is None else heard.told
     return abstained(tree, mesh, primitives, moving, seed, rules, told)

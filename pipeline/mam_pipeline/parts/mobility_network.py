@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib import resources
 from importlib.resources.abc import Traversable
 from io import BytesIO
 
@@ -24,8 +23,10 @@ from mam_pipeline.parts.features import Table, pair_features, primitive_features
 from mam_pipeline.parts.graph import Graph
 from mam_pipeline.parts.network import gelu, normalised
 from mam_pipeline.types import FloatArray
+from mam_pipeline.weights import open_weights
 
 Array = NDArray[np.float32]
+WEIGHTS = "parts/mobility"
 
 
 @dataclass(frozen=True)
@@ -174,15 +175,10 @@ def filled(found: Table, names: tuple[str, ...]) -> Array:
     return out
 
 
-def mobility_weights() -> Traversable:
-    """Where the weights lie."""
-    return resources.files("mam_pipeline.parts") / "weights" / "mobility"
-
-
 @lru_cache(maxsize=1)
 def load_mobility() -> MobilityNetwork:
     """The network of this package."""
-    return read_mobility(mobility_weights() / "network.npz")
+    return read_mobility(open_weights(WEIGHTS) / "network.npz")
 
 
 def read_mobility(file: Traversable) -> MobilityNetwork:

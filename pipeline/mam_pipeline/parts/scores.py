@@ -10,8 +10,6 @@ import gzip
 import json
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from importlib import resources
-from importlib.resources.abc import Traversable
 from typing import Any, Literal
 
 import numpy as np
@@ -21,8 +19,10 @@ from mam_pipeline.parts.features import Table
 from mam_pipeline.parts.graph import Graph
 from mam_pipeline.parts.network import Network, Reading, load_network, read
 from mam_pipeline.types import FloatArray
+from mam_pipeline.weights import open_weights
 
 Kind = Literal["authored", "fused"]
+WEIGHTS: dict[Kind, str] = {"authored": "parts/authored", "fused": "parts/fused"}
 MODELS = ("same", "move", "value", "revise", "subtype", "choose")
 
 
@@ -100,7 +100,7 @@ def load_scores(kind: Kind = "authored") -> Scores:
     """
     import lightgbm
 
-    folder = _folder(kind)
+    folder = open_weights(WEIGHTS[kind])
     settings = json.loads((folder / "settings.json").read_text(encoding="utf-8"))
     members = []
     for member in settings["members"]:
@@ -113,7 +113,3 @@ def load_scores(kind: Kind = "authored") -> Scores:
         members.append(boosters)
     networks = [load_network(folder / f"{n}.npz") for n in settings.get("networks", ())]
     return Scores(members, settings, networks)
-
-
-def _folder(kind: Kind) -> Traversable:
-    return resources.files("mam_pipeline.parts") / "weights" / kind

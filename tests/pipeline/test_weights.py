@@ -1,0 +1,49 @@
+"""Where weights lie, what stands in for them, and what their manifests say."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from mam_pipeline import weights
+from mam_pipeline.errors import ConfigError
+from mam_pipeline.parts import mobility_network
+
+ROOM = mobility_network.WEIGHTS
+
+
+def test_a_folder_stands_in_for_the_rooms_that_it_holds_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = weights.place_of(ROOM)
+    (tmp_path / "joints").mkdir()
+    monkeypatch.setenv(weights.VARIABLE, str(tmp_path))
+    assert weights.place_of("joints") == tmp_path / "joints"
+    assert weights.place_of(ROOM) == own
+    monkeypatch.setenv(weights.VARIABLE, str(tmp_path / "nowhere"))
+    with pytest.raises(ConfigError, match="names no folder of weights"):
+        weights.place_of(ROOM)
+
+
+def test_manifests_say_the_sources_of_the_training_objects(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (mobility,) = weights.learned([ROOM])
+    assert "generated" in mobility.trained_on and mobility.room == ROOM
+    (tmp_path / ROOM).mkdir(parents=True)
+    monkeypatch.setenv(weights.VARIABLE, str(tmp_path))
+    with pytest.raises(ConfigError, match="have no manifest"):
+        weights.learned([ROOM])
+    (tmp_path / ROOM / weights.MANIFEST).write_text(json.dumps({"reproducible": True}))
+    with pytest.raises(ConfigError, match="does not say `trained_on`"):
+        weights.learned([ROOM])
+
+
+def test_what_was_read_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(weights, "_read", set())
+    assert weights.weights_read() == ()
+    mobility_network.load_mobility.cache_clear()
+    mobility_network.load_mobility()
+    assert weights.weights_read() == (ROOM,)
