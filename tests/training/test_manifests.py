@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +12,7 @@ import pytest
 import mam_pipeline
 from mam_pipeline import config_file
 from mam_pipeline.errors import ConfigError
-from mam_training import manifest
+from mam_training import manifest, publish
 from mam_training.articulation.train import NetworkTraining
 from mam_training.command import configured
 from mam_training.joints.train import JointTraining
@@ -55,7 +57,7 @@ class Recipe:
 def test_a_manifest_tells_what_was_changed_since(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("trees")
     data = {"rows": 2, "sha256": manifest.data_digest([b"1", b"2"])}
-    manifest.write(tmp_path, "python -m trainer recipe.yaml", Recipe(), {"seed": 0}, data)
+    manifest.write(tmp_path, "python -m t recipe.yaml", Recipe(), {"seed": 0}, data, ["generated"])
     assert manifest.faults(tmp_path) == []
     (tmp_path / "a.txt").write_text("other trees")
     (tmp_path / "b.txt").write_text("more")
@@ -85,3 +87,48 @@ def test_flags_go_over_a_recipe_and_unknown_keys_are_errors(tmp_path: Path) -> N
     file.write_text("round: 5\n")
     with pytest.raises(ConfigError, match="did you mean 'rounds'"):
         configured(Recipe(), [str(file)])
+
+
+def made_weights(folder: Path, code: str) -> Path:
+    """A folder of weights with a manifest that says which code made it."""
+    folder.mkdir(parents=True)
+    (folder / "model.txt").write_text("trees")
+    data = {"rows": 1, "sha256": manifest.data_digest([b"1"])}
+    file = manifest.write(folder, "python -m t", Recipe(), {"seed": 0}, data, ["generated"])
+    kept = json.loads(file.read_text())
+    file.write_text(json.dumps({**kept, "code": code}))
+    return folder
+
+
+def test_what_is_published_takes_the_place_of_the_old_weights_whole(tmp_path: Path) -> None:
+    made_weights(tmp_path / "build" / "parts" / "mobility", "abc1234")
+    old = publish.published_place("parts/mobility", tmp_path / "package")
+    old.mkdir(parents=True)
+    (old / "old.txt").write_text("gone afterwards")
+    assert publish.rooms_of(tmp_path / "build") == ["parts/mobility"]
+    publish.publish(tmp_path / "build", ["parts/mobility"], tmp_path / "package")
+    assert sorted(p.name for p in old.iterdir()) == [manifest.NAME, "model.txt"]
+    assert manifest.faults(old) == []
+
+
+@pytest.mark.parametrize("code", ["abc1234-dirty", "unknown"])
+def test_weights_of_code_that_is_no_commit_are_refused(tmp_path: Path, code: str) -> None:
+    made_weights(tmp_path / "build" / "joints", code)
+    with pytest.raises(ConfigError, match="is no commit; commit, then train again: python -m t"):
+        publish.publish(tmp_path / "build", ["joints"], tmp_path / "package")
+    assert not (tmp_path / "package").exists()
+
+
+def test_a_working_tree_with_changes_publishes_nothing(tmp_path: Path) -> None:
+    subprocess.run(["git", "init", "-q", str(tmp_path)], check=True)
+    publish.check_tree(tmp_path)
+    (tmp_path / "changed.py").write_text("")
+    with pytest.raises(ConfigError, match=r"clean working tree only, here is: .*changed\.py"):
+        publish.check_tree(tmp_path)
+
+
+@pytest.mark.parametrize("name", TRAINERS)
+def test_no_trainer_writes_into_the_package_by_itself(name: str) -> None:
+    out = TRAINERS[name]().out
+    assert out.parts[:2] == ("build", "weights")
+    assert publish.published_place("/".join(out.parts[2:])).is_dir()

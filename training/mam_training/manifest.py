@@ -1,8 +1,8 @@
 """What made a folder of weights: `manifest.json`, written beside them by the trainer.
 
-A manifest holds the command, the config, the seeds, a digest of the training data, the code's
-version, the versions of the libraries and a digest of every file. Weights that no command makes
-again say so: `reproducible` is false, and `why` tells what is known of them.
+A manifest holds the command, the config, the seeds, the sources of the training data and its
+digest, the code's version, the versions of the libraries and a digest of every file. Weights that
+no command makes again say so: `reproducible` is false, and `why` tells what is known of them.
 """
 
 from __future__ import annotations
@@ -11,14 +11,16 @@ import hashlib
 import json
 import os
 import subprocess
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from mam_pipeline import config_file
+from mam_pipeline.weights import MANIFEST as NAME
 
-NAME = "manifest.json"
+UNKNOWN = "unknown"  # code outside git
+DIRTY = "-dirty"  # ending of code with changes that are in no commit
 LIBRARIES = ("numpy", "scipy", "lightgbm", "scikit-learn", "torch", "opencv-python-headless")
 
 
@@ -36,13 +38,16 @@ def data_digest(pieces: Iterable[bytes]) -> str:
 
 
 def write(
-    folder: Path, command: str, config: Any, seeds: Mapping[str, int], data: Mapping[str, Any]
-) -> Path:
+    folder: Path, command: str, config: Any, seeds: Mapping[str, int], data: Mapping[str, Any],
+    trained_on: Sequence[str],
+) -> Path:  # fmt: skip
     """Write the manifest of all files in a folder of weights that were just made.
 
     Args:
         command: that makes them again, as one would type it. config: a dataclass, resolved.
         data: what they were trained on: numbers, and its `sha256`.
+        trained_on: the sources of that data (`sources.GENERATED`, names of datasets); results on
+            a source say by it whether a model had seen it.
     """
     said = {
         "reproducible": True,
@@ -50,6 +55,7 @@ def write(
         "config": _told(config),
         "seeds": dict(seeds),
         "data": dict(data),
+        "trained_on": list(trained_on),
         "code": code_version(),
         "libraries": library_versions(),
         "files": {p.name: file_digest(p) for p in _files(folder)},
@@ -83,6 +89,8 @@ def faults(folder: Path) -> list[str]:
         out += [f"{path} does not say its {key}" for key in needed if not said.get(key)]
     elif not said.get("why"):
         out.append(f"{path} says neither how to make the weights again nor why that cannot be done")
+    if not said.get("trained_on"):
+        out.append(f"{path} does not say its trained_on")
     listed = said.get("files", {})
     there = {p.name: p for p in _files(folder)}
     out += [f"{path} names {n}, which is not there" for n in listed if n not in there]
@@ -108,10 +116,10 @@ def library_versions() -> dict[str, str]:
 def code_version() -> str:
     """The commit of the code, with "-dirty" where files differ from it; "unknown" outside git."""
     found = subprocess.run(
-        ["git", "describe", "--always", "--dirty"],
+        ["git", "describe", "--always", f"--dirty={DIRTY}"],
         capture_output=True, text=True, check=False, cwd=Path(__file__).parent,
     )  # fmt: skip
-    return found.stdout.strip() or "unknown"
+    return found.stdout.strip() or UNKNOWN
 
 
 def _files(folder: Path) -> list[Path]:

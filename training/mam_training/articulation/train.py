@@ -25,7 +25,6 @@ import numpy as np
 from numpy.typing import NDArray
 from safetensors.torch import load_file, save_file
 
-import mam_pipeline.parts
 from mam_pipeline.ground_truth import list_objects, read_object
 from mam_pipeline.parts.mobility_network import MobilityNetwork, read_mobility
 from mam_pipeline.types import FloatArray
@@ -49,10 +48,9 @@ from mam_training.articulation.model import Shape
 from mam_training.articulation.publish import publish
 from mam_training.command import configured
 from mam_training.parts.recipe import jobs
-from mam_training.sources import OTHERS
+from mam_training.sources import GENERATED, OTHERS
 from mam_world.splits import iterate_motionless
 
-WEIGHTS = Path(mam_pipeline.parts.__file__).parent / "weights" / "mobility"
 PRIOR = ("mobility", "affinity")  # columns whose names hold these come from the kinematic prior
 WORLD = "world"
 
@@ -91,7 +89,7 @@ class NetworkTraining:
     """Of the weights and the order."""
     cache: Path = Path("build/network")
     """Folder that keeps the measured objects, the corpus and the trained networks."""
-    out: Path = WEIGHTS
+    out: Path = Path("build/weights/parts/mobility")
     """Folder that gets the network and a manifest."""
 
 
@@ -128,6 +126,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         {"objects": len(corpus), "of other sources": int((corpus.source > 0).sum()),
          "share of the surface that a network without the source judges rightly": scores,
          "sha256": manifest.data_digest([file.read_bytes()])},
+        [GENERATED, *(folder.name for folder in config.others)],
     )  # fmt: skip
 
 

@@ -24,15 +24,15 @@ import lightgbm as lgb
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-import mam_pipeline.joints
 from mam_pipeline.joints.features import LINE_NAMES, PART_NAMES, SLIDE_NAMES
-from mam_pipeline.joints.ranker import WEIGHTS, Bag, kind_features, model_rows, softmax
+from mam_pipeline.joints.ranker import FILE, Bag, kind_features, model_rows, softmax
 from mam_pipeline.types import FloatArray
 from mam_training import manifest
 from mam_training.command import configured
 from mam_training.joints.examples import Example, cached_examples
 from mam_training.parts.recipe import blocky, jobs, loose
 from mam_training.parts.train import lean
+from mam_training.sources import GENERATED
 
 COMMON = {"verbosity": -1, "num_threads": 1, "seed": 0, "deterministic": True,
           "force_row_wise": True, "feature_fraction": 0.4, "bagging_fraction": 0.7,
@@ -45,8 +45,6 @@ BINARY = {**COMMON, "objective": "binary", "num_leaves": 7, "learning_rate": 0.0
 REACH = {**COMMON, "objective": "l1", "num_leaves": 7, "learning_rate": 0.05}
 FOLDS = 3
 BAGS = 3
-WEIGHTS_FOLDER = Path(mam_pipeline.joints.__file__).parent / Path(WEIGHTS).parent
-FILE = Path(WEIGHTS).name
 ROUNDS = {"line": 442, "slide": 272, "moves": 595, "slides": 595}
 
 
@@ -261,7 +259,7 @@ class JointTraining:
     """Share of those that are not fused that is built of blocks."""
     cache: Path = Path("build/joint_examples")
     """Folder that keeps measured examples."""
-    out: Path = WEIGHTS_FOLDER
+    out: Path = Path("build/weights/joints")
     """Folder that the weights and their manifest are written to."""
 
 
@@ -297,6 +295,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         {"lightgbm": int(str(COMMON["seed"]))},
         {"parts": len(train), "validation parts": len(check),
          "sha256": manifest.data_digest(e.name.encode() + e.part.tobytes() for e in train)},
+        [GENERATED],
     )  # fmt: skip
     from mam_pipeline.joints import ranker
 

@@ -25,14 +25,13 @@ from numpy.typing import NDArray
 from scipy import optimize
 from scipy.special import expit
 
-import mam_pipeline.parts
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.make_config import EngineConfig
 from mam_pipeline.metrics import reliability, rigid_parts
 from mam_pipeline.parts.abstain import SIGNS, Bar
 from mam_pipeline.parts.embedded import decide, sampled_views, tree_of
-from mam_pipeline.parts.mobility_network import MobilityNetwork, read_mobility
+from mam_pipeline.parts.mobility_network import MobilityNetwork, load_mobility, read_mobility
 from mam_pipeline.parts.scores import load_scores
 from mam_pipeline.rules import ALL_RULES
 from mam_pipeline.segment.topology import without_repeats
@@ -40,7 +39,7 @@ from mam_pipeline.stages import Stages
 from mam_pipeline.types import KinematicTree, Mesh, Primitives
 from mam_training import manifest
 from mam_training.command import configured
-from mam_training.sources import OTHERS
+from mam_training.sources import GENERATED, OTHERS
 from mam_world.object import generator
 from mam_world.registry import CATEGORIES, motionless
 from mam_world.splits import MOTIONLESS_TEST_ONLY, TEST_ONLY, VALIDATION_ONLY
@@ -48,7 +47,6 @@ from mam_world.style import draw_style
 from mam_world.truth import generated_truth
 
 Array = NDArray[np.float64]
-WEIGHTS = Path(mam_pipeline.parts.__file__).parent / "weights" / "abstention"
 # signs whose direction is known beforehand: few objects must not turn it round
 KNOWN = {"value": 1, "confidence": 1, "sure": 1, "stays": -1, "free": 1, "alike": 1, "best": 1,
          "moving": 1}  # fmt: skip
@@ -83,7 +81,7 @@ class AbstentionTraining:
     """Rows that were collected, which are read again."""
     most: int | None = 300
     """Generated objects in all, the first of a mixed order; None: all."""
-    out: Path = WEIGHTS
+    out: Path = Path("build/weights/parts/abstention")
     """Folder that the fit and its manifest are written to."""
 
 
@@ -138,7 +136,8 @@ def found_in(
     views = sampled_views(once, bare, prior, config.seed, config.rules, 1)
     scores = load_scores("fused" if bare.is_fused else "authored")
     masks, choice = decide(views, scores, config.rules)
-    tree = tree_of(views[0], masks, choice, once, bare, config.seed, config.rules, mobility=network)
+    asked = network or load_mobility()
+    tree = tree_of(views[0], masks, choice, once, bare, config.seed, config.rules, mobility=asked)
     return tree, primitives
 
 
@@ -291,6 +290,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         {"objects": len(rows), "of other sources": sum("seed" not in r for r in rows),
          "kinds without joints": len(motionless()),
          "sha256": manifest.data_digest(json.dumps(r, sort_keys=True).encode() for r in rows)},
+        [GENERATED, *(folder.name for folder in config.others)],
     )  # fmt: skip
     print(json.dumps({**asdict(config), **kept["record"]}, indent=1, default=str))
 

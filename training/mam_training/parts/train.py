@@ -31,7 +31,7 @@ from typing import Any
 import lightgbm
 import numpy as np
 
-import mam_pipeline.parts
+from mam_pipeline import folders
 from mam_pipeline.parts.configurations import enumerate_sets, set_features
 from mam_pipeline.parts.embedded import View, decide
 from mam_pipeline.parts.features import Table, pair_features, primitive_features
@@ -54,6 +54,7 @@ from mam_training.parts.views import (
     some_rows,
     widen,
 )
+from mam_training.sources import GENERATED
 
 OVERLAP: dict[str, Any] = {"objective": "cross_entropy"}
 TYPES: dict[str, Any] = {"objective": "multiclass", "num_class": 3}
@@ -70,7 +71,6 @@ SETS, ROUNDS = 28, 250  # sets of one example that train the set model, and its 
 AUTHORED_SETTINGS = {"promise": 0.5, "least": 0.35}
 FUSED_SETTINGS = {"promise": 1.5}
 HISTORY = ("split_gain=", "internal_", "leaf_weight=", "leaf_count=", "tree_sizes=")
-WEIGHTS = Path(mam_pipeline.parts.__file__).with_name("weights")
 PARTED = 0.6  # fused examples whose primitives hold the parts worse teach what cannot be seen
 
 
@@ -296,9 +296,16 @@ def finish(
         tag = f"validation_{'with' if with_prior else 'without'}_prior"
         for name, rows in (("", ~fused), ("_fused", fused)):
             settings[tag + name] = result[rows].mean(axis=0).round(4).tolist() if rows.any() else []
-    out.mkdir(parents=True, exist_ok=True)
-    for old in (*out.glob("*.txt.gz"), *out.glob("*.npz")):
-        old.unlink()
+    with folders.new_folder(out) as work:
+        write_models(work, settings, members, networks)
+    print(json.dumps({k: v for k, v in settings.items() if k != "calibration"}))
+
+
+def write_models(
+    out: Path, settings: dict[str, Any], members: list[dict[str, Any]],
+    networks: list[dict[str, Any]],
+) -> None:  # fmt: skip
+    """Write settings, networks and members as `mam_pipeline.parts.scores` reads them."""
     for name, weights in zip(settings["networks"], networks):
         np.savez_compressed(out / f"{name}.npz", **weights)
     for member, models in zip(settings["members"], members):
@@ -307,7 +314,6 @@ def finish(
             with gzip.GzipFile(out / f"{member}_{name}.txt.gz", "wb", mtime=0) as stream:
                 stream.write(text)
     (out / "settings.json").write_text(json.dumps(settings, indent=1), encoding="utf-8")
-    print(json.dumps({k: v for k, v in settings.items() if k != "calibration"}))
 
 
 @dataclass(frozen=True)
@@ -334,7 +340,7 @@ class PartsTraining:
     """Where the networks are trained: cpu or cuda."""
     cache: Path = Path("build/part_examples")
     """Folder that keeps measured examples."""
-    out: Path = WEIGHTS
+    out: Path = Path("build/weights/parts")
     """Folder that gets the weights and a manifest, in authored/ and fused/."""
 
 
@@ -370,6 +376,7 @@ def _told(folder: Path, config: PartsTraining, examples: list[Path]) -> None:
         {"draws": 0, "networks": len(_halves([])), "lightgbm": int(COMMON["seed"])},
         {"examples": len(examples),
          "sha256": manifest.data_digest(p.name.encode() + p.read_bytes() for p in examples)},
+        [GENERATED],
     )  # fmt: skip
 
 

@@ -24,7 +24,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-import mam_pipeline.photo
 from mam_pipeline.photo.camera import FACES
 from mam_pipeline.photo.confidence import TOPICS, evidence
 from mam_pipeline.photo.find import find_object
@@ -36,12 +35,12 @@ from mam_pipeline.photo.verdict import read_again
 from mam_training import manifest
 from mam_training.command import configured
 from mam_training.photo.marked_photos import views
+from mam_training.sources import GENERATED
 from mam_world.photos.painted_photo import paint_photo
 
 Array = NDArray[np.float64]
 PAINTED = "painted"
 SAME = 0.75  # IoU with the true front from which a box is right
-WEIGHTS = Path(mam_pipeline.photo.__file__).parent / "weights" / "confidence"
 GOAL = {"cuboid": (0.97, 0.95), "panels": (0.97, 0.95), "handles": (0.97, 0.9)}
 """Share of what is called high, and at least medium, that is right. Nothing is made of panels that
 are not at least medium: theirs is the share that decides how much is silently wrong."""
@@ -129,7 +128,7 @@ class ConfidenceTraining:
     """Of these."""
     cache: Path = Path("build/photo_confidence.jsonl")
     """Rows that were collected, which are read again."""
-    out: Path = WEIGHTS
+    out: Path = Path("build/weights/photo/confidence")
     """Folder that the fit and its manifest are written to."""
 
 
@@ -150,6 +149,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         {"views": 7, "painted": config.seed},
         {"views": len(rows),
          "sha256": manifest.data_digest(json.dumps(r, sort_keys=True).encode() for r in rows)},
+        [GENERATED, config.photos.name],
     )  # fmt: skip
     for topic, made in kept["topics"].items():
         print(topic, "high from", made["high"], "medium from", made["medium"], made["record"])

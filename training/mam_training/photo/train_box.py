@@ -26,6 +26,7 @@ from mam_pipeline.photo.network import STRIDE, nearest_shape
 from mam_training import manifest
 from mam_training.command import configured
 from mam_training.photo.network_model import Network, NetworkTraining, save, trained
+from mam_training.sources import GENERATED
 from mam_world.photos.painted_photo import PaintedPhoto, paint_photo
 
 Array = NDArray[np.float32]
@@ -39,7 +40,7 @@ SPREADS = (-6.0, 1.0)
 class BoxTraining(NetworkTraining):
     """What the box network is trained on, and where it goes."""
 
-    out: Path = WEIGHTS.parent
+    out: Path = Path("build/weights/photo/box")
     """Folder that the weights and their manifest are written to."""
 
 
@@ -114,6 +115,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         config,
         {"photos": config.seed},
         data_of(config),
+        [GENERATED, "imagenet"],
     )
 
 

@@ -27,6 +27,7 @@ from mam_pipeline.photo.network import STRIDE, nearest_shape
 from mam_training import manifest
 from mam_training.command import configured
 from mam_training.photo.network_model import Network, NetworkTraining, save, trained
+from mam_training.sources import GENERATED
 from mam_world.photos.painted_front import PaintedFront, paint_front
 from mam_world.photos.synthetic_photo import LEVELS, synthesise
 
@@ -47,7 +48,7 @@ class FrontTraining(NetworkTraining):
     """Their first seed."""
     share: float = 0.2
     """Of the fronts that come from rendered photos."""
-    out: Path = WEIGHTS.parent
+    out: Path = Path("build/weights/photo/front")
     """Folder that the weights and their manifest are written to."""
 
 
@@ -196,6 +197,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         config,
         {"fronts": config.seed, "photos": config.first},
         data_of(config),
+        [GENERATED, "imagenet"],
     )
 
 
