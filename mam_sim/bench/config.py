@@ -25,7 +25,8 @@ class BenchConfig:
     faces: Annotated[int, Range(100, 3_000_000)] = 60_000
     """With --fuse: triangles of the surface."""
     named: bool = False
-    """Generated objects only: give their nodes names, half of them without sense or false."""
+    """Show the engine names of nodes: a file's links by theirs; of generated objects half without
+    sense or false. Without it no name is shown."""
     word: bool = False
     """Tell the engine the object's category in words, where its vocabulary has them."""
     counts: bool = False

@@ -26,6 +26,7 @@ from mam_pipeline.metrics import FoundJoint, JointScore, Scores, score
 from mam_pipeline.models import settings
 from mam_pipeline.stages import articulate_mesh
 from mam_pipeline.types import Articulation
+from mam_pipeline.weights import VARIABLE, noting
 from mam_sim.bench.config import BenchConfig
 
 GENERATED = "generated:"
@@ -43,13 +44,15 @@ class Task:
     source: str
     seed: int = -1
 
-    def load(self) -> GroundTruth:
-        """Read or generate the truth."""
+    def load(self, named: bool = False) -> GroundTruth:
+        """Read or generate the truth, its nodes with names or without."""
         if self.seed >= 0:
+            from mam_world.named import with_names
             from mam_world.truth import generated_truth
 
-            return generated_truth(self.category, self.seed)
-        return read_object(self.source, self.id, self.category)
+            truth = generated_truth(self.category, self.seed)
+            return with_names(truth) if named else truth
+        return read_object(self.source, self.id, self.category, named)
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,7 @@ class Record:
         bound: mIoU that a perfect grouping of the primitives would reach; None without them.
         executable: all clauses of the check hold; None if not tested.
         reasons: reason codes of the check.
+        weights: the rooms whose weights were read (`mam_pipeline.weights`).
     """
 
     id: str
@@ -78,6 +82,7 @@ class Record:
     executable: bool | None = None
     reasons: tuple[str, ...] = ()
     used: dict[str, str] = field(default_factory=dict)
+    weights: tuple[str, ...] = ()
 
 
 def find_tasks(dataset: str, only: Sequence[str] = (), limit: int | None = None) -> list[Task]:
@@ -109,9 +114,7 @@ def run_task(task: Task, config: BenchConfig) -> Record:
     """Run the engine on one object and score it; a failure becomes a record too."""
     from mam_pipeline.asset.interiors import add_interiors
 
-    truth = task.load()
-    if config.named:
-        truth = _with_names(truth, task)
+    truth = task.load(config.named)
     spec = _spec(truth, config)
     mesh = truth.mesh
     if config.fuse:
@@ -119,9 +122,11 @@ def run_task(task: Task, config: BenchConfig) -> Record:
 
         mesh = fuse_mesh(mesh, config.resolution, config.noise, faces=config.faces)
     status, why, found, run = "ok", "", None, None
+    rooms: set[str] = set()
     began = time.perf_counter()
     try:
-        with settings.given({**config.models.settings(), settings.SUBJECT: task.id}):
+        subject = {**config.models.settings(), settings.SUBJECT: task.id}
+        with settings.given(subject), noting() as rooms:
             run = articulate_mesh(mesh, config=config.engine, spec=spec)
         found, _ = add_interiors(run.articulation)  # as the asset is delivered
     except HintNeeded as error:
@@ -154,16 +159,8 @@ def run_task(task: Task, config: BenchConfig) -> Record:
         executable=executable,
         reasons=reasons,
         used={} if run is None else dict(run.used),
+        weights=tuple(sorted(rooms)),
     )
-
-
-def _with_names(truth: GroundTruth, task: Task) -> GroundTruth:
-    """The same object with names on its nodes."""
-    if task.seed < 0:
-        raise ConfigError(f"--named is for generated objects, not for {task.source}")
-    from mam_world.named import with_names
-
-    return with_names(truth)
 
 
 def _spec(truth: GroundTruth, config: BenchConfig) -> KinematicSpec:
@@ -287,14 +284,17 @@ def record_from(data: dict[str, Any]) -> Record:
     scores = dict(data["scores"])
     scores["joints"] = tuple(JointScore(**j) for j in scores["joints"])
     scores["found"] = tuple(FoundJoint(**j) for j in scores["found"])
-    rest = {k: v for k, v in data.items() if k not in ("scores", "reasons")}
-    return Record(**rest, scores=Scores(**scores), reasons=tuple(data["reasons"]))
+    lists = {k: tuple(data.get(k, ())) for k in ("reasons", "weights")}
+    rest = {k: v for k, v in data.items() if k != "scores" and k not in lists}
+    return Record(**rest, **lists, scores=Scores(**scores))
 
 
 def task_key(task: Task, config: BenchConfig) -> str:
-    """Digest of the object's files, the config, the engine's code and a folder's answers."""
+    """Digest of the object's files, the config, engine and weights, and a folder's answers."""
     digest = hashlib.sha256(repr((task, config)).encode())
     digest.update(engine_digest().encode())
+    if os.environ.get(VARIABLE):
+        digest.update(_tree_digest(Path(os.environ[VARIABLE])))
     with settings.given({**config.models.settings(), settings.SUBJECT: task.id}):
         for role in ("prior", "reasoner"):
             name = backends.resolved(role, getattr(config.engine, role))
@@ -305,18 +305,21 @@ def task_key(task: Task, config: BenchConfig) -> str:
     return digest.hexdigest()[:24]
 
 
-@cache
 def engine_digest() -> str:
     """Digest of all code and weights of the pipeline package that the engine may use."""
     import mam_pipeline
 
-    root = Path(mam_pipeline.__file__).parent
+    return _tree_digest(Path(mam_pipeline.__file__).parent).hex()
+
+
+@cache
+def _tree_digest(root: Path) -> bytes:
     digest = hashlib.sha256()
     for file in sorted(root.rglob("*")):
         inside = file.relative_to(root)
         if file.suffix in _CODE and inside.parts[0] not in _NOT_ENGINE:
             digest.update(str(inside).encode() + file.read_bytes())
-    return digest.hexdigest()
+    return digest.digest()
 
 
 def _results(tasks: list[Task], config: BenchConfig, jobs: int) -> Iterator[Record]:

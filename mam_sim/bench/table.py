@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,9 @@ from rich.table import Table
 
 from mam_pipeline.config_file import plain
 from mam_pipeline.metrics import reliability
+from mam_pipeline.weights import learned
 from mam_sim.bench.config import BenchConfig
-from mam_sim.bench.runner import Record
+from mam_sim.bench.runner import GENERATED, Record
 
 
 @dataclass(frozen=True)
@@ -191,10 +193,38 @@ def calibration_line(records: Sequence[Record]) -> str:
     return f"confidence of a joint: share that is right: {bins}; calibration error {said['error']}"
 
 
+def models_of(records: Sequence[Record], dataset: str) -> dict[str, Any]:
+    """The weights that some records came from, and what they were trained on.
+
+    Returns:
+        weights: one entry per room; unseen: whether none of them was trained on the dataset, by
+        the name of its folder; None where objects are generated.
+    """
+    found = learned(sorted({room for r in records for room in r.weights}))
+    name = Path(dataset).resolve().name
+    generated = dataset.startswith(GENERATED)
+    return {
+        "weights": [asdict(one) for one in found],
+        "unseen": None if generated else all(name not in one.trained_on for one in found),
+    }
+
+
+def seen_line(models: Mapping[str, Any], dataset: str) -> str:
+    """What `models_of` says, in words; empty for generated objects."""
+    if models["unseen"] is None:
+        return ""
+    name = Path(dataset).resolve().name
+    seen = [w["room"] for w in models["weights"] if name in w["trained_on"]]
+    if seen:
+        return f"models: {', '.join(seen)} were trained on {name}: these figures are too good"
+    return f"models: none was trained on {name}"
+
+
 def as_json(records: Sequence[Record], dataset: str, config: BenchConfig) -> dict[str, Any]:
     """Everything as plain data; numbers the paper does not print are null."""
     return {
         "dataset": dataset,
+        "models": models_of(records, dataset),
         "config": {"bench": plain(config)},
         "total": _plain(summarise("total", records)) if records else None,
         "interval": [_plain(r) for r in intervals(records)] if records else None,

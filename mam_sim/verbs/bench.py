@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +16,7 @@ from mam_pipeline.edited import Count
 from mam_pipeline.errors import ConfigError, HintNeeded
 from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.models.settings import given
+from mam_pipeline.weights import standing_in
 from mam_sim.bench.config import BenchConfig
 from mam_sim.console import Screen
 from mam_sim.options import Verb, settings
@@ -38,6 +40,8 @@ class Bench(Verb):
     """At most this many objects (generated: 50 unless told)."""
     jobs: Count = 1
     """Processes."""
+    weights: Path | None = None
+    """Folder of weights that stand in for the packaged ones: `parts/mobility` and so on."""
     bench: Annotated[BenchConfig, OmitArgPrefixes] = field(default_factory=BenchConfig)
     json: bool = False
     """Print the result as JSON instead of tables."""
@@ -50,13 +54,15 @@ class Bench(Verb):
             raise ConfigError("--reasoner vlm needs --jobs 1: the cost cap is kept in one process")
         self.bench.engine.check()
         screen = Screen(self.quiet)
-        with given(self.bench.models.settings()), one_ledger() as ledger:
+        with (
+            given(self.bench.models.settings()), standing_in(self.weights), one_ledger() as ledger
+        ):  # fmt: skip
             records = self._records(screen)
+            data = as_json(records, self.dataset, self.bench)
         waiting = [r for r in records if r.status == "asked"]
         if waiting:
             more = f"{len(waiting)} of {len(records)} objects wait for an answer"
             raise HintNeeded(f"{more}; first: {waiting[0].why}")
-        data = as_json(records, self.dataset, self.bench)
         if self.out is not None:
             folders.write_text(self.out, json.dumps(data, indent=1) + "\n")
             config_file.save(settings(self), self.out.with_suffix(".yaml"))
@@ -65,7 +71,7 @@ class Bench(Verb):
             return 0
         if ledger.summary():
             screen.say(f"asked: {ledger.summary()}")
-        self._tables(screen, records)
+        self._tables(screen, records, data["models"])
         return 0
 
     def _records(self, screen: Screen) -> list[Record]:
@@ -91,7 +97,9 @@ class Bench(Verb):
                 for record in run_bench(tasks, config, log, self.jobs, done)
             ]
 
-    def _tables(self, screen: Screen, records: list[Record]) -> None:
+    def _tables(
+        self, screen: Screen, records: list[Record], models: Mapping[str, Any]
+    ) -> None:  # fmt: skip
         from mam_sim.bench import table
 
         screen.out.width = max(screen.out.width, 136)  # the table must not lose digits in a pipe
@@ -103,5 +111,6 @@ class Bench(Verb):
         lines = (table.review_line, table.calibration_line, table.motionless_line)
         for said in filter(None, (line(records) for line in lines)):
             screen.out.print(said)
+        screen.out.print(table.seen_line(models, self.dataset))
         if self.out is not None:
             print(f"wrote {self.out}")

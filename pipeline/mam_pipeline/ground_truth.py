@@ -70,10 +70,15 @@ def list_objects(dataset: str | Path) -> list[tuple[str, str, Path]]:
     return [(name, categories.get(name, "unknown"), found[name]) for name in sorted(found)]
 
 
-def read_object(urdf: str | Path, name: str = "", category: str = "unknown") -> GroundTruth:
+def read_object(
+    urdf: str | Path, name: str = "", category: str = "unknown", named: bool = False
+) -> GroundTruth:
     """Read one URDF with its meshes as ground truth.
 
     Which links are bodies and how each moves is the URDF reader's rule (`UrdfTree.joint`).
+
+    Args:
+        named: whether `mesh` has a node for every link, by the link's name; else it has no names.
 
     Raises:
         InputError: not a URDF, or it has no surface at all.
@@ -86,7 +91,9 @@ def read_object(urdf: str | Path, name: str = "", category: str = "unknown") -> 
     if not surfaces:
         raise InputError(f"{path} shows no surface: none of its links has a readable visual")
     bodies = tree.bodies(surfaces)
-    mesh, face_link = _merge(surfaces, tree, bodies, name)
+    mesh, face_link, source = _merge(surfaces, tree, bodies, name)
+    if named:
+        mesh = replace(mesh, face_group=source, group_names=tuple(surfaces))
     links = tuple(
         Link("base" if i == 0 else f"link_{i}", "body", np.flatnonzero(face_link == i))
         for i in range(len(bodies))
@@ -108,13 +115,17 @@ def _categories(manifest: Path) -> dict[str, str]:
 
 def _merge(
     surfaces: Mapping[str, Triangles], tree: UrdfTree, bodies: Mapping[str, int], name: str
-) -> tuple[Mesh, IntArray]:
+) -> tuple[Mesh, IntArray, IntArray]:
+    """The mesh, the body of every face, and which of `surfaces` it is of."""
     placed: list[Triangles] = []
     owner: list[IntArray] = []
-    for link, (points, corners) in surfaces.items():
+    source: list[IntArray] = []
+    for k, (link, (points, corners)) in enumerate(surfaces.items()):
         frame = tree.frames[link]
         placed.append((points @ frame[:3, :3].T + frame[:3, 3], corners))
         owner.append(np.full(len(corners), bodies[tree.carrier(link)], dtype=np.int64))
+        source.append(np.full(len(corners), k, dtype=np.int64))
     vertices, faces = concatenate(placed)
     order = np.random.default_rng(zlib.crc32(name.encode())).permutation(len(faces))
-    return Mesh(vertices, faces[order]), np.concatenate(owner)[order]
+    mesh = Mesh(vertices, faces[order])
+    return mesh, np.concatenate(owner)[order], np.concatenate(source)[order]

@@ -10,18 +10,23 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
+from functools import cache
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
+from typing import Any, TypeVar, cast
 
 from mam_pipeline.digests import bytes_digest
 from mam_pipeline.errors import ConfigError
 
 VARIABLE = "MAM_SIM_WEIGHTS"
 MANIFEST = "manifest.json"
-_read: set[str] = set()
+T = TypeVar("T")
+_asked: ContextVar[set[str] | None] = ContextVar("asked", default=None)
 
 
 @dataclass(frozen=True)
@@ -60,15 +65,47 @@ def place_of(room: str) -> Traversable:
     return folder / rest if rest else folder
 
 
-def open_weights(room: str) -> Traversable:
-    """The same folder, of which the caller is about to read: `weights_read` names it from now."""
-    _read.add(room)
-    return place_of(room)
+@contextmanager
+def standing_in(folder: Path | None) -> Iterator[None]:
+    """Inside, the weights of a folder stand in for the packaged ones; None: as it was."""
+    old = os.environ.get(VARIABLE)
+    try:
+        if folder is not None:
+            os.environ[VARIABLE] = str(folder.resolve())
+        yield
+    finally:
+        if folder is not None:
+            os.environ.pop(VARIABLE)
+            if old is not None:
+                os.environ[VARIABLE] = old
 
 
-def weights_read() -> tuple[str, ...]:
-    """Rooms whose weights this process has read so far, sorted."""
-    return tuple(sorted(_read))
+@contextmanager
+def noting() -> Iterator[set[str]]:
+    """The rooms whose weights are asked inside, also those that were read before."""
+    rooms: set[str] = set()
+    token = _asked.set(rooms)
+    try:
+        yield rooms
+    finally:
+        _asked.reset(token)
+
+
+def loaded(room: str, read: Callable[..., T], *options: Any) -> T:
+    """What a function makes of a room's weights; it is kept for the next time.
+
+    Args:
+        read: a function of a module, of the folder and the options.
+    """
+    rooms = _asked.get()
+    if rooms is not None:
+        rooms.add(room)
+    return cast(T, _kept(read, place_of(room), *options))
+
+
+@cache
+def _kept(read: Callable[..., Any], place: Traversable, *options: Any) -> Any:
+    return read(place, *options)
 
 
 def learned(rooms: Sequence[str]) -> list[Learned]:

@@ -22,8 +22,10 @@ from mam_sim.bench.table import (
     by_category,
     calibration,
     intervals,
+    models_of,
     motionless_line,
     review_line,
+    seen_line,
     summarise,
 )
 from mam_sim.cli import main
@@ -85,6 +87,33 @@ def test_faces_are_shuffled_the_same_way_each_time(dataset: Path) -> None:
     b = read_object(dataset / "thing" / "object.urdf")
     assert (a.mesh.faces == b.mesh.faces).all()
     assert (np.diff(a.face_link) != 0).sum() > 2
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_no_name_is_shown_unless_it_is_asked_for(dataset: Path) -> None:
+    hidden = read_object(dataset / "thing" / "object.urdf")
+    assert hidden.mesh.group_names == ("mesh",) and not np.any(hidden.mesh.face_group)
+    (task,) = find_tasks(str(dataset))
+    shown = task.load(named=True)
+    assert shown.mesh.group_names == ("body", "door", "knob")
+    assert (shown.mesh.faces == hidden.mesh.faces).all()
+    door = shown.mesh.submesh(shown.mesh.face_group == 1)
+    assert np.allclose(door.bounds, [[-0.5, -0.53, 0.5], [0.5, -0.51, 1.5]])
+
+
+def test_a_result_says_whether_a_model_was_trained_on_its_objects(dataset: Path) -> None:
+    truth = read_object(dataset / "thing" / "object.urdf")
+    scores = score(truth.truth_articulation(), truth)
+    rooms = ("parts/authored", "parts/mobility")
+    record = Record("a", "b", "k", "ok", "", scores, 1.0, {}, 1, 1, None, weights=rooms)
+    models = models_of([record], str(dataset))
+    assert [w["room"] for w in models["weights"]] == list(rooms) and models["unseen"] is True
+    assert seen_line(models, str(dataset)) == "models: none was trained on set"
+    source = next(s for s in models["weights"][1]["trained_on"] if s != "generated")
+    models = models_of([record], f"somewhere/{source}")
+    assert models["unseen"] is False
+    assert seen_line(models, source).startswith("models: parts/mobility were trained on")
+    assert models_of([record], "generated:test")["unseen"] is None
 
 
 def test_listing(dataset: Path, tmp_path: Path) -> None:

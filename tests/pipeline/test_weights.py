@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib.resources.abc import Traversable
 from pathlib import Path
 
 import pytest
@@ -41,9 +42,23 @@ def test_manifests_say_the_sources_of_the_training_objects(
         weights.learned([ROOM])
 
 
-def test_what_was_read_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(weights, "_read", set())
-    assert weights.weights_read() == ()
-    mobility_network.load_mobility.cache_clear()
+def test_rooms_that_are_asked_are_noted_each_time() -> None:
     mobility_network.load_mobility()
-    assert weights.weights_read() == (ROOM,)
+    for _ in range(2):
+        with weights.noting() as asked:
+            mobility_network.load_mobility()
+        assert asked == {ROOM}
+    with weights.noting() as asked:
+        pass
+    assert asked == set()
+
+
+def test_what_stands_in_is_read_afresh(tmp_path: Path) -> None:
+    def content(folder: Traversable) -> list[str]:
+        return sorted(entry.name for entry in folder.iterdir())
+
+    own = weights.loaded(ROOM, content)
+    (tmp_path / ROOM).mkdir(parents=True)
+    with weights.standing_in(tmp_path):
+        assert weights.loaded(ROOM, content) == []
+    assert weights.loaded(ROOM, content) == own != []

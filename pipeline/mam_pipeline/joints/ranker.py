@@ -10,7 +10,7 @@ import json
 import lzma
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
+from importlib.resources.abc import Traversable
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.joints.features import LINE_NAMES, PART_NAMES, SLIDE_NAMES, Hypothesis
 from mam_pipeline.types import FloatArray, UsualTravel
-from mam_pipeline.weights import open_weights
+from mam_pipeline.weights import loaded
 
 KINDS = ("fixed", "slide", "revolute")
 WEIGHTS = "joints"
@@ -119,9 +119,8 @@ class Model:
     endless: Any
 
 
-@lru_cache(maxsize=2)
 def learned(fused: bool = False) -> Model:
-    """The packaged model.
+    """The trained model.
 
     Args:
         fused: the one for parts of fused meshes.
@@ -129,8 +128,11 @@ def learned(fused: bool = False) -> Model:
     Raises:
         ConfigError: the weights were made for other features than the code computes.
     """
-    packed = (open_weights(WEIGHTS) / FILE).read_bytes()
-    return unpack(json.loads(lzma.decompress(packed)), fused)
+    return loaded(WEIGHTS, _read_model, fused)
+
+
+def _read_model(folder: Traversable, fused: bool) -> Model:
+    return unpack(json.loads(lzma.decompress((folder / FILE).read_bytes())), fused)
 
 
 def unpack(data: dict[str, Any], fused: bool = False) -> Model:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from importlib.resources.abc import Traversable
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.joints.estimate import Estimate, JointEstimator
 from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.types import FloatArray, KinematicTree, Mesh, PartNode, Primitives
-from mam_pipeline.weights import open_weights
+from mam_pipeline.weights import loaded
 
 WEIGHTS = "parts/abstention"
 SIGNS = ("value", "confidence", "sure", "stays", "free", "alike", "best", "moving")
@@ -63,10 +63,13 @@ class Bar:
         return float(expit(total + more))
 
 
-@lru_cache(maxsize=1)
 def load_bar() -> Bar:
-    """The fitted bar of this package."""
-    said = json.loads((open_weights(WEIGHTS) / "abstention.json").read_text(encoding="utf-8"))
+    """The fitted bar."""
+    return loaded(WEIGHTS, _read_bar)
+
+
+def _read_bar(folder: Traversable) -> Bar:
+    said = json.loads((folder / "abstention.json").read_text(encoding="utf-8"))
     return Bar(said["bias"], said["weights"], said["least"], said["fused"], said["others"])
 
 

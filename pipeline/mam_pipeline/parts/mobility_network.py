@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from importlib.resources.abc import Traversable
 from io import BytesIO
 
@@ -23,7 +22,7 @@ from mam_pipeline.parts.features import Table, pair_features, primitive_features
 from mam_pipeline.parts.graph import Graph
 from mam_pipeline.parts.network import gelu, normalised
 from mam_pipeline.types import FloatArray
-from mam_pipeline.weights import open_weights
+from mam_pipeline.weights import loaded
 
 Array = NDArray[np.float32]
 WEIGHTS = "parts/mobility"
@@ -175,10 +174,13 @@ def filled(found: Table, names: tuple[str, ...]) -> Array:
     return out
 
 
-@lru_cache(maxsize=1)
 def load_mobility() -> MobilityNetwork:
-    """The network of this package."""
-    return read_mobility(open_weights(WEIGHTS) / "network.npz")
+    """The trained network."""
+    return loaded(WEIGHTS, _read_network)
+
+
+def _read_network(folder: Traversable) -> MobilityNetwork:
+    return read_mobility(folder / "network.npz")
 
 
 def read_mobility(file: Traversable) -> MobilityNetwork:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import gzip
 import json
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from importlib.resources.abc import Traversable
 from typing import Any, Literal
 
 import numpy as np
@@ -19,7 +19,7 @@ from mam_pipeline.parts.features import Table
 from mam_pipeline.parts.graph import Graph
 from mam_pipeline.parts.network import Network, Reading, load_network, read
 from mam_pipeline.types import FloatArray
-from mam_pipeline.weights import open_weights
+from mam_pipeline.weights import loaded
 
 Kind = Literal["authored", "fused"]
 WEIGHTS: dict[Kind, str] = {"authored": "parts/authored", "fused": "parts/fused"}
@@ -91,16 +91,18 @@ class Scores:
         return out
 
 
-@lru_cache(maxsize=2)
 def load_scores(kind: Kind = "authored") -> Scores:
-    """The scores of this package.
+    """The trained scores.
 
     Args:
         kind: "authored" for meshes of separate pieces, "fused" for one surface (`Graph.is_fused`).
     """
+    return loaded(WEIGHTS[kind], _read_scores)
+
+
+def _read_scores(folder: Traversable) -> Scores:
     import lightgbm
 
-    folder = open_weights(WEIGHTS[kind])
     settings = json.loads((folder / "settings.json").read_text(encoding="utf-8"))
     members = []
     for member in settings["members"]:

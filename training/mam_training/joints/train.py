@@ -27,6 +27,7 @@ from scipy.optimize import minimize_scalar
 from mam_pipeline.joints.features import LINE_NAMES, PART_NAMES, SLIDE_NAMES
 from mam_pipeline.joints.ranker import FILE, Bag, kind_features, model_rows, softmax
 from mam_pipeline.types import FloatArray
+from mam_pipeline.weights import standing_in
 from mam_training import manifest
 from mam_training.command import configured
 from mam_training.joints.examples import Example, cached_examples
@@ -297,10 +298,8 @@ def main(argv: Sequence[str] | None = None) -> None:
          "sha256": manifest.data_digest(e.name.encode() + e.part.tobytes() for e in train)},
         [GENERATED],
     )  # fmt: skip
-    from mam_pipeline.joints import ranker
-
-    ranker.learned.cache_clear()
-    print(json.dumps({"train": len(train), "validation": report(check)}, indent=1))
+    with standing_in(config.out.parent):
+        print(json.dumps({"train": len(train), "validation": report(check)}, indent=1))
 
 
 if __name__ == "__main__":
