@@ -35,7 +35,8 @@ class Train(Verb):
     out: Path
     """The run folder to write; the same command goes on where a killed one was."""
     split: Annotated[float, Range(0, 1, above=True)] | None = None
-    """Share of the assets to train on; mam-sim eval --held-out tries the others."""
+    """Share of the assets to train on; mam-sim eval --held-out tries all others, and counts those
+    that the arm cannot operate."""
     algo: str = "bc"
     """Algorithm: bc clones the scripted expert (minutes); ppo and sac learn from reward; act,
     diffusion and smolvla are LeRobot's own, trained by it on the expert's demonstrations; or the
@@ -91,7 +92,7 @@ class Train(Verb):
         ROBOTS.check(self.robot)
         learner = algorithm(self.algo)
         screen = Screen(self.quiet or self.json)
-        assets, held_out = self._assets(screen)
+        assets, divided = self._assets(screen)
         choice = EnvChoice(
             assets, self.joint, self.task, self.robot, learner.control_mode, self.max_steps,
             self.env,
@@ -107,23 +108,25 @@ class Train(Verb):
                 folders.remove_if_empty(self.out)
             raise
         config_file.save(settings(self), self.out / "config.yaml")
-        if held_out:
-            text = json.dumps({"train": assets, "held_out": held_out}, indent=1)
-            folders.write_text(self.out / "split.json", text + "\n")
+        if divided:
+            folders.write_text(self.out / "split.json", json.dumps(divided, indent=1) + "\n")
         result: dict[str, Any] = {"run": str(self.out), "algo": self.algo, **info.results}
         if self.test:
             result["evaluation"] = self._evaluate(screen)
         if self.json:
             screen.json(result)
         screen.say(f"run:     {self.out}")
-        if held_out:
+        if divided:
             screen.say(f"next:    mam-sim eval {self.out} --held-out --episodes 10")
         else:
             screen.say(f"next:    mam-sim eval {self.out} --episodes 100 --video")
         return 0
 
-    def _assets(self, screen: Screen) -> tuple[tuple[str, ...], list[str]]:
-        """Assets to train on, and those held out; of several, what the arm cannot do is left out.
+    def _assets(self, screen: Screen) -> tuple[tuple[str, ...], dict[str, list[str]]]:
+        """Assets to train on, of several without those that the arm cannot operate.
+
+        With a split also its lists: train, refused (of those to train on) and held_out, which no
+        one has looked at: the evaluation tells which of them the arm cannot operate.
 
         Raises:
             MamSimError: of the first asset, where the arm can do none.
@@ -136,21 +139,27 @@ class Train(Verb):
         for folder in found:
             Asset.load(folder)
         if len(found) == 1 and self.split is None:
-            return (str(found[0]),), []
-        fit, errors = [], []
-        for folder in found:
+            return (str(found[0]),), {}
+        wanted, test = found, []
+        if self.split is not None:
+            wanted, test = split(found, self.split, self.train.seed)
+        fit, refused, errors = [], [], []
+        for folder in wanted:
             try:
                 arrange(folder, self.joint, self.task, robot_spec(self.robot), "auto", self.env)
-                fit.append(folder)
+                fit.append(str(folder))
             except MamSimError as error:
                 errors.append(error)
+                refused.append(str(folder))
                 screen.say(f"left out: {error}")
         if not fit:
             raise errors[0]
+        if errors:
+            screen.say(f"left out: {len(errors)} of {len(wanted)} assets to train on")
         if self.split is None:
-            return tuple(map(str, fit)), []
-        train, test = split(fit, self.split, self.train.seed)
-        return tuple(map(str, train)), [str(f) for f in test]
+            return tuple(fit), {}
+        held_out = [str(folder) for folder in test]
+        return tuple(fit), {"train": fit, "refused": refused, "held_out": held_out}
 
     def _evaluate(self, screen: Screen) -> dict[str, Any]:
         """Success at unseen seeds, also written into the run folder."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -135,4 +136,14 @@ def write_stack(folder: Path) -> Path:
         grasps=[grasp, held],
         bounds=[[-0.25, -0.18, 0.0], [0.18, 0.18, 0.8]],
     ).save(folder)
+    return folder
+
+
+def without_range(folder: Path) -> Path:
+    """Take nearly all of its range from the joint of a drawer asset: no arm can operate it."""
+    card = json.loads((folder / "asset.json").read_text())
+    card["joints"][0] |= {"upper": 0.0001, "open": 0.0001}
+    (folder / "asset.json").write_text(json.dumps(card))
+    urdf = folder / "object.urdf"
+    urdf.write_text(urdf.read_text().replace('upper="0.25"', 'upper="0.0001"'))
     return folder

@@ -11,6 +11,7 @@ import pytest
 from mam_pipeline.errors import ConfigError, InputError
 from mam_sim.asset_list import asset_folders, split
 from mam_sim.cli import main
+from tests.envs.box_assets import without_range
 
 
 def test_folders_stand_for_the_assets_in_them(drawer: Path, door: Path, tmp_path: Path) -> None:
@@ -37,12 +38,7 @@ def test_refused_assets_are_rows(
     drawer: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shutil.copytree(drawer, tmp_path / "good")
-    shutil.copytree(drawer, tmp_path / "still")
-    card = json.loads((tmp_path / "still" / "asset.json").read_text())
-    card["joints"][0] |= {"upper": 0.0001, "open": 0.0001}
-    (tmp_path / "still" / "asset.json").write_text(json.dumps(card))
-    urdf = tmp_path / "still" / "object.urdf"
-    urdf.write_text(urdf.read_text().replace('upper="0.25"', 'upper="0.0001"'))
+    without_range(shutil.copytree(drawer, tmp_path / "still"))
     command = ["eval", "--expert", "--episodes", "1", "--json"]
     assert main([*command, "--asset", str(tmp_path)]) == 0
     found = json.loads(capsys.readouterr().out)

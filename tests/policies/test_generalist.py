@@ -10,7 +10,7 @@ import pytest
 from mam_policies.mlp import MlpPolicy
 from mam_policies.run import RunInfo
 from mam_sim.cli import main
-from tests.envs.box_assets import write_asset
+from tests.envs.box_assets import without_range, write_asset
 
 pytestmark = pytest.mark.slow  # the simulator runs
 
@@ -23,16 +23,22 @@ def test_a_policy_over_several_objects_is_tried_on_one_that_it_has_not_seen(
     for name, source in (("a", drawer), ("b", two_drawers)):
         (folder / name).symlink_to(source)
     write_asset(folder / "c", "drawer")
+    without_range(write_asset(folder / "d", "drawer"))  # refused, and counted
     command = ["train", str(folder), "--split", "0.67", "--env.observation.articulation"]
     small = ["--episodes", "2", "--epochs", "1", "--rounds", "1", "--round-episodes", "1"]
     assert main([*command, *small, "--test", "0", "--out", str(run)]) == 0
     split = json.loads((run / "split.json").read_text())
-    assert len(split["train"]) == 2 and len(split["held_out"]) == 1
+    # the split is made before anything is refused, so that no object is missing
+    assert len(split["train"]) + len(split["refused"]) + len(split["held_out"]) == 4
+    refused = [Path(f).name for key in ("refused", "held_out") for f in split[key]]
+    assert "d" in refused and "d" not in {Path(f).name for f in split["train"]}
     rows = {name: start for name, start, *_ in RunInfo.load(run).observation}
     marks = MlpPolicy.load(run).marks
     assert marks == [start for name, start in rows.items() if "posture_" in name] != []
     capsys.readouterr()
     assert main(["eval", str(run), "--held-out", "--episodes", "1", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert [r["asset"] for r in found["results"]] == [Path(split["held_out"][0]).name]
-    assert found["total"]["episodes"] == 1
+    held_out = [Path(f).name for f in split["held_out"]]
+    assert [r["asset"] for r in found["results"]] == held_out
+    assert found["total"]["refused"] == ("d" in held_out)
+    assert found["total"]["episodes"] == len(held_out) - ("d" in held_out)
