@@ -1,4 +1,4 @@
-"""Sweet Home 3D's furniture as a ground-truth dataset: real objects that nothing was trained on.
+"""Sweet Home 3D's furniture as a ground-truth dataset: furniture whose joints are known.
 
     python benchmarks/sweet_home_dataset.py FOLDER [--packages FOLDER_OF_DEBS]
     mam-sim bench FOLDER [--fuse]

@@ -33,7 +33,22 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 def _results(name: str) -> str:
     table = results_page.load(name)
     origins = results_page.origins(table).replace("\n", "\n    ")
-    return f'{results_page.figures(table)}\n\n??? note "How it was measured"\n\n    {origins}\n'
+    past = [row for row in table["rows"] if results_page.before_rule(table, row)]
+    now = [row for row in table["rows"] if row not in past]
+    parts = [_figures(table, now)] if now else []
+    if past:
+        rule = past[0].get("rule", table.get("rule"))["name"]
+        rows = results_page.figures(table, past, marked=False).replace("\n", "\n    ")
+        parts.append(f'??? warning "Measured {rule}: {len(past)} rows"\n\n    {rows}')
+    return "\n\n".join([*parts, f'??? note "How it was measured"\n\n    {origins}']) + "\n"
+
+
+def _figures(table: dict[str, Any], rows: list[dict[str, Any]]) -> str:
+    """Some rows of a table; a mark that all of them have is said once."""
+    marks = {results_page.state(table, row).value for row in rows if row["commit"]}
+    mark = marks.pop() if len(marks) == 1 else ""
+    figures = results_page.figures(table, rows, marked=not mark)
+    return f"*All rows: {mark}.*\n\n{figures}" if mark else figures
 
 
 def _reasons() -> str:

@@ -63,28 +63,6 @@ def test_the_readme_is_short_and_has_the_present_table() -> None:
     assert results_page.readme(text.replace("| 37 real objects |", "| 38 |")) == text
 
 
-def test_engine_rows_take_the_mean_of_bench_files(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(results_page, "RESULTS", tmp_path)
-    row = {"id": "seeds", "name": "n", "values": {}, "command": "c", "commit": "old", "machine": ""}
-    table = {"title": "t", "columns": {"mIoU": ".2f", "executable": ".0%"}, "rows": [row]}
-    (tmp_path / "engine.json").write_text(json.dumps(table))
-    for name, miou, executable in (("a", 0.8, None), ("b", 0.9, 1.0)):
-        total = {"miou": miou, "executable": executable}
-        (tmp_path / f"{name}.json").write_text(json.dumps({"total": total}))
-    files = f"{tmp_path / 'a.json'},{tmp_path / 'b.json'}"
-    results_page.take_engine([f"seeds={files}"], "new", "2 cores")
-    got = results_page.load("engine")
-    assert got["rows"][0]["values"] | {} == {
-        **dict.fromkeys(results_page.FIELDS), "mIoU": 0.85, "executable": 1.0
-    }  # fmt: skip
-    assert got["rows"][0]["commit"] == "new"
-    assert results_page.figures(got).splitlines()[-1] == "| n | 0.85 | 100 % |"
-    with pytest.raises(SystemExit, match="rows: seeds"):
-        results_page.take_engine(["fuse=x.json"], "new", "2 cores")
-
-
 @pytest.mark.slow
 def test_the_notebook_runs(tmp_path: Path) -> None:
     cells = json.loads((ROOT / "examples" / "first_environment.ipynb").read_text())["cells"]

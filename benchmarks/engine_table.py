@@ -1,0 +1,232 @@
+"""Measures the engine's table: every source of real objects, by models that never saw it.
+
+    python benchmarks/engine_table.py ../shared/bench build                  # all, and the README
+    python benchmarks/engine_table.py ../shared/bench build --only kitchen dev
+
+A source is a folder of ground-truth URDFs below one of the folders given. It is judged by the
+shipped models where none of them was trained on it (their manifests say so), else by those of
+`--left-out FOLDER/SOURCE` (`mam-sim bench --weights`), else with nothing withheld, if that asks no
+model that saw it. Where the shipped models saw a source, a second row has their figures too.
+
+Rows go to docs/results/engine.json as each is done, with the commit, what every model was trained
+on, and the paths they depend on, which must have no changes. Figures are means over the objects
+in which something moves; `false joints` counts the others.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import code_state
+import results_page
+import tyro
+
+import mam_pipeline
+from mam_pipeline.weights import MANIFEST
+from mam_sim.bench.runner import Record, record_from
+from mam_sim.bench.table import Row, summarise
+
+TABLE = "engine"
+COLUMNS = {
+    "mIoU": "miou", "count": "count", "type error": "type_error", "axis (rad)": "axis",
+    "pivot": "pivot", "executable": "executable", "s": "median_seconds",
+}  # fmt: skip
+"""Column of the table: field of the bench's total."""
+NOTHING_WITHHELD = ("--no-abstain",)
+"""Flags under which no part is withheld: the models that decide that are not asked."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A row of the table.
+
+    Attributes:
+        id: of the row. name: what the row says. source: folder of its objects.
+        flags: of `mam-sim bench`. shipped: measured with the shipped models even where they saw
+            the source; else a row of models that did not. readme: shown there.
+    """
+
+    id: str
+    name: str
+    source: str
+    flags: tuple[str, ...] = ()
+    shipped: bool = False
+    readme: bool = False
+
+
+NAMES = {
+    "kitchen": "kitchen objects that nobody tuned on",
+    "dev": "objects from robot simulators",
+    "sweet_home": "pieces of furniture (Sweet Home 3D)",
+    "scene_synthesizer": "objects of scene-synthesizer",
+}  # fmt: skip
+"""What a source is, by its folder."""
+
+
+def wanted_rows() -> tuple[Wanted, ...]:
+    """All rows, in the order of the table."""
+    rows = [Wanted(k, name, k, readme=True) for k, name in NAMES.items()]
+    rows += [
+        Wanted(f"{k}-shipped", name, k, shipped=True, readme=True)
+        for k, name in NAMES.items() if k != "kitchen"
+    ]  # fmt: skip
+    for source in ("kitchen", "dev"):
+        name = NAMES[source]
+        rows.append(Wanted(f"{source}-named", f"{name}, names shown", source, ("--named",)))
+        rows.append(Wanted(f"{source}-fused", f"{name}, fused", source, ("--fuse",)))
+    paper = {"the paper's initialisation alone": "init",
+             "the paper's optimisation (Levenberg–Marquardt)": "lm"}  # fmt: skip
+    for words, solver in paper.items():
+        flags = ("--solver", solver)
+        rows.append(Wanted(f"dev-{solver}", f"{NAMES['dev']}, {words}", "dev", flags))
+    rows.append(Wanted(
+        "dev-no-prior", f"{NAMES['dev']}, without the kinematic prior", "dev", ("--prior", "none")
+    ))  # fmt: skip
+    return tuple(rows)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What one run of the bench gave: its records, its models, and the command."""
+
+    records: tuple[Record, ...]
+    models: dict[str, Any]
+    command: str
+
+    @property
+    def unseen(self) -> bool:
+        """Whether no model was trained on the source."""
+        return bool(self.models["unseen"])
+
+
+def measure(folder: Path, flags: Sequence[str], jobs: int, log: Path) -> Measured:
+    """Run `mam-sim bench` on a folder; a run that was cut short goes on."""
+    said = ["mam-sim", "bench", folder.name.upper(), *flags]
+    words = [str(folder), *flags, "--jobs", str(jobs), "--out", str(log), "--quiet"]
+    subprocess.run([sys.executable, "-m", "mam_sim.cli", "bench", *words], check=True,
+                   stdout=subprocess.DEVNULL)  # fmt: skip
+    data = json.loads(log.read_text(encoding="utf-8"))
+    records = tuple(record_from(record) for record in data["objects"])
+    return Measured(records, data["models"], " ".join(said))
+
+
+def attempts(wanted: Wanted, left_out: Path | None) -> Iterator[tuple[str, ...]]:
+    """Flags of the runs that may give a row, the first best."""
+    if wanted.shipped or not shipped_saw(wanted.source):
+        yield wanted.flags
+    if wanted.shipped:
+        return
+    if left_out is not None and (left_out / wanted.source).is_dir():
+        yield (*wanted.flags, "--weights", str(left_out / wanted.source))
+    yield (*wanted.flags, *NOTHING_WITHHELD)
+
+
+def shipped_saw(source: str) -> bool:
+    """Whether some shipped model of the engine was trained on a source."""
+    package = Path(mam_pipeline.__file__).parent
+    manifests = [p for wing in ("parts", "joints") for p in package.glob(f"{wing}/**/{MANIFEST}")]
+    return any(source in json.loads(p.read_text())["trained_on"] for p in manifests)
+
+
+def row_of(wanted: Wanted, found: Measured, commit: str) -> dict[str, Any]:
+    """The row of the table."""
+    moving = [r for r in found.records if r.scores.true_parts > 0]
+    still = [r for r in found.records if r.scores.true_parts == 0]
+    total: Row = summarise(wanted.id, moving)
+    values: dict[str, Any] = {
+        column: None if (v := getattr(total, field)) is None else round(v, 4)
+        for column, field in COLUMNS.items()
+    }
+    false = sum(r.scores.predicted_parts > 0 for r in still)
+    values["false joints"] = f"{false} of {len(still)}" if still else None
+    name = f"{len(moving)} {wanted.name}"
+    if not wanted.shipped and NOTHING_WITHHELD[0] in found.command:
+        name += ", nothing withheld"
+    return {
+        "id": wanted.id, "name": name, "values": values, "command": found.command,
+        "commit": commit, "machine": machine(), "models": found.models,
+        **({"readme": True} if wanted.readme else {}),
+    }  # fmt: skip
+
+
+def machine() -> str:
+    """The machine, as a row says it."""
+    return f"{platform.machine()}, {os.cpu_count()} cores, Python {sys.version.split()[0]}"
+
+
+def put(table: dict[str, Any], row: dict[str, Any] | None, name: str) -> None:
+    """Put a row of the table in its place, or take it away where there is none any more."""
+    order = [wanted.id for wanted in wanted_rows()]
+    rows = {old["id"]: old for old in table["rows"]}
+    rows.pop(name, None)
+    if row is not None:
+        rows[name] = row
+    place = {k: i for i, k in enumerate(order)}
+    table["rows"] = sorted(rows.values(), key=lambda r: place.get(r["id"], len(order)))
+
+
+def main(
+    data: tyro.conf.Positional[tuple[Path, ...]], only: tuple[str, ...] = (),
+    left_out: Path | None = None, jobs: int = 2, logs: Path | None = None,
+    readme_only: bool = False,
+) -> None:  # fmt: skip
+    """Measure rows of the engine's table and write them.
+
+    Args:
+        data: folders below which the sources lie. only: sources, or ids of rows.
+        left_out: folder with weights for each source, SOURCE/parts/..., that never saw it.
+        jobs: processes. logs: folder that keeps the runs, so that one cut short goes on.
+        readme_only: measure the rows of the README alone.
+    """
+    table = results_page.load(TABLE)
+    changed = code_state.changes(table["paths"])
+    if changed:
+        sys.exit(f"a row names a commit, and {changed[0]} differs from it; commit first")
+    rows = [w for w in wanted_rows() if not only or {w.id, w.source} & set(only)]
+    rows = [w for w in rows if w.readme or not readme_only]
+    with tempfile.TemporaryDirectory() as scratch:
+        kept = logs or Path(scratch)
+        kept.mkdir(parents=True, exist_ok=True)
+        for wanted in rows:
+            row = one_row(wanted, data, left_out, jobs, kept)
+            put(table, row, wanted.id)
+            text = json.dumps(table, indent=1, ensure_ascii=False) + "\n"
+            (results_page.RESULTS / f"{TABLE}.json").write_text(text, encoding="utf-8")
+            print(wanted.id, "no row" if row is None else row["values"], flush=True)
+    text = results_page.README.read_text(encoding="utf-8")
+    results_page.README.write_text(results_page.readme(text), encoding="utf-8")
+
+
+def one_row(
+    wanted: Wanted, data: Sequence[Path], left_out: Path | None, jobs: int, logs: Path
+) -> dict[str, Any] | None:
+    """Measure one row; None where there is nothing to say.
+
+    That is: no model that never saw the source can be had, or the shipped models are such ones
+    already and have their row.
+    """
+    folder = next((f / wanted.source for f in data if (f / wanted.source).is_dir()), None)
+    if folder is None:
+        sys.exit(
+            f"no folder {wanted.source} in {', '.join(map(str, data))}; see benchmarks/README.md"
+        )
+    commit = code_state.head()
+    for flags in attempts(wanted, left_out):
+        name = "_".join([wanted.source, commit, *flags]).replace("/", "-").replace("--", "")
+        found = measure(folder, flags, jobs, logs / f"{name}.json")
+        if wanted.shipped != found.unseen:
+            return row_of(wanted, found, commit)
+    return None
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
