@@ -39,7 +39,8 @@ def compare(folder: Path, truth: GroundTruth, prior: str) -> dict[str, Scores]:
     out = {}
     for reasoner in ("file", "embedded"):
         engine = Stages(EngineConfig("geometric", prior, reasoner, "embedded"))
-        with settings.given({"MAM_SIM_QUESTIONS": str(folder.parent), settings.SUBJECT: truth.id}):
+        given = {"MAM_SIM_QUESTIONS": str(folder.parent), settings.SUBJECT: truth.id}
+        with settings.given({**given, "MAM_SIM_VLM_SIMPLE": "0", "MAM_SIM_VLM_ROUNDS": "0"}):
             try:
                 found = engine.observe(truth.mesh, primitives)
                 tree = engine.reason(truth.mesh, primitives, found)

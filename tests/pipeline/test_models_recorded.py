@@ -45,7 +45,8 @@ def _replayed(
     with np.load(answers / name / "pieces.npz") as data:
         primitives = Primitives(data["labels"].astype(np.int64))
     engine = Stages(EngineConfig("geometric", "embedded", "file", "embedded"))
-    with settings.given({"MAM_SIM_QUESTIONS": str(answers), settings.SUBJECT: name}):
+    given = {"MAM_SIM_QUESTIONS": str(answers), settings.SUBJECT: name}
+    with settings.given({**given, "MAM_SIM_VLM_SIMPLE": "0", "MAM_SIM_VLM_ROUNDS": "0"}):
         prior = engine.observe(truth.mesh, primitives)
         return engine, truth, primitives, engine.reason(truth.mesh, primitives, prior)
 

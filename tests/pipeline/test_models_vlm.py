@@ -12,15 +12,16 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import trimesh
 
 from mam_pipeline import backends
 from mam_pipeline.backends import KinematicPrior
 from mam_pipeline.errors import BackendError, ConfigError, HintNeeded
 from mam_pipeline.models import album, questions, settings
-from mam_pipeline.models.answers import on_side, weigh
+from mam_pipeline.models.answers import meant_lines, on_side
 from mam_pipeline.models.ledger import Ledger, one_ledger, price_of
 from mam_pipeline.models.vlm import FileReasoner, VlmReasoner
-from mam_pipeline.types import JointCandidate, Mesh, Primitives
+from mam_pipeline.types import JointCandidate, KinematicTree, Mesh, Primitives
 
 Boxes = tuple[Mesh, Primitives]
 Start = Callable[[list[tuple[int, str]]], Any]
@@ -30,6 +31,8 @@ Plain = dict[str, Any]
 @pytest.fixture(autouse=True)
 def _small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(album, "SIZE", 96)  # large ones are looked at in test_models_pictures
+    monkeypatch.setenv("MAM_SIM_VLM_SIMPLE", "0")  # two questions, and no look at the motion
+    monkeypatch.setenv("MAM_SIM_VLM_ROUNDS", "0")
 
 
 @pytest.fixture
@@ -94,21 +97,100 @@ def test_the_answer_decides_the_line_and_the_way_it_opens(
         assert np.cross(best.axis, free_end)[0] < 0  # opens towards -x, as told
 
 
-def test_lines_are_weighed_by_how_sure_the_answer_is(mounting: Plain) -> None:
+def test_the_answered_direction_and_side_select_the_line(mounting: Plain) -> None:
     up, across = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
     lines = [
-        JointCandidate("hinge", across, np.zeros(3), -0.1),
-        JointCandidate("hinge", up, np.array([0.0, -0.4, 0.0]), -1.5),
+        JointCandidate("hinge", across, np.array([0.0, 0.0, -0.3]), -0.1, within_kind=0.9),
+        JointCandidate("hinge", up, np.array([0.0, -0.4, 0.0]), -7.0, within_kind=0.01),
+        JointCandidate("hinge", up, np.array([0.0, 0.4, 0.0]), -1.0, within_kind=0.05),
         JointCandidate("slide", up, np.zeros(3), 0.0),
     ]
     box = np.array([[-0.01, -0.4, -0.3], [0.01, 0.4, 0.3]])
-    mount = questions.Mount.model_validate(mounting["mounts"][0])
-    assert weigh(lines, mount, box)[0].axis[2] != 0
-    unsure = mount.model_copy(update={"confidence": 0.5})
-    assert weigh(lines, unsure, box)[0].axis[1] == 1
-    assert [c.subtype for c in weigh(lines, mount, box)] == ["hinge", "hinge"]
+    mount = questions.Mount.model_validate({**mounting["mounts"][0], "side": "-y"})
+    meant = meant_lines(lines, mount, box)  # however little the measurement thinks of it
+    assert len(meant) == 1 and meant[0].origin[1] == -0.4 and meant[0].within_kind == 1.0
+    made = meant_lines(lines[:1], mount, box)[0]  # no measured line is upright: made from the box
+    assert abs(made.axis[2]) == 1.0 and made.origin == pytest.approx([0.0, -0.4, 0.0])
+    anyhow = mount.model_copy(update={"axis": "other", "side": "+x"})
+    assert meant_lines(lines, anyhow, box)[0].score == -0.1  # nothing agrees: as it was measured
     assert on_side(lines[1], "-y", box) and not on_side(lines[1], "+y", box)
-    assert on_side(lines[0], "middle", box)
+    assert not on_side(lines[0], "middle", box)
+
+
+def test_a_line_that_blocks_the_part_both_ways_is_vetoed(
+    endpoint: Start, boxes: Boxes, grouping: Plain, mounting: Plain
+) -> None:
+    slide = {"motion": "slide", "axis": "z", "side": "middle", "opens": "+z"}
+    mounting["mounts"][0].update(slide)
+    mesh, primitives = boxes
+    floor, roof = (trimesh.creation.box((0.1, 0.5, 0.02)) for _ in range(2))
+    floor.apply_translation((-0.215, 0, 0.04))
+    roof.apply_translation((-0.215, 0, 0.56))
+    count = len(primitives.labels)
+    joined: Any = trimesh.util.concatenate(
+        [trimesh.Trimesh(mesh.vertices, mesh.faces), floor, roof]
+    )
+    labels = np.concatenate([primitives.labels, np.zeros(len(joined.faces) - count, dtype=int)])
+    endpoint([(200, json.dumps(grouping)), (200, json.dumps(mounting))])
+    tree = VlmReasoner().reason(Mesh(joined.vertices, joined.faces), Primitives(labels), None)
+    assert "blocked from the start in both directions" in tree.nodes[1].evidence["physics"]
+    assert abs(tree.nodes[1].candidates[0].axis[2]) < 0.01
+
+
+def test_simple_objects_are_asked_once_and_looked_at_in_motion(
+    tmp_path: Path, boxes: Boxes
+) -> None:
+    parts = {"base": "body", "parts": [{
+        "name": "door", "pieces": [1], "motion": "hinge", "axis": "z", "side": "+y", "opens": "-x",
+    }]}  # fmt: skip
+    given = {
+        "MAM_SIM_QUESTIONS": str(tmp_path), "MAM_SIM_VLM_SIMPLE": "24", "MAM_SIM_VLM_ROUNDS": "2",
+        "MAM_SIM_VLM_IMAGES": "2",
+    }  # fmt: skip
+
+    def reasoned() -> KinematicTree:
+        with settings.given(given):
+            return FileReasoner().reason(*boxes, None)
+
+    def answer(question: str, words: Plain) -> None:
+        (tmp_path / question / "answer.json").write_text(json.dumps(words))
+
+    with pytest.raises(HintNeeded, match="1_parts"):
+        reasoned()
+    assert len(list((tmp_path / "1_parts").glob("sheet_*.png"))) == 2
+    answer("1_parts", {**parts, "parts": [{**parts["parts"][0], "pieces": [0, 1, 2]}]})
+    with pytest.raises(HintNeeded, match="1_parts-2"):
+        reasoned()  # nothing would be left that stands still
+    answer("1_parts", parts)
+    with pytest.raises(HintNeeded, match="3_motion"):
+        reasoned()
+    asked = (tmp_path / "3_motion" / "question.md").read_text()
+    assert "door, on body: turns about z, 0..90 degrees; free over that way" in asked
+    answer("3_motion", {"joints": [{"name": "door", "ok": False, "side": "-y", "upper": 60}],
+                        "transfers": [{"pieces": [2], "to": "door"}]})  # fmt: skip
+    with pytest.raises(HintNeeded, match="4_motion"):
+        reasoned()
+    answer("4_motion", {"joints": [{"name": "door", "ok": True}]})
+    door = reasoned().nodes[1]
+    assert door.primitives == (1, 2) and door.limits == pytest.approx((0.0, np.pi / 3))
+    assert door.candidates[0].origin[1] < -0.2 and abs(door.candidates[0].axis[2]) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"name": "lid"}, "no parts with a joint"),
+        ({"line": 2}, "no line 2 is shown for door"),
+        ({"parent": "door"}, "door is mounted on itself"),
+        ({"lower": 10, "upper": 5}, "upper of door must be above"),
+    ],
+)
+def test_faults_of_a_look_at_the_motion_are_named(change: Plain, said: str) -> None:
+    check = questions.MotionCheck.model_validate(
+        {"joints": [{"name": "door", "ok": False, **change}], "transfers": []}
+    )
+    parents = {"body": "", "door": "body"}
+    assert said in questions.faults_of_check(check, parents, {0, 1, 2}, {"door": 1})
 
 
 @pytest.mark.parametrize(

@@ -153,6 +153,13 @@ def whole(album: Album) -> Picture:
     return pictures.sheet([pictures.plain(v, own) for v in album.outside[:4]], 2)
 
 
+def numbered(album: Album) -> Picture:
+    """The numbered pieces from two corners."""
+    colors = pictures.distinct_colors(int(album.labels.max()) + 1)
+    pair = [album.outside[0], album.outside[2]]
+    return _pair(pair, album.labels, colors, album.ids)
+
+
 def masks(album: Album, kinematic: IntArray) -> Picture:
     """The kinematic masks in the order of the outside views, half as large."""
     colors = mask_colors(kinematic)

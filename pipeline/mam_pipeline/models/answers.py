@@ -1,23 +1,27 @@
-"""From checked answers to the kinematic tree: parts, parents, motions, and ranked joint lines.
+"""From checked answers to the kinematic tree: parts, parents, motions, and joint lines.
 
 The answer says of each part's axis which way it runs, on which side it lies and which way the part
-opens. It is weighed against the measured ranking of joint lines by how sure the answer is.
+opens. That selects; the measured ranking only orders the lines that agree, and where none does, one
+is made from the part's box. Physics vetoes a line by which the part is blocked from the start.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from mam_pipeline.geometry.frames import estimate_frame
 from mam_pipeline.joints.candidates import rank_hypotheses
-from mam_pipeline.models.questions import Group, Mount, Mounting
+from mam_pipeline.joints.estimate import JointEstimator, topological_order
+from mam_pipeline.models.questions import Group, JointCheck, MotionCheck, Mount, Mounting
+from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import (
     FloatArray,
     IntArray,
+    Joint,
     JointCandidate,
     KinematicTree,
     Mesh,
@@ -25,8 +29,44 @@ from mam_pipeline.types import (
     Primitives,
 )
 
-ALONG = np.cos(np.radians(25.0))
-ASIDE = 0.25  # a line lies on a side when it is this share of the part's extent off its middle
+
+@dataclass(frozen=True)
+class AnswerThresholds:
+    """How the words of an answer are read.
+
+    Attributes:
+        along: cosine from which a line runs along an answered direction (25 degrees).
+        aside: share of the part's extent off its middle from which a line lies on a side.
+        against: cosine below which a motion starts against the answered way.
+        kept: lines that a part keeps.
+        other_lines: lines that are tried where the answered one is blocked from the start.
+    """
+
+    along: float = float(np.cos(np.radians(25.0)))
+    aside: float = 0.25
+    against: float = -0.2
+    kept: int = 12
+    other_lines: int = 12
+
+
+ANSWERS = AnswerThresholds()
+Lines = Sequence[JointCandidate]
+
+
+@dataclass(frozen=True)
+class Answered:
+    """A tree as it was answered, and what is needed to correct it.
+
+    Attributes:
+        mounts: how each part but the base is mounted, by name.
+        lines: all measured lines of a part, of every kind of motion, by name.
+        settled_lines: names of the parts whose line was chosen among pictures.
+    """
+
+    tree: KinematicTree
+    mounts: Mapping[str, Mount]
+    lines: Mapping[str, Lines] = field(default_factory=dict)
+    settled_lines: frozenset[str] = frozenset()
 
 
 def tree_of(
@@ -37,22 +77,25 @@ def tree_of(
     primitives: Primitives,
     evidence: Mapping[str, Any],
     seed: int = 0,
-) -> KinematicTree:
-    """The tree that two answers describe; `groups[0]` is the base.
+) -> Answered:
+    """The tree that the answers describe; `groups[0]` is the base.
 
     Args:
         stands_for: (P,) the numbered primitive of each one. evidence: goes to the base.
     """
     index = {g.name: i for i, g in enumerate(groups)}
     mounts = {m.name: m for m in mounting.mounts}
+    owner = np.zeros(primitives.count, dtype=np.int64)  # the base has what nobody names
+    for i, group in enumerate(groups):
+        owner[np.isin(stands_for, group.pieces)] = i
     nodes = []
-    for group in groups:
+    for i, group in enumerate(groups):
         mount = mounts.get(group.name)
         nodes.append(
             PartNode(
                 name=group.name,
                 kind=group.kind,
-                primitives=tuple(int(p) for p in np.flatnonzero(np.isin(stands_for, group.pieces))),
+                primitives=_members(owner, i),
                 parent=-1 if mount is None else index[mount.parent],
                 subtype="fixed" if mount is None else mount.motion,
                 confidence=group.confidence * (1.0 if mount is None else mount.confidence),
@@ -60,58 +103,262 @@ def tree_of(
                 evidence=dict(evidence) if mount is None else {"answer": mount.model_dump()},
             )
         )
-    return _with_lines(KinematicTree(tuple(nodes)), mounts, mesh, primitives, seed)
+    everyone = frozenset(mounts)
+    return _with_lines(
+        Answered(KinematicTree(tuple(nodes)), mounts), everyone, mesh, primitives, seed
+    )
+
+
+def corrected(
+    answered: Answered,
+    check: MotionCheck,
+    shown: Mapping[str, Lines],
+    joints: Mapping[str, Joint],
+    stands_for: IntArray,
+    mesh: Mesh,
+    primitives: Primitives,
+    seed: int = 0,
+) -> Answered:
+    """The tree after a look at how it moves.
+
+    Args:
+        shown: the other lines that were shown for a part, in the order of their numbers.
+        joints: as they were shown, by the part's name.
+    """
+    changes = {joint.name: joint for joint in check.joints if not joint.ok}
+    before = {n.name: set(n.primitives) for n in answered.tree.nodes}
+    nodes, mounts = _moved_pieces(answered, check, changes, stands_for, primitives.count)
+    mounts = {n: _changed(m, changes.get(n), shown.get(n, ())) for n, m in mounts.items()}
+    index = {node.name: i for i, node in enumerate(nodes)}
+    nodes = [
+        node if i == 0 else replace(
+            node, parent=index.get(mounts[node.name].parent, 0), subtype=mounts[node.name].motion,
+            evidence={**node.evidence, "answer": mounts[node.name].model_dump()},
+        )
+        for i, node in enumerate(nodes)
+    ]  # fmt: skip
+    tree = KinematicTree(tuple(nodes))
+    known = answered.settled_lines & set(index) - set(changes)
+    new = replace(answered, tree=tree, mounts=mounts, settled_lines=known)
+    touched = {n.name for n in nodes if set(n.primitives) != before.get(n.name)} | set(changes)
+    new = _with_lines(new, frozenset(touched & set(mounts)), mesh, primitives, seed)
+    return _as_chosen(new, changes, shown, joints, mesh, primitives)
+
+
+def _moved_pieces(
+    answered: Answered, check: MotionCheck, changes: Mapping[str, JointCheck],
+    stands_for: IntArray, count: int,
+) -> tuple[list[PartNode], dict[str, Mount]]:  # fmt: skip
+    """Nodes and mounts after the transfers; a part without pieces is gone."""
+    nodes, mounts = list(answered.tree.nodes), dict(answered.mounts)
+    owner = np.zeros(count, dtype=np.int64)
+    for i, node in enumerate(nodes):
+        owner[list(node.primitives)] = i
+    names = [node.name for node in nodes]
+    for transfer in check.transfers:
+        if transfer.to not in names:
+            names.append(transfer.to)
+            nodes.append(PartNode(transfer.to, "part", (), 0, "fixed"))
+            mounts[transfer.to] = _new_mount(changes[transfer.to], names[0])
+        owner[np.isin(stands_for, transfer.pieces)] = names.index(transfer.to)
+    heir = {n.name: mounts[n.name].parent for n in nodes[1:]}
+    gone = {name for i, name in enumerate(names) if i and not (owner == i).any()}
+    kept = [replace(n, primitives=_members(owner, i)) for i, n in enumerate(nodes)
+            if n.name not in gone]  # fmt: skip
+    for name in set(mounts) - gone:
+        parent = mounts[name].parent
+        while parent in gone:
+            parent = heir[parent]
+        mounts[name] = mounts[name].model_copy(update={"parent": parent})
+    return kept, {name: m for name, m in mounts.items() if name not in gone}
+
+
+def _new_mount(joint: JointCheck, base: str) -> Mount:
+    return Mount.model_validate({
+        "name": joint.name, "parent": joint.parent or base, "motion": joint.motion,
+        "confidence": 1.0, "second_best": "fixed", "axis": joint.axis, "side": joint.side,
+        "opens": joint.opens,
+    })  # fmt: skip
+
+
+def _changed(mount: Mount, change: JointCheck | None, shown: Lines) -> Mount:
+    if change is None:
+        return mount
+    said = {k: getattr(change, k) for k in ("motion", "axis", "side", "opens", "parent")}
+    if change.line is not None:
+        said["motion"] = said["motion"] or shown[change.line - 1].subtype
+    return mount.model_copy(update={k: v for k, v in said.items() if v is not None})
+
+
+def _as_chosen(
+    answered: Answered, changes: Mapping[str, JointCheck], shown: Mapping[str, Lines],
+    joints: Mapping[str, Joint], mesh: Mesh, primitives: Primitives,
+) -> Answered:  # fmt: skip
+    """Lines that were chosen by number, and ranges that were given."""
+    nodes, chosen = list(answered.tree.nodes), set(answered.settled_lines)
+    for i, node in enumerate(nodes):
+        change = changes.get(node.name)
+        if change is None or node.subtype == "fixed":
+            continue
+        if change.line is not None:
+            line = replace(shown[node.name][change.line - 1], subtype=node.subtype)
+            box = _box(mesh, np.isin(primitives.labels, node.primitives))
+            line = _opening(line, answered.mounts[node.name], box)
+            node = replace(node, candidates=(line,))
+            chosen.add(node.name)
+        limits = _limits(change, node, joints.get(node.name), mesh, primitives)
+        nodes[i] = replace(node, limits=limits or node.limits)
+    tree = KinematicTree(tuple(nodes))
+    return replace(answered, tree=tree, settled_lines=frozenset(chosen))
+
+
+def _limits(
+    change: JointCheck, node: PartNode, joint: Joint | None, mesh: Mesh, primitives: Primitives
+) -> tuple[float, float] | None:
+    """The range that was answered, radians or metres; None where none was."""
+    if change.endless and node.subtype != "slide":
+        return -np.inf, np.inf
+    if change.lower is None and change.upper is None:
+        return None
+    if node.subtype == "slide":
+        points = mesh.vertices[mesh.faces[np.isin(primitives.labels, node.primitives)].reshape(-1)]
+        unit = float(np.ptp(points @ node.candidates[0].axis)) / 100.0
+    else:
+        unit = float(np.pi / 180.0)
+    same = joint is not None and (joint.type == "prismatic") == (node.subtype == "slide")
+    known = (joint.lower, joint.upper) if same and joint is not None else (0.0, 0.0)
+    lower = known[0] if change.lower is None else change.lower * unit
+    upper = known[1] if change.upper is None else change.upper * unit
+    lower = min(lower if np.isfinite(lower) else 0.0, upper)
+    return None if upper - lower < 1e-6 else (lower, upper)
+
+
+def _members(owner: IntArray, index: int) -> tuple[int, ...]:
+    return tuple(int(p) for p in np.flatnonzero(owner == index))
+
+
+def _box(mesh: Mesh, faces: Any) -> FloatArray:
+    """(2, 3) corners of the box around some faces."""
+    points = mesh.vertices[mesh.faces[faces].reshape(-1)]
+    return np.stack([points.min(axis=0), points.max(axis=0)])
 
 
 def _with_lines(
-    tree: KinematicTree, mounts: Mapping[str, Mount], mesh: Mesh, primitives: Primitives, seed: int
-) -> KinematicTree:
+    answered: Answered, names: frozenset[str], mesh: Mesh, primitives: Primitives, seed: int
+) -> Answered:
+    """New lines for the parts of `names`, and for those that carry one of them."""
+    tree, lines = answered.tree, dict(answered.lines)
     frame = estimate_frame(mesh)
     owner = np.zeros(primitives.count, dtype=np.int64)
     for i, node in enumerate(tree.nodes):
         owner[list(node.primitives)] = i
     face_node = owner[primitives.labels]
-    out = [tree.nodes[0]]
+    out = list(tree.nodes)
     for i, node in enumerate(tree.nodes[1:], start=1):
-        moving = np.isin(face_node, carried(tree, i))
-        if node.subtype == "fixed" or not moving.any() or moving.all():
-            out.append(node)
+        group = carried(tree, i)
+        if not any(tree.nodes[k].name in names for k in group):
             continue
-        lines = rank_hypotheses(
+        if node.name not in names and node.name in answered.settled_lines:
+            continue
+        moving = np.isin(face_node, group)
+        if node.subtype == "fixed" or not moving.any() or moving.all():
+            out[i] = replace(node, candidates=(), limits=None)
+            continue
+        lines[node.name] = rank_hypotheses(
             mesh, np.flatnonzero(moving), np.flatnonzero(~moving), frame=frame, seed=seed,
             parent_faces=np.flatnonzero(face_node == node.parent), top=1000,
             fused=primitives.is_fused,
         )  # fmt: skip
-        box = mesh.vertices[mesh.faces[face_node == i].reshape(-1)]
-        ranked = weigh(lines, mounts[node.name], np.stack([box.min(axis=0), box.max(axis=0)]))
-        out.append(replace(node, candidates=tuple(ranked[:12])))
-    return KinematicTree(tuple(out))
+        meant = meant_lines(
+            lines[node.name], answered.mounts[node.name], _box(mesh, face_node == i)
+        )
+        out[i] = replace(node, candidates=tuple(meant[: ANSWERS.kept]))
+    return replace(answered, tree=KinematicTree(tuple(out)), lines=lines)
 
 
-def weigh(lines: Sequence[JointCandidate], mount: Mount, box: FloatArray) -> list[JointCandidate]:
-    """Lines of the answered motion, ranked by measurement and answer together, opening as told.
+def meant_lines(lines: Lines, mount: Mount, box: FloatArray) -> list[JointCandidate]:
+    """The lines that an answer means, the one that was measured best first.
 
-    Each of the answer's two statements on the line (direction, side) is evidence that is right
-    with the probability the answer gives itself, at most 0.95.
+    The answered direction and side select. Where no measured line agrees with both, the line is
+    made from the part's box; where the direction is "other" and none lies on that side, the
+    measurement decides.
 
     Args:
         lines: with log probabilities as scores. box: (2, 3) of the part alone, asset frame.
     """
     kinds = ("slide",) if mount.motion == "slide" else ("hinge", "spin")
-    sure = float(np.clip(mount.confidence, 0.5, 0.95))
-    odds = float(np.log(sure / (1.0 - sure)))
-    out = []
-    for line in lines:
-        if line.subtype not in kinds:
+    own = [line for line in lines if line.subtype in kinds]
+    meant = [line for line in own if _agrees(line, mount, box)]
+    if not meant and mount.axis != "other":
+        meant = [line_of_box(mount, box)]
+    meant = sorted(meant or own, key=lambda c: -c.score)
+    among = float(np.sum([c.within_kind or 0.0 for c in meant]))
+    return [
+        replace(
+            _opening(line, mount, box), subtype=mount.motion,
+            within_kind=None if line.within_kind is None else line.within_kind / max(among, 1e-12),
+        )
+        for line in meant
+    ]  # fmt: skip
+
+
+def line_of_box(mount: Mount, box: FloatArray) -> JointCandidate:
+    """The line that an answer describes on the part's box: through the middle of a side."""
+    origin = box.mean(axis=0)
+    if mount.motion != "slide" and mount.side != "middle":
+        way = direction(mount.side)
+        origin = origin + way * np.ptp(box, axis=0) / 2
+    axis = np.eye(3)["xyz".index(mount.axis)]
+    return JointCandidate(mount.motion, axis, origin, 0.0, {"made_from_the_answer": 1.0})
+
+
+def _agrees(line: JointCandidate, mount: Mount, box: FloatArray) -> bool:
+    """Whether a line runs and lies as the answer says."""
+    if mount.axis != "other":
+        if abs(line.axis["xyz".index(mount.axis)]) < ANSWERS.along:
+            return False
+    elif mount.motion == "slide" and mount.opens != "either":
+        return abs(float(line.axis @ direction(mount.opens))) > -ANSWERS.against
+    return mount.motion == "slide" or on_side(line, mount.side, box)
+
+
+def unblocked(answered: Answered, mesh: Mesh, primitives: Primitives, seed: int = 0) -> Answered:
+    """The tree without lines by which a part is blocked from the start in both directions.
+
+    The way back is tried first, then the other lines of that kind of motion as they were measured;
+    what was done stands in the part's evidence.
+    """
+    estimator = JointEstimator(*without_repeats(mesh, primitives), seed)
+    tree = answered.tree
+
+    def free(index: int, lines: Lines) -> bool:
+        node = replace(tree.nodes[index], candidates=tuple(lines))
+        nodes = (*tree.nodes[:index], node, *tree.nodes[index + 1 :])
+        found = estimator.estimate(estimator.turned(KinematicTree(nodes)), index)
+        return found is None or found.limits.rule != "token"
+
+    for i in topological_order(tree):
+        node = tree.nodes[i]
+        if node.subtype == "fixed" or node.limits is not None or not node.candidates:
             continue
-        score = line.score
-        if mount.axis != "other":
-            along = abs(line.axis["xyz".index(mount.axis)]) > ALONG
-            score += odds if along else 0.0
-        if mount.motion != "slide":
-            score += odds if on_side(line, mount.side, box) else 0.0
-        out.append(replace(_opening(line, mount, box), score=score))
-    return sorted(out, key=lambda c: -c.score)
+        if node.name in answered.settled_lines or free(i, node.candidates):
+            continue
+        back = [replace(c, axis=-c.axis) for c in node.candidates]
+        kinds = ("slide",) if node.subtype == "slide" else ("hinge", "spin")
+        known = {(c.axis.tobytes(), c.origin.tobytes()) for c in (*node.candidates, *back)}
+        others = [
+            c for c in answered.lines.get(node.name, ())
+            if c.subtype in kinds and (c.axis.tobytes(), c.origin.tobytes()) not in known
+        ][: ANSWERS.other_lines]  # fmt: skip
+        said = "the answered line is blocked from the start in both directions"
+        lines: Lines = node.candidates
+        if free(i, back):
+            lines, said = back, "blocked from the start in the answered direction: opens the other"
+        elif (other := next((c for c in others if free(i, [c])), None)) is not None:
+            lines, said = (other,), f"{said}: the likeliest free one that was measured is taken"
+        node = replace(node, candidates=tuple(lines), evidence={**node.evidence, "physics": said})
+        tree = KinematicTree((*tree.nodes[:i], node, *tree.nodes[i + 1 :]))
+    return replace(answered, tree=tree)
 
 
 def on_side(line: JointCandidate, side: str, box: FloatArray) -> bool:
@@ -120,9 +367,9 @@ def on_side(line: JointCandidate, side: str, box: FloatArray) -> bool:
     offset = line.origin - middle
     offset = (offset - (offset @ line.axis) * line.axis) / extent
     if side == "middle":
-        return bool(np.abs(offset).max() < ASIDE)
+        return bool(np.abs(offset).max() < ANSWERS.aside)
     sign, axis = (1.0 if side[0] == "+" else -1.0), "xyz".index(side[1])
-    return bool(sign * offset[axis] > ASIDE)
+    return bool(sign * offset[axis] > ANSWERS.aside)
 
 
 def direction(name: str) -> FloatArray:
@@ -151,4 +398,4 @@ def _opening(line: JointCandidate, mount: Mount, box: FloatArray) -> JointCandid
         start = np.cross(line.axis, arm)
         start = start / max(float(np.linalg.norm(start)), 1e-9)
     against = float(start @ goal)
-    return replace(line, axis=-line.axis) if against < -0.5 else line
+    return replace(line, axis=-line.axis) if against < ANSWERS.against else line

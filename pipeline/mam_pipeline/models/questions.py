@@ -1,17 +1,23 @@
 """The questions put to a vision-language model, and the shape that an answer must have.
 
-Two questions, as the paper's two prompts (3.2 grouping, 3.3 tree and joint types). An answer is
-data of a fixed schema: names are short words, numbers are primitive ids; nothing else is accepted.
+The paper's two prompts (3.2 grouping, 3.3 tree and joint types), both in one for simple objects,
+and a third: is that how it moves? An answer is data of a fixed schema: names are short words,
+numbers are primitive ids; nothing else is accepted.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 Probability = Annotated[float, Field(ge=0, le=1)]
+Motion = Literal["fixed", "hinge", "spin", "slide"]
+Letter = Literal["x", "y", "z", "other"]
+Side = Literal["-x", "+x", "-y", "+y", "-z", "+z", "middle"]
+Way = Literal["-x", "+x", "-y", "+y", "-z", "+z", "either"]
 
 SYSTEM = (
     "You analyse a 3D object for a robot simulator: which rigid parts it has and how they move. "
@@ -22,17 +28,19 @@ SYSTEM = (
 )
 GROUPING = (
     "Group the numbered pieces into rigid parts. The pieces are {ids}. Use every number exactly "
-    "once.\n"
+    "once; of the base you may leave pieces [] and it gets all that no other part has.\n"
     "One part is the base: the body that stands, hangs or is held while the others move; "
-    "everything that never moves against it belongs to it, hinges and fixed trim included. "
+    "everything that never moves against it belongs to it, hinges and fixed trim included. {same}"
+    "\nThe pictures: 'object' is the object as it is; {views}.{measured}{close}{inside} 'apart' "
+    "shows all pieces pulled away from the middle.\n"
+    "Where each piece lies and ends, in percent of the longest side, and what it touches:\n{facts}"
+)
+SAME_PART = (
     "A handle, its screws and the front it sits on are one part; so are a drawer's front and its "
     "box, a wheel and its hub, a knob and its pointer. Mirrored or repeated pieces that are not "
     "joined to each other (two knobs, three drawers) are parts of their own. Do not split what is "
     "rigid, do not join what moves apart. Name the parts in lower case with underscores; kind is "
-    "the general word (door, drawer, lid, knob, button, lever, wheel, handle, panel, body).\n"
-    "The pictures: 'object' is the object as it is; {views}.{measured}{close}{inside} 'apart' "
-    "shows all pieces pulled away from the middle.\n"
-    "Where each piece lies and ends, in percent of the longest side, and what it touches:\n{facts}"
+    "the general word (door, drawer, lid, knob, button, lever, wheel, handle, panel, body)."
 )
 MEASURED = (
     " 'measured' repeats those views, in the same order and smaller, coloured by a measurement "
@@ -41,9 +49,24 @@ MEASURED = (
 )
 CLOSE = " {names} enlarge places where small pieces crowd."
 INSIDE = " 'inside' shows, in place, the pieces that cannot be seen from outside."
+PARTS = (
+    "The numbered pieces are {ids}. Say which of them form parts that a person moves against the "
+    "rest, and how. All pieces that you name in no part are the base: the body that stands, hangs "
+    "or is held, with all that never moves against it; give it a name too. Where nothing moves, "
+    "parts is []. {same}\n{mounting}\n"
+    "The pictures: 'object' is the object as it is; {views}.{measured}{close}{inside} 'apart' "
+    "shows all pieces pulled away from the middle.\n"
+    "Where each piece lies and ends, in percent of the longest side, and what it touches:\n{facts}"
+)
 TREE = (
-    "These are the rigid parts, each in one colour with its number: {parts}. For each part other "
-    "than the base say on which part it is mounted (its parent, by name) and how it moves against "
+    "These are the rigid parts, each in one colour with its number: {parts}. {mounting}\n"
+    "The pictures: 'object' is the object as it is; {views}; 'apart' shows the parts pulled away "
+    "from the middle.\n"
+    "Where each part lies, in percent of the object's longest side, and what it touches:\n{facts}"
+)
+MOUNTED = (
+    "For each part other than the base say on which part it is mounted (its parent, by name) and "
+    "how it moves against "
     "it: hinge (turns about an edge or a pin at its side, like a door, lid or lever), spin (turns "
     "about its own middle, like a knob or wheel), slide (moves along a line, like a drawer, sash "
     "or button) or fixed. Give how sure you are, and the second-best kind of motion.\n"
@@ -51,16 +74,35 @@ TREE = (
     "where that line lies, seen from the middle of the part (for a door hinged at its -y edge: "
     "-y; for a knob or a slide: middle). Hinges sit away from the handle and towards what holds "
     "the part. opens: the direction in which the part starts to move when it is opened, pulled "
-    "out or pressed as usual (for a hinge: its free end; for a spin: either).\n"
-    "The pictures: 'object' is the object as it is; {views}; 'apart' shows the parts pulled away "
-    "from the middle.\n"
-    "Where each part lies, in percent of the object's longest side, and what it touches:\n{facts}"
+    "out or pressed as usual (for a hinge: its free end; for a spin: either)."
+)
+MOVED = (
+    "From your answer the joints below were made. Each sheet shows some of them, a joint in two "
+    "rows: from two sides, closed, half open and open, or as it stands and turned by 45 and 90 "
+    "degrees where it turns without end. The part that moves is orange, what it carries is yellow, "
+    "the magenta line is what it turns about, or the way it slides. {lines}'pieces' shows the "
+    "pieces with their numbers, from two sides. Is that how it moves? "
+    "Think of the real object: which edge is it hung on, does it turn or slide, does it go far "
+    "enough and not too far, does it leave a piece behind, or take one along that should stay?\n"
+    "{joints}\n"
+    "Give each joint: ok true, or ok false with what is to be changed and null for the rest: "
+    "motion (fixed: it does not move by itself), axis, side and opens as before, parent, or line: "
+    "the number of another line that is shown for it. lower and upper: the range from how it "
+    "stands in the pictures of the object, in degrees, or for a slide in percent of the part's "
+    "length along the way it slides; positive opens; endless: it turns without end. transfers: "
+    "pieces, by their numbers in 'pieces', that belong to another part (or to the base, "
+    "{base}); a new name makes a part of its own, whose joint you give under joints."
 )
 CHALLENGE = (
     "The measurements contradict your answer: {evidence}. Look at the pictures again. If you were "
     "wrong, correct the answer; if you are sure, repeat it unchanged."
 )
 REPAIR = "Your answer cannot be used: {error}. Answer again, complete, in the same JSON."
+
+
+OTHER_LINES = (
+    "'lines' shows, by number, the part half open about other lines that were measured as likely. "
+)
 
 
 class Group(BaseModel):
@@ -70,7 +112,7 @@ class Group(BaseModel):
     name: Name
     kind: Name
     is_base: bool
-    pieces: Annotated[list[int], Field(min_length=1, max_length=400)]
+    pieces: Annotated[list[int], Field(max_length=400)]
     confidence: Probability
 
 
@@ -80,6 +122,14 @@ class Grouping(BaseModel):
     model_config = ConfigDict(extra="forbid")
     parts: Annotated[list[Group], Field(min_length=1, max_length=120)]
 
+    def complete(self, ids: set[int]) -> Grouping:
+        """With all pieces that are left in the base, if that names none; `ids` are those shown."""
+        used = {p for group in self.parts for p in group.pieces}
+        left = sorted(ids - used)
+        return Grouping(
+            parts=[g if g.pieces else g.model_copy(update={"pieces": left}) for g in self.parts]
+        )
+
 
 class Mount(BaseModel):
     """How one part is mounted."""
@@ -87,12 +137,12 @@ class Mount(BaseModel):
     model_config = ConfigDict(extra="forbid")
     name: Name
     parent: Name
-    motion: Literal["fixed", "hinge", "spin", "slide"]
+    motion: Motion
     confidence: Probability
-    second_best: Literal["fixed", "hinge", "spin", "slide"]
-    axis: Literal["x", "y", "z", "other"]
-    side: Literal["-x", "+x", "-y", "+y", "-z", "+z", "middle"]
-    opens: Literal["-x", "+x", "-y", "+y", "-z", "+z", "either"]
+    second_best: Motion
+    axis: Letter
+    side: Side
+    opens: Way
 
 
 class Mounting(BaseModel):
@@ -102,11 +152,140 @@ class Mounting(BaseModel):
     mounts: Annotated[list[Mount], Field(max_length=120)]
 
 
+class MountedPart(BaseModel):
+    """A part that moves, and how: both questions in one. Without a parent it is on the base."""
+
+    model_config = ConfigDict(extra="forbid")
+    name: Name
+    kind: Name = "part"
+    pieces: Annotated[list[int], Field(min_length=1, max_length=400)]
+    parent: Name | None = None
+    motion: Motion
+    axis: Letter
+    side: Side
+    opens: Way
+    confidence: Probability = 0.9
+    second_best: Motion = "fixed"
+
+
+class MountedParts(BaseModel):
+    """Answer to the one question that is asked of simple objects; the rest is the base."""
+
+    model_config = ConfigDict(extra="forbid")
+    base: Name
+    parts: Annotated[list[MountedPart], Field(max_length=120)]
+
+    def grouping(self, ids: set[int]) -> Grouping:
+        """The parts as an answer to the first of two questions; `ids` are all numbers shown."""
+        left = sorted(ids - {p for part in self.parts for p in part.pieces})
+        base = Group(name=self.base, kind="body", is_base=True, pieces=left, confidence=1.0)
+        own = [
+            Group(name=p.name, kind=p.kind, is_base=False, pieces=p.pieces, confidence=1.0)
+            for p in self.parts
+        ]
+        return Grouping(parts=[base, *own])
+
+    def mounting(self) -> Mounting:
+        """Their mounts as an answer to the second."""
+        rows = [p.model_dump(exclude={"kind", "pieces"}) for p in self.parts]
+        return Mounting(
+            mounts=[Mount(**{**row, "parent": row["parent"] or self.base}) for row in rows]
+        )
+
+
+class JointCheck(BaseModel):
+    """What is to be changed of one joint; None leaves it as it is."""
+
+    model_config = ConfigDict(extra="forbid")
+    name: Name
+    ok: bool
+    motion: Motion | None = None
+    axis: Letter | None = None
+    side: Side | None = None
+    opens: Way | None = None
+    parent: Name | None = None
+    line: Annotated[int, Field(ge=1, le=9)] | None = None
+    lower: Annotated[float, Field(ge=-720, le=720)] | None = None
+    upper: Annotated[float, Field(ge=-720, le=720)] | None = None
+    endless: bool | None = None
+
+
+class Transfer(BaseModel):
+    """Pieces that belong to another part."""
+
+    model_config = ConfigDict(extra="forbid")
+    pieces: Annotated[list[int], Field(min_length=1, max_length=400)]
+    to: Name
+
+
+class MotionCheck(BaseModel):
+    """Answer to the third question; a joint that is left out is as it should be."""
+
+    model_config = ConfigDict(extra="forbid")
+    joints: Annotated[list[JointCheck], Field(max_length=120)]
+    transfers: Annotated[list[Transfer], Field(max_length=120)] = []
+
+    @property
+    def all_right(self) -> bool:
+        """Whether nothing is to be changed."""
+        return not self.transfers and all(joint.ok for joint in self.joints)
+
+
+def faults_of_check(
+    answer: MotionCheck, parents: Mapping[str, str], ids: set[int], lines: Mapping[str, int]
+) -> str:
+    """What is wrong with a check, in words.
+
+    Args:
+        parents: of all parts by name, the base (whose parent is "") first. ids: the numbers shown.
+        lines: how many other lines are shown for a part.
+    """
+    faults, names = [], list(parents)
+    new = {t.to for t in answer.transfers} - set(names)
+    given = [joint.name for joint in answer.joints]
+    if unknown := sorted(set(given) - set(names[1:]) - new):
+        faults.append(f"{unknown} are no parts with a joint; there are {names[1:]}")
+    if len(set(given)) < len(given):
+        faults.append("a joint is given twice")
+    if strange := sorted({p for t in answer.transfers for p in t.pieces} - ids):
+        faults.append(f"pieces {strange[:30]} do not exist")
+    for joint in answer.joints:
+        if joint.line is not None and joint.line > lines.get(joint.name, 0):
+            faults.append(f"no line {joint.line} is shown for {joint.name}")
+        if joint.parent is not None and joint.parent not in names:
+            faults.append(f"parent {joint.parent} of {joint.name} is no part")
+        if None not in (joint.lower, joint.upper) and joint.lower >= joint.upper:  # type: ignore[operator]
+            faults.append(f"upper of {joint.name} must be above its lower")
+    for name in sorted(new):
+        own = next((joint for joint in answer.joints if joint.name == name), None)
+        if own is None or None in (own.motion, own.axis, own.side, own.opens):
+            faults.append(f"{name} is a new part: give its motion, axis, side and opens in joints")
+    faults += _loops({**parents, **{j.name: j.parent for j in answer.joints if j.parent}})
+    return "; ".join(faults)
+
+
+def faults_of_parts(answer: MountedParts, ids: set[int]) -> str:
+    """What is wrong with an answer to both questions in one, in words."""
+    grouping = answer.grouping(ids)
+    faults = [faults_of_grouping(grouping, ids)]
+    if not grouping.parts[0].pieces:
+        faults.append("no piece is left for the base")
+    names = [group.name for group in grouping.parts]
+    faults.append(faults_of_mounting(answer.mounting(), names, answer.base))
+    return "; ".join(fault for fault in faults if fault)
+
+
 def faults_of_grouping(answer: Grouping, ids: set[int]) -> str:
     """What is wrong with a grouping, in words; "" when every id is used exactly once."""
     used = [p for group in answer.parts for p in group.pieces]
     faults = []
-    if missing := sorted(ids - set(used)):
+    empty = [group for group in answer.parts if not group.pieces]
+    rest = len(empty) == 1 and empty[0].is_base  # the base has what no other part has
+    if empty and not rest:
+        faults.append(f"{empty[0].name} has no pieces")
+    if rest and not ids - set(used):
+        faults.append("no piece is left for the base")
+    if not rest and (missing := sorted(ids - set(used))):
         faults.append(f"pieces {missing[:30]} are in no part")
     if unknown := sorted(set(used) - ids):
         faults.append(f"pieces {unknown[:30]} do not exist")
@@ -135,12 +314,16 @@ def faults_of_mounting(answer: Mounting, names: list[str], base: str) -> str:
     parents = {m.name: m.parent for m in answer.mounts}
     if strange := sorted(set(parents.values()) - set(names)):
         faults.append(f"parents {strange} are no parts")
+    return "; ".join([*faults, *_loops(parents)])
+
+
+def _loops(parents: Mapping[str, str]) -> list[str]:
+    """The first part that hangs on itself, in words."""
     for name in parents:
         seen, at = set(), name
         while at in parents and at not in seen:
             seen.add(at)
             at = parents[at]
         if at in seen:
-            faults.append(f"{name} is mounted on itself through its parents")
-            break
-    return "; ".join(faults)
+            return [f"{name} is mounted on itself through its parents"]
+    return []

@@ -34,6 +34,8 @@ DOCS = {
     "MAM_SIM_TIMEOUT": "seconds that one call of an external model may take (default 900)",
     "MAM_SIM_VLM_MODEL": "name of the vision-language model (default gpt-4o)",
     "MAM_SIM_VLM_IMAGES": "most images that the endpoint takes in one question (default 16)",
+    "MAM_SIM_VLM_SIMPLE": "pieces up to which parts and motions are one question (default 24)",
+    "MAM_SIM_VLM_ROUNDS": "looks at the moving object, 0 to 2 (default 2)",
     "MAM_SIM_VLM_PRICE": "US dollars per million tokens in,out where we do not know them",
     "MAM_SIM_IMAGE_MODEL": "model that makes a picture of words for --retexture",
     "MAM_SIM_MAX_COST": "US dollars that one run may spend on models (default 1.00)",

@@ -192,7 +192,8 @@ class FileTransport:
 
     def _write(self, place: Path, question: Question) -> None:
         place.mkdir(parents=True, exist_ok=True)
-        for label, picture in question.draw():
+        images = max(1, int(settings.number("MAM_SIM_VLM_IMAGES", 16)))
+        for label, picture in fewer(question.draw(), images):
             (place / f"{label}.png").write_bytes(pictures.png(picture))
         (place / "schema.json").write_text(json.dumps(question.schema, indent=1))
         (place / "subject.txt").write_text(question.subject + "\n")
@@ -205,14 +206,26 @@ class FileTransport:
 def fewer(
     shown: Sequence[tuple[str, pictures.Picture]], most: int
 ) -> list[tuple[str, pictures.Picture]]:
-    """At most `most` pictures; more are combined into sheets, with labels in reading order."""
+    """At most `most` pictures; more are put together on sheets, each with its name in a corner."""
     if len(shown) <= most:
         return list(shown)
-    chunk = -(-len(shown) // most)
+    side = min(max(picture.shape[:2]) for _, picture in shown)
+    tiles = [tile for name, picture in shown for tile in _tiles(name, picture, side)]
+    chunk = -(-len(tiles) // most)
     out = []
-    for start in range(0, len(shown), chunk):
-        part = shown[start : start + chunk]
+    for k, start in enumerate(range(0, len(tiles), chunk)):
+        part = tiles[start : start + chunk]
         columns = int(len(part) ** 0.5 + 0.999)
-        label = "in reading order: " + ", ".join(name for name, _ in part)
-        out.append((label, pictures.sheet([p for _, p in part], columns)))
+        out.append((f"sheet_{k}", pictures.sheet(part, columns)))
     return out
+
+
+def _tiles(name: str, picture: pictures.Picture, side: int) -> list[pictures.Picture]:
+    """A picture as named ones of at most `side` pixels; a pair is taken apart."""
+    height, width = picture.shape[:2]
+    if width == 2 * height and height <= side:
+        return [
+            pictures.named(picture[:, :height], name),
+            pictures.named(picture[:, height:], name),
+        ]
+    return [pictures.named(pictures.sheet([picture], 1, side), name)]

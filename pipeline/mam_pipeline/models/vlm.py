@@ -12,15 +12,16 @@ import os
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from mam_pipeline.backends import Availability, KinematicPrior
 from mam_pipeline.errors import BackendError, ConfigError
+from mam_pipeline.joints.solver import EmbeddedSolver
 from mam_pipeline.models import album as albums
-from mam_pipeline.models import answers, questions, settings
+from mam_pipeline.models import answers, motion_check, questions, settings
 from mam_pipeline.models.transports import FileTransport, OpenAITransport, Question, Transport
 from mam_pipeline.optional import has, install_command
 from mam_pipeline.parts.settle import settled
@@ -30,7 +31,10 @@ from mam_pipeline.types import IntArray, KinematicTree, Mesh, Primitives
 
 REPAIRS = 2
 HELD, TIED = 0.05, 0.97  # mobility and affinity beyond which the measurement is worth a challenge
+SIMPLE = 24  # pieces up to which parts and motions are asked in one question
+ROUNDS = 2  # looks at the moving object
 Answer = TypeVar("Answer", bound=BaseModel)
+Dialogue = list[dict[str, Any]]
 
 
 class VlmReasoner:
@@ -89,23 +93,64 @@ def ask_for_tree(
     prior: KinematicPrior | None,
     seed: int = 0,
 ) -> KinematicTree:
-    """Both questions with repair and challenge.
+    """All questions, with repair and challenge: parts, motions, and how it moves, up to twice.
 
     Raises:
         BackendError: no usable answer after the repairs, a failing endpoint, the cost cap.
         HintNeeded: file mode, and no answer yet.
     """
     album = albums.cast(mesh, primitives)
-    first = grouping_question(album, prior)
+    one = len(album.ids) <= settings.number("MAM_SIM_VLM_SIMPLE", SIMPLE)
+    ask = _one_question if one else _two_questions
+    grouping, mounting, dialogue = ask(transport, album, prior)
+    groups = sorted(grouping.parts, key=lambda g: not g.is_base)
+    evidence: dict[str, object] = {"asked": "vision-language model", "dialogue": dialogue}
+    if len(groups) == 1 or all(m.motion == "fixed" for m in mounting.mounts):
+        evidence["nothing_movable"] = "the model sees nothing that moves"
+    made = answers.tree_of(groups, mounting, album.stands_for, mesh, primitives, evidence, seed)
+    final = settled(made.tree, *without_repeats(mesh, primitives), {}, seed)
+    made = answers.unblocked(replace(made, tree=final), mesh, primitives, seed)
+    rounds = int(settings.number("MAM_SIM_VLM_ROUNDS", ROUNDS))
+    for turn in range(3, 3 + rounds):
+        made, done = _looked_at(transport, album, made, turn, dialogue, seed)
+        if done:
+            break
+    ledger = {**vars(transport.ledger), "cap": str(transport.ledger.cap)}
+    base = made.tree.nodes[0]
+    base = replace(base, evidence={**base.evidence, "ledger": ledger})
+    return KinematicTree((base, *made.tree.nodes[1:]))
+
+
+def _one_question(
+    transport: Transport, album: albums.Album, prior: KinematicPrior | None
+) -> tuple[questions.Grouping, questions.Mounting, Dialogue]:
+    """Parts and how they move at once."""
+    question, ids = parts_question(album, prior), set(album.ids)
+    answer = settle_answer(
+        transport,
+        question,
+        questions.MountedParts,
+        lambda a: questions.faults_of_parts(a, ids),
+        lambda a: contradiction(a.grouping(ids), prior),
+    )
+    dialogue = [{"question": question.text, **answer.model_dump()}]
+    return answer.grouping(ids), answer.mounting(), dialogue
+
+
+def _two_questions(
+    transport: Transport, album: albums.Album, prior: KinematicPrior | None
+) -> tuple[questions.Grouping, questions.Mounting, Dialogue]:
+    """Which pieces form a part, and then how each part is mounted."""
+    first, ids = grouping_question(album, prior), set(album.ids)
     grouping = settle_answer(
         transport,
         first,
         questions.Grouping,
-        lambda a: questions.faults_of_grouping(a, set(album.ids)),
+        lambda a: questions.faults_of_grouping(a, ids),
         lambda a: contradiction(a, prior),
-    )
+    ).complete(ids)
     groups = sorted(grouping.parts, key=lambda g: not g.is_base)
-    dialogue = [{"question": first.text, **grouping.model_dump()}]
+    dialogue: Dialogue = [{"question": first.text, **grouping.model_dump()}]
     mounting = questions.Mounting(mounts=[])
     if len(groups) > 1:
         names = [g.name for g in groups]
@@ -118,24 +163,64 @@ def ask_for_tree(
             lambda a: "",
         )
         dialogue.append({"question": second.text, **mounting.model_dump()})
-    ledger = {**vars(transport.ledger), "cap": str(transport.ledger.cap)}
-    evidence: dict[str, object] = {
-        "asked": "vision-language model", "ledger": ledger, "dialogue": dialogue,
-    }  # fmt: skip
-    if len(groups) == 1:
-        evidence["nothing_movable"] = "the model sees one rigid part"
-    tree = answers.tree_of(groups, mounting, album.stands_for, mesh, primitives, evidence, seed)
-    return settled(tree, *without_repeats(mesh, primitives), {}, seed)
+    return grouping, mounting, dialogue
+
+
+def _looked_at(
+    transport: Transport, album: albums.Album, made: answers.Answered, turn: int,
+    dialogue: Dialogue, seed: int,
+) -> tuple[answers.Answered, bool]:  # fmt: skip
+    """The tree after a look at its motion, and whether that look found nothing to change."""
+    tree, mesh, primitives = made.tree, album.mesh, album.primitives
+    if all(node.subtype == "fixed" for node in tree.nodes):
+        return made, True
+    found = EmbeddedSolver().solve(mesh, primitives, tree, seed)
+    joints = {found.links[j.child].name: j for j in found.joints if j.type != "fixed"}
+    shown = {
+        name: motion_check.other_lines(made.lines.get(name, ()), joint, mesh.diagonal)
+        for name, joint in joints.items()
+        if motion_check.in_doubt(joint)
+    }
+    question = motion_check.motion_question(album, found, shown, turn)
+    nodes = tree.nodes
+    parents = {n.name: "" if n.parent < 0 else nodes[n.parent].name for n in nodes}
+    counts = {name: len(lines) for name, lines in shown.items()}
+    check = settle_answer(
+        transport,
+        question,
+        questions.MotionCheck,
+        lambda a: questions.faults_of_check(a, parents, set(album.ids), counts),
+        lambda a: "",
+    )
+    dialogue.append({"question": question.text, **check.model_dump(exclude_none=True)})
+    if check.all_right:
+        return made, True
+    new = answers.corrected(made, check, shown, joints, album.stands_for, mesh, primitives, seed)
+    return answers.unblocked(new, mesh, primitives, seed), False
+
+
+def parts_question(album: albums.Album, prior: KinematicPrior | None) -> Question:
+    """The one question for simple objects: which pieces form parts that move, and how."""
+    return _of_pieces(album, prior, "1_parts", questions.PARTS, questions.MountedParts)
 
 
 def grouping_question(album: albums.Album, prior: KinematicPrior | None) -> Question:
-    """The first question: which numbered pieces form a rigid part."""
+    """The first of two questions: which numbered pieces form a rigid part."""
+    return _of_pieces(album, prior, "1_grouping", questions.GROUPING, questions.Grouping)
+
+
+def _of_pieces(
+    album: albums.Album, prior: KinematicPrior | None, name: str, words: str,
+    shape: type[BaseModel],
+) -> Question:  # fmt: skip
     kinematic = None
     if prior is not None and len(prior.labels) == album.primitives.count:
         kinematic = prior.labels
     close = " and ".join(f"'close_{k}'" for k in range(len(album.crowds)))
-    text = questions.GROUPING.format(
+    text = words.format(
         ids=", ".join(map(str, album.ids)),
+        same=questions.SAME_PART,
+        mounting=questions.MOUNTED,
         views=_views("its numbered pieces"),
         measured="" if kinematic is None else questions.MEASURED,
         close="" if not album.crowds else questions.CLOSE.format(names=close),
@@ -143,11 +228,11 @@ def grouping_question(album: albums.Album, prior: KinematicPrior | None) -> Ques
         facts=albums.facts(album, album.labels),
     )
     return Question(
-        "1_grouping",
+        name,
         questions.SYSTEM,
         text,
         partial(albums.of_pieces, album, kinematic),
-        questions.Grouping.model_json_schema(),
+        shape.model_json_schema(),
         subject=_digest(album.labels),
     )
 
@@ -166,7 +251,10 @@ def mounting_question(album: albums.Album, groups: list[questions.Group]) -> Que
         "2_tree",
         questions.SYSTEM,
         questions.TREE.format(
-            parts=listing, views=_views("its parts"), facts=albums.facts(album, labels)
+            parts=listing,
+            mounting=questions.MOUNTED,
+            views=_views("its parts"),
+            facts=albums.facts(album, labels),
         ),
         partial(albums.of_parts, album, part),
         questions.Mounting.model_json_schema(),
@@ -180,8 +268,10 @@ def contradiction(answer: questions.Grouping, prior: KinematicPrior | None) -> s
         return ""
     said = []
     for group in answer.parts:
+        if group.is_base:
+            continue
         mobility = float(prior.mobility[np.asarray(group.pieces)].max())
-        if not group.is_base and mobility < HELD:
+        if mobility < HELD:
             said.append(f"{group.name} (pieces {group.pieces[:8]}) was found unable to move")
     owner = {p: g.name for g in answer.parts for p in g.pieces}
     shown = np.asarray(sorted(owner))

@@ -32,6 +32,7 @@ class View:
         faces: (H, W) index of the visible face, -1 background.
         shade: (H, W) 0..1, cosine to the camera.
         edges: (H, W) outlines and creases.
+        window: x and y of the middle and half the side of the picture, on the image plane at 1.
     """
 
     azimuth: float
@@ -40,6 +41,14 @@ class View:
     faces: IntArray
     shade: FloatArray
     edges: NDArray[np.bool_]
+    window: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    def pixels(self, points: FloatArray) -> FloatArray:
+        """(n, 2) where points (n, 3) lie in the picture, x to the right and y down."""
+        seen = points @ self.camera_T_asset[:3, :3].T + self.camera_T_asset[:3, 3]
+        flat = seen[:, :2] / np.maximum(seen[:, 2:], 1e-9)
+        x, y, half = self.window
+        return np.asarray(((flat - (x, y)) / half + 1.0) / 2.0 * len(self.faces))
 
     def ids(self, labels: IntArray) -> IntArray:
         """(H, W) label of the visible face, -1 background."""
@@ -55,6 +64,7 @@ def look(
     tight: bool = False,
     only: NDArray[np.bool_] | None = None,
     focus: NDArray[np.bool_] | None = None,
+    around: FloatArray | None = None,
 ) -> list[View]:
     """Cast one view per (azimuth, elevation) in degrees; the whole object is in the picture.
 
@@ -63,13 +73,16 @@ def look(
         tight: zoom so that the object fills each picture.
         only: (F,) faces to show; the camera stays that of the whole object.
         focus: (F,) faces to zoom on, with their surroundings.
+        around: (n, 3) points that set the camera and the zoom in the place of the mesh's own.
     """
     kept = np.arange(len(mesh.faces)) if only is None else np.flatnonzero(only)
     scene = RayScene(mesh.vertices, mesh.faces[kept])
-    centre, diagonal = mesh.bounds.mean(axis=0), mesh.diagonal
+    box = mesh.bounds if around is None else np.stack([around.min(axis=0), around.max(axis=0)])
+    centre, diagonal = box.mean(axis=0), float(np.linalg.norm(box[1] - box[0]))
     away = diagonal * (0.52 / np.tan(fov / 2) + 0.1 if distance is None else distance)
     near = mesh.faces if focus is None else mesh.faces[focus]
     points, margin = mesh.vertices[np.unique(near)], 1.06 if focus is None else 1.5
+    points = points if around is None else around
     grid = (np.arange(size) + 0.5) / size * 2 - 1
     out = []
     for azimuth, elevation in directions:
@@ -86,7 +99,9 @@ def look(
         shade = np.abs(np.einsum("ij,ij->i", hits.normals, rays)).reshape(size, size)
         faces = np.where(hits.faces >= 0, kept[hits.faces], -1) if len(kept) else hits.faces
         edges = _edges(hits, rays, diagonal, size)
-        out.append(View(azimuth, elevation, pose, faces.reshape(size, size), shade, edges))
+        seen = faces.reshape(size, size)
+        window = float(middle[0]), float(middle[1]), half
+        out.append(View(azimuth, elevation, pose, seen, shade, edges, window))
     return out
 
 

@@ -96,6 +96,21 @@ def exploded(mesh: Mesh, labels: IntArray, pull: float = 0.9) -> Mesh:
     return replace(mesh, vertices=moved.reshape(-1, 3), faces=faces, uv=None, colors=None)
 
 
+def caption(draw: ImageDraw.ImageDraw, text: str, size: int) -> None:
+    """A few words in the upper left corner of a picture of `size` pixels."""
+    font = ImageFont.load_default(size=max(11, size // 26))
+    box = draw.textbbox((4, 3), text, font=font)
+    draw.rectangle((box[0] - 3, box[1] - 2, box[2] + 3, box[3] + 2), fill=(255, 255, 255))
+    draw.text((4, 3), text, fill=(0, 0, 0), font=font)
+
+
+def named(picture: Picture, text: str) -> Picture:
+    """A picture with its name in the upper left corner."""
+    image = Image.fromarray(picture)
+    caption(ImageDraw.Draw(image), text, len(picture))
+    return np.asarray(image)
+
+
 def draw_axes(draw: ImageDraw.ImageDraw, view: View, size: int) -> None:
     """A small cross of the x, y and z directions in the lower left corner."""
     origin = np.array([0.075 * size, size - 0.075 * size])

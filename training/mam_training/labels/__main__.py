@@ -1,0 +1,65 @@
+"""`python -m mam_training.labels ask | show`: labels by eye."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import tyro
+from tyro.conf import Positional
+
+from mam_pipeline.errors import MamSimError
+from mam_pipeline.models.motion_check import motion_sheets
+from mam_pipeline.render import pictures
+from mam_training.labels.ask import ask_all, items_of, read_item
+from mam_training.labels.label import Label
+
+LABELS = Path("labels")
+
+
+def ask(
+    corpus: Positional[Path],
+    ids: Positional[tuple[str, ...]],
+    /,
+    work: Path,
+    by: str,
+    labels: Path = LABELS,
+) -> int:
+    """Put the next question about each object, or write its label where all are answered.
+
+    Args:
+        corpus: folder with MANIFEST.csv and files/. ids: objects of it.
+        work: folder for questions and answers. by: who or what answers.
+        labels: folder of the labels.
+    """
+    return ask_all(items_of(corpus, ids), work, by, labels)
+
+
+def show(label: Positional[Path], corpus: Path, out: Path) -> int:
+    """Draw what a label says: every joint closed, half open and open.
+
+    Args:
+        label: its file. corpus: folder with MANIFEST.csv and files/. out: PNG to write.
+    """
+    found = Label.load(label)
+    read = read_item(items_of(corpus, [found.id])[0].file)
+    sheets = motion_sheets(found.articulation(read.mesh, read.source_to_asset))
+    if not sheets:
+        print(f"{found.id}: nothing moves" if found.nothing_moves else f"{found.out_of_scope}")
+        return 0
+    out.write_bytes(pictures.png(pictures.sheet(sheets, 1)))
+    print(out)
+    return 0
+
+
+def main() -> int:
+    """Run one of the commands; exit codes are those of mam-sim."""
+    try:
+        return int(tyro.extras.subcommand_cli_from_dict({"ask": ask, "show": show}))
+    except MamSimError as error:
+        print(error, file=sys.stderr)
+        return error.exit_code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

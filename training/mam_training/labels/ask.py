@@ -1,0 +1,150 @@
+"""Puts the product's questions about objects of a corpus, and writes labels of the answers."""
+
+from __future__ import annotations
+
+import csv
+import datetime
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mam_pipeline.digests import file_digest
+from mam_pipeline.errors import HintNeeded, InputError, MamSimError, unknown_name
+from mam_pipeline.geometry.stand_in import restored, stand_in
+from mam_pipeline.joints.solver import EmbeddedSolver
+from mam_pipeline.make_config import MakeConfig
+from mam_pipeline.models import settings
+from mam_pipeline.models.transports import FileTransport
+from mam_pipeline.models.vlm import ask_for_tree
+from mam_pipeline.run import Source, read_source
+from mam_pipeline.stages import Stages
+from mam_pipeline.types import Articulation, KinematicTree, Mesh, Primitives
+from mam_training.labels.label import Label, label_parts, notes_of
+
+ONE_QUESTION = 90
+"""Pieces up to which parts and motions are asked at once: labels are looked at in motion anyway."""
+SHEETS = 3
+"""Pictures into which those of a question are put."""
+
+
+@dataclass(frozen=True)
+class Item:
+    """One object of a corpus: a row of its manifest, and its file."""
+
+    id: str
+    category: str
+    repository: str
+    file: Path
+
+
+def items_of(corpus: Path, ids: Sequence[str]) -> list[Item]:
+    """The objects of some ids, in that order.
+
+    Raises:
+        InputError: no manifest, an id that it does not have, or a file that is missing.
+    """
+    manifest = corpus / "MANIFEST.csv"
+    if not manifest.is_file():
+        raise InputError(f"no MANIFEST.csv in {corpus}: name the folder that holds it and files/")
+    with manifest.open(newline="", encoding="utf-8") as stream:
+        rows = {row["id"]: row for row in csv.DictReader(stream)}
+    out = []
+    for name in ids:
+        if name not in rows:
+            raise unknown_name(f"object of {manifest}", name, rows)
+        row, file = rows[name], corpus / "files" / f"{name}.glb"
+        if not file.is_file():
+            raise InputError(f"{file} is missing")
+        out.append(Item(name, row["category"], row["repo"], file))
+    return out
+
+
+def label_file(labels: Path, item: Item) -> Path:
+    """Where the label of an object lies: labels/<repository>/<id>.json."""
+    slug = re.sub(r"[^a-z0-9]+", "_", item.repository.lower()).strip("_")
+    return labels / (slug or "other") / f"{item.id}.json"
+
+
+def read_item(file: Path) -> Source:
+    """The object as `articulate` reads it."""
+    config = MakeConfig()
+    return read_source(file, "mesh", config, Stages(config.engine_used))
+
+
+def ask(item: Item, work: Path, by: str, labels: Path) -> str:
+    """Put the next question about one object, or write its label; says what was done.
+
+    Raises:
+        MamSimError: the file cannot be read, or an answer cannot be used.
+    """
+    notes = notes_of(work / item.id)
+    read = read_item(item.file)
+    made = stand_in(read.mesh)
+    mesh = read.mesh if made is None else made.mesh
+    articulation: Articulation | None = None
+    if not notes.get("out_of_scope"):
+        primitives = _pieces(work / item.id, mesh)
+        given = {
+            settings.SUBJECT: item.id,
+            "MAM_SIM_VLM_SIMPLE": str(ONE_QUESTION),
+            "MAM_SIM_VLM_IMAGES": str(SHEETS),
+        }
+        with settings.given(given):
+            try:
+                tree = ask_for_tree(FileTransport(work), mesh, primitives, None)
+            except HintNeeded as waiting:
+                return f"{item.id}: {waiting}"
+        articulation = _solved(mesh, primitives, tree)
+        if articulation is not None and made is not None:
+            articulation = restored(articulation, read.mesh, made)
+            if articulation is None:
+                raise InputError(f"{item.id}: a part is too small to be found on the full mesh")
+    out = label_file(labels, item)
+    base = "body" if articulation is None else articulation.links[0].name
+    parts = () if articulation is None else label_parts(articulation)
+    label = Label(
+        id=item.id, repository=item.repository, category=item.category,
+        file_digest=file_digest(item.file), faces=len(read.mesh.faces), by=by,
+        date=datetime.datetime.now(datetime.UTC).date().isoformat(),
+        source_to_asset=tuple(round(float(v), 9) for v in read.source_to_asset.reshape(-1)),
+        base=base, parts=parts, nothing_moves=not parts and not notes.get("out_of_scope"),
+        out_of_scope=notes.get("out_of_scope"), notes=notes.get("notes", ""),
+    )  # fmt: skip
+    label.save(out)
+    return f"{item.id}: labelled, {len(parts)} parts that move: {out}"
+
+
+def ask_all(items: Sequence[Item], work: Path, by: str, labels: Path) -> int:
+    """Every object as far as it goes; 3 where answers are awaited, 2 where one cannot be used."""
+    code = 0
+    for item in items:
+        try:
+            said = ask(item, work, by, labels)
+        except MamSimError as error:
+            said, code = f"{item.id}: {error}", 2
+        print(said, flush=True)
+        if ": labelled" not in said and code != 2:
+            code = 3
+    return code
+
+
+def _solved(mesh: Mesh, primitives: Primitives, tree: KinematicTree) -> Articulation | None:
+    if all(node.subtype == "fixed" for node in tree.nodes):
+        return None
+    return EmbeddedSolver().solve(mesh, primitives, tree)
+
+
+def _pieces(folder: Path, mesh: Mesh) -> Primitives:
+    """The pieces that are shown, kept beside the questions."""
+    file = folder / "pieces.npz"
+    if file.is_file():
+        with np.load(file) as data:
+            if len(data["labels"]) == len(mesh.faces):
+                return Primitives(data["labels"].astype(np.int64), data["merges"])
+    found = Stages(MakeConfig().engine_used).segment(mesh)
+    folder.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(file, labels=found.labels.astype(np.int32), merges=found.merges)
+    return found
