@@ -52,7 +52,7 @@ def main(
         with tempfile.TemporaryDirectory() as folder:
             asset = write_asset(task.load().truth_articulation(), Path(folder) / "a", name="a")
             model = str(export_mjcf(asset))
-            chosen = [j for j in asset.card.joints if j.type != "fixed"][:joints]
+            chosen = asset.card.movable[:joints]
             mine = [(j.subtype, *_compare(asset, model, j)) for j in chosen]
         rows += mine
         objects += bool(mine)

@@ -28,7 +28,8 @@ def make_asset(
     """Make an articulated, simulation-ready asset folder from a photo, a mesh or a URDF.
 
     A second call on the same folder reuses the stages whose input and settings are the same, and
-    keeps what a person has edited in `stages/`.
+    keeps what a person has edited in `stages/`. What may move and is too unlikely to is in
+    `card.dormant`; `accept=["lid_0"]` wakes it.
 
     Example:
         >>> from mam_sim import make_asset
@@ -50,7 +51,7 @@ def make_asset(
     Raises:
         ConfigError: an unknown or wrong setting, or a folder that is not an asset of ours.
         InputError: a source that cannot be read.
-        NotPhysicalError: nothing movable was found.
+        NotPhysicalError: a mesh with numbers that are not finite.
         HintNeeded, NotThisKind: a photo on which nothing can be relied on.
     """
     base = MakeConfig()

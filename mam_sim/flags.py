@@ -25,6 +25,8 @@ from tyro.constructors import (
 )
 
 WORDS = {int: "INT", float: "FLOAT", str: "TEXT", Path: "PATH"}
+REPEATED = ("accept",)
+"""Flags that take one value and may be repeated."""
 REGISTRY = ConstructorRegistry()
 
 
@@ -38,7 +40,7 @@ def _dataclass(info: StructTypeInfo) -> StructConstructorSpec | None:
     specs = [
         StructFieldSpec(
             name=f.name,
-            type=_with_word(hints[f.name]),
+            type=_repeated(hints[f.name]) if f.name in REPEATED else _with_word(hints[f.name]),
             default=getattr(info.default, f.name),
             helptext=said.get(f.name),
         )
@@ -76,6 +78,11 @@ def _listed(doc: str) -> dict[str, str]:
     joined = re.sub(r"\n {8,}", " ", body)
     found = re.findall(r"^ *([a-z_]+(?:, [a-z_]+)*): (.+)$", joined, re.MULTILINE)
     return {name: text for names, text in found for name in names.split(", ")}
+
+
+def _repeated(kind: Any) -> Any:
+    """A row of texts of which every flag adds one."""
+    return Annotated[kind, tyro.conf.UseAppendAction, tyro.conf.arg(metavar=WORDS[str])]
 
 
 def _with_word(kind: Any) -> Any:

@@ -203,6 +203,10 @@ def _said(name: str, now: Any, then: Any, prefix: str) -> list[str]:
     if isinstance(now, Mapping):
         return [f"--{prefix}{flag}", *(str(w) for pair in now.items() for w in pair)]
     many = now if isinstance(now, list | tuple) else (now,)
+    from mam_sim.flags import REPEATED
+
+    if name in REPEATED:
+        return [w for value in many for w in (f"--{prefix}{flag}", str(value))]
     return [f"--{prefix}{flag}", *map(str, many)]
 
 

@@ -17,7 +17,7 @@ from mam_pipeline import folders
 from mam_pipeline.asset.card import Asset, CardJoint
 from mam_pipeline.asset.read import read_asset
 from mam_pipeline.geometry.stand_in import lightened
-from mam_pipeline.render.mesh_pictures import palette, render_mesh
+from mam_pipeline.render.mesh_pictures import DORMANT, palette, render_mesh
 from mam_pipeline.render.motion import motion_pictures
 from mam_pipeline.types import Articulation, FloatArray
 from mam_sim import viewer
@@ -57,6 +57,7 @@ def write_report(asset: Asset) -> Path:
         turning=turning,
         film="" if not film.is_file() else _film(film.read_bytes()),
         joints=[_row(j) for j in card.joints],
+        dormant=[_row(j) for j in card.likeliest],
         checks=_text(card.checks) if card.checks else "",
         provenance=_text(
             {"backends": card.backends, "seconds": card.seconds, "source": card.source}
@@ -92,8 +93,14 @@ def _stages(asset: Asset, articulation: Articulation) -> list[Figure]:
         picture = render_mesh(turned, face_colors=palette(labels + 1), **CAMERA)
         figures.append(_figure(picture, f"{int(labels.max()) + 1} primitives"))
     colors = palette(articulation.face_link)
+    for part in articulation.dormant:
+        colors[part.link.faces] = DORMANT
     picture = render_mesh(articulation.mesh, face_colors=colors, **CAMERA)
-    return [*figures, _figure(picture, f"{len(articulation.links)} links")]
+    asleep = len(articulation.dormant)
+    label = f"{len(articulation.links)} links" + (
+        f"; dark grey: {asleep} dormant" if asleep else ""
+    )
+    return [*figures, _figure(picture, label)]
 
 
 def _masks(asset: Asset) -> list[Figure]:

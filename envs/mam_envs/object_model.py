@@ -39,7 +39,7 @@ class ObjectModel:
 
     def card_joint(self, name: str) -> CardJoint:
         """The card's entry of a joint, or an error that names the others."""
-        movable = [j for j in self.asset.card.joints if j.type != "fixed"]
+        movable = self.asset.card.movable
         for joint in movable:
             if joint.name == name:
                 return joint
@@ -47,9 +47,11 @@ class ObjectModel:
 
     def default_joint(self) -> str:
         """The most confident joint that has a grasp (then the first movable one)."""
-        movable = [j for j in self.asset.card.joints if j.type != "fixed"]
+        movable = self.asset.card.movable
         if not movable:
-            raise NotPhysicalError(f"{self.asset.card.name} has no movable joint")
+            asleep = [j.child for j in self.asset.card.likeliest]
+            way = f"; dormant: {', '.join(asleep)} (articulate --accept NAME)" if asleep else ""
+            raise NotPhysicalError(f"{self.asset.card.name} has no movable joint{way}")
         grasped = {g.joint for g in self.asset.card.grasps}
         best = max(movable, key=lambda j: (j.name in grasped, j.confidence))
         return best.name

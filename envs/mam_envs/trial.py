@@ -39,7 +39,7 @@ def reachable(asset: Asset, robot: str = "panda", config: EnvConfig | None = Non
         robot: name of the arm. config: settings of the environment.
     """
     spec, settings, out = robot_spec(robot), config or EnvConfig(), []
-    movable = [j for j in asset.card.joints if j.type != "fixed"]
+    movable = asset.card.movable
     for joint in sorted(movable, key=lambda j: -j.confidence):
         try:
             arrange(asset, joint.name, None, spec, "auto", settings)

@@ -94,7 +94,7 @@ def _from_same_place(
 def _joint_at(model: ObjectModel, point: FloatArray, claimed: str) -> str:
     """The joint that carries what is at a point (3,), asset frame at rest, the farthest."""
     link = _link_at(model, point, claimed)
-    movable = {j.name for j in model.asset.card.joints if j.type != "fixed"}
+    movable = {j.name for j in model.asset.card.movable}
     carrying = [n for n in movable if link in model.moving_links(n)]
     if not carrying:
         raise NotPhysicalError(f"what joint {claimed!r} moves is fixed in {model.asset.card.name}")
@@ -133,7 +133,7 @@ def as_claimed(now: PlannerState, claimed: Layout, stage: int) -> PlannerState:
     place = _places(now.layout.model, now.goal.joint, [now.q], handle)[0]
     low, high = goal.q_start - 0.25 * way, goal.q_start + 1.5 * way
     values = np.asarray(np.linspace(low, high, SAMPLES), dtype=np.float64)
-    others = [j.name for j in model.asset.card.joints if j.type != "fixed" and j.name != goal.joint]
+    others = [j.name for j in model.asset.card.movable if j.name != goal.joint]
     return replace(
         now,
         layout=claimed,

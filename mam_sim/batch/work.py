@@ -38,7 +38,7 @@ PICTURE = (360, 300)
 OUTCOMES: tuple[tuple[type[MamSimError], str], ...] = (
     (HintNeeded, "needs a hint"),
     (NotThisKind, "another kind"),
-    (NotPhysicalError, "nothing moves"),
+    (NotPhysicalError, "bad input"),
     (InputError, "bad input"),
 )
 
@@ -124,11 +124,14 @@ class Work:
         target.write(f"pictures/{job.item.name}.jpg", _picture(asset))
         verdict = asset.card.checks["executability"]
         status, reason = "passes", ""
-        if not verdict["passed"]:
+        if not asset.card.movable:
+            asleep = [f"{j.child} ({j.confidence:.2f})" for j in asset.card.likeliest]
+            status, reason = "nothing moves", f"dormant: {', '.join(asleep)}" if asleep else ""
+        elif not verdict["passed"]:
             status, reason = "fails check", ", ".join(verdict["reasons"])
         elif tried and not tried["ok"]:
             status, reason = "no environment", str(tried["why"])
-        joints = [j for j in asset.card.joints if j.type != "fixed"]
+        joints = asset.card.movable
         return job.record(
             status,
             reason=reason,

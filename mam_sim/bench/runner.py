@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from mam_pipeline import backends
-from mam_pipeline.errors import ConfigError, HintNeeded, MamSimError, NotPhysicalError
+from mam_pipeline.errors import ConfigError, HintNeeded, MamSimError
 from mam_pipeline.evidence.spec import NOTHING, KindCount, KinematicSpec, Said
 from mam_pipeline.geometry.front import moved
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
@@ -60,7 +60,7 @@ class Record:
     """What came out for one object.
 
     Attributes:
-        status: ok | nothing (the engine found nothing movable) | asked (a question waits for its
+        status: ok | nothing (no joint is awake) | asked (a question waits for its
             answer; such a record is not kept) | error.
         bound: mIoU that a perfect grouping of the primitives would reach; None without them.
         executable: all clauses of the check hold; None if not tested.
@@ -128,11 +128,14 @@ def run_task(task: Task, config: BenchConfig) -> Record:
         subject = {**config.models.settings(), settings.SUBJECT: task.id}
         with settings.given(subject), noting() as rooms:
             run = articulate_mesh(mesh, config=config.engine, spec=spec)
-        found, _ = add_interiors(run.articulation)  # as the asset is delivered
+        if run.articulation.joints:
+            found, _ = add_interiors(run.articulation)  # as the asset is delivered
+        else:
+            asleep = ", ".join(f"{d.link.name} ({d.joint.confidence:.2f})"
+                               for d in run.articulation.dormant)  # fmt: skip
+            status, why = "nothing", f"dormant: {asleep}" if asleep else "no part was found"
     except HintNeeded as error:
         status, why = "asked", str(error)
-    except NotPhysicalError as error:
-        status, why = "nothing", str(error)
     except MamSimError as error:
         status, why = "error", str(error)
     except Exception as error:  # one broken object must not end the run

@@ -99,7 +99,7 @@ class Examine:
                 asset = Asset.load(path)
         except (MamSimError, OSError) as error:
             return replace(start, why=str(error))
-        movable = [(j.name, j.type) for j in asset.card.joints if j.type != "fixed"]
+        movable = [(j.name, j.type) for j in asset.card.movable]
         return replace(start, folder=str(asset.folder), joints=tuple(movable))
 
     def ended(self, ending: Ending) -> Verdict:

@@ -228,11 +228,20 @@ def moved(hints: Hints, change: FloatArray, renumbered: Mapping[int, int]) -> Hi
     )  # fmt: skip
 
 
+def wake(hints: Hints, tree: KinematicTree, name: str) -> Hints:
+    """A dormant part moves after all, as the engine found it."""
+    if not _node(tree, name).dormant:
+        raise ConfigError(f"{name} is awake already")
+    return replace(hints, accept=(*hints.accept, name))
+
+
 def as_the_engine_says(hints: Hints, tree: KinematicTree, name: str) -> Hints:
     """All that was said of a part is taken back."""
     members = set(_node(tree, name).primitives)
     parts = tuple(p for p in hints.parts if p.name != name)
-    return replace(hints, parts=parts, fixed=tuple(p for p in hints.fixed if p not in members))
+    fixed = tuple(p for p in hints.fixed if p not in members)
+    accept = tuple(a for a in hints.accept if a.removesuffix("_joint") != name)
+    return replace(hints, parts=parts, fixed=fixed, accept=accept)
 
 
 def with_living_parents(hints: Hints, tree: KinematicTree) -> Hints:

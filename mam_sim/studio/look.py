@@ -11,7 +11,15 @@ from mam_pipeline.formats.suffixes import PHOTOS
 from mam_pipeline.types import Joint
 from mam_sim.studio.scene import SHOWS, all_at
 from mam_sim.studio.thumbnails import thumbnail
-from mam_sim.studio.words import dialogue_text, joint_text, kept_value, shown_value, span, unit
+from mam_sim.studio.words import (
+    dialogue_text,
+    dormant_text,
+    joint_text,
+    kept_value,
+    shown_value,
+    span,
+    unit,
+)
 from mam_sim.studio.workspace import Workspace
 
 PHOTO = 480  # pixels of its longer side
@@ -123,6 +131,9 @@ class Look:
             if work.part in ("", link.name):
                 runs = work.line(joint, joint.child)
                 rows.append(joint_text(joint, link.name, link.kind, runs))
+        for part in articulation.dormant:
+            if work.part in ("", part.link.name):
+                rows.append(dormant_text(part))
         return rows
 
     def _redraw(self) -> None:

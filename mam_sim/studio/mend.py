@@ -62,6 +62,7 @@ class Mend:
             self.low = gui.add_number("From", 0.0, step=0.5)
             self.high = gui.add_number("To", 0.0, step=0.5)
             self.clicked = self._button(TURNS, self._from_click)
+            self.wake = self._button("Wake it: it moves", self._wake, main=True)
             self._of_part = [
                 self.clicked,
                 self._button("Other direction", self._flip),
@@ -131,6 +132,7 @@ class Mend:
             handle.disabled = bool(work.open.why_fixed)
         for handle in (*about, *self._of_part):
             handle.visible = node is not None
+        self.wake.visible = node is not None and bool(node.dormant)
         joint = work.joint()
         self.preview.show(joint is not None)
         if node is None:
@@ -279,6 +281,11 @@ class Mend:
     def _flip(self) -> None:
         name, joint = self._named(), self._joint()
         self.work.edit(lambda h, t: edits.flip(h, t, name, joint))
+        self._open_it()
+
+    def _wake(self) -> None:
+        name = self._named()
+        self.work.edit(lambda h, t: edits.wake(h, t, name))
         self._open_it()
 
     def _reset(self) -> None:

@@ -105,11 +105,12 @@ class Review:
 
 def doubt(card: AssetCard) -> tuple[float, str]:
     """How doubtful an asset is, and why: a failed check, a stuck joint, then low confidence."""
+    if not card.joints:
+        asleep = ", ".join(joint.child for joint in card.likeliest)
+        return 0.9, f"nothing moves; dormant: {asleep}" if asleep else "nothing moves"
     verdict = card.checks.get("executability", {})
     if not verdict.get("passed", True):
         return 1.0, "; ".join(REASONS.get(r, r) for r in verdict["reasons"])
-    if not card.joints:
-        return 0.9, "nothing moves"
     looked_at = [joint for joint in card.joints if joint.review]
     unsure = 1.0 - min(j.confidence if j.provenance != "user" else 1.0 for j in card.joints)
     if looked_at:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from mam_pipeline.formats.gltf_write import glb_bytes
 from mam_pipeline.geometry.sampling import face_geometry
-from mam_pipeline.render.mesh_pictures import palette
+from mam_pipeline.render.mesh_pictures import DORMANT, palette
 from mam_pipeline.render.motion import value_at
 from mam_pipeline.types import (
     Articulation,
@@ -140,7 +140,10 @@ class Scene:
         if show == "as it is":
             return [mesh.submesh(faces)]
         owner = self.articulation.face_link if show == "parts" else self.labels + 1
-        return [painted(mesh.submesh(faces), palette(owner)[faces])]
+        colors = palette(owner)
+        for part in self.articulation.dormant if show == "parts" else ():
+            colors[part.link.faces] = DORMANT
+        return [painted(mesh.submesh(faces), colors[faces])]
 
     def pose(self, values: Mapping[str, float]) -> None:
         """Move the joints: name -> value."""

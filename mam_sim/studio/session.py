@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.read import read_asset
+from mam_pipeline.dormant import ALL, index_of, woken
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.evidence.spec import stated_groups
 from mam_pipeline.formats.door import outside_allowed
@@ -127,12 +128,15 @@ class Session:
         stages = Path(self._copy.name) / "stages"
         stages.mkdir()
         copy_stages(self.place.asset / "stages", stages)
-        self._stages = Stages(self.place.config.engine_used, self._tell, StageStore(stages))
+        self._stages = Stages(self.place.config.engine, self._tell, StageStore(stages))
         hints = None
         if self.place.hints.is_file():
             hints = self._saved = load_hints(self.place.hints)
         read = self._read(source, hints)
         hints = read.hints if hints is None else hints
+        if self.place.config.accept:
+            hints = hints or Hints()
+            hints = replace(hints, accept=(*hints.accept, *self.place.config.accept))
         ground = self._ground(read, hints)
         self._cut_by_hints = self._split_by(ground, hints)
         prior = self._stages.observe(ground.mesh, ground.primitives, hints)
@@ -359,8 +363,11 @@ class Session:
         return line * (np.sign(near.axis @ line) or 1.0)
 
     def link_of_face(self, face: int) -> Link:
-        """Whose face it is."""
+        """Whose face it is: a link's, or a dormant part's."""
         articulation = self.state.articulation
+        for part in articulation.dormant:
+            if face in part.link.faces:
+                return part.link
         return articulation.links[int(articulation.face_link[face])]
 
     def _ranked(self, part: np.ndarray, rest: np.ndarray) -> list[JointCandidate]:
@@ -396,23 +403,17 @@ class Session:
         cut = with_cuts(ground.primitives, hints)
         tree = with_cuts_in_tree(tree, ground.primitives, cut)
         tree = apply_hints(tree, cut, ground.mesh, hints)
+        there = (a for a in hints.accept if a == ALL or index_of(tree, a) is not None)
+        hints = replace(hints, accept=tuple(there))  # others were made into something else
+        tree = woken(tree, hints.accept)
         return self._solved(self._fresh, ground, tree, hints)
 
     def _solved(
         self, stages: Stages, ground: Ground, tree: KinematicTree, hints: Hints | None
     ) -> State:
-        """A tree with its joints; none where nothing moves."""
+        """A tree with its joints."""
         said, primitives = hints or Hints(), with_cuts(ground.primitives, hints)
-        if any(node.subtype != "fixed" for node in tree.nodes):
-            made = stages.solve(ground.mesh, primitives, tree, hints)
-        else:
-            made = Articulation(ground.mesh, tuple(
-                Link(
-                    n.name, n.kind, np.flatnonzero(np.isin(primitives.labels, n.primitives)),
-                    n.primitives,
-                )
-                for n in tree.nodes
-            ), ())  # fmt: skip
+        made = stages.solve(ground.mesh, primitives, tree, hints)
         turn = self._turn(made, ground.read, hints)
         return State(said, tree, made, ground, primitives, turn)
 
@@ -424,7 +425,7 @@ class Session:
     @cached_property
     def _fresh(self) -> Stages:
         """Stages without a store: estimates are remembered in memory."""
-        return Stages(self.place.config.engine_used)
+        return Stages(self.place.config.engine)
 
 
 def _file_axis(read: Source, direction: ArrayLike) -> Axis:

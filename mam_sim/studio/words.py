@@ -12,6 +12,7 @@ from mam_pipeline.types import (
     FAR_ENOUGH,
     MOVES,
     NEEDS_REVIEW,
+    DormantPart,
     FloatArray,
     Joint,
     JointCandidate,
@@ -101,6 +102,15 @@ def chance(c: JointCandidate) -> str:
     """The probability of a way of moving."""
     sure = (c.kind_probability or 0.0) * (c.within_kind or 0.0)
     return "under 1 %" if sure < 0.01 else percent(sure)
+
+
+def dormant_text(part: DormantPart) -> str:
+    """A paragraph on what may move and is kept still."""
+    joint, link = part.joint, part.link
+    return (
+        f"*{link.name}* ({link.kind}) is dormant: it may be one that {MOTIONS[joint.subtype]}, "
+        f"{percent(joint.confidence)} sure; {joint.dormant}. *Put right* wakes it."
+    )
 
 
 def joint_text(joint: Joint, part: str, kind: str, runs: str) -> str:

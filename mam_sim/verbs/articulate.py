@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,12 +25,14 @@ from mam_sim.asking import ask_upload
 from mam_sim.console import Screen
 from mam_sim.options import Verb, carried
 
+LIKELIEST = 3  # dormant joints that are named where none moves
+
 
 @dataclass(frozen=True, kw_only=True)
 class Articulate(Verb):
     """Make an articulated, simulation-ready asset folder from a photo, a mesh or a URDF.
 
-    Exit status 1 when the asset, which is kept, fails its check.
+    Exit status 1 when the asset, which is kept, fails its check, or when none of its joints moves.
     """
 
     source: Positional[Path]
@@ -58,6 +61,8 @@ class Articulate(Verb):
         describe(screen, asset)
         tell_cost(screen, ledger)
         screen.say(f"report: {asset.folder / 'report.html'}")
+        if tell_still(asset, self.source, self.out, carried(self, sections=("pipeline",))):
+            return 1
         passed = asset.card.checks["executability"]["passed"]
         words = ["view", str(self.out)]
         if passed and has("sapien"):
@@ -92,16 +97,48 @@ def tell_cost(screen: Screen, ledger: Ledger) -> None:
         screen.say(f"asked:  {ledger.summary()}")
 
 
+def tell_still(asset: Asset, source: Path, out: Path, chosen: Sequence[str]) -> bool:
+    """Say, where no joint of the asset moves, what is likeliest to and how to wake it.
+
+    Args:
+        chosen: flags with which the asset was made.
+
+    Returns:
+        Whether no joint moves.
+    """
+    card = asset.card
+    if card.movable:
+        return False
+    told = (
+        f"error: nothing that moves was found in {source.name}; the asset is written as it stands"
+    )
+    command = ["mam-sim", "articulate", str(source), "--out", str(out), *chosen]
+    if card.dormant:
+        likely = [
+            f"{joint.child} ({joint.subtype}, {joint.confidence:.2f})"
+            for joint in card.likeliest[:LIKELIEST]
+        ]
+        more = "" if len(card.dormant) <= LIKELIEST else f" and {len(card.dormant)} in all"
+        command += ["--accept", card.likeliest[0].child]
+        told = f"error: no joint of {source.name} is likely enough to move; the likeliest dormant "
+        told += f"ones are {', '.join(likely)}{more}; wake one with: {shlex.join(command)}"
+    else:
+        told += f"; name a part in a hints file: {shlex.join([*command, '--hints', 'FILE'])}"
+    print(told, file=sys.stderr)
+    return True
+
+
 def describe(screen: Screen, asset: Asset) -> None:
-    """Print what was found: one line per joint."""
+    """Print what was found: one line per joint, dormant ones last."""
     card = asset.card
     for note in card.notes:
         screen.say(note)
     for row in card.placement:
         screen.say(Decision(**row).told())
-    count = len(card.joints)
-    screen.say(f"{card.name}: {count} joint{'s' if count != 1 else ''}")
-    for joint in card.joints:
+    count = len(card.movable)
+    asleep = f", {len(card.dormant)} dormant" if card.dormant else ""
+    screen.say(f"{card.name}: {count} joint{'s' if count != 1 else ''}{asleep}")
+    for joint in (*card.joints, *card.likeliest):
         unit = "m" if joint.type == "prismatic" else "deg"
         factor = 1.0 if unit == "m" else 180 / np.pi
         if joint.lower is None or joint.upper is None:

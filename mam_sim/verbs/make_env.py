@@ -18,7 +18,7 @@ from mam_pipeline.models.settings import given
 from mam_sim.asking import ask_upload
 from mam_sim.console import Screen
 from mam_sim.options import Verb, carried
-from mam_sim.verbs.articulate import describe, make, tell_cost
+from mam_sim.verbs.articulate import describe, make, tell_cost, tell_still
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +69,8 @@ class MakeEnv(Verb):
         describe(screen, asset)
         tell_cost(screen, ledger)
         screen.say(f"report: {asset.folder / 'report.html'}")
+        if tell_still(asset, self.source, out, carried(self, sections=("pipeline",))):
+            return 1
         _tell_reach(screen, tried)
         if tried["ok"]:
             screen.say(

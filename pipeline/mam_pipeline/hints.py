@@ -10,8 +10,9 @@ One schema for both. Written by the reconstructor, read by the engine, edited by
     cut: [[310, 311, 315]]                  # faces of a primitive that become one of their own
     merge: [[1, 2, 3], [7, 8]]              # primitives that are one part
     fixed: [4]                              # primitives that must not move
+    accept: [lid_0]                         # dormant parts that move after all; or [all]
     parts:
-      - name: drawer_0
+      - name: drawer_0                      # alone, of a part that was found: it moves
         kind: drawer
         primitives: [3, 4]                  # any of: primitives, nodes (source node names),
         nodes: [drawer_0_front]             #         box (whatever lies inside)
@@ -110,6 +111,7 @@ class Hints:
     cut: tuple[tuple[Index, ...], ...] = ()
     merge: tuple[tuple[Index, ...], ...] = ()
     fixed: tuple[Index, ...] = ()
+    accept: tuple[Word, ...] = ()
     parts: Annotated[tuple[HintPart, ...], Field(max_length=MOST_PARTS)] = ()
     photo_front: tuple[Finite, ...] = ()  # pixels of the upright photo; written by annotate
     source: str = field(default="", compare=False, repr=False)

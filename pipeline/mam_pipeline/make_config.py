@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -56,6 +56,8 @@ class MakeConfig:
     """Metres per unit of the source; give this or the height."""
     hints: Path | None = None
     """YAML file with what you know about the parts."""
+    accept: tuple[str, ...] = ()
+    """A dormant part that moves after all, by its name (lid_0), or "all"; may be repeated."""
     allow_outside: bool = False
     """Let a mesh or URDF of your own name files outside its folder (textures, meshes)."""
     what: str | None = None
@@ -74,13 +76,6 @@ class MakeConfig:
     engine: EngineConfig = field(default_factory=EngineConfig)
     photo: PhotoConfig = field(default_factory=PhotoConfig)
     models: ModelConfig = field(default_factory=ModelConfig)
-
-    @property
-    def engine_used(self) -> EngineConfig:
-        """The engine's settings, which keep the unlikely where low confidence is accepted."""
-        if not self.photo.accept_low_confidence:
-            return self.engine
-        return replace(self.engine, rules=self.engine.rules.without("abstain"))
 
     def check(self) -> None:
         """Raise ConfigError for a length that is no positive number or an unknown backend."""

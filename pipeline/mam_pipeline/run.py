@@ -90,6 +90,8 @@ def make_asset(
     """
     kind, out = kind_of(source), out.resolve()
     config.check()
+    if kind == "urdf" and config.accept:
+        raise ConfigError("--accept wakes dormant joints, and a URDF has none")
     refuse_foreign(out)
     given = None if config.hints is None else load_hints(config.hints)
     placed_as = standing(config, given)
@@ -97,11 +99,14 @@ def make_asset(
         (work / "stages").mkdir()
         copy_stages(out / "stages", work / "stages")
         store = StageStore(work / "stages", out / "stages")
-        stages = Stages(config.engine_used, on_stage, store)
+        stages = Stages(config.engine, on_stage, store)
         with outside_allowed(config.allow_outside):
             read = read_source(source, kind, placed_as, stages)
         if read.articulation is None:
             hints = given if given is not None else read.hints
+            if config.accept:
+                hints = hints or Hints()
+                hints = replace(hints, accept=(*hints.accept, *config.accept))
             articulation, notes = _articulated(read, hints, stages, store)
         else:
             articulation, notes = read.articulation, []

@@ -41,6 +41,7 @@ from mam_pipeline.hints import load_hints, save_hints
 from mam_pipeline.types import (
     Articulation,
     Coupling,
+    DormantPart,
     Joint,
     JointCandidate,
     JointSubtype,
@@ -92,6 +93,7 @@ class PartRow:
     provenance: Provenance = "inferred"
     candidates: Annotated[tuple[CandidateRow, ...], Field(max_length=MOST_ROWS)] = ()
     limits: tuple[Limit, Limit] | None = None
+    dormant: Text = ""
     evidence: dict[str, Any] = field(default_factory=dict)
 
 
@@ -130,15 +132,17 @@ class JointRow:
     basis: RangeBasis = field(default_factory=RangeBasis)
     provenance: Provenance = "inferred"
     coupling: Coupling | None = None
+    dormant: Text = ""
 
 
 @dataclass(frozen=True)
 class JointFile:
-    """What joints.yaml holds."""
+    """What joints.yaml holds; of a dormant joint the child is a part in `dormant`."""
 
     __pydantic_config__ = STRICT
     links: Annotated[tuple[LinkRow, ...], Field(min_length=1, max_length=MOST_ROWS)]
     joints: Annotated[tuple[JointRow, ...], Field(max_length=MOST_ROWS)]
+    dormant: Annotated[tuple[LinkRow, ...], Field(max_length=MOST_ROWS)] = ()
 
 
 PartRows = Annotated[tuple[PartRow, ...], Field(min_length=1, max_length=MOST_ROWS)]
@@ -252,7 +256,7 @@ def _node_row(node: PartNode) -> dict[str, Any]:
     row["confidence"] = round(float(node.confidence), 4)
     row["candidates"] = [_candidate_row(c) for c in node.candidates]
     row["evidence"] = row.pop("evidence")  # last: it is the longest
-    return {k: v for k, v in row.items() if k != "limits" or v is not None}
+    return {k: v for k, v in row.items() if k not in ("limits", "dormant") or v}
 
 
 def _candidate_row(candidate: JointCandidate) -> dict[str, Any]:
@@ -326,16 +330,20 @@ def articulation_codec(mesh: Mesh) -> Codec[Articulation]:
     """Joints as YAML, in the engine's frame; which face is whose lies beside it."""
 
     def save(value: Articulation, path: Path) -> None:
-        names = [link.name for link in value.links]
-        rows = [_joint_row(joint, names) for joint in value.joints]
-        np.savez_compressed(path.with_name("links.npz"), face_link=value.face_link)
-        links = [
-            {"name": l.name, "kind": l.kind, "primitives": [int(p) for p in l.primitives]}
-            for l in value.links
-        ]
-        text = yaml.safe_dump(
-            {"links": links, "joints": rows}, sort_keys=False, default_flow_style=None
-        )
+        asleep = [part.link for part in value.dormant]
+        own: dict[str, Any] = {f"dormant_{k}": link.faces for k, link in enumerate(asleep)}
+        np.savez_compressed(path.with_name("links.npz"), face_link=value.face_link, **own)
+
+        def listed(links: Sequence[Link]) -> list[dict[str, Any]]:
+            return [
+                {"name": l.name, "kind": l.kind, "primitives": [int(p) for p in l.primitives]}
+                for l in links
+            ]
+
+        rows = {"links": listed(value.links), "joints": _joint_rows(value)}
+        if asleep:
+            rows["dormant"] = listed(asleep)
+        text = yaml.safe_dump(rows, sort_keys=False, default_flow_style=None)
         path.write_text("# Joints in the engine's frame (metres, radians). Edit freely.\n" + text)
 
     def load(path: Path, shown: Path) -> Articulation:
@@ -343,8 +351,9 @@ def articulation_codec(mesh: Mesh) -> Codec[Articulation]:
         file = validated(JointFile, document)
         with np.load(path.with_name("links.npz")) as kept:
             face_link = kept["face_link"]
+            own = [kept[name] for name in kept if name != "face_link"]
         try:
-            _check_joints(file, int(face_link.max()) + 1)
+            _check_joints(file, int(face_link.max()) + 1, len(own))
         except Wrong as wrong:
             raise document.wrong(wrong.place, str(wrong)) from wrong
         links = tuple(
@@ -352,20 +361,31 @@ def articulation_codec(mesh: Mesh) -> Codec[Articulation]:
             for i, row in enumerate(file.links)
         )
         index = {link.name: i for i, link in enumerate(links)}
-        joints = []
+        joints, asleep = [], {}
         for row in file.joints:
             data = {f.name: getattr(row, f.name) for f in fields(row)}
-            joints.append(Joint(**data | {"parent": index[row.parent], "child": index[row.child]}))
-        return Articulation(mesh, links, tuple(joints))
+            ends = {"parent": index[row.parent], "child": index.get(row.child, -1)}
+            if row.dormant:
+                asleep[row.child] = Joint(**data | ends)
+            else:
+                joints.append(Joint(**data | ends))
+        dormant = tuple(
+            DormantPart(Link(row.name, row.kind, faces, row.primitives), asleep[row.name])
+            for row, faces in zip(file.dormant, own)
+        )
+        return Articulation(mesh, links, tuple(joints), dormant=dormant)
 
     return Codec("joints.yaml", save, load, _joint_prints, _marked_joints)
 
 
-def _check_joints(file: JointFile, count: int) -> None:
-    """Raise `Wrong` where the joints do not hold `count` links together as a tree."""
-    names = [link.name for link in file.links]
-    if len(names) != count:
-        raise Wrong(("links",), f"must be the {count} that the parts make, not {len(names)}")
+def _check_joints(file: JointFile, count: int, asleep: int) -> None:
+    """Raise `Wrong` where the joints do not hold `count` links together as a tree, and `asleep`
+    dormant parts to them."""
+    awake = [link.name for link in file.links]
+    for place, rows, expected in (("links", awake, count), ("dormant", file.dormant, asleep)):
+        if len(rows) != expected:
+            raise Wrong((place,), f"must be the {expected} that the parts make, not {len(rows)}")
+    names = [*awake, *(row.name for row in file.dormant)]
     no_doubles(names, ("links",), "link")
     no_doubles([joint.name for joint in file.joints], ("joints",), "joint")
     held = {names[0]}
@@ -376,9 +396,13 @@ def _check_joints(file: JointFile, count: int) -> None:
         if joint.child in held:
             text = f"is {joint.child!r}, which another joint holds or which is the base"
             raise Wrong(("joints", i, "child"), text)
-        if joint.parent not in held:
+        if joint.parent not in held.intersection(awake):
             text = f"is {joint.parent!r}, which no joint before this one holds"
             raise Wrong(("joints", i, "parent"), text)
+        if bool(joint.dormant) != (joint.child not in awake):
+            raise Wrong(
+                ("joints", i, "dormant"), "is for the parts in 'dormant': wake one by --accept NAME"
+            )
         held.add(joint.child)
         finite = joint.type == "continuous" or np.isfinite(joint.upper - joint.lower)
         if not (joint.lower <= joint.upper and finite):
@@ -389,24 +413,36 @@ def _check_joints(file: JointFile, count: int) -> None:
         raise Wrong(("joints",), f"hold no {', '.join(loose)}: every link but the first needs one")
 
 
-def _joint_row(joint: Joint, links: Sequence[str]) -> dict[str, Any]:
-    row = _fields(joint)
-    return {**row, "parent": links[joint.parent], "child": links[joint.child]}
+def _joint_rows(value: Articulation) -> list[dict[str, Any]]:
+    """The joints as joints.yaml has them, the dormant ones last."""
+    names = [link.name for link in value.links]
+
+    def row(joint: Joint, child: str) -> dict[str, Any]:
+        out = {**_fields(joint), "parent": names[joint.parent], "child": child}
+        return {k: v for k, v in out.items() if k != "dormant" or v}
+
+    rows = [row(joint, names[joint.child]) for joint in value.joints]
+    return rows + [row(part.joint, part.link.name) for part in value.dormant]
 
 
 def _joint_prints(value: Articulation) -> Prints:
-    names = [link.name for link in value.links]
-    return {joint.name: _print(_joint_row(joint, names)) for joint in value.joints}
+    return {row["name"]: _print(row) for row in _joint_rows(value)}
 
 
 def _marked_joints(value: Articulation, prints: Prints) -> Articulation:
     """Joints that a person edited are the person's, range included."""
     now = _joint_prints(value)
-    return replace(value, joints=tuple(
-        joint if prints.get(joint.name) == now[joint.name]
-        else replace(joint, provenance="user", basis=RangeBasis("given"))
-        for joint in value.joints
-    ))  # fmt: skip
+
+    def marked(joint: Joint) -> Joint:
+        if prints.get(joint.name) == now[joint.name]:
+            return joint
+        return replace(joint, provenance="user", basis=RangeBasis("given"))
+
+    return replace(
+        value,
+        joints=tuple(marked(joint) for joint in value.joints),
+        dormant=tuple(replace(d, joint=marked(d.joint)) for d in value.dormant),
+    )
 
 
 def _save_photo(made: Reconstruction, path: Path) -> None:

@@ -9,14 +9,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 from mam_pipeline import backends, config_file
 from mam_pipeline.backends import KinematicPrior, Maker, Reconstruction
 from mam_pipeline.digests import array_digest, file_digest, mesh_digest, text_digest
-from mam_pipeline.errors import NotPhysicalError
+from mam_pipeline.dormant import woken
 from mam_pipeline.evidence.spec import NOTHING, Informed, KinematicSpec, stated_groups
 from mam_pipeline.hints import Hints
 from mam_pipeline.make_config import DEFAULT, EngineConfig
@@ -78,7 +78,7 @@ def articulate_mesh(
         hints: obeyed. spec: what else is known beside geometry; it weighs.
 
     Raises:
-        NotPhysicalError: nothing movable was found.
+        ConfigError: a hint that cannot be obeyed.
         BackendError: a backend named in the config cannot run.
     """
     return Stages(config, on_stage).articulate(mesh, hints, spec)
@@ -117,7 +117,6 @@ class Stages:
         """From a mesh (metres, Z up) to joints."""
         from mam_pipeline.parts.rules.fittings import carried_notes
         from mam_pipeline.parts.said import said_notes
-        from mam_pipeline.parts.tree import left_out_note
 
         primitives = along_nodes(self.segment(mesh), mesh, hints, stated_groups(spec))
         prior = self.observe(mesh, primitives, hints)
@@ -125,7 +124,7 @@ class Stages:
         primitives = with_cuts(primitives, hints)
         articulation = self.solve(mesh, primitives, tree, hints)
         used = {role: maker.name for role, maker in self.makers.items()}
-        notes = (left_out_note(tree), *carried_notes(tree), *said_notes(tree))
+        notes = (*carried_notes(tree), *said_notes(tree))
         return EngineRun(primitives, prior, tree, articulation, used, self.seconds, notes)
 
     def reconstruct(
@@ -180,7 +179,8 @@ class Stages:
     ) -> KinematicTree:
         """Primitives and priors to parts, tree and joint subtypes.
 
-        Hints have the last word; what else is known is given to a reasoner that listens.
+        Hints have the last word; what else is known is given to a reasoner that listens. Waking
+        dormant parts is no part of the stage: it computes nothing again.
 
         Args:
             primitives: without the hints' cuts; the tree is of those with them.
@@ -199,11 +199,12 @@ class Stages:
             tree = with_cuts_in_tree(tree, primitives, cut)
             return tree if hints is None else apply_hints(tree, cut, mesh, hints)
 
-        return self._stage(
+        found = self._stage(
             "reasoner", "hints" if _settled(hints) else self.config.reasoner, "reason",
             tree_codec(cut.count), reasoned,
             lambda: self._inputs(mesh, hints, "segmenter", "prior") | said,
         )  # fmt: skip
+        return woken(found, hints.accept if hints else ())
 
     def solve(
         self, mesh: Mesh, primitives: Primitives, tree: KinematicTree, hints: Hints | None = None
@@ -213,21 +214,17 @@ class Stages:
         Args:
             hints: those that the tree was made with.
         """
-        if all(node.subtype == "fixed" for node in tree.nodes):
-            why = str(tree.nodes[0].evidence.get("nothing_movable", "every part is fixed"))
-            raise NotPhysicalError(
-                f"nothing movable was found in this mesh ({why}); "
-                "a hints file can name a part: --hints FILE"
-            )
+        names = " ".join(sorted(node.name for node in tree.nodes if node.dormant))
         return self._stage(
             "solver", self.config.solver, "joints", articulation_codec(mesh),
             lambda backend: backend.solve(mesh, primitives, tree, seed=self.config.seed),
-            lambda: self._inputs(mesh, hints, "segmenter", "reasoner"),
+            lambda: self._inputs(mesh, hints, "segmenter", "reasoner") | {"dormant": names},
         )  # fmt: skip
 
     def _inputs(self, mesh: Mesh, hints: Hints | None, *roles: str) -> dict[str, str]:
         """Digests of the mesh, the hints and what the stages of some roles made."""
-        digests = {"mesh": mesh_digest(mesh), "hints": text_digest(repr(hints))}
+        said = replace(hints or Hints(), accept=())
+        digests = {"mesh": mesh_digest(mesh), "hints": text_digest(repr(said))}
         return digests | {role: self._digests[role] for role in roles}
 
     def _stage(

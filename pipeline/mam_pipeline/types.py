@@ -228,6 +228,7 @@ class PartNode:
         provenance: who says so; what a person said or edited is `user` and is never changed.
         candidates: joint hypotheses, best first; may be empty (the solver then makes its own).
         limits: (lower, upper) that a person or the reasoner set, radians or metres; else None.
+        dormant: why the part is kept still though it may move, in words; "" for one that is awake.
         evidence: what explains the part, for the report alone.
     """
 
@@ -241,12 +242,16 @@ class PartNode:
     provenance: Provenance = "inferred"
     candidates: tuple[JointCandidate, ...] = ()
     limits: tuple[float, float] | None = None
+    dormant: str = ""
     evidence: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class KinematicTree:
-    """The articulation tree (paper 3.3): parts, parents, joint subtypes; node 0 is the base."""
+    """The articulation tree (paper 3.3): parts, parents, joint subtypes; node 0 is the base.
+
+    Dormant parts are nodes too; `dormant.awake` is the tree as it moves.
+    """
 
     nodes: tuple[PartNode, ...]
 
@@ -340,6 +345,7 @@ class Joint:
         evidence: anything that explains the choice, for asset.json and the report alone.
         basis: why the range is what it is. provenance: who says that the part moves so.
         coupling: what the joint follows; None where it moves on its own.
+        dormant: why it is kept fixed, in words; "" for a joint that moves.
     """
 
     name: str
@@ -362,6 +368,7 @@ class Joint:
     basis: RangeBasis = field(default_factory=RangeBasis)
     provenance: Provenance = "inferred"
     coupling: Coupling | None = None
+    dormant: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axis", readonly(self.axis, np.float64, (3,)))
@@ -452,17 +459,31 @@ class Inertial:
 
 
 @dataclass(frozen=True)
+class DormantPart:
+    """A part that may move and is kept still: it is part of another link until it is woken.
+
+    Attributes:
+        link: its faces; the link that carries them has them too.
+        joint: as it would be; `parent` is the carrying link, and `child` names none (-1).
+    """
+
+    link: Link
+    joint: Joint
+
+
+@dataclass(frozen=True)
 class Articulation:
     """A mesh cut into links and the joints between them; link 0 is the base.
 
     Every face belongs to exactly one link. Joints come in topological order (parents first), one
-    per link other than the base.
+    per link other than the base. Dormant parts are beside these: nothing else depends on them.
     """
 
     mesh: Mesh
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
     grasps: tuple[Grasp, ...] = ()
+    dormant: tuple[DormantPart, ...] = ()
 
     @property
     def face_link(self) -> IntArray:

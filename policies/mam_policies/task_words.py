@@ -31,7 +31,7 @@ def part_words(model: ObjectModel, joint: str) -> str:
     """The part that a joint moves, told from its like by where it is as seen from the front: "top
     left drawer", "second drawer from the top". The link's name where place does not tell."""
     kinds = {p.link: p.kind.replace("_", " ") for p in model.asset.card.parts}
-    movable = [j for j in model.asset.card.joints if j.type != "fixed"]
+    movable = model.asset.card.movable
     own = model.card_joint(joint).child
     kind = kinds.get(own, "part")
     alike = [j.child for j in movable if kinds.get(j.child, "part") == kind]

@@ -37,7 +37,7 @@ class Quick(Work):
             os.write(2, b"a word before the end\n")
             os.kill(os.getpid(), signal.SIGSEGV)
         if word == "refuse":
-            raise NotPhysicalError("nothing movable was found")
+            raise NotPhysicalError("a link without surface")
         if word == "break":
             raise ZeroDivisionError("a bug")
         time.sleep(self.seconds)

@@ -67,7 +67,7 @@ def test_a_guard_or_a_crash_ends_one_object_with_its_reason(tmp_path: Path, quic
     found = {r.name.split("_")[0]: r for r in run(todo.left, 2)}
     assert {k: r.status for k, r in found.items()} == {
         "fine": "passes", "hang": "timeout", "eat": "memory", "crash": "crash",
-        "refuse": "nothing moves", "break": "error",
+        "refuse": "bad input", "break": "error",
     }  # fmt: skip
     assert found["hang"].reason == "it took longer than 4 s" and found["hang"].limit == 4.0
     assert found["eat"].reason == "it took more than 0.5 GB of memory"

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from mam_pipeline.dormant import awake
 from mam_pipeline.parts.configurations import enumerate_sets, promise, set_features
 from mam_pipeline.parts.embedded import View, decide
 from mam_pipeline.parts.features import Table, table
@@ -20,8 +21,8 @@ from mam_pipeline.parts.rules.choice import lighter, with_sure
 from mam_pipeline.parts.rules.extent import completed, without_spanning
 from mam_pipeline.parts.scores import load_scores
 from mam_pipeline.parts.select import SELECTION
-from mam_pipeline.parts.tree import Choice, build_tree, left_out_note, with_base
-from mam_pipeline.types import KinematicTree, Mesh, PartNode, Primitives
+from mam_pipeline.parts.tree import Choice, build_tree, with_base, with_left
+from mam_pipeline.types import Mesh, Primitives
 from mam_training.parts.corpus import Example, generated_example
 
 # panel and handle, the panel, the handle, another front
@@ -202,7 +203,7 @@ def test_equal_parts_that_leave_nothing_each_leave_their_largest_piece() -> None
     assert len(tree.nodes) == 3 and tree.nodes[0].primitives == (0, half)
 
 
-def test_what_is_too_unsure_stays_in_the_base_and_is_told() -> None:
+def test_what_is_too_unsure_is_dormant() -> None:
     example = generated_example("chest_of_drawers", 9)
     view = View(example.graph, example.prior())
     scores = copy(load_scores())
@@ -214,26 +215,12 @@ def test_what_is_too_unsure_stays_in_the_base_and_is_told() -> None:
     assert choice.chosen == usual.chosen[:1]
     assert set(choice.left) >= set(usual.chosen[1:])
     tree = build_tree(view.graph, masks, choice)
-    told = tree.nodes[0].evidence["left_out"]
-    assert [tuple(t["primitives"]) for t in told] == [  # type: ignore[attr-defined]
-        tuple(np.flatnonzero(masks[c])) for c in choice.left
-    ]
-    note = left_out_note(tree)  # of all, the drawers that now go with the chosen one as well
-    assert note.count("slide of primitives") == len(told)  # type: ignore[arg-type]
-    scores.least = 0.0
-    assert left_out_note(build_tree(view.graph, *decide([view], scores))) == ""
-
-
-def test_what_a_hint_moves_is_no_longer_told_as_left_out() -> None:
-    said = {"primitives": [1, 2], "subtype": "spin", "confidence": 0.3}
-    base = PartNode("base", "body", (0, 1, 2, 3), -1, "fixed", evidence={"left_out": [said]})
-    note = left_out_note(KinematicTree((base,)))
-    assert "spin of primitives 1, 2 (0.30)" in note and "hints file" in note
-    rest = replace(base, primitives=(0,))
-    door = PartNode("door_0", "door", (1, 2, 3), 0, "hinge")
-    assert left_out_note(KinematicTree((rest, door))) == note  # the door carries it
-    for own in (replace(door, provenance="user"), replace(door, primitives=(1, 2))):
-        assert left_out_note(KinematicTree((rest, own))) == ""
+    found = with_left(view.graph, tree)
+    more = found.nodes[len(tree.nodes) :]
+    assert more and all(node.dormant and node.subtype == "slide" for node in more)
+    assert [n.primitives for n in awake(found).nodes] == [n.primitives for n in tree.nodes]
+    owned = sorted(p for node in found.nodes for p in node.primitives)
+    assert owned == list(range(view.graph.count))
 
 
 Box = tuple[tuple[float, ...], tuple[float, ...]]  # middle, size

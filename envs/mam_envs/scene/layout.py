@@ -143,7 +143,7 @@ def _likely(asset: Asset, most: int = 6) -> list[str]:
         easy = bool(kinds & {"handle", "knob"}) and joint.subtype in ("slide", "hinge")
         return bool(kinds), easy, round(joint.confidence, 2)
 
-    movable = [j for j in asset.card.joints if j.type != "fixed"]
+    movable = asset.card.movable
     return [j.name for j in sorted(movable, key=rank, reverse=True)][:most]
 
 

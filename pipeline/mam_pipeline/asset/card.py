@@ -93,10 +93,13 @@ class CardJoint:
     basis: RangeBasis = field(default_factory=RangeBasis)
     provenance: Provenance = "inferred"
     coupling: Coupling | None = None
+    dormant: Text = ""
 
     @property
     def review(self) -> str:
         """Why somebody should look at the joint, in words; empty if nobody need."""
+        if self.dormant:
+            return f"dormant: {self.dormant}"
         if self.basis.share < MOVES:
             return f"needs review: stuck after {100 * self.basis.share:.0f} % of the usual way"
         if self.basis.of_part < FAR_ENOUGH:
@@ -124,7 +127,12 @@ class CardGrasp:
 
 @dataclass(frozen=True)
 class AssetCard:
-    """Everything that asset.json says; paths are relative to the folder."""
+    """Everything that asset.json says; paths are relative to the folder.
+
+    Attributes:
+        joints: as the URDF has them. dormant: joints that may be and are fixed in the URDF, as they
+            would be if they were woken; the field is optional in a file.
+    """
 
     __pydantic_config__ = STRICT
     name: Word
@@ -140,12 +148,23 @@ class AssetCard:
     bounds: Annotated[list[Triple], Field(max_length=2)] = field(default_factory=list)
     parts: Annotated[list[CardPart], Field(max_length=MAX_LINKS)] = field(default_factory=list)
     joints: Annotated[list[CardJoint], Field(max_length=MAX_LINKS)] = field(default_factory=list)
+    dormant: Annotated[list[CardJoint], Field(max_length=MAX_LINKS)] = field(default_factory=list)
     grasps: Annotated[list[CardGrasp], Field(max_length=MOST_GRASPS)] = field(default_factory=list)
     backends: dict[str, Any] = field(default_factory=dict)
     checks: dict[str, Any] = field(default_factory=dict)
     seconds: dict[str, Finite] = field(default_factory=dict)
     exports: dict[str, str] = field(default_factory=dict)
     notes: list[Text] = field(default_factory=list)
+
+    @property
+    def movable(self) -> list[CardJoint]:
+        """The joints that move."""
+        return [joint for joint in self.joints if joint.type != "fixed"]
+
+    @property
+    def likeliest(self) -> list[CardJoint]:
+        """The dormant joints, likeliest first."""
+        return sorted(self.dormant, key=lambda joint: -joint.confidence)
 
     @property
     def executable(self) -> bool | None:
@@ -237,7 +256,7 @@ def unlike(card: AssetCard, robot: ET.Element) -> Iterator[str]:
     for part in card.parts:
         if part.link not in links:
             yield f"part {part.name!r} of asset.json is link {part.link!r}, which the URDF lacks"
-    for joint in card.joints:
+    for joint in (*card.joints, *card.dormant):
         element = joints.get(joint.name)
         if element is None:
             yield f"joint {joint.name!r} of asset.json is not in the URDF"
@@ -247,8 +266,9 @@ def unlike(card: AssetCard, robot: ET.Element) -> Iterator[str]:
             end = element.find(key)
             said[key] = None if end is None else end.get("link")
         for key, value in said.items():
-            if getattr(joint, key) != value:
-                told = f"its {key} is {getattr(joint, key)!r} in asset.json and {value!r} in"
+            own = "fixed" if key == "type" and joint.dormant else getattr(joint, key)
+            if own != value:
+                told = f"its {key} is {own!r} in asset.json and {value!r} in"
                 yield f"joint {joint.name!r}: {told} the URDF"
     named = {joint.name for joint in card.joints}
     for i, grasp in enumerate(card.grasps):
@@ -260,7 +280,10 @@ def unlike(card: AssetCard, robot: ET.Element) -> Iterator[str]:
 def _consistent(card: AssetCard) -> None:
     """Raise `Wrong` for what no single value tells."""
     no_doubles([part.link for part in card.parts], ("parts",), "link")
-    no_doubles([joint.name for joint in card.joints], ("joints",), "joint")
+    no_doubles([joint.name for joint in (*card.joints, *card.dormant)], ("joints",), "joint")
+    for i, joint in enumerate(card.dormant):
+        if not joint.dormant:
+            raise Wrong(("dormant", i, "dormant"), "must say why the joint is dormant")
     if len(card.bounds) == 1:
         raise Wrong(("bounds",), "must be a lower and an upper corner")
     leaders = {joint.name for joint in card.joints if joint.coupling is None}

@@ -22,7 +22,14 @@ from mam_pipeline.asset.visuals import VisualFormat, write_visuals
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.formats.urdf.write import link_origins, urdf_text
 from mam_pipeline.geometry.stand_in import lightened
-from mam_pipeline.types import Articulation, CollisionShape, FloatArray, Inertial
+from mam_pipeline.types import (
+    Articulation,
+    CollisionShape,
+    DormantPart,
+    FloatArray,
+    Inertial,
+    Joint,
+)
 
 LONGEST_NAME = 100
 """Characters of a link's or joint's name; names of files are made of it."""
@@ -65,12 +72,13 @@ def write_asset(
     began = time.perf_counter()
     articulation = _valid(articulation)
     light = lightened(articulation)  # what is felt; what is seen keeps every triangle
+    grasps = articulation.grasps or find_grasps(light)
+    articulation, light = with_fixed(articulation), with_fixed(light)
     inertials = link_inertials(light)
     light = with_dynamics(light, inertials)
     pieces = {k: list(v) for k, v in (collision or {}).items()}
     if any(link.name not in pieces for link in light.links):
         pieces = {**collision_shapes(light, skip=frozenset(pieces)), **pieces}
-    grasps = articulation.grasps or find_grasps(light)
     articulation = replace(articulation, joints=light.joints, grasps=grasps)
     with folders.new_folder(out) as work:
         (work / "visual").mkdir()
@@ -100,12 +108,14 @@ def _valid(articulation: Articulation) -> Articulation:
     """Names that files and simulators take, and numbers that are finite."""
     if not np.isfinite(articulation.mesh.vertices).all():
         raise NotPhysicalError("the mesh has vertices that are not finite numbers")
-    names = _unique([link.name for link in articulation.links], "link")
-    links = tuple(replace(link, name=n) for link, n in zip(articulation.links, names))
-    joint_names = _unique([j.name for j in articulation.joints], "joint")
-    old_joint = {j.name: n for j, n in zip(articulation.joints, joint_names)}
+    all_links = [*articulation.links, *(d.link for d in articulation.dormant)]
+    all_joints = [*articulation.joints, *(d.joint for d in articulation.dormant)]
+    names = _unique([link.name for link in all_links], "link")
+    links = [replace(link, name=n) for link, n in zip(all_links, names)]
+    joint_names = _unique([j.name for j in all_joints], "joint")
+    old_joint = {j.name: n for j, n in zip(all_joints, joint_names)}
     joints = []
-    for joint, joint_name in zip(articulation.joints, joint_names):
+    for joint, joint_name in zip(all_joints, joint_names):
         length = float(np.linalg.norm(joint.axis))
         known = np.isfinite([*joint.axis, *joint.origin]).all() and length > 1e-6
         if not known or np.isnan([joint.lower, joint.upper]).any():
@@ -124,7 +134,25 @@ def _valid(articulation: Articulation) -> Articulation:
         replace(g, joint=old_joint.get(g.joint, g.joint), link=old_link.get(g.link, g.link))
         for g in articulation.grasps
     )
-    return replace(articulation, links=links, joints=tuple(joints), grasps=grasps)
+    n, m = len(articulation.links), len(articulation.joints)
+    return replace(
+        articulation, links=tuple(links[:n]), joints=tuple(joints[:m]), grasps=grasps,
+        dormant=tuple(map(DormantPart, links[n:], joints[m:])),
+    )  # fmt: skip
+
+
+def with_fixed(articulation: Articulation) -> Articulation:
+    """The articulation in which every dormant part is a link of its own behind a fixed joint."""
+    if not articulation.dormant:
+        return articulation
+    taken = np.concatenate([d.link.faces for d in articulation.dormant])
+    links = [replace(k, faces=np.setdiff1d(k.faces, taken)) for k in articulation.links]
+    joints = list(articulation.joints)
+    for part in articulation.dormant:
+        joint = replace(part.joint, type="fixed", child=len(links), lower=0.0, upper=0.0)
+        joints.append(joint)
+        links.append(part.link)
+    return replace(articulation, links=tuple(links), joints=tuple(joints))
 
 
 def _write_collision(
@@ -167,24 +195,29 @@ def _card(
         for link, body in zip(links, inertials)
     ]
     wanted = {f.name for f in fields(CardJoint)}
-    joints = []
-    for joint in articulation.joints:
+
+    def row(joint: Joint, child: str) -> CardJoint:
         data = {k: v for k, v in vars(joint).items() if k in wanted}
-        data |= {"parent": links[joint.parent].name, "child": links[joint.child].name}
+        data |= {"parent": links[joint.parent].name, "child": child}
         data |= {"axis": joint.axis.tolist(), "origin": joint.origin.tolist()}
         data |= {k: v if np.isfinite(v) else None for k, v in _limits(joint).items()}
         data["evidence"] = dict(joint.evidence)
-        joints.append(CardJoint(**data))
+        return CardJoint(**data)
+
+    joints = [row(j, links[j.child].name) for j in articulation.joints if not j.dormant]
+    dormant = [row(d.joint, d.link.name) for d in articulation.dormant]
     grasps = []
     for grasp in articulation.grasps:
         data = asdict(grasp)
         data |= {k: data[k].tolist() for k in ("position", "approach", "closing")}
         grasps.append(CardGrasp(**data))
     bounds = articulation.mesh.bounds.tolist()
-    return AssetCard(name="", bounds=bounds, parts=parts, joints=joints, grasps=grasps)
+    return AssetCard(
+        name="", bounds=bounds, parts=parts, joints=joints, dormant=dormant, grasps=grasps
+    )
 
 
-def _limits(joint: Any) -> dict[str, float]:
+def _limits(joint: Joint) -> dict[str, float]:
     return {"lower": joint.lower, "upper": joint.upper}
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mam_pipeline.types import Articulation, FloatArray, Mesh
+from mam_pipeline.types import Articulation, FloatArray, Joint, Mesh
 
 
 @dataclass(frozen=True)
@@ -162,20 +162,18 @@ def moved(articulation: Articulation, matrix: FloatArray) -> Articulation:
     def point(p: FloatArray) -> FloatArray:
         return matrix[:3, :3] @ p + matrix[:3, 3]
 
-    joints = []
-    for joint in articulation.joints:
+    def carried(joint: Joint) -> Joint:
         s = scale if joint.type == "prismatic" else 1.0
-        joints.append(
-            replace(
-                joint,
-                axis=turn @ joint.axis,
-                origin=point(joint.origin),
-                lower=joint.lower * s,
-                upper=joint.upper * s,
-                closed=joint.closed * s,
-                open=joint.open * s,
-            )
+        return replace(
+            joint,
+            axis=turn @ joint.axis,
+            origin=point(joint.origin),
+            lower=joint.lower * s,
+            upper=joint.upper * s,
+            closed=joint.closed * s,
+            open=joint.open * s,
         )
+
     grasps = tuple(
         replace(
             g,
@@ -190,6 +188,7 @@ def moved(articulation: Articulation, matrix: FloatArray) -> Articulation:
     return replace(
         articulation,
         mesh=articulation.mesh.transformed(matrix),
-        joints=tuple(joints),
+        joints=tuple(carried(joint) for joint in articulation.joints),
         grasps=grasps,
+        dormant=tuple(replace(d, joint=carried(d.joint)) for d in articulation.dormant),
     )

@@ -141,25 +141,41 @@ def _split(label: IntArray) -> list[IntArray]:
 
 def lightened(articulation: Articulation, weight: Weight | None = None) -> Articulation:
     """The same links and joints on a lighter mesh; itself where the mesh is not heavy."""
-    label = articulation.face_link
+    label = _body(articulation)
     made = stand_in(articulation.mesh, label, weight)
     if made is None:
         return articulation
-    links = tuple(
-        replace(link, faces=np.flatnonzero(label[made.source] == i))
-        for i, link in enumerate(articulation.links)
-    )
-    return replace(articulation, mesh=made.mesh, links=links)
+    return _on(articulation, made.mesh, label[made.source])
 
 
 def restored(articulation: Articulation, mesh: Mesh, made: StandIn) -> Articulation | None:
     """An articulation of the light mesh on the heavy one; None where a link would be empty."""
-    label = articulation.face_link[made.nearest]
-    found = [np.flatnonzero(label == i) for i in range(len(articulation.links))]
-    if not all(len(faces) for faces in found):
-        return None
-    links = tuple(replace(link, faces=f) for link, f in zip(articulation.links, found))
-    return replace(articulation, mesh=mesh, links=links)
+    whole = _on(articulation, mesh, _body(articulation)[made.nearest])
+    bodies = (*whole.links, *(d.link for d in whole.dormant))
+    return whole if all(len(link.faces) for link in bodies) else None
+
+
+def _body(articulation: Articulation) -> IntArray:
+    """(F,) number of every face's link, or, after those of the links, of its dormant part."""
+    out = articulation.face_link
+    for k, part in enumerate(articulation.dormant, start=len(articulation.links)):
+        out[part.link.faces] = k
+    return out
+
+
+def _on(articulation: Articulation, mesh: Mesh, body: IntArray) -> Articulation:
+    """The same links, joints and dormant parts on another mesh, of whose faces `body` is known."""
+    count = len(articulation.links)
+    hosts = np.array([*range(count), *(d.joint.parent for d in articulation.dormant)])
+    links = tuple(
+        replace(link, faces=np.flatnonzero(hosts[body] == i))
+        for i, link in enumerate(articulation.links)
+    )
+    dormant = tuple(
+        replace(d, link=replace(d.link, faces=np.flatnonzero(body == k)))
+        for k, d in enumerate(articulation.dormant, start=count)
+    )
+    return replace(articulation, mesh=mesh, links=links, dormant=dormant)
 
 
 def _decimated(points: FloatArray, faces: IntArray, target: int) -> Triangles:

@@ -5,13 +5,14 @@ A solver estimates the joints of the tree that it is given; the tree it never ch
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.resources.abc import Traversable
 from typing import Any, Self
 
 import numpy as np
 
 from mam_pipeline.backends import Availability
+from mam_pipeline.dormant import awake, hosts
 from mam_pipeline.geometry.frames import ObjectFrame
 from mam_pipeline.geometry.sampling import unit
 from mam_pipeline.geometry.sweep import SweepScene
@@ -31,6 +32,7 @@ from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import (
     Articulation,
+    DormantPart,
     FloatArray,
     Joint,
     JointCandidate,
@@ -80,19 +82,30 @@ class EmbeddedSolver:
             seed: of all sampling.
 
         Returns:
-            One link per node, one joint per node but the base, parents first.
+            One link per node that is awake, one joint per such node but the base, parents first.
+            Dormant parts that could move are beside them, each as if all parts were awake.
         """
         estimator = JointEstimator(*without_repeats(mesh, primitives), seed, self.rules)
-        turned = estimator.turned(tree)
-        joints = [self._joint(estimator, turned, i) for i in topological_order(tree)]
+        moving = awake(tree)
+        turned, whole = estimator.turned(moving), estimator.turned(tree)
+        joints = [self._joint(estimator, turned, i) for i in topological_order(moving)]
+        asleep = [i for i, node in enumerate(tree.nodes) if node.dormant]
+        sleeping = [self._joint(estimator, whole, i) for i in asleep]
         if estimator.rotation is not None:
             joints = [turned_joint(joint, estimator.rotation.T) for joint in joints]
-        links = tuple(
-            Link(n.name, n.kind, np.flatnonzero(np.isin(primitives.labels, n.primitives)),
-                 n.primitives)
-            for n in tree.nodes
+            sleeping = [turned_joint(joint, estimator.rotation.T) for joint in sleeping]
+        index = {node.name: k for k, node in enumerate(moving.nodes)}
+        host = hosts(tree)
+        dormant = tuple(
+            DormantPart(
+                _link(tree.nodes[i], primitives),
+                replace(joint, parent=index[tree.nodes[host[i]].name], child=-1,
+                        dormant=tree.nodes[i].dormant),
+            )
+            for i, joint in zip(asleep, sleeping) if joint.type != "fixed"
         )  # fmt: skip
-        return Articulation(mesh, links, tuple(joints))
+        links = tuple(_link(node, primitives) for node in moving.nodes)
+        return Articulation(mesh, links, tuple(joints), dormant=dormant)
 
     def _joint(self, estimator: JointEstimator, tree: KinematicTree, index: int) -> Joint:
         node = tree.nodes[index]
@@ -198,6 +211,11 @@ def _joint(
             limits.rule, limits.share, limits.sibling_at is not None, limits.of_part
         ),
     )  # fmt: skip
+
+
+def _link(node: PartNode, primitives: Primitives) -> Link:
+    faces = np.flatnonzero(np.isin(primitives.labels, node.primitives))
+    return Link(node.name, node.kind, faces, node.primitives)
 
 
 def _fixed_joint(mesh: Mesh, node: PartNode, index: int, faces: PartFaces) -> Joint:

@@ -172,7 +172,13 @@ def retexture_links(
         replace(link, faces=np.arange(sizes[i], sizes[i + 1]))
         for i, link in enumerate(articulation.links)
     )
-    return replace(articulation, mesh=joined, links=new_links)
+    place = np.empty(len(owner), dtype=np.int64)
+    place[np.argsort(owner, kind="stable")] = np.arange(len(owner))  # of every face in `joined`
+    dormant = tuple(
+        replace(d, link=replace(d.link, faces=np.sort(place[d.link.faces])))
+        for d in articulation.dormant
+    )
+    return replace(articulation, mesh=joined, links=new_links, dormant=dormant)
 
 
 def _normalised(mesh: Mesh) -> np.ndarray:

@@ -1,10 +1,9 @@
-"""Whether a part is likely enough to become one: what is not is withheld and told.
+"""Whether a part is likely enough to move: what is not is dormant.
 
 The chance that a part is real is fitted on generated objects, of which many have nothing that
 moves (`mam_world.motionless`), and on objects of other makers. Where no part of an object reaches
-the bar, nothing in it moves; where one does, others need less. What is withheld stays in what it
-hangs on and is a suggestion in the notes. How many pieces an object has is no sign: that tells how
-it was modelled.
+the bar, nothing in it moves; where one does, others need less. What is withheld is dormant
+(`mam_pipeline.dormant`). How many pieces an object has is no sign: that tells how it was modelled.
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.special import expit, logit
 
+from mam_pipeline.dormant import put_to_sleep
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.joints.estimate import Estimate, JointEstimator
 from mam_pipeline.rules import ALL_RULES, Rules
@@ -77,7 +77,7 @@ def abstained(
     tree: KinematicTree, mesh: Mesh, primitives: Primitives, moving: FloatArray, seed: int = 0,
     rules: Rules = ALL_RULES, told: int = 0,
 ) -> KinematicTree:  # fmt: skip
-    """The tree without the parts that are too unlikely, and with the signs of all parts noted.
+    """The tree in which too unlikely parts are dormant, with the signs of all parts noted.
 
     Args:
         mesh: with one copy of every face. The joints are asked for as the solver will ask.
@@ -137,8 +137,7 @@ def withheld(
     tree: KinematicTree, signs: Mapping[str, Mapping[str, float]], bar: Bar | None = None,
     told: int = 0,
 ) -> KinematicTree:  # fmt: skip
-    """The tree without the parts that are too unlikely; they go to what they hang on, and the base
-    tells of them.
+    """The tree in which the parts that are too unlikely are dormant.
 
     Args:
         signs: by name of the part. bar: None only notes the signs. told: see `Bar.keeps`.
@@ -150,53 +149,21 @@ def withheld(
         if bar is not None:
             said["chance"] = round(bar.chance(known, said_odds(node)), 3)
         nodes.append(replace(node, evidence={**node.evidence, **said}))
+    tree = replace(tree, nodes=tuple(nodes))
     if bar is None:
-        return replace(tree, nodes=tuple(nodes))
+        return tree
     # what a person or an animation shows moves for certain
     shown = [1.0 if n.provenance != "inferred" else n.evidence["chance"] for n in nodes[1:]]
-    gone = [i for i, kept in enumerate(bar.keeps(shown, told), start=1) if not kept]
-    return without(replace(tree, nodes=tuple(nodes)), gone)
+    kept = bar.keeps(shown, told)
+    needed = bar.others if any(kept) else bar.least
+    chance = {i: c for i, (c, keep) in enumerate(zip(shown, kept), start=1) if not keep}
+    why = {i: f"its chance is {c:.2f}, and {needed:.2f} is needed" for i, c in chance.items()}
+    return put_to_sleep(tree, why, chance)
 
 
 def said_odds(node: PartNode) -> float:
     """Log odds that something beside geometry gives a part, a name or an animation; mostly 0."""
     return float(node.evidence.get("said", {}).get("odds", 0.0))
-
-
-def without(tree: KinematicTree, gone: list[int]) -> KinematicTree:
-    """The tree in which some nodes have become part of their parents; the base tells of them."""
-    if not gone:
-        return tree
-    nodes = list(tree.nodes)
-    told = list(nodes[0].evidence.get("left_out", ()))
-    for i in gone:
-        node, host = nodes[i], nodes[i].parent
-        while host in gone:
-            host = nodes[host].parent
-        told.append({
-            "primitives": list(node.primitives), "subtype": node.subtype,
-            "confidence": node.evidence.get("chance", round(node.confidence, 3)),
-        })  # fmt: skip
-        merged = tuple(sorted((*nodes[host].primitives, *node.primitives)))
-        nodes[host] = replace(nodes[host], primitives=merged)
-    kept = [i for i in range(len(nodes)) if i not in gone]
-    new = {old: k for k, old in enumerate(kept)} | {-1: -1}
-
-    def parent(i: int) -> int:
-        above = nodes[i].parent
-        while above in gone:
-            above = nodes[above].parent
-        return new[above]
-
-    nodes[0] = replace(nodes[0], evidence={**nodes[0].evidence, "left_out": told})
-    if len(kept) == 1:
-        surest = max(told, key=lambda t: t["confidence"])
-        why = (
-            f"the likeliest part, a {surest['subtype']}, has a chance of "
-            f"{surest['confidence']:.2f}; --accept-low-confidence makes it a joint"
-        )
-        nodes[0] = replace(nodes[0], evidence={**nodes[0].evidence, "nothing_movable": why})
-    return replace(tree, nodes=tuple(replace(nodes[i], parent=parent(i)) for i in kept))
 
 
 def _odds(share: float) -> float:

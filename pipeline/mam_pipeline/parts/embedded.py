@@ -35,7 +35,15 @@ from mam_pipeline.parts.said import Heard, against_physics, with_masks
 from mam_pipeline.parts.scores import WEIGHTS, Kind, Scores, load_scores
 from mam_pipeline.parts.select import SELECTION
 from mam_pipeline.parts.settle import settled
-from mam_pipeline.parts.tree import SUBTYPES, Choice, build_tree, clear_from, named, with_base
+from mam_pipeline.parts.tree import (
+    SUBTYPES,
+    Choice,
+    build_tree,
+    clear_from,
+    named,
+    with_base,
+    with_left,
+)
 from mam_pipeline.prior.embedded import prior_of
 from mam_pipeline.prior.probe import Probe
 from mam_pipeline.rules import ALL_RULES, Rules
@@ -128,12 +136,12 @@ def tree_of(
     tree = against_physics(tree, mesh, primitives, seed)
     tree = settled(tree, mesh, primitives, clear_from(graph, tree, rules), seed, rules)
     if len(tree.nodes) < 2:
-        return tree
+        return with_left(graph, tree)
     if mobility is None and not rules.abstain:
-        return tree  # nothing is withheld, so nobody asks how likely its parts are
+        return with_left(graph, tree)  # all else is awake: nobody asks how likely its parts are
     moving = (mobility or load_mobility()).moving(graph, view.prior)
     told = 0 if heard is None else heard.told
-    return abstained(tree, mesh, primitives, moving, seed, rules, told)
+    return with_left(graph, abstained(tree, mesh, primitives, moving, seed, rules, told))
 
 
 def drafted(

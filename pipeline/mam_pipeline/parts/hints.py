@@ -42,7 +42,8 @@ def apply_hints(
     """Return the tree with merges, fixed primitives and named parts put in force.
 
     Order: `merge` (a group joins the part that owns most of it), then `fixed` (back to the base),
-    then `parts` (take their primitives from whoever has them). Parts that lose all they had
+    then `parts` (take their primitives from whoever has them; one that says a name alone means the
+    part that was found under it, which then moves). Parts that lose all they had
     disappear, and what hung on them hangs on who took most of it; a tree without any hint is
     returned as it is.
 
@@ -62,6 +63,14 @@ def apply_hints(
     owner[_checked(hints.fixed, primitives.count, f"{_file(hints)}: fixed")] = 0
     nodes = list(tree.nodes)
     for part in hints.parts:
+        index = next((i for i, n in enumerate(tree.nodes) if i and n.name == part.name), 0)
+        if index and not (part.primitives or part.nodes or part.box):
+            known = tree.nodes[index]
+            if part.joint is None:
+                nodes[index] = replace(known, dormant="", confidence=1.0)
+                continue
+            kind = known.kind if part.kind == "part" else part.kind
+            part = replace(part, primitives=known.primitives, kind=kind)
         members = part_primitives(part, primitives, mesh, _file(hints))
         if part.joint is not None and part.joint.subtype == "fixed":
             owner[members] = 0

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import count
 
 import numpy as np
 
+from mam_pipeline.dormant import with_dormant
 from mam_pipeline.parts.graph import CONTACT, Graph, tight_box
 from mam_pipeline.parts.groups import Masks
 from mam_pipeline.parts.rules.fittings import FITTINGS, is_minor, moves_if_above
@@ -46,7 +48,7 @@ class Choice:
         subtype: (C, 3) probabilities of hinge, spin, slide. confidence: (C,) calibrated.
         best: the highest value of any candidate. said: (C,) log odds that what is known beside
             geometry added; None where nothing is. left: candidates of the best set whose confidence
-            is too low: they stay in the base.
+            is too low: they are dormant (`with_left`).
     """
 
     chosen: tuple[int, ...]
@@ -105,26 +107,30 @@ def _said(masks: Masks, choice: Choice, c: int) -> dict[str, object]:
     }
 
 
-def left_out_note(tree: KinematicTree) -> str:
-    """A sentence on what may move and was made no part; empty if nothing was left out.
+def with_left(graph: Graph, tree: KinematicTree) -> KinematicTree:
+    """The tree with what `build_tree` left in the base as dormant parts.
 
-    It lies in the base, or goes with a part that it is bound to. What a person made a part of
-    since then is not told.
+    What has become part of another since then is no longer theirs.
     """
-    base, *parts = tree.nodes
-    out = []
-    for said in base.evidence.get("left_out", ()):
-        piece = set(said["primitives"])
-        for part in parts:
-            if part.provenance == "user" or piece.issuperset(part.primitives):
-                piece.difference_update(part.primitives)
-        if piece:
-            names = ", ".join(map(str, sorted(piece)))
-            out.append(f"{said['subtype']} of primitives {names} ({said['confidence']:.2f})")
-    if not out:
-        return ""
-    told = "; ".join(out)
-    return f"too unsure to be a part of its own: {told}; if it moves, say so in a hints file"
+    base = tree.nodes[0]
+    taken = {p for node in tree.nodes[1:] for p in node.primitives}
+    used = {node.name for node in tree.nodes}
+    more: list[PartNode] = []
+    for row in base.evidence.get("left_out", ()):
+        own = [p for p in row["primitives"] if p not in taken]
+        if not own:
+            continue
+        taken.update(own)
+        kind = part_kind(graph, np.isin(np.arange(graph.count), own), row["subtype"])
+        name = next(n for k in count() if (n := f"{kind}_{k}") not in used)
+        used.add(name)
+        more.append(
+            PartNode(
+                name, kind, tuple(own), 0, row["subtype"], row["confidence"],
+                dormant=f"its chance is {row['confidence']:.2f}: too unsure to be a part",
+            )
+        )  # fmt: skip
+    return with_dormant(tree, more)
 
 
 def with_base(graph: Graph, masks: Masks, choice: Choice) -> tuple[Masks, Choice]:

@@ -75,6 +75,9 @@ def contact_sheet(images: Sequence[Image], columns: int, pad: int = 4) -> Image:
     return sheet
 
 
+DORMANT = (95, 95, 95)  # colour of what may move and is kept still
+
+
 def palette(labels: IntArray) -> Image:
     """(F, 3) distinct colours for labels 0, 1, ...; 0 (the base) is grey."""
     hue = (np.arange(labels.max(initial=0) + 1) * 0.618034) % 1.0

@@ -71,7 +71,7 @@ def label_file(labels: Path, item: Item) -> Path:
 def read_item(file: Path) -> Source:
     """The object as `articulate` reads it."""
     config = MakeConfig()
-    return read_source(file, "mesh", config, Stages(config.engine_used))
+    return read_source(file, "mesh", config, Stages(config.engine))
 
 
 def ask(item: Item, work: Path, by: str, labels: Path) -> str:
@@ -144,7 +144,7 @@ def _pieces(folder: Path, mesh: Mesh) -> Primitives:
         with np.load(file) as data:
             if len(data["labels"]) == len(mesh.faces):
                 return Primitives(data["labels"].astype(np.int64), data["merges"])
-    found = Stages(MakeConfig().engine_used).segment(mesh)
+    found = Stages(MakeConfig().engine).segment(mesh)
     folder.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(file, labels=found.labels.astype(np.int32), merges=found.merges)
     return found

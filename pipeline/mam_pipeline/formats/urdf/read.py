@@ -25,6 +25,18 @@ def read_urdf(path: str | Path) -> Articulation:
     Raises:
         InputError: no URDF, a mesh that is missing or unreadable, no surface, no joint that moves.
     """
+    found = read_bodies(path)
+    if not found.joints:
+        raise InputError(f"{path} has no joint that moves a body with a surface")
+    return found
+
+
+def read_bodies(path: str | Path) -> Articulation:
+    """As `read_urdf`, also where no joint moves. Groups of the mesh's faces are the URDF's links.
+
+    Raises:
+        InputError: no URDF, a mesh that is missing or unreadable, no surface.
+    """
     tree = UrdfTree.read(path)
     pieces: list[Piece] = []
     materials: list[Material] = []
@@ -41,8 +53,6 @@ def read_urdf(path: str | Path) -> Articulation:
     if not pieces:
         raise InputError(f"{tree.path} shows no surface: none of its links has a readable visual")
     bodies = tree.bodies(owner)
-    if len(bodies) < 2:
-        raise InputError(f"{tree.path} has no joint that moves a body with a surface")
     mesh = join(pieces, materials)
     check_surface(mesh, tree.path)
     labels = np.concatenate([np.full(len(p.faces), bodies[o]) for p, o in zip(pieces, owner)])
