@@ -1,4 +1,4 @@
-"""`python -m mam_training.labels ask | show`: labels by eye."""
+"""`python -m mam_training.labels ask | show | agree | dataset`: labels by eye."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from mam_pipeline.errors import MamSimError
 from mam_pipeline.models.motion_check import motion_sheets
 from mam_pipeline.render import pictures
 from mam_training.labels.ask import ask_all, items_of, read_item
+from mam_training.labels.dataset import agreement_table, labels_in, write_dataset
 from mam_training.labels.label import Label
 
 LABELS = Path("labels")
@@ -52,10 +53,42 @@ def show(label: Positional[Path], corpus: Path, out: Path) -> int:
     return 0
 
 
+def agree(one: Positional[Path], other: Positional[Path], corpus: Path) -> int:
+    """Compare two labels of an object, or all that two folders have in common.
+
+    Args:
+        one: a label's file, or a folder of labels; taken for the truth. other: the second one.
+        corpus: folder with MANIFEST.csv and files/.
+    """
+    if one.is_file():
+        pairs = [(one, other)]
+    else:
+        second = {file.name: file for file in labels_in(other)}
+        pairs = [(file, second[file.name]) for file in labels_in(one) if file.name in second]
+    print(agreement_table([(Label.load(a), Label.load(b)) for a, b in pairs], corpus))
+    return 0
+
+
+def dataset(out: Positional[Path], corpus: Path, labels: Path = LABELS) -> int:
+    """Write all labelled objects in the form that `mam-sim bench` reads.
+
+    Args:
+        out: folder to write. corpus: folder with MANIFEST.csv and files/.
+        labels: folder of the labels.
+    """
+    count = write_dataset(labels_in(labels), corpus, out)
+    print(f"{count} objects in {out}; score an engine on them: mam-sim bench {out}")
+    return 0
+
+
 def main() -> int:
     """Run one of the commands; exit codes are those of mam-sim."""
     try:
-        return int(tyro.extras.subcommand_cli_from_dict({"ask": ask, "show": show}))
+        return int(
+            tyro.extras.subcommand_cli_from_dict(
+                {"ask": ask, "show": show, "agree": agree, "dataset": dataset}
+            )
+        )
     except MamSimError as error:
         print(error, file=sys.stderr)
         return error.exit_code

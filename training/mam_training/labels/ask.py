@@ -44,7 +44,8 @@ def items_of(corpus: Path, ids: Sequence[str]) -> list[Item]:
     """The objects of some ids, in that order.
 
     Raises:
-        InputError: no manifest, an id that it does not have, or a file that is missing.
+        InputError: no manifest, or a file that is missing.
+        ConfigError: an id that the manifest does not have.
     """
     manifest = corpus / "MANIFEST.csv"
     if not manifest.is_file():
