@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import io
 import os
 import sys
 from typing import TYPE_CHECKING
@@ -48,6 +49,9 @@ def main(argv: list[str] | None = None) -> int:
         print(f"mam-sim {__version__}")
         return 0
     lean.install()
+    for stream in (sys.stdout, sys.stderr):  # the name of a file need not be text
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     # imported here so that `mam-sim --help` stays instant
     from mam_pipeline.errors import MamSimError, disk_error, unknown_name
     from mam_sim.stopping import Stopped, stoppable

@@ -23,7 +23,7 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import IO, Protocol, TypeVar
 
 from mam_pipeline.errors import disk_error, disk_is_full
@@ -44,8 +44,9 @@ class Ending:
     """How a child ended.
 
     Attributes:
-        how: done | timeout | memory | disk | crash. why: in a sentence. log: its last words.
-        limit: what it exceeded, seconds or megabytes.
+        how: done | timeout | memory | disk | crash | killed (by somebody else). why: in a sentence.
+        log: its last words. limit: what it exceeded, seconds or megabytes.
+        tries: how often it was begun.
     """
 
     how: str
@@ -55,6 +56,7 @@ class Ending:
     cpu_seconds: float = 0.0
     peak_mb: float = 0.0
     limit: float = 0.0
+    tries: int = 1
 
 
 @dataclass(frozen=True)
@@ -109,8 +111,9 @@ class ForkServer:
             if self.closed:
                 raise KeyboardInterrupt from None
             self._process = None  # the next task gets a new one
-            why = f"the server of its process ended with status {server.wait()}"
-            return Ending("crash", why, _last_words(self._words))
+            status = server.wait()
+            why = f"the server of its process ended with status {status}"
+            return Ending("killed" if status < 0 else "crash", why, _last_words(self._words))
 
     def close(self) -> None:
         """End the server and the child at work."""
@@ -137,7 +140,31 @@ class ForkServer:
 
 
 def run_all(tasks: Sequence[T], processes: int) -> Iterator[tuple[T, Ending]]:
-    """Do tasks on this machine, so many at once; each comes with its ending when it is done."""
+    """Do tasks on this machine, so many at once; each comes with its ending when it is done.
+
+    What was killed by somebody else, as the system does where memory runs out, is begun once more
+    when all others are done, alone.
+    """
+    again = []
+    for task, ending in _all_once(tasks, processes):
+        if ending.how == "killed":
+            again.append(task)
+        else:
+            yield task, ending
+    for task in again:
+        yield from ((t, _second(ending)) for t, ending in _all_once([task], 1))
+
+
+def _second(ending: Ending) -> Ending:
+    """How a task ended that was begun once more, alone."""
+    if ending.how != "killed":
+        return replace(ending, tries=2)
+    why = f"{ending.why}, and so it was when it was tried once more, alone"
+    return replace(ending, how="crash", why=why, tries=2)
+
+
+def _all_once(tasks: Sequence[T], processes: int) -> Iterator[tuple[T, Ending]]:
+    """Do every task once."""
     servers = [ForkServer() for _ in range(max(1, min(processes, len(tasks))))]
     idle: queue.LifoQueue[ForkServer] = queue.LifoQueue()
     for server in servers:
@@ -167,7 +194,8 @@ def on_this_process(task: Task) -> Ending:
     """Have a task done by the one server of this process, as a worker of Ray does."""
     if not _OWN:
         _OWN.append(ForkServer())
-    return _OWN[0].run(task)
+    ending = _OWN[0].run(task)
+    return ending if ending.how != "killed" else _second(_OWN[0].run(task))
 
 
 def main() -> None:
@@ -223,11 +251,11 @@ def _watched(task: Task) -> Ending:
             os.killpg(child, signal.SIGKILL)  # whatever it left running
         code = os.waitstatus_to_exitcode(status)
         if how == "done" and code != 0:
-            how = "crash"
+            how = "killed" if code == -signal.SIGKILL else "crash"
             name = signal.strsignal(-code) if code < 0 else f"exit status {code}"
             why = f"its process crashed: {name}"
         text = ""
-        if how == "crash":
+        if how in ("crash", "killed"):
             text = _last_words(log)
         if code == _NO_ROOM:
             how, why, text = "disk", text.splitlines()[-1], ""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mam_pipeline.digests import file_digest
-from mam_pipeline.errors import InputError
+from mam_pipeline.errors import InputError, disk_error
 from mam_pipeline.formats.door import Door, named_by
 from mam_pipeline.formats.mjcf_files import files_of_mjcf, is_mjcf
 from mam_pipeline.formats.suffixes import MESHES, PHOTOS
@@ -29,11 +29,13 @@ class Input:
     Attributes:
         path: of the file, absolute. label: what it is called within what the user named.
         sha256: of it and the files that it names, hex.
+        fault: why nothing can be made of it, in a sentence; "" where that is not known yet.
     """
 
     path: Path
     label: str
     sha256: str
+    fault: str = ""
 
     @property
     def name(self) -> str:
@@ -48,40 +50,88 @@ def find_inputs(words: Sequence[str]) -> list[Input]:
     Args:
         words: files; folders, of which every mesh, photo and URDF below is taken (pictures beside
             meshes are their textures, meshes beside a URDF its own, and assets are passed over);
-            patterns with * or **; lists (.txt) with one of these a line.
+            patterns with * or **; lists (.txt) with one of these a line. What stands for nothing
+            is an input with a fault, beside others.
 
     Raises:
-        InputError: a word that stands for nothing.
+        InputError: none of the words stands for anything.
     """
     found: dict[str, Input] = {}
-    for path, label in _paths(words, Path()):
-        item = Input(path.resolve(), label, content_digest(path))
+    for path, label, fault in _paths(words, Path(), ()):
+        item = _input(path, label, fault)
         found.setdefault(item.name, item)
+    faults = [item.fault for item in found.values()]
+    if all(faults):
+        raise InputError(faults[0] if faults else "the lists that were named hold no inputs")
     return list(found.values())
 
 
-def _paths(words: Sequence[str], base: Path) -> Iterator[tuple[Path, str]]:
+def _input(path: Path, label: str, fault: str) -> Input:
+    """An input with its digest, or with what keeps it from being read."""
+    if not fault:
+        try:
+            return Input(path.resolve(), label, content_digest(path))
+        except OSError as error:
+            fault = str(disk_error(error))
+        except (InputError, ValueError, RecursionError, MemoryError) as error:
+            fault = f"{path} cannot be read: {error}"
+    digest = hashlib.sha256(f"{path} {fault}".encode("utf-8", "backslashreplace")).hexdigest()
+    return Input(path.absolute(), label, digest, fault)
+
+
+def _paths(
+    words: Sequence[str], base: Path, within: tuple[Path, ...]
+) -> Iterator[tuple[Path, str, str]]:
+    """(path, label, fault) of what the words stand for; within: lists that are being read."""
     for word in words:
         path = base / word
-        if path.is_dir():
-            some = [(p, _label(p, path)) for p in sorted(_walk(path, pictures=True))]
-            if not some:
-                raise InputError(f"no mesh, photo or URDF in {path} (assets are passed over)")
-            yield from some
-        elif path.is_file() and path.suffix.lower() in LISTS:
-            lines = [line.strip() for line in path.read_text(encoding="utf-8").splitlines()]
-            yield from _paths([s for s in lines if s and not s.startswith("#")], path.parent)
-        elif path.is_file():
-            yield path, path.stem
-        elif any(c in word for c in "*?["):
-            files = [Path(p) for p in sorted(glob.glob(str(path), recursive=True))]
-            fixed = Path(*[p for p in _before_pattern(path)])
-            files = [p for p in files if p.is_file()]
-            if not files:
-                raise InputError(f"no file fits {word!r}")
-            yield from ((p, _label(p, fixed)) for p in files)
-        else:
-            raise InputError(f"no such file or folder: {path}")
+        try:
+            yield from _of_word(word, path, within)
+        except InputError as error:
+            yield path, path.stem, str(error)
+        except OSError as error:
+            yield path, path.stem, str(disk_error(error))
+
+
+def _of_word(word: str, path: Path, within: tuple[Path, ...]) -> Iterator[tuple[Path, str, str]]:
+    """What one word stands for.
+
+    Raises:
+        InputError: nothing, or a list that cannot be read.
+    """
+    if path.is_dir():
+        some = [(p, _label(p, path), "") for p in sorted(_walk(path, pictures=True))]
+        if not some:
+            raise InputError(f"no mesh, photo or URDF in {path} (assets are passed over)")
+        yield from some
+    elif path.is_file() and path.suffix.lower() in LISTS:
+        own = path.resolve()
+        if own in within:
+            raise InputError(f"the list {path} names itself")
+        yield from _paths(_lines(path), path.parent, (*within, own))
+    elif path.is_file():
+        yield path, path.stem, ""
+    elif any(c in word for c in "*?["):
+        files = [Path(p) for p in sorted(glob.glob(str(path), recursive=True))]
+        fixed = Path(*[p for p in _before_pattern(path)])
+        files = [p for p in files if p.is_file()]
+        if not files:
+            raise InputError(f"no file fits {word!r}")
+        yield from ((p, _label(p, fixed), "") for p in files)
+    elif path.exists():
+        raise InputError(f"{path} is no ordinary file")
+    else:
+        raise InputError(f"no such file or folder: {path}")
+
+
+def _lines(path: Path) -> list[str]:
+    """The words of a list, without comments."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"the list {path} is not text in UTF-8") from None
+    lines = [line.strip() for line in text.splitlines()]
+    return [line for line in lines if line and not line.startswith("#")]
 
 
 def _before_pattern(path: Path) -> Iterator[str]:

@@ -11,17 +11,12 @@ from dataclasses import fields
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from mam_pipeline.optional import has
-from mam_sim.batch.record import MADE, Record, Target, as_row
-
-ORDER = (
-    *MADE, "nothing moves", "needs a hint", "another kind", "bad input", "timeout", "memory",
-    "crash", "error",
-)  # fmt: skip
+from mam_sim.batch.record import MADE, ORDER, Record, Target, as_row
 
 
 def write_pages(records: Sequence[Record], target: Target, report: bool) -> None:
     """Write manifest.csv, manifest.parquet (where pyarrow is installed) and index.html."""
-    ordered = sorted(records, key=lambda r: r.name)
+    ordered = sorted((r.readable for r in records), key=lambda r: r.name)
     target.write("manifest.csv", _csv(ordered).encode())
     if has("pyarrow"):
         target.write("manifest.parquet", _parquet(ordered))
@@ -62,8 +57,8 @@ def _parquet(records: Sequence[Record]) -> bytes:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    kinds = {"tuple[str, ...]": pa.list_(pa.string()), "tuple[float, ...]": pa.list_(pa.float64())}
-    kinds |= {"float": pa.float64()}
+    kinds = {"tuple[str, ...]": pa.list_(pa.string()), "tuple[Share, ...]": pa.list_(pa.float64())}
+    kinds |= {"NotNegative": pa.float64(), "Count": pa.int64()}
     columns = [
         (f.name, kinds.get(str(f.type), pa.string())) for f in fields(Record) if f.name != "log"
     ]

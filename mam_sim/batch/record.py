@@ -12,17 +12,31 @@ from __future__ import annotations
 
 import json
 import posixpath
-from dataclasses import asdict, dataclass, field, fields
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 from mam_pipeline import folders
-from mam_pipeline.errors import ConfigError
+from mam_pipeline.claims import BATCH, claim_folder, holds, not_a_link
+from mam_pipeline.edited import LIMITS, STRICT, Count, Document, NotNegative, Share, validated
+from mam_pipeline.errors import ConfigError, InputError, MamSimError
 
 MADE = ("passes", "fails check", "no environment")
 """Outcomes with an asset folder."""
 GUARDED = ("timeout", "memory")
 """Outcomes that a limit caused: tried again when the limit is wider."""
+Status = Literal[
+    "passes", "fails check", "no environment", "nothing moves", "needs a hint", "another kind",
+    "bad input", "timeout", "memory", "crash", "error",
+]  # fmt: skip
+ORDER: tuple[Status, ...] = get_args(Status)
+"""All outcomes, assets first."""
+_READ: dict[str, Any] = {**STRICT, "extra": "ignore"}
+PAGES = ("batch.yaml", "manifest.csv", "manifest.parquet", "index.html")
+PARTS = ("assets", "records", "pictures")
 
 
 @dataclass(frozen=True)
@@ -41,25 +55,28 @@ class Record:
         environment: joint on which a robot's environment started; empty where none was asked for.
         seconds: on the clock. cpu_seconds: of the processor. peak_mb: greatest resident memory.
         limit: seconds or megabytes that ended it; 0 where none did.
+        tries: 2 where its process was killed by somebody else, and it was made again alone.
         backends: role to name. version: of mam-sim. host: where it ran. ended: UTC, ISO 8601.
         log: last lines of what its process printed, where it crashed.
     """
 
+    __pydantic_config__ = _READ
     name: str
     source: str
     sha256: str
     key: str
-    status: str
+    status: Status
     reason: str = ""
     check: tuple[str, ...] = ()
     joints: tuple[str, ...] = ()
     types: tuple[str, ...] = ()
-    confidences: tuple[float, ...] = ()
+    confidences: tuple[Share, ...] = ()
     environment: str = ""
-    seconds: float = 0.0
-    cpu_seconds: float = 0.0
-    peak_mb: float = 0.0
-    limit: float = 0.0
+    seconds: NotNegative = 0.0
+    cpu_seconds: NotNegative = 0.0
+    peak_mb: NotNegative = 0.0
+    limit: NotNegative = 0.0
+    tries: Count = 1
     backends: dict[str, str] = field(default_factory=dict)
     version: str = ""
     host: str = ""
@@ -70,26 +87,44 @@ class Record:
     def parse(text: str | bytes) -> Record | None:
         """Read a record; None for what is none, as a file that was cut short."""
         try:
-            data = json.loads(text)
-            known = {f.name for f in fields(Record)}
-            row: dict[str, Any] = {}
-            for name, value in data.items():
-                if name in known:
-                    row[name] = tuple(value) if isinstance(value, list) else value
-            return Record(**row)
-        except (ValueError, TypeError, AttributeError):
+            record: Record = validated(Record, Document(json.loads(text), error=InputError))
+        except (ValueError, RecursionError, InputError):
             return None
+        return record
+
+    @property
+    def readable(self) -> Record:
+        """With text that every file can hold: a file's name need not be text."""
+        texts = {f.name: getattr(self, f.name) for f in fields(self) if f.type == "str"}
+        return replace(self, **{name: folders.as_text(text) for name, text in texts.items()})
 
 
 class Target:
     """Where a batch is kept; made anew from its address in every process."""
 
     def __init__(self, address: str) -> None:
+        """Find out which file system an address is of.
+
+        Raises:
+            ConfigError: none, or one whose package is not installed.
+        """
         import fsspec
 
         self.address = address
-        self.files, self.root = fsspec.core.url_to_fs(address)
+        try:
+            if not address.strip():
+                raise ValueError("it is empty")
+            self.files, self.root = fsspec.core.url_to_fs(address)
+        except ImportError as error:
+            raise ConfigError(f"--out {address}: {_one_line(error)}") from error
+        except Exception as error:  # every file system of fsspec has errors of its own
+            raise ConfigError(
+                f"--out {address} is neither a folder nor an address of fsspec such as "
+                f"s3://bucket/run: {_one_line(error)}"
+            ) from error
         self.local = "file" in self.files.protocol
+        if self.local and "://" in self.root:
+            raise ConfigError(f"--out {address} is neither a folder nor an address of fsspec")
 
     def path(self, *parts: str) -> str:
         """A place in the target, as its file system names it."""
@@ -97,19 +132,58 @@ class Target:
 
     def refuse_foreign(self) -> None:
         """Raise ConfigError where the target holds something else than a batch."""
-        held = self.names("")
-        if held and not held & {".lock", "batch.yaml", "records"}:
-            raise ConfigError(f"{self.root} is not empty and holds no batch; name another --out")
+        if self.local:
+            claim_folder(Path(self.root), BATCH)
+            return
+        with self._told():
+            held = self.names("")
+            if not held:
+                return
+            settings = self.files.cat_file(self.path(BATCH.file)) if BATCH.file in held else b""
+        if not holds(settings, ".yaml", BATCH.keys):
+            raise ConfigError(f"{self.address} is not empty and holds no batch; name another --out")
 
-    def prepare(self) -> None:
-        """Make the folders; what a killed run left half done goes."""
-        for part in ("assets", "records", "pictures"):
-            self.files.makedirs(self.path(part), exist_ok=True)
+    def prepare(self, settings: bytes = b"pipeline: {}\n") -> None:
+        """Write the settings, which mark the target as a batch, and make the folders.
+
+        What a killed run left half done goes.
+
+        Raises:
+            ConfigError: one of the places is a link or a file, or nothing can be written there.
+        """
+        if self.local:
+            for part in PARTS:
+                place = not_a_link(Path(self.path(part)))
+                if place.exists() and not place.is_dir():
+                    raise ConfigError(f"{place} is a file; a batch keeps its {part} there")
+            for page in PAGES:
+                if Path(self.path(page)).is_dir():
+                    raise ConfigError(f"{self.path(page)} is a folder; a batch writes a file there")
+        with self._told():
+            if self.local:
+                Path(self.root).mkdir(parents=True, exist_ok=True)
+            self.write(BATCH.file, settings)
+            for part in PARTS:
+                self.files.makedirs(self.path(part), exist_ok=True)
         if self.local:
             import shutil
 
             for left in Path(self.path("assets")).glob(".*.partial-*"):
                 shutil.rmtree(left, ignore_errors=True)
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """What a far file system refuses comes out as a ConfigError."""
+        try:
+            yield
+        except MamSimError:
+            raise
+        except Exception as error:
+            if self.local:
+                raise
+            raise ConfigError(
+                f"{self.address} cannot be written: {_one_line(error)}; name another --out"
+            ) from error
 
     def names(self, part: str) -> set[str]:
         """Names in one of the folders."""
@@ -118,19 +192,32 @@ class Target:
         return {posixpath.basename(p.rstrip("/")) for p in self.files.ls(self.path(part), False)}
 
     def records(self) -> dict[str, Record]:
-        """All records by name; those cut short are passed over."""
-        paths = [self.path("records", n) for n in self.names("records") if n.endswith(".json")]
-        found = [Record.parse(t) for t in self.files.cat(paths).values()] if paths else []
-        return {r.name: r for r in found if r is not None}
+        """All records by name; what is none, or of another name, is passed over."""
+        names = [n.removesuffix(".json") for n in self.names("records") if n.endswith(".json")]
+        found = {name: self.record(name) for name in names}
+        return {name: r for name, r in found.items() if r is not None}
 
     def record(self, name: str) -> Record | None:
-        """The record of one object."""
+        """The record of one object; None where there is none that can be read."""
         path = self.path("records", f"{name}.json")
-        return Record.parse(self.files.cat_file(path)) if self.files.exists(path) else None
+        if self.local:
+            try:
+                status = Path(path).lstat()
+                if not stat.S_ISREG(status.st_mode) or status.st_size > LIMITS.bytes:
+                    return None
+                text = Path(path).read_bytes()
+            except OSError:
+                return None
+        else:
+            if not self.files.exists(path):
+                return None
+            text = self.files.cat_file(path)
+        found = Record.parse(text)
+        return found if found is not None and found.name == name else None
 
     def save(self, record: Record) -> None:
         """Write a record: from now on the object is done."""
-        text = json.dumps(asdict(record), indent=1)
+        text = json.dumps(asdict(record.readable), indent=1)
         self.write(f"records/{record.name}.json", text.encode())
 
     def write(self, path: str, content: bytes) -> None:
@@ -154,8 +241,13 @@ class Target:
                 self.files.put_file(str(file), inside)
 
 
+def _one_line(error: Exception) -> str:
+    """What a library says, as the end of a sentence."""
+    return (" ".join(str(error).split()) or type(error).__name__)[:200].rstrip(".")
+
+
 def as_row(record: Record) -> dict[str, Any]:
     """A record as a row of the manifest."""
-    row = asdict(record)
+    row = asdict(record.readable)
     row.pop("log")
     return {**row, "backends": " ".join(f"{k}={v}" for k, v in record.backends.items())}

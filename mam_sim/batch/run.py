@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import fcntl
 import logging
+import os
 import shutil
+import stat
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -12,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mam_pipeline import folders
+from mam_pipeline.claims import not_a_link
 from mam_pipeline.errors import ConfigError
 from mam_sim.batch.inputs import Input
 from mam_sim.batch.record import GUARDED, MADE, Record, Target
@@ -78,10 +81,12 @@ def run(
         ray_address: of a Ray cluster, which then does them with all its processors ("local": Ray
             on this machine).
     """
+    yield from (job.refused() for job in jobs if job.item.fault)
+    sound = [job for job in jobs if not job.item.fault]
     if ray_address is None:
-        yield from (job.finished(ending) for job, ending in run_all(jobs, processes))
-    else:
-        yield from _on_ray(jobs, ray_address)
+        yield from (job.finished(ending) for job, ending in run_all(sound, processes))
+    elif sound:
+        yield from _on_ray(sound, ray_address)
 
 
 def _on_ray(jobs: Sequence[Job], address: str) -> Iterator[Record]:
@@ -126,7 +131,7 @@ def held(target: Target) -> Iterator[None]:
         return
     folder = Path(target.root)
     fresh = not folder.exists()
-    with folders.used_folder(folder), (folder / ".lock").open("w") as lock:
+    with folders.used_folder(folder), _lock_file(folder / ".lock") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -139,6 +144,19 @@ def held(target: Target) -> Iterator[None]:
             if fresh and not target.names("records"):
                 shutil.rmtree(folder, ignore_errors=True)
             raise
+
+
+@contextmanager
+def _lock_file(path: Path) -> Iterator[int]:
+    """A file to lock, open; never one that a link leads to, and what it holds stays."""
+    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+    handle = os.open(not_a_link(path), flags, 0o644)
+    try:
+        if not stat.S_ISREG(os.fstat(handle).st_mode):
+            raise ConfigError(f"{path} is no ordinary file; remove it or name another --out")
+        yield handle
+    finally:
+        os.close(handle)
 
 
 class Pace:

@@ -18,24 +18,27 @@ from typing import Any
 
 from mam_pipeline import backends, config_file
 from mam_pipeline.asset.card import Asset
+from mam_pipeline.claims import not_a_link
+from mam_pipeline.digests import file_digest
 from mam_pipeline.errors import (
     HintNeeded,
     InputError,
     MamSimError,
     NotPhysicalError,
     NotThisKind,
+    disk_error,
     disk_is_full,
 )
 from mam_pipeline.make_config import EngineConfig, MakeConfig
 from mam_pipeline.run import make_asset
 from mam_sim import __version__
 from mam_sim.batch.inputs import Input
-from mam_sim.batch.record import Record, Target
+from mam_sim.batch.record import GUARDED, Record, Status, Target
 from mam_sim.forkserver import Ending, Limits
 
 PICTURE = (360, 300)
 """(width, height) of an object in the gallery, pixels."""
-OUTCOMES: tuple[tuple[type[MamSimError], str], ...] = (
+OUTCOMES: tuple[tuple[type[MamSimError], Status], ...] = (
     (HintNeeded, "needs a hint"),
     (NotThisKind, "another kind"),
     (NotPhysicalError, "bad input"),
@@ -66,7 +69,7 @@ class Work:
         makers = [backends.maker(r, backends.resolved(r, n)) for r, n in roles.items()]
         told: dict[str, Any] = {"pipeline": config_file.plain(self.pipeline), "makers": makers}
         if self.pipeline.hints is not None:
-            told["hints"] = self.pipeline.hints.read_text(encoding="utf-8")
+            told["hints"] = file_digest(self.pipeline.hints)
         told["report"] = self.report
         if self.environment:
             told["robot"] = self.robot
@@ -123,7 +126,8 @@ class Work:
             write_report(asset)
         target.write(f"pictures/{job.item.name}.jpg", _picture(asset))
         verdict = asset.card.checks["executability"]
-        status, reason = "passes", ""
+        status: Status = "passes"
+        reason = ""
         if not asset.card.movable:
             asleep = [f"{j.child} ({j.confidence:.2f})" for j in asset.card.likeliest]
             status, reason = "nothing moves", f"dormant: {', '.join(asleep)}" if asleep else ""
@@ -154,13 +158,13 @@ class Job:
     address: str
     limits: Limits = field(default_factory=Limits)
 
-    def record(self, status: str, **more: Any) -> Record:
+    def record(self, status: Status, **more: Any) -> Record:
         """What is known of it whatever becomes of it, with a status."""
         now = datetime.now(UTC).isoformat(timespec="seconds")
         return Record(
             self.item.name, str(self.item.path), self.item.sha256, self.key, status,
             version=__version__, host=platform.node(), ended=now, **more,
-        )  # fmt: skip
+        ).readable  # fmt: skip
 
     def warm(self) -> None:
         """Once in the server of its process."""
@@ -175,18 +179,21 @@ class Job:
         began, target = time.perf_counter(), Target(self.address)
         try:
             if target.local:
-                record = self.work.make(self, target, Path(target.path("assets", self.item.name)))
+                place = not_a_link(Path(target.path("assets", self.item.name)))
+                record = self.work.make(self, target, place)
             else:
                 with tempfile.TemporaryDirectory(prefix="mam_sim_batch_") as folder:
                     out = Path(folder) / self.item.name
                     record = self.work.make(self, target, out)
                     target.put(out, self.item.name)
         except MamSimError as error:
-            status = next((s for kind, s in OUTCOMES if isinstance(error, kind)), "error")
+            status: Status = next((s for kind, s in OUTCOMES if isinstance(error, kind)), "error")
             record = self.record(status, reason=str(error))
-        except Exception as error:  # one broken object must not end the batch
-            if isinstance(error, OSError) and disk_is_full(error):
+        except OSError as error:
+            if disk_is_full(error):
                 raise
+            record = self.record("error", reason=str(disk_error(error)))
+        except Exception as error:  # one broken object must not end the batch
             log = traceback.format_exc()[-4000:]
             record = self.record("error", reason=f"{type(error).__name__}: {error}", log=log)
         used = resource.getrusage(resource.RUSAGE_SELF)
@@ -210,10 +217,10 @@ class Job:
         if ending.how == "done":
             record = target.record(self.item.name)
             if record is not None and record.key == self.key:
-                return record
-            ending = Ending("crash", "its process ended without a record", ending.log)
+                return record if ending.tries == 1 else self._kept(record, target, ending)
+            ending = replace(ending, how="crash", why="its process ended without a record")
         record = self.record(
-            ending.how,
+            next((s for s in (*GUARDED, "crash") if s == ending.how), "crash"),
             reason=ending.why,
             seconds=ending.seconds,
             cpu_seconds=ending.cpu_seconds,
@@ -221,7 +228,25 @@ class Job:
             limit=ending.limit,
             log=ending.log,
         )
-        target.save(record)
+        return self._kept(record, target, ending)
+
+    def refused(self) -> Record:
+        """The record of an input of which nothing can be made."""
+        record = self.record("bad input", reason=self.item.fault)
+        return self._kept(record, Target(self.address), Ending("done"))
+
+    def _kept(self, record: Record, target: Target, ending: Ending) -> Record:
+        """The record, written down where that can be; it is a row of the manifest in any case."""
+        record = replace(record, tries=ending.tries)
+        try:
+            target.save(record)
+        except Exception as error:  # each file system has errors of its own
+            if isinstance(error, OSError):
+                if disk_is_full(error):
+                    raise disk_error(error) from error
+                error = disk_error(error)
+            why = f"its record cannot be written: {error}"
+            return replace(record, status="error", reason=f"{record.reason}; {why}".lstrip("; "))
         return record
 
 

@@ -11,6 +11,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_pipeline.edited import Count, Positive
 from mam_pipeline.errors import ConfigError
+from mam_pipeline.hints import load_hints
 from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.models.consent import offer_of
 from mam_pipeline.models.settings import given
@@ -70,11 +71,10 @@ class Batch(Verb):
         items = find_inputs(self.inputs)
         target.refuse_foreign()
         with held(target), given(self.pipeline.models.settings()):
-            target.prepare()
+            target.prepare(yaml.safe_dump(settings(self), sort_keys=False).encode())
             work = Work(self.pipeline, self.environment, self.robot, self.report)
             limits = Limits(self.time_limit, self.memory_limit)
             todo = plan(items, work, target, limits, self.retry)
-            target.write("batch.yaml", yaml.safe_dump(settings(self), sort_keys=False).encode())
             records = list(todo.done)
             try:
                 self._make(todo, target, records, screen)
@@ -95,6 +95,8 @@ class Batch(Verb):
         if not self.inputs:
             raise ConfigError("name at least one input: a file, a folder, a pattern or a list")
         self.pipeline.check()
+        if self.pipeline.hints is not None:
+            load_hints(self.pipeline.hints)
         if self.pipeline.engine.reasoner == "vlm":
             raise ConfigError("batch has no --reasoner vlm: the cost cap is kept in one process")
         with given(self.pipeline.models.settings()):

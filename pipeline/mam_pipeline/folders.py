@@ -136,6 +136,11 @@ def write_text(file: Path, text: str) -> None:
         part.write_text(text, encoding="utf-8")
 
 
+def as_text(name: str) -> str:
+    """A file's name as text that can be printed and kept: what is not UTF-8 in it as \\udc.."""
+    return name.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
 def sweep(out: Path) -> None:
     """Remove what dead processes left beside `out`; what one had moved aside comes back."""
     name, suffix = re.escape(_stem(out)), re.escape(out.suffix)

@@ -36,6 +36,10 @@ class Quick(Work):
         if word == "crash":
             os.write(2, b"a word before the end\n")
             os.kill(os.getpid(), signal.SIGSEGV)
+        if word in ("killed", "killed-once") and not Path(f"{self.log}.{word}").exists():
+            if word == "killed-once":
+                Path(f"{self.log}.{word}").touch()
+            os.kill(os.getpid(), signal.SIGKILL)
         if word == "refuse":
             raise NotPhysicalError("a link without surface")
         if word == "break":

@@ -84,6 +84,130 @@ def test_a_guard_or_a_crash_ends_one_object_with_its_reason(tmp_path: Path, quic
     assert len(retried.left) == 5
 
 
+def test_what_is_killed_is_made_once_more_alone_and_its_row_says_so(
+    tmp_path: Path, quick: Any
+) -> None:
+    folder, log = _inputs(tmp_path / "in", ["killed", "fine", "killed-once"]), tmp_path / "log"
+    target = Target(str(tmp_path / "out"))
+    target.prepare()
+    todo = plan(find_inputs([str(folder)]), quick(log=str(log)), target, Limits())
+    found = {r.name.split("_")[0]: r for r in run(todo.left, 2)}
+    assert {k: (r.status, r.tries) for k, r in found.items()} == {
+        "killed": ("crash", 2), "fine": ("passes", 1), "killed-once": ("passes", 2),
+    }  # fmt: skip
+    assert found["killed"].reason.endswith("so it was when it was tried once more, alone")
+    assert target.records() == {r.name: r for r in found.values()}
+
+
+HOSTILE: dict[str, Any] = {
+    "nothing.txt": b"absent.glb\n", "itself.txt": b"itself.txt\n", "one.txt": b"two.txt",
+    "two.txt": b"one.txt", "binary.txt": bytes(range(128, 256)), "nul.txt": b"a\0b.glb\n",
+    "long.txt": b"x" * 5000, "pattern.txt": b"*.nothing", "empty.txt": b"# empty\n",
+    "break_1.glb": b"break", "refuse_1.glb": b"refuse", "crash_1.glb": b"crash",
+}  # fmt: skip
+
+
+def _hostile(folder: Path, sound: int, each: int) -> list[str]:
+    """Sound inputs and bad ones; their words for a batch."""
+    words = []
+    for i in range(sound):
+        (folder / f"fine_{i}.glb").write_text(f"fine {i}")
+        words.append(f"fine_{i}.glb")
+    os.symlink("nowhere", folder / "link.glb")
+    os.mkfifo(folder / "pipe.glb")
+    (folder / "folder").mkdir()
+    name = os.fsdecode(b"\xff\xfe.glb")
+    (folder / name).write_text("fine too")
+    words += ["link.glb", "pipe.glb", "folder", name, "gone.glb"]
+    for k in range(each):
+        for place, content in HOSTILE.items():
+            file = folder / (f"{k}{place}" if place.endswith(".glb") else place)
+            file.write_bytes(content + b" %d" % k if place.endswith(".glb") else content)
+            words.append(file.name)
+    return [str(folder / w) for w in dict.fromkeys(words) if w != "empty.txt"]
+
+
+@pytest.mark.parametrize(
+    "sound, each, rows", [(4, 1, 20), pytest.param(20, 3, 42, marks=pytest.mark.slow)]
+)
+def test_a_batch_with_hostile_inputs_ends_with_a_row_for_each(
+    tmp_path: Path, quick: Any, sound: int, each: int, rows: int
+) -> None:
+    (tmp_path / "in").mkdir()
+    words = _hostile(tmp_path / "in", sound, each)
+    target = Target(str(tmp_path / "out"))
+    target.prepare()
+    todo = plan(find_inputs(words), quick(log=str(tmp_path / "log")), target, Limits())
+    write_pages(list(run(todo.left, 2)), target, report=False)
+    with (tmp_path / "out" / "manifest.csv").open(encoding="utf-8") as stream:
+        found = list(csv.DictReader(stream))
+    assert len(words) == len(found) == rows
+    status = Counter(row["status"] for row in found)
+    assert status["passes"] == sound + 1  # a name that is no text is as good as any
+    assert all(row["reason"] for row in found if row["status"] != "passes")
+    assert "\\udcff\\udcfe.glb" in {row["source"].rpartition("/")[2] for row in found}
+
+
+@pytest.mark.parametrize("change", [
+    {"status": "banana"}, {"status": None}, {"seconds": "x"}, {"seconds": float("nan")},
+    {"joints": 5}, {"joints": [["a"]]}, {"confidences": ["a"]}, {"check": None},
+    {"backends": [1]}, {"name": "../../x"}, {"name": 5}, {"status": "timeout", "limit": "x"},
+])  # fmt: skip
+def test_a_record_that_is_none_is_made_again(tmp_path: Path, change: dict[str, Any]) -> None:
+    target = Target(str(tmp_path / "out"))
+    target.prepare()
+    target.save(Record("a-1", "a.glb", "1", "k", "passes"))
+    file = tmp_path / "out" / "records" / "a-1.json"
+    assert set(target.records()) == {"a-1"}
+    file.write_text(json.dumps({**json.loads(file.read_text()), **change}))
+    assert target.records() == {}
+
+
+def test_a_record_is_an_ordinary_file_and_a_batch_writes_through_no_link(
+    tmp_path: Path, quick: Any
+) -> None:
+    theirs, source = tmp_path / "theirs", _inputs(tmp_path / "in", ["fine"])
+    (theirs / "empty").mkdir(parents=True)
+    (theirs / "lock").write_text("mine")
+    target = Target(str(tmp_path / "out"))
+    target.prepare()
+    (item,) = find_inputs([str(source)])
+    record = tmp_path / "out" / "records" / f"{item.name}.json"
+    asset = tmp_path / "out" / "assets" / item.name
+    os.mkfifo(record)
+    assert target.records() == {}
+    record.unlink()
+    record.mkdir()
+    asset.symlink_to(theirs / "empty")
+    todo = plan([item], quick(log=str(tmp_path / "log")), target, Limits())
+    (row,) = run(todo.left)
+    assert row.status == "error" and "record cannot be written" in row.reason
+    assert not list((theirs / "empty").iterdir())
+    record.rmdir()
+    (row,) = run(todo.left)
+    assert row.status == "error" and "is a link, and nothing is written through one" in row.reason
+
+    (tmp_path / "out" / ".lock").symlink_to(theirs / "lock")
+    with pytest.raises(ConfigError, match="is a link"), held(target):
+        pass
+    assert (theirs / "lock").read_text() == "mine"
+    for part in ("assets", "records", "pictures"):
+        other = Target(str(tmp_path / part))
+        (tmp_path / part).mkdir()
+        (tmp_path / part / part).symlink_to(theirs)
+        with pytest.raises(ConfigError, match=f"{part} is a link"):
+            other.prepare()
+
+
+@pytest.mark.parametrize("address", ["nosuch://x", "://x", "zip://x", "abfs://x", " "])
+def test_an_address_that_nobody_serves_is_refused_in_a_sentence(
+    address: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.glb").write_text("fine")
+    assert main(["batch", str(tmp_path / "a.glb"), "--out", address]) == 2
+    assert f"--out {address}" in capsys.readouterr().err
+
+
 def test_killed_in_the_middle_nothing_is_done_twice_and_nothing_lost(
     tmp_path: Path, quick: Any
 ) -> None:
@@ -224,9 +348,9 @@ def test_a_folder_that_is_no_batch_is_left_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     theirs, source = tmp_path / "theirs", tmp_path / "a.urdf"
-    theirs.mkdir()
-    (theirs / "thesis.tex").write_text("mine")
+    (theirs / "records").mkdir(parents=True)
+    (theirs / "batch.yaml").write_text("queue: mine")
     source.write_text("<robot/>")
     assert main(["batch", str(source), "--out", str(theirs), "--quiet"]) == 2
     assert "is not empty and holds no batch" in capsys.readouterr().err
-    assert [p.name for p in theirs.iterdir()] == ["thesis.tex"]
+    assert {p.name for p in theirs.iterdir()} == {"records", "batch.yaml"}
