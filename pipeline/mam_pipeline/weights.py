@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -100,7 +100,7 @@ def loaded(room: str, read: Callable[..., T], *options: Any) -> T:
     rooms = _asked.get()
     if rooms is not None:
         rooms.add(room)
-    return cast(T, _kept(read, place_of(room), *options))
+    return cast(T, _kept(read, cast(Hashable, place_of(room)), *options))
 
 
 @cache

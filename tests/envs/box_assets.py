@@ -87,7 +87,7 @@ def write_asset(folder: Path, kind: str) -> Path:
     (folder / "object.urdf").write_text(urdf, encoding="utf-8")
     joint = CardJoint(
         "joint_1",
-        kind_,
+        kind_,  # type: ignore[arg-type]
         sub,  # type: ignore[arg-type]
         "base",
         "part_1",
