@@ -28,7 +28,7 @@ class BenchConfig:
     """Show the engine names of nodes: a file's links by theirs; of generated objects half without
     sense or false. Without it no name is shown."""
     word: bool = False
-    """Tell the engine the object's category in words, where its vocabulary has them."""
+    """Tell the engine the object's category in words, where the table of kinds has them."""
     counts: bool = False
     """Tell the engine how many parts of each kind the object has."""
     seeds: Annotated[int, Range(1, 100)] = 1

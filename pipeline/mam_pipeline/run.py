@@ -259,7 +259,8 @@ def read_source(source: Path, kind: str, config: MakeConfig, stages: Stages) -> 
 
         usual = usual_size(source, config.what, config.names)
         got = load_mesh(
-            source, up=config.up, height=config.height, scale=config.scale, usual=usual
+            source, up=config.up, height=config.height, scale=config.scale,
+            usual=None if usual is None else usual[1],
         )  # fmt: skip
         spec = spec_of(
             got.mesh, source, got.source_to_asset, config.what, use_names=config.names

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mam_pipeline.evidence.names import vocabulary
+from mam_pipeline.evidence.kinds import kinds
 from mam_pipeline.ground_truth import GroundTruth
 from mam_world.object import generator
 
@@ -31,15 +31,15 @@ def with_names(truth: GroundTruth) -> GroundTruth:
     seed = int(truth.id.rpartition("_")[2])
     rng = generator(truth.category, seed, _STREAM)
     number = _NUMBERED[int(rng.integers(len(_NUMBERED)))]
-    kinds = [link.kind for link in truth.links]
+    linked = [link.kind for link in truth.links]
     names = [
         number(k) if k and rng.random() < NAMELESS else _named(kind, k, rng)
-        for k, kind in enumerate(kinds)
+        for k, kind in enumerate(linked)
     ]
     sort = rng.random()
     if sort >= TRUE:
         names = (
-            [number(k) for k in range(len(kinds))]
+            [number(k) for k in range(len(linked))]
             if sort < TRUE + 0.5 * (1.0 - TRUE)
             else [names[i] for i in np.roll(np.arange(len(names)), int(rng.integers(1, 3)))]
         )
@@ -53,7 +53,7 @@ def _named(kind: str, index: int, rng: np.random.Generator) -> str:
     if index == 0:
         word = str(rng.choice(_BASES))
     else:
-        synonyms = [w for w, (k, _) in vocabulary().parts.items() if k == kind]
+        synonyms = [w for w, (k, _) in kinds().part_words.items() if k == kind]
         word = str(rng.choice(synonyms)) if synonyms and rng.random() < 0.6 else kind
     side = str(rng.choice(["", "", "left", "Right", "top", "1", "02"]))
     style = int(rng.integers(5))

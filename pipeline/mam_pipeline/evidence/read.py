@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from mam_pipeline.errors import ConfigError, InputError
+from mam_pipeline.evidence.kinds import PartKind, Range, kinds
+from mam_pipeline.evidence.kinds import usual_size as size_of_kind
 from mam_pipeline.evidence.motions import AnimatedJoint, joint_of
 from mam_pipeline.evidence.names import (
-    PartKind,
     counts_of,
     object_of,
     part_kind_of,
     shared_kind,
-    vocabulary,
 )
 from mam_pipeline.evidence.spec import (
     CERTAIN,
@@ -44,6 +44,7 @@ class Certainties:
         name: of a node or object. material: of a material. file: the file's own name.
         animation: a motion that the file itself shows.
         whole: share of the surface above which a node is the object and no part of it.
+        usual: share of objects from which a part is told as usual.
         many: parts with one name beyond which the name is no part's.
     """
 
@@ -52,6 +53,7 @@ class Certainties:
     file: float = 0.7
     animation: float = 0.95
     whole: float = 0.95
+    usual: float = 0.3
     many: int = 40
 
 
@@ -75,7 +77,7 @@ def spec_of(
         use_names: False passes over everything in the file itself.
 
     Raises:
-        ConfigError: words for the object that are not in the vocabulary.
+        ConfigError: words for the object that no kind has.
     """
     scene = _scene(source) if source is not None and use_names else None
     objects: list[ObjectWord] = []
@@ -126,18 +128,19 @@ def _of_object(part: PartStatement, objects: Sequence[ObjectWord]) -> PartStatem
     return replace(part, said=replace(part.said, certainty=certainty))
 
 
-def usual_size(source: Path, what: str | None = None, use_names: bool = True) -> float | None:
-    """Largest side that such an object usually has, metres; None where nobody says what it is."""
+def usual_size(source: Path, what: str | None = None, use_names: bool = True) -> Range | None:
+    """Lowest, usual and highest largest side of such an object, metres; None where nobody says
+    what it is."""
     names = [what] if what else [source.stem] if use_names else []
     for name in names:
         word = object_of(name, Said("file name", name))
         if word is not None:
-            return vocabulary().sizes.get(word.word)
+            return size_of_kind(word.word)
     return None
 
 
 def _unknown_words(what: str) -> str:
-    known = [w for w in vocabulary().objects if w.isascii()]
+    known = [w for w in kinds().object_words if w.isascii()]
     near = difflib.get_close_matches(what.casefold().split()[-1] if what.split() else "", known, 1)
     hint = f"; did you mean {near[0]!r}?" if near else ""
     return f"--what {what!r}: no object or number of parts in it that is known here{hint}"
@@ -147,7 +150,9 @@ def _object_note(objects: Sequence[ObjectWord]) -> str:
     if not objects:
         return ""
     first = objects[0]
-    usual = f"usually moves: {', '.join(first.kinds)}" if first.kinds else "nothing usually moves"
+    known = kinds().objects[first.word]
+    moving = [p.kind for p in known.parts if p.often >= CERTAINTIES.usual]
+    usual = f"usually moves: {', '.join(moving)}" if moving else "nothing usually moves"
     source = "as told" if first.said.certainty >= CERTAIN else f"by its {first.said.origin}"
     article = "an" if first.word[:1] in "aeiou" else "a"
     return f"taken for {article} {first.word} ({source}: {first.said.detail!r}): {usual}"

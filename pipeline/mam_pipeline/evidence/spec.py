@@ -38,8 +38,8 @@ class ObjectWord:
     """What the whole thing is.
 
     Attributes:
-        word: of the vocabulary. kinds: of the parts that such a thing usually moves; empty:
-            nothing moves.
+        word: its kind in the table. kinds: of the parts that such a thing may move, the most
+            usual first.
     """
 
     word: str
@@ -52,7 +52,7 @@ class PartStatement:
     """One part, as far as it is known.
 
     Attributes:
-        name: as it stands in the source. kind: word of the vocabulary.
+        name: as it stands in the source. kind: of part, in the table of kinds.
         moves: how; "fixed" stands still, "with" goes along with its neighbour, "" unknown.
         groups: names of `Mesh.group_names` whose faces it has.
         materials: names of materials whose faces it has, where no group says.

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import expit, logit
 
-from mam_pipeline.evidence.names import vocabulary
+from mam_pipeline.evidence.kinds import ObjectKind, kinds
 from mam_pipeline.evidence.spec import CERTAIN, KinematicSpec, PartStatement, movable_kind
 from mam_pipeline.geometry.motion import Motion
 from mam_pipeline.geometry.sampling import face_geometry
@@ -39,9 +39,10 @@ class SaidWeights:
         exact: of a candidate that is the part that a fully trusted name states; it falls with the
             certainty. cut: of one that cuts it. still: of one that is said to stand still.
         shown: of one that an animation shows. other: of the others where animations show some.
-        nothing: of all where nothing of such an object usually moves, told by a person; a file's
-            name weighs by its certainty. something: of all where something usually does.
-        kind: of the subtypes that a statement or the object's word names.
+        doubt, something: at most of all candidates, by how often anything of such an object
+            moves; a kind weighs, and what geometry found it cannot forbid.
+        kind: of the subtypes that a statement names. rare: weight of a subtype that no part of
+            such an object has.
         line: of hinge lines that lie as those of such a part usually do.
         same: IoU of faces from which a candidate is the stated part; part: share from which it
             holds some of it.
@@ -57,9 +58,10 @@ class SaidWeights:
     still: float = 2.5
     shown: float = 5.0
     other: float = 1.5
-    nothing: float = 4.0
+    doubt: float = 1.5
     something: float = 0.3
     kind: float = 1.5
+    rare: float = 0.25
     line: float = 1.5
     same: float = 0.9
     part: float = 0.1
@@ -187,14 +189,21 @@ class Heard:
         """Log odds that anything moves, by the object's word and by counts."""
         if any(c.count and c.said.certainty >= CERTAIN for c in self.spec.counts):
             return 2.0 * SAID.something
-        if not self.spec.objects:
+        known = self._object
+        if known is None or any(p.movable and p.said.certainty > 0.5 for p in self.parts):
             return 0.0
-        first = self.spec.objects[0]
-        if first.kinds:
-            return SAID.something * first.said.certainty
-        named = any(p.movable and p.said.certainty > 0.5 for p in self.parts)
-        certainty = first.said.certainty * (0.5 if first.said.certainty < CERTAIN else 1.0)
-        return 0.0 if named else -SAID.nothing * certainty
+        odds = float(logit(np.clip(known.moves, 1e-3, 1.0 - 1e-3)))
+        return float(np.clip(odds, -SAID.doubt, SAID.something)) * self._certainty
+
+    @property
+    def _object(self) -> ObjectKind | None:
+        """What the thing most likely is; None where nobody says."""
+        return kinds().objects[self.spec.objects[0].word] if self.spec.objects else None
+
+    @property
+    def _certainty(self) -> float:
+        """How certain the word for the object is, 0..1."""
+        return self.spec.objects[0].said.certainty if self.spec.objects else 0.0
 
     def heard(self, masks: Masks, value: FloatArray) -> FloatArray:
         """(C,) values with what is said."""
@@ -226,15 +235,22 @@ class Heard:
         return out / np.maximum(out.sum(axis=1, keepdims=True), 1e-12)
 
     def _usual(self, names: Sequence[str]) -> FloatArray | None:
-        """(3,) factors of the subtypes that the object's parts usually have."""
-        words = [w for w in self.spec.objects if w.kinds][:1]
-        wanted = {c.kind for c in self.spec.counts} | {k for w in words for k in w.kinds}
-        if not wanted:
+        """(3,) factors of the subtypes, by how many parts of each such an object usually moves."""
+        number = dict.fromkeys(names, 0.0)
+        for count in self.spec.counts:
+            moves = kinds().parts[count.kind].moves
+            if moves in number:
+                number[moves] += count.count
+        certainty = CERTAIN if any(number.values()) else self._certainty
+        known = self._object
+        if known is not None and not any(number.values()):
+            for part in known.parts:
+                number[part.moves] += part.often
+        total = sum(number.values())
+        if total == 0.0:
             return None
-        moves = {vocabulary().kinds[k].moves for k in wanted}
-        certainty = words[0].said.certainty if words else CERTAIN
-        low = float(np.exp(-SAID.kind * certainty))
-        return np.array([1.0 if n in moves else low for n in names])
+        share = np.array([number[n] / total for n in names])
+        return np.asarray((SAID.rare + share / share.max()) / (SAID.rare + 1.0)) ** certainty
 
     def quality(self, sizes: Sequence[int]) -> FloatArray:
         """(M,) what the number of parts of every set adds to its quality, where it was told."""
@@ -288,9 +304,9 @@ class Heard:
         """How hinge lines lie, where the part's name or all of the object's parts agree on it."""
         if part is not None:
             return part.line
-        words = [w for w in self.spec.objects if w.kinds][:1]
-        kinds = [vocabulary().kinds[k] for w in words for k in w.kinds]
-        lines = {k.line for k in kinds if k.moves == "hinge"}
+        known = self._object
+        hinges = [] if known is None else [p for p in known.parts if p.moves == "hinge"]
+        lines = {p.line for p in hinges}
         return lines.pop() if len(lines) == 1 else ""
 
 

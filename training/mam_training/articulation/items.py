@@ -19,7 +19,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mam_pipeline.evidence.names import object_of, part_kind_of, vocabulary
+from mam_pipeline.evidence.kinds import kinds
+from mam_pipeline.evidence.names import object_of, part_kind_of
 from mam_pipeline.evidence.spec import Said
 from mam_pipeline.geometry.fuse import fuse_mesh, nearest_faces
 from mam_pipeline.ground_truth import GroundTruth
@@ -72,12 +73,12 @@ class Item:
 
 def object_words() -> tuple[str, ...]:
     """Words of objects that the network knows; the first stands for all others."""
-    return ("", *sorted(vocabulary().movable))
+    return ("", *sorted(kinds().objects))
 
 
 def part_words() -> tuple[str, ...]:
     """Words of parts that the network knows; the first stands for all others."""
-    return ("", *sorted(vocabulary().kinds))
+    return ("", *sorted(kinds().parts))
 
 
 def word_index(name: str) -> int:
@@ -175,7 +176,7 @@ def _small(value: object) -> object:
 
 
 def with_word(item: Item) -> Item:
-    """A generated object with the word of its category, as the vocabulary has it."""
+    """A generated object with the word of its category, as the table of kinds has it."""
     found = re.fullmatch(r"(.+?)_\d{6}(_[a-z])*", item.name)
     known = found is not None and item.source != "abstract"
     return replace(item, word=word_index(found[1]) if found and known else 0)
