@@ -110,12 +110,12 @@ def on_cluster(folder: Path, out: Path, nodes: int, until: int) -> dict[str, Any
     import ray
     from ray.cluster_utils import Cluster
 
+    from mam_pipeline.guarded import Limits
     from mam_pipeline.make_config import MakeConfig
     from mam_sim.batch.inputs import find_inputs
     from mam_sim.batch.record import Target
     from mam_sim.batch.run import plan, run
     from mam_sim.batch.work import Work
-    from mam_sim.forkserver import Limits
 
     os.environ.update(ENV)
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 0})

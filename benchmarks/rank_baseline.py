@@ -35,11 +35,11 @@ from mam_pipeline.errors import MamSimError
 from mam_pipeline.formats.mesh_files import LoadedMesh, load_mesh, save_obj
 from mam_pipeline.geometry.front import front_of, moved
 from mam_pipeline.ground_truth import GroundTruth
+from mam_pipeline.guarded import Limits
 from mam_pipeline.make_config import EngineConfig, MakeConfig
 from mam_pipeline.run import make_asset
 from mam_pipeline.types import Articulation, Joint, Link, Mesh
 from mam_sim.bench.runner import GENERATED, Task, find_tasks
-from mam_sim.forkserver import Limits
 from mam_sim.rank.measure import Measure, Share, Total, total
 from mam_sim.rank.run import attempts, examine, joints_of_truth, measured
 

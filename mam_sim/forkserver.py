@@ -1,74 +1,32 @@
 """A process that has imported everything once, and forks a child for every task.
 
 What a task does to its process (memory that is not given back, a crash in native code, an
-endless loop) ends with the child. The server watches it: it kills the child that exceeds its time
-or memory, and also when whoever asked is gone. Requests and replies are pickles on the server's
-standard input and output.
+endless loop) ends with the child. The server watches it (`mam_pipeline.guarded`): it kills the
+child that exceeds its time or memory, and also when whoever asked is gone. Requests and replies are
+pickles on the server's standard input and output.
 """
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
 import gc
 import os
 import pickle
 import queue
-import select
-import signal
 import subprocess
 import sys
 import tempfile
 import threading
-import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass, replace
-from typing import IO, Protocol, TypeVar
+from dataclasses import replace
+from typing import Protocol, TypeVar
 
-from mam_pipeline.errors import disk_error, disk_is_full
+from mam_pipeline.guarded import Ending, Limits, adopt_orphans, end_with, last_words, watched
 
 T = TypeVar("T", bound="Task")
-LOOK = 0.1  # seconds between two looks at a child
-SHOWN = 2000  # characters of a crashed child's last words
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """A process per core serves many tasks better than threads do, and threads survive no fork."""
-_PR_SET_PDEATHSIG = 1
-_NO_ROOM = 74
-"""Exit status of a child whose disk is full; its last line says where (EX_IOERR of sysexits.h)."""
-_SERVE = "from mam_sim.forkserver import main; main()"
-
-
-@dataclass(frozen=True)
-class Ending:
-    """How a child ended.
-
-    Attributes:
-        how: done | timeout | memory | disk | crash | killed (by somebody else). why: in a sentence.
-        log: its last words. limit: what it exceeded, seconds or megabytes.
-        tries: how often it was begun.
-    """
-
-    how: str
-    why: str = ""
-    log: str = ""
-    seconds: float = 0.0
-    cpu_seconds: float = 0.0
-    peak_mb: float = 0.0
-    limit: float = 0.0
-    tries: int = 1
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Guards of one task. They end it with a reason, and are no part of what its result is.
-
-    Attributes:
-        seconds: on the clock. memory: resident, gigabytes.
-    """
-
-    seconds: float = 1800.0
-    memory: float = 8.0
+_SERVE = "import sys; from mam_sim.forkserver import main; main(int(sys.argv[1]))"
 
 
 class Task(Protocol):
@@ -113,7 +71,7 @@ class ForkServer:
             self._process = None  # the next task gets a new one
             status = server.wait()
             why = f"the server of its process ended with status {status}"
-            return Ending("killed" if status < 0 else "crash", why, _last_words(self._words))
+            return Ending("killed" if status < 0 else "crash", why, last_words(self._words))
 
     def close(self) -> None:
         """End the server and the child at work."""
@@ -129,7 +87,7 @@ class ForkServer:
                 raise KeyboardInterrupt
             if self._process is None:
                 self._process = subprocess.Popen(
-                    [sys.executable, "-c", _SERVE],
+                    [sys.executable, "-c", _SERVE, str(os.getpid())],
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
                     stderr=self._words,
@@ -198,8 +156,10 @@ def on_this_process(task: Task) -> Ending:
     return ending if ending.how != "killed" else _second(_OWN[0].run(task))
 
 
-def main() -> None:
-    """Serve until standard input ends."""
+def main(parent: int) -> None:
+    """Serve until standard input ends, or the process that started this one."""
+    end_with(parent)
+    adopt_orphans()
     replies = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what libraries print is no reply
     warmed: set[type] = set()
@@ -213,103 +173,7 @@ def main() -> None:
             warmed.add(type(task))
             gc.collect()
             gc.freeze()  # children share these pages as long as nobody walks through them
-        pickle.dump(_watched(task), replies)
+        with tempfile.TemporaryFile() as log:
+            ending = watched(task.run, task.limits, log, sys.stdin.fileno())
+        pickle.dump(ending, replies)
         replies.flush()
-
-
-def _watched(task: Task) -> Ending:
-    """Fork a child for the task, and wait for its end or end it."""
-    limits, began = task.limits, time.perf_counter()
-    with tempfile.TemporaryFile() as log:
-        child = os.fork()
-        if child == 0:
-            _child(task, log)
-        how, why, limit = "done", "", 0.0
-        handle = os.pidfd_open(child)
-        try:
-            while True:
-                ready, _, _ = select.select([handle, sys.stdin.fileno()], [], [], LOOK)
-                if handle in ready:
-                    break
-                if ready:  # whoever asked is gone
-                    _kill(child)
-                    sys.exit(0)
-                megabytes = _resident(child)
-                if time.perf_counter() - began > limits.seconds:
-                    how, limit = "timeout", limits.seconds
-                    why = f"it took longer than {limits.seconds:g} s"
-                elif megabytes > 1024 * limits.memory:
-                    how, limit = "memory", 1024 * limits.memory
-                    why = f"it took more than {limits.memory:g} GB of memory"
-                if how != "done":
-                    _kill(child)
-                    break
-        finally:
-            os.close(handle)
-        _, status, used = os.wait4(child, 0)
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(child, signal.SIGKILL)  # whatever it left running
-        code = os.waitstatus_to_exitcode(status)
-        if how == "done" and code != 0:
-            how = "killed" if code == -signal.SIGKILL else "crash"
-            name = signal.strsignal(-code) if code < 0 else f"exit status {code}"
-            why = f"its process crashed: {name}"
-        text = ""
-        if how in ("crash", "killed"):
-            text = _last_words(log)
-        if code == _NO_ROOM:
-            how, why, text = "disk", text.splitlines()[-1], ""
-    return Ending(
-        how, why, text, round(time.perf_counter() - began, 2),
-        round(used.ru_utime + used.ru_stime, 2), round(used.ru_maxrss / 1024, 1), limit,
-    )  # fmt: skip
-
-
-def _child(task: Task, log: IO[bytes]) -> None:
-    """Do the task in a session of its own; never returns."""
-    code = 1
-    try:
-        os.setsid()
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-        os.dup2(log.fileno(), 1)
-        os.dup2(log.fileno(), 2)
-        task.run()
-        code = 0
-    except BaseException as error:
-        import traceback
-
-        traceback.print_exc()
-        if isinstance(error, OSError) and disk_is_full(error):
-            print(disk_error(error), file=sys.stderr)
-            code = _NO_ROOM
-    finally:
-        with contextlib.suppress(Exception):
-            sys.stdout.flush()
-            sys.stderr.flush()
-        os._exit(code)
-
-
-def _last_words(log: IO[bytes]) -> str:
-    log.seek(0)
-    return log.read().decode("utf-8", "replace")[-SHOWN:]
-
-
-def _kill(child: int) -> None:
-    """Kill a child and all that it started."""
-    for kill in (os.killpg, os.kill):
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            kill(child, signal.SIGKILL)
-
-
-def _resident(process: int) -> float:
-    """Megabytes of memory that a process holds; 0 when it is gone."""
-    try:
-        with open(f"/proc/{process}/statm") as stream:
-            return int(stream.read().split()[1]) * os.sysconf("SC_PAGESIZE") / 2**20
-    except (OSError, IndexError):
-        return 0.0
-
-
-if __name__ == "__main__":
-    main()

@@ -29,12 +29,12 @@ from mam_pipeline.errors import (
     disk_error,
     disk_is_full,
 )
+from mam_pipeline.guarded import Ending, Limits
 from mam_pipeline.make_config import EngineConfig, MakeConfig
 from mam_pipeline.run import make_asset
 from mam_sim import __version__
 from mam_sim.batch.inputs import Input
 from mam_sim.batch.record import GUARDED, Record, Status, Target
-from mam_sim.forkserver import Ending, Limits
 
 PICTURE = (360, 300)
 """(width, height) of an object in the gallery, pixels."""

@@ -17,8 +17,9 @@ from typing import Any
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import InputError, MamSimError, NotPhysicalError
 from mam_pipeline.formats.mjcf_files import is_mjcf
+from mam_pipeline.guarded import Ending, Limits
 from mam_sim.batch.inputs import content_digest
-from mam_sim.forkserver import Ending, Limits, run_all
+from mam_sim.forkserver import run_all
 from mam_sim.rank.measure import VERSION, Measure, Row, Verdict
 
 USUAL = ("object", "mobility", "model", "robot", "scene")

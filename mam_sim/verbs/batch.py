@@ -59,12 +59,12 @@ class Batch(Verb):
 
     def run(self) -> int:
         """Make what is not made yet; write the manifest and the gallery."""
+        from mam_pipeline.guarded import Limits
         from mam_sim.batch.inputs import find_inputs
         from mam_sim.batch.pages import counts, write_pages
         from mam_sim.batch.record import Target
         from mam_sim.batch.run import held, plan
         from mam_sim.batch.work import Work
-        from mam_sim.forkserver import Limits
 
         self._check()
         screen, target = Screen(self.quiet or self.json), Target(self.out)

@@ -88,7 +88,7 @@ class Rank(Verb):
         return names
 
     def _measure(self, out: Path, robots: Sequence[str], screen: Screen) -> int:
-        from mam_sim.forkserver import Limits
+        from mam_pipeline.guarded import Limits
         from mam_sim.rank.measure import Measure, total
         from mam_sim.rank.page import as_json, rows_table, totals_table
         from mam_sim.rank.run import attempts, examine, joints_of_truth, measured

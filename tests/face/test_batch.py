@@ -17,12 +17,12 @@ from typing import Any
 import pytest
 
 from mam_pipeline.errors import ConfigError, InputError
+from mam_pipeline.guarded import Limits
 from mam_sim.batch.inputs import content_digest, find_inputs
 from mam_sim.batch.pages import write_pages
 from mam_sim.batch.record import Record, Target
 from mam_sim.batch.run import Pace, held, plan, run
 from mam_sim.cli import main
-from mam_sim.forkserver import Limits
 
 HERE = Path(__file__).resolve().parent
 DRIVER = """
@@ -30,7 +30,7 @@ import sys
 from mam_sim.batch.inputs import find_inputs
 from mam_sim.batch.record import Target
 from mam_sim.batch.run import plan, run
-from mam_sim.forkserver import Limits
+from mam_pipeline.guarded import Limits
 from batch_work import Quick
 folder, out, log = sys.argv[1:4]
 target = Target(out)

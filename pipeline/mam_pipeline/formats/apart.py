@@ -1,9 +1,8 @@
-"""Readers that run in a process of their own: native importers of CAD, USD and FBX files.
+"""Reading files of strangers in a process of its own, which has limits.
 
-They are large libraries that were not made for files of strangers: a broken file may crash them or
-keep them busy for hours. Here it costs a process, which ends after a time.
-
-    python -m mam_pipeline.formats.apart KIND FILE OUT ROOT OUTSIDE
+Their readers are large libraries that were not made for hostile files: one may crash them, take all
+memory, or keep them busy for hours. Here it costs a child process. It is a copy of this process, so
+that a small file takes milliseconds more, and nothing is imported twice.
 """
 
 from __future__ import annotations
@@ -11,88 +10,78 @@ from __future__ import annotations
 import os
 import pickle
 import resource
-import subprocess
-import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
+from typing import IO, TypeVar
 
 from mam_pipeline.errors import InputError, MamSimError
-from mam_pipeline.formats.door import may_leave, outside_allowed
-from mam_pipeline.formats.soup import FileContent
+from mam_pipeline.guarded import Limits, watched
 
-READERS = {
-    "fbx": "mam_pipeline.formats.fbx:read_fbx",
-    "step": "mam_pipeline.formats.step:read_step",
-    "usd": "mam_pipeline.formats.usd:read_usd",
-}
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """What a reader may take.
+    """What reading one file may take.
 
     Attributes:
-        seconds: of time. bytes: of memory.
+        seconds: of time. memory: gigabytes. answer: bytes of what was found.
     """
 
     seconds: float = 300.0
-    bytes: int = 8 << 30
+    memory: float = 8.0
+    answer: int = 4 << 30
 
 
 BOUNDS = Bounds()
 
 
-def read_apart(kind: str, file: Path, root: Path | None = None) -> FileContent:
-    """What one of `READERS` finds in a file.
+def apart(work: Callable[[], T], file: Path, kind: str) -> T:
+    """Do some work on a file in a child process; what it gives, or its error, comes back.
 
     Args:
-        kind: of `READERS`. file: what is read. root: folder whose files it may name.
+        work: gives something that can be pickled. file: what it reads, for errors.
+        kind: of the file, in a word: USD.
 
     Raises:
-        InputError: the file cannot be read, or the reader crashed or took too long.
-        MissingExtra: the package that reads such files is not installed.
+        InputError: the work crashed, took too long or too much, or raised what is no error of ours.
+        MamSimError: what the work raised.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "content.pickle"
-        more = ["" if root is None else str(root.resolve()), "yes" if may_leave() else ""]
-        command = [sys.executable, "-m", __name__, kind, str(file.resolve()), str(out), *more]
-        path = os.pathsep.join(p for p in sys.path if p)
-        try:
-            done = subprocess.run(
-                command, capture_output=True, text=True, errors="replace",
-                timeout=BOUNDS.seconds, env={**os.environ, "PYTHONPATH": path},
-            )  # fmt: skip
-        except subprocess.TimeoutExpired as error:
-            raise InputError(
-                f"{file} took more than {BOUNDS.seconds:.0f} s to read; simplify it"
-            ) from error
-        if not out.is_file():
-            lines = done.stderr.strip().splitlines()
-            why = lines[-1][:200] if lines else f"exit status {done.returncode}"
-            raise InputError(f"{file} cannot be read as {kind.upper()} ({why}); export it as GLB")
-        answer = pickle.loads(out.read_bytes())  # written by our own process
+    bounds = BOUNDS
+    with tempfile.TemporaryFile() as log, open(os.memfd_create("found"), "w+b") as found:
+        ending = watched(
+            lambda: _answer(work, found, bounds), Limits(bounds.seconds, bounds.memory), log
+        )
+        if ending.how == "timeout":
+            raise InputError(f"{file} took more than {bounds.seconds:.0f} s to read; simplify it")
+        if ending.how == "memory" or "MemoryError" in ending.log:
+            raise InputError(f"{file} takes more than {bounds.memory:g} GB to read; simplify it")
+        if ending.how != "done":
+            lines = ending.log.strip().splitlines()
+            why = lines[-1][:200] if lines else ending.why
+            raise InputError(f"{file} cannot be read as {kind} ({why}); export it as GLB")
+        found.seek(0)
+        answer = pickle.load(found)  # written by our own process
     if isinstance(answer, MamSimError):
         raise answer
-    content: FileContent = answer
-    return content
+    result: T = answer
+    return result
 
 
-def main(kind: str, file: str, out: str, root: str, outside: str) -> int:
-    """Read one file and leave what was found, or our error about it, in `out`."""
-    resource.setrlimit(resource.RLIMIT_DATA, (BOUNDS.bytes, BOUNDS.bytes))
-    module, _, name = READERS[kind].partition(":")
+def _answer(work: Callable[[], object], found: IO[bytes], bounds: Bounds) -> None:
+    """Write what the work gives, or our error about it."""
+    page, size = resource.getpagesize(), int(Path("/proc/self/statm").read_text().split()[5])
+    most = size * page + int(bounds.memory * 2**30)
+    for kind, limit in ((resource.RLIMIT_DATA, most), (resource.RLIMIT_FSIZE, bounds.answer)):
+        hard = resource.getrlimit(kind)[1]
+        limit = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
+        resource.setrlimit(kind, (limit, hard))
     answer: object
     try:
-        with outside_allowed(bool(outside)):
-            read = getattr(import_module(module), name)
-            answer = read(Path(file), Path(root) if root else None)
+        answer = work()
     except MamSimError as error:
         answer = error
-    Path(out).write_bytes(pickle.dumps(answer))
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main(*sys.argv[1:]))
+    pickle.dump(answer, found, protocol=pickle.HIGHEST_PROTOCOL)
+    found.flush()

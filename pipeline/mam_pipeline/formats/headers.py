@@ -113,8 +113,9 @@ def _drawn(
 ) -> int:  # fmt: skip
     """How many nodes are drawn for one, its instances of others included."""
     key = node.get("id", "")
-    if (key and key in above) or len(above) > 200:
-        raise InputError(f"{file}: node {key!r} draws itself, or is nested more than 200 deep")
+    if (key and key in above) or len(above) > LIMITS.deep:
+        deep = LIMITS.deep
+        raise InputError(f"{file}: node {key!r} draws itself, or is nested more than {deep} deep")
     if _tag(node) == "instance_node":
         target = nodes.get((node.get("url") or "").lstrip("#"))
         return 1 if target is None else _drawn(target, nodes, known, file, above)

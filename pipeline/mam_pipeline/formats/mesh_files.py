@@ -6,32 +6,23 @@ front is, only the articulation can tell (see `mam_pipeline.geometry.front`).
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, replace
-from io import BytesIO
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-import trimesh
 
 from mam_pipeline.errors import ConfigError, InputError
-from mam_pipeline.formats.apart import read_apart
-from mam_pipeline.formats.collada import read_collada
 from mam_pipeline.formats.door import is_file
-from mam_pipeline.formats.door_resolver import DoorResolver
-from mam_pipeline.formats.gltf import read_gltf
 from mam_pipeline.formats.gltf_write import write_glb
-from mam_pipeline.formats.headers import check_header
-from mam_pipeline.formats.obj import read_obj, write_obj
+from mam_pipeline.formats.obj import write_obj
 from mam_pipeline.formats.placement import Decision, choose_unit, choose_up
-from mam_pipeline.formats.soup import LIMITS, Budget, FileContent, Piece, checked, join
-from mam_pipeline.formats.suffixes import MESHES, STEP, USD
-from mam_pipeline.formats.threemf import read_3mf
-from mam_pipeline.types import Axis, FloatArray, IntArray, Material, Mesh, readonly
+from mam_pipeline.formats.readers import read_mesh
+from mam_pipeline.formats.soup import FileContent, join
+from mam_pipeline.types import Axis, FloatArray, Mesh, readonly
 
 _KEPT: ContextVar[dict[tuple[int, ...], FileContent] | None] = ContextVar("kept", default=None)
 
@@ -130,46 +121,12 @@ def read_file(file: Path, root: Path | None = None) -> FileContent:
     """
     kept = _KEPT.get()
     if kept is None or not is_file(file):
-        return _read_file(file, root)
+        return read_mesh(file, root)
     at = file.stat()
     key = (at.st_dev, at.st_ino, at.st_mtime_ns, at.st_size)
     if key not in kept:
-        kept[key] = _read_file(file, root)
+        kept[key] = read_mesh(file, root)
     return kept[key]
-
-
-def _read_file(file: Path, root: Path | None) -> FileContent:
-    suffix = file.suffix.lower()
-    if not file.exists():
-        raise InputError(f"no file at {file}")
-    if file.is_dir():
-        raise InputError(f"{file} is a folder; a mesh file is needed ({', '.join(MESHES)})")
-    if suffix not in MESHES:
-        raise InputError(f"{file} is not a mesh file known here ({', '.join(MESHES)})")
-    size = file.stat().st_size
-    if size == 0:
-        raise InputError(f"{file} is empty")
-    if size > LIMITS.bytes:
-        raise InputError(f"{file} has {size >> 20} MiB; the most is {LIMITS.bytes >> 20} MiB")
-    if suffix in (".glb", ".gltf"):
-        content = read_gltf(file, root)
-    elif suffix == ".obj":
-        content = read_obj(file, root)
-    elif suffix == ".dae":
-        content = read_collada(file, root)
-    elif suffix == ".3mf":
-        content = read_3mf(file)
-    elif suffix in (*USD, *STEP, ".fbx"):
-        kind = "usd" if suffix in USD else "step" if suffix in STEP else "fbx"
-        content = read_apart(kind, file, root)
-    else:
-        content = _read_other(file, root)
-    count = sum(len(p.faces) for p in content.pieces)
-    if count == 0:
-        raise InputError(f"{file} has no faces: a surface is needed, not points or lines")
-    if count > LIMITS.faces:
-        raise InputError(f"{file} has {count} faces; simplify it to {LIMITS.faces} or fewer")
-    return checked(content, file)
 
 
 def save_glb(mesh: Mesh, path: str | Path, up: Literal["y", "z"] = "y") -> None:
@@ -180,76 +137,6 @@ def save_glb(mesh: Mesh, path: str | Path, up: Literal["y", "z"] = "y") -> None:
 def save_obj(mesh: Mesh, path: str | Path) -> None:
     """Write OBJ, MTL and texture files, in the mesh's own frame; see `write_obj`."""
     write_obj(mesh, Path(path))
-
-
-def _read_other(file: Path, root: Path | None) -> FileContent:
-    """PLY, STL and OFF through trimesh, unprocessed."""
-    check_header(file)
-    try:
-        resolver = DoorResolver(file, root)
-        with _silent(trimesh.util.log):  # what is missing is told in our words
-            scene = trimesh.load_scene(file, process=False, resolver=resolver)
-        return replace(_pieces_of(scene, file), notes=tuple(resolver.left_out))
-    except InputError:
-        raise
-    except Exception as error:  # each reader fails in its own way
-        what = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{file} cannot be read as {file.suffix[1:].upper()} ({what})") from error
-
-
-@contextmanager
-def _silent(logger: logging.Logger) -> Iterator[None]:
-    """Without what a library logs."""
-    before, logger.disabled = logger.disabled, True
-    try:
-        yield
-    finally:
-        logger.disabled = before
-
-
-def _pieces_of(scene: trimesh.Scene, file: Path) -> FileContent:
-    budget = Budget(file)
-    pieces: list[Piece] = []
-    materials: list[Material] = []
-    for node in sorted(scene.graph.nodes_geometry):
-        transform, name = scene.graph[node]
-        part = scene.geometry[name]
-        if not isinstance(part, trimesh.Trimesh) or not len(part.faces):
-            continue
-        faces: IntArray = np.asarray(part.faces, dtype=np.int64)
-        budget.triangles(len(part.vertices), len(faces))
-        if np.linalg.det(transform[:3, :3]) < 0:
-            faces = faces[:, ::-1]
-        vertices = trimesh.transform_points(part.vertices, transform)
-        material, uv, colors = _trimesh_appearance(part)
-        pieces.append(Piece(vertices, faces, str(name), len(materials), uv, colors))
-        materials.append(material)
-    return FileContent(tuple(pieces), tuple(materials))
-
-
-def _trimesh_appearance(part: trimesh.Trimesh) -> tuple[Material, Any, Any]:
-    """(Material, uv, colours) of a trimesh geometry; textures are encoded as PNG without loss."""
-    visual: Any = part.visual
-    if visual.kind == "vertex":
-        return Material(), None, np.asarray(visual.vertex_colors, dtype=np.uint8)
-    if visual.kind != "texture":
-        return Material(), None, None
-    simple = visual.material
-    simple = simple.to_simple() if hasattr(simple, "to_simple") else simple
-    color = np.asarray(getattr(simple, "diffuse", (178, 178, 178, 255)), dtype=float) / 255.0
-    image = getattr(simple, "image", None)
-    data = None
-    if image is not None and visual.uv is not None:
-        buffer = BytesIO()
-        image.save(buffer, format="PNG")
-        data = buffer.getvalue()
-    uv = None
-    if visual.uv is not None and len(visual.uv) == len(part.vertices):
-        flipped = [visual.uv[:, 0], 1.0 - visual.uv[:, 1]]
-        uv = np.stack(flipped, axis=1).astype(np.float32)
-    name = str(getattr(simple, "name", "") or "material")
-    rgba = tuple(float(c) for c in color[:4])
-    return Material(name, rgba, data, None if data is None else "png"), uv, None  # type: ignore[arg-type]
 
 
 def check_surface(mesh: Mesh, file: Path) -> None:

@@ -18,10 +18,8 @@ from mam_pipeline.errors import InputError
 from mam_pipeline.formats.door import Door
 from mam_pipeline.formats.gltf_data import Document
 from mam_pipeline.formats.nodes import NodeMotion, Scene, SceneNode
-from mam_pipeline.formats.soup import Budget
+from mam_pipeline.formats.soup import LIMITS, Budget
 from mam_pipeline.types import FloatArray, IntArray
-
-_DEEP = 200  # most nodes above another; a file of more is broken
 
 
 def read_scene(path: Path) -> Scene | None:
@@ -96,7 +94,7 @@ class _Reader:
         out, steps = _local(self.nodes[index]), 0
         while parent[index] >= 0:
             index, steps = int(parent[index]), steps + 1
-            if steps > _DEEP:
+            if steps > LIMITS.deep:
                 raise ValueError("nodes form a loop")
             out = _local(self.nodes[index]) @ out
         return out

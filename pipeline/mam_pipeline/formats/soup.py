@@ -57,6 +57,7 @@ class Limits:
 
     Attributes:
         bytes: of the file and the files that it names. nodes: of a scene.
+        deep: nodes that may stand above another.
         faces, vertices: of all that is drawn; what is drawn twice counts twice.
         pixels: of all textures together.
         line: bytes of a line of text.
@@ -64,6 +65,7 @@ class Limits:
 
     bytes: int = 1 << 30
     nodes: int = 100_000
+    deep: int = 200
     faces: int = MAX_FACES
     vertices: int = 12_000_000
     pixels: int = 16384 * 16384

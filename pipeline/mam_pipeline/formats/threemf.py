@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -12,25 +11,20 @@ from mam_pipeline.errors import InputError
 from mam_pipeline.formats.door import Door
 from mam_pipeline.formats.pictures import Pictures
 from mam_pipeline.formats.soup import LIMITS, Budget, FileContent, Piece
+from mam_pipeline.formats.threemf_header import check_3mf
 from mam_pipeline.types import FloatArray, IntArray, Material
 
 _METRES = (1e-6, 1e-3, 1e-2, 0.0254, 0.3048, 1.0)
 """By lib3mf's number of the unit: micrometre, millimetre, centimetre, inch, foot, metre."""
 
 
-def read_3mf(path: Path) -> FileContent:
+def read_3mf(path: Path, root: Path | None = None) -> FileContent:
     """Read the build items of a 3MF file in its own frame and unit.
 
     Raises:
         InputError: it cannot be read, or unpacks to more than what is read.
     """
-    try:
-        with zipfile.ZipFile(path) as archive:
-            size = sum(entry.file_size for entry in archive.infolist())
-    except (zipfile.BadZipFile, OSError) as error:
-        raise InputError(f"{path} is not a 3MF file: it is no ZIP archive") from error
-    if size > LIMITS.bytes:
-        raise InputError(f"{path} unpacks to {size >> 20} MiB; the most is {LIMITS.bytes >> 20}")
+    check_3mf(path)
     try:
         return _Reader(path).content()
     except InputError:
@@ -68,7 +62,7 @@ class _Reader:
     def _object(self, told: Any, frame: FloatArray, depth: int) -> None:
         self.drawn += 1
         self.budget.nodes(self.drawn)
-        if depth > 50:
+        if depth > LIMITS.deep:
             raise InputError(f"{self.path}: components are nested more than {depth} deep")
         identity = told.GetResourceID()
         if told.IsComponentsObject():

@@ -18,7 +18,7 @@ import trimesh
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.pictures import Picture, Pictures, model_door
 from mam_pipeline.formats.soup import Budget, FileContent, Piece, fans, paired
-from mam_pipeline.formats.usd_layers import check_layers
+from mam_pipeline.formats.usd_layers import check_layers, check_size
 from mam_pipeline.optional import require
 from mam_pipeline.types import FloatArray, IntArray, Material
 
@@ -55,6 +55,7 @@ class _Reader:
         self.budget = Budget(path)
         self.pictures = Pictures(path, self.budget, model_door(path, root))
         check_layers(path, self.pictures.door)
+        check_size(path)
         self.stage = Usd.Stage.Open(str(path))
         self.time = Usd.TimeCode.EarliestTime()
         self.frames = UsdGeom.XformCache(self.time)
@@ -133,6 +134,8 @@ class _Reader:
             self.time, self.time, UsdGeom.PointInstancer.IncludeProtoXform
         )
         world = place @ self._world(prim)
+        if len(which) and not 0 <= min(which) <= max(which) < len(targets):
+            raise InputError(f"{self.path} is broken: {prim.GetPath()} names a missing prototype")
         for index, frame in zip(which, frames):
             root = self.stage.GetPrimAtPath(targets[index])
             # the prototype's own frame in the world is taken back: it stands where it is drawn

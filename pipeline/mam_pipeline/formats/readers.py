@@ -1,0 +1,101 @@
+"""Which reader reads which mesh files: one table, by suffix."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from mmap import ACCESS_READ, mmap
+from pathlib import Path
+
+from mam_pipeline.errors import InputError
+from mam_pipeline.formats.apart import apart
+from mam_pipeline.formats.door import is_file
+from mam_pipeline.formats.soup import LIMITS, FileContent, checked
+from mam_pipeline.formats.suffixes import STEP, USD
+
+
+@dataclass(frozen=True)
+class Reader:
+    """How one kind of file is read.
+
+    Attributes:
+        function: "module:name" of `read(path, root)`, which gives a FileContent; root is the
+            folder whose files the file may name.
+        apart: whether a file is read in a process of its own. Not where our own code counts all
+            that a file claims before it does any work: a URDF may name a hundred meshes, and a
+            process costs 30 ms.
+    """
+
+    function: str
+    apart: Callable[[Path], bool] = lambda _: True
+
+
+def _never(_: Path) -> bool:
+    return False
+
+
+def _packed(file: Path) -> bool:
+    """Whether a glTF file holds what native code unpacks: Draco, meshopt, Basis Universal."""
+    with file.open("rb") as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
+        return any(data.find(word) >= 0 for word in (b"_draco_", b"_meshopt_", b"_basisu"))
+
+
+_FORMATS = "mam_pipeline.formats"
+_GLTF = Reader(f"{_FORMATS}.gltf:read_gltf", _packed)
+_PLAIN = Reader(f"{_FORMATS}.plain:read_plain", _never)
+_USD = Reader(f"{_FORMATS}.usd:read_usd")
+_STEP = Reader(f"{_FORMATS}.step:read_step")
+READERS: Mapping[str, Reader] = {
+    ".glb": _GLTF,
+    ".gltf": _GLTF,
+    ".obj": Reader(f"{_FORMATS}.obj:read_obj", _never),
+    ".dae": Reader(f"{_FORMATS}.collada:read_collada", _never),
+    ".3mf": Reader(f"{_FORMATS}.threemf:read_3mf"),
+    ".fbx": Reader(f"{_FORMATS}.fbx:read_fbx"),
+    **{suffix: _PLAIN for suffix in (".ply", ".stl", ".off")},
+    **{suffix: _USD for suffix in USD},
+    **{suffix: _STEP for suffix in STEP},
+}
+
+
+def read_mesh(file: Path, root: Path | None = None) -> FileContent:
+    """What is in a mesh file, in its own frame and unit.
+
+    Args:
+        root: folder whose files it may name; default: its own.
+
+    Raises:
+        InputError: no such file, no mesh, or reading it takes too much.
+        MissingExtra: the package that reads such files is not installed.
+    """
+    if not is_file(file):
+        what = "no mesh file" if file.exists() else "no file"
+        raise InputError(f"{what} at {file}; one is needed ({', '.join(READERS)})")
+    reader = READERS.get(file.suffix.lower())
+    if reader is None:
+        raise InputError(f"{file} is not a mesh file known here ({', '.join(READERS)})")
+    size = file.stat().st_size
+    if size == 0:
+        raise InputError(f"{file} is empty")
+    if size > LIMITS.bytes:
+        raise InputError(f"{file} has {size >> 20} MiB; the most is {LIMITS.bytes >> 20} MiB")
+    module, _, name = reader.function.partition(":")
+    read = getattr(import_module(module), name)
+    if not reader.apart(file):
+        return _sound(read(file, root), file)
+    return apart(lambda: _sound(read(file, root), file), file, file.suffix[1:].upper())
+
+
+def _sound(content: FileContent, file: Path) -> FileContent:
+    """What a reader found, where it is a surface that can be worked with.
+
+    Raises:
+        InputError: it is none.
+    """
+    count = sum(len(p.faces) for p in content.pieces)
+    if count == 0:
+        raise InputError(f"{file} has no faces: a surface is needed, not points or lines")
+    if count > LIMITS.faces:
+        raise InputError(f"{file} has {count} faces; simplify it to {LIMITS.faces} or fewer")
+    return checked(content, file)

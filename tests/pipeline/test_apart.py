@@ -1,0 +1,146 @@
+"""Readers in a process of their own: limits, no trace of them afterwards, and what comes back."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from mam_pipeline.errors import ConfigError, InputError
+from mam_pipeline.formats import apart
+from mam_pipeline.guarded import Limits, family, guarded
+
+FILE = Path("some.fbx")
+
+
+def gone(pid: int, within: float = 3.0) -> bool:
+    """Whether a process has ended (one that nobody has waited for counts as ended)."""
+    until = time.monotonic() + within
+    while time.monotonic() < until:
+        try:
+            state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+        except OSError:
+            return True
+        if state == "Z":
+            return True
+        time.sleep(0.02)
+    return False
+
+
+def small(**bounds: float) -> apart.Bounds:
+    return apart.Bounds(**{"seconds": 20.0, "memory": 4.0, **bounds})  # type: ignore[arg-type]
+
+
+def test_what_is_found_and_our_own_errors_come_back() -> None:
+    def wrong() -> None:
+        raise ConfigError("this is wrong")
+
+    assert apart.apart(lambda: {"a": [1, 2]}, FILE, "FBX") == {"a": [1, 2]}
+    with pytest.raises(ConfigError, match="this is wrong"):
+        apart.apart(wrong, FILE, "FBX")
+
+
+def test_a_reader_that_hangs_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(apart, "BOUNDS", small(seconds=0.3))
+    began = time.monotonic()
+    with pytest.raises(InputError, match=r"some.fbx took more than 0 s to read"):
+        apart.apart(lambda: time.sleep(60), FILE, "FBX")
+    assert time.monotonic() - began < 5.0
+
+
+@pytest.mark.parametrize("how", [lambda: os.kill(os.getpid(), signal.SIGKILL), lambda: 1 // 0])
+def test_a_reader_that_crashes_is_one_sentence(how: object) -> None:
+    with pytest.raises(InputError, match=r"some.fbx cannot be read as FBX \(.+\); export it"):
+        apart.apart(how, FILE, "FBX")  # type: ignore[arg-type]
+
+
+def test_the_memory_of_what_a_reader_starts_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each of the two stays below the limit; together they do not."""
+    used = int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGESIZE")
+    monkeypatch.setattr(apart, "BOUNDS", small(memory=used / 2**30 + 0.5))
+    note = tmp_path / "pid"
+    code = f"open({str(note)!r}, 'w').write(str(__import__('os').getpid()))\n"
+    code += "held = b'x' * (350 << 20)\nimport time\ntime.sleep(60)"
+
+    def greedy() -> None:
+        with subprocess.Popen([sys.executable, "-c", code], start_new_session=True):
+            held = b"x" * (350 << 20)
+            time.sleep(60)
+            assert held
+
+    with pytest.raises(InputError, match="takes more than"):
+        apart.apart(greedy, FILE, "FBX")
+    assert gone(int(note.read_text()))
+
+
+PARENT = """
+import os, subprocess, sys, time
+from pathlib import Path
+from mam_pipeline.formats.apart import apart
+def work():
+    inner = subprocess.Popen(["sleep", "600"])
+    Path(sys.argv[1]).write_text(str(os.getpid()))
+    time.sleep(600)
+apart(work, Path("a.fbx"), "FBX")
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_a_reader_ends_with_whoever_asked(tmp_path: Path, number: signal.Signals) -> None:
+    note = tmp_path / "pid"
+    code = "from mam_sim.stopping import stoppable\nwith stoppable():\n"
+    code += "".join(f"    {line}\n" for line in PARENT.splitlines())
+    with subprocess.Popen([sys.executable, "-c", code, str(note)]) as parent:
+        until = time.monotonic() + 60
+        while not (note.exists() and note.read_text()) and time.monotonic() < until:
+            time.sleep(0.02)
+        members = family(parent.pid)
+        assert int(note.read_text()) in members
+        parent.send_signal(number)
+        assert gone(parent.pid)
+    assert gone(int(note.read_text()))
+    if number == signal.SIGTERM:  # what the reader itself had started
+        assert all(gone(m) for m in members)
+
+
+def test_a_program_that_is_not_ours_ends_with_us_and_all_that_it_started(tmp_path: Path) -> None:
+    note = tmp_path / "pid"
+    shell = f"setsid sleep 600 & echo $! > {note}; exec sleep 600"
+    code = (
+        "import subprocess, sys\nfrom mam_pipeline.guarded import Limits, guarded\n"
+        f"subprocess.run(guarded(['sh', '-c', {shell!r}], Limits(600, 4)))"
+    )
+    with subprocess.Popen([sys.executable, "-c", code]) as parent:
+        until = time.monotonic() + 60
+        while not (note.exists() and note.read_text().strip()) and time.monotonic() < until:
+            time.sleep(0.02)
+        members = family(parent.pid)
+        assert len(members) >= 4  # ours, the watcher, the program, and what it started
+        parent.kill()
+    assert all(gone(m) for m in [*members, int(note.read_text())])
+
+
+@pytest.mark.parametrize(
+    ("command", "status"), [("exit 3", 3), ("kill -9 $$", 137), ("sleep 60", 124)]
+)
+def test_a_program_that_is_not_ours_ends_as_it_would_alone(command: str, status: int) -> None:
+    done = subprocess.run(guarded(["sh", "-c", f"echo out; {command}"], Limits(2.0, 4.0)),
+                          capture_output=True, text=True, timeout=30)  # fmt: skip
+    assert (done.returncode, done.stdout) == (status, "out\n")
+    assert ("it took longer than 2 s" in done.stderr) == (status == 124)
+
+
+def test_children_of_the_dead_are_found() -> None:
+    with subprocess.Popen(["sleep", "60"]) as child:
+        assert child.pid in family(os.getpid())
+        child.kill()
+    with contextlib.suppress(ProcessLookupError):
+        assert family(child.pid) == [child.pid]
