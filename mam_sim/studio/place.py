@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mam_pipeline import config_file
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.digests import file_digest
+from mam_pipeline.folder_data import asset_settings
 from mam_pipeline.hints import Hints
 from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.run import kind_of
@@ -33,8 +33,8 @@ def place_of(given: Path, config: MakeConfig, out: Path | None = None) -> Place:
     """Where an input's files are.
 
     Args:
-        given: photo, mesh, URDF or asset folder. config: of the command line; an asset's own
-            settings are used for an asset. out: the asset to write.
+        given: photo, mesh, URDF or asset folder. config: of the command line; of an asset's own
+            settings those are used that decide its geometry. out: the asset to write.
 
     Raises:
         InputError: there is no such input.
@@ -44,9 +44,7 @@ def place_of(given: Path, config: MakeConfig, out: Path | None = None) -> Place:
         hints = config.hints or given.with_name(f"{given.stem}-hints.yaml")
         return Place(given, out or Path(f"{given.stem}-asset"), hints, config)
     asset = Asset.load(given)
-    kept = asset.folder / "stages" / "config.yaml"
-    if kept.is_file():
-        config = config_file.fill(MakeConfig(), config_file.read(kept)["pipeline"], kept)
+    config = asset_settings(asset.folder, config)
     source = _source_of(asset)
     hints = config.hints or asset.folder.with_name(f"{asset.card.name}-hints.yaml")
     return Place(source, out or asset.folder, hints, config)

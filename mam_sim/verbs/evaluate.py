@@ -16,6 +16,7 @@ from mam_envs.config import EnvConfig
 from mam_pipeline import folders
 from mam_pipeline.edited import Range
 from mam_pipeline.errors import ConfigError, MamSimError
+from mam_pipeline.formats.door import Door
 from mam_sim.console import PhaseBar, Screen
 from mam_sim.options import Verb
 
@@ -107,7 +108,7 @@ class Evaluate(Verb):
 
     def _choice(self) -> tuple[Any, tuple[str, ...]]:
         """The environment, and the assets to try."""
-        from mam_policies.run import EnvChoice, RunInfo
+        from mam_policies.run import EnvChoice, RunInfo, held_out
         from mam_sim.asset_list import asset_folders
 
         named = tuple(map(str, asset_folders(self.asset)))
@@ -121,10 +122,7 @@ class Evaluate(Verb):
             return EnvChoice(named, self.joint, None, self.robot, control, config=self.env), named
         home = replace(RunInfo.load(self.policy).env, config=self.env)
         if self.held_out:
-            file = self.policy / "split.json"
-            if not file.is_file():
-                raise ConfigError(f"{self.policy} held no assets out; train it with --split")
-            named += tuple(json.loads(file.read_text(encoding="utf-8"))["held_out"])
+            named += held_out(self.policy)
         return home, named or home.assets
 
     def _row(self, choice: Any, screen: Screen, film: bool) -> dict[str, Any]:
@@ -189,7 +187,8 @@ class Evaluate(Verb):
         run = self.policy
         if run is None:
             return Path("evaluation.mp4")
-        return run.with_suffix(".mp4") if self.foreign else run / "evaluation.mp4"
+        film = run.with_suffix(".mp4") if self.foreign else run / "evaluation.mp4"
+        return Door(film.parent).may_write(film)
 
 
 def _total(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:

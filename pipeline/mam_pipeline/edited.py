@@ -212,7 +212,11 @@ def read_json(path: Path) -> Document:
     Raises:
         InputError: too large, not UTF-8, not JSON, NaN, a double key, too deep.
     """
-    source = str(path)
+    return parse_json(_text(path, str(path), InputError), str(path))
+
+
+def parse_json(text: str, source: str) -> Document:
+    """The document in a JSON text; for the errors see `read_json`."""
 
     def pairs(rows: list[tuple[str, Any]]) -> dict[str, Any]:
         out = dict(rows)
@@ -226,9 +230,7 @@ def read_json(path: Path) -> Document:
         raise InputError(f"{source}: {name} is no number")
 
     try:
-        values = json.loads(
-            _text(path, source, InputError), object_pairs_hook=pairs, parse_constant=constant
-        )
+        values = json.loads(text, object_pairs_hook=pairs, parse_constant=constant)
     except RecursionError as error:
         raise InputError(f"{source} is nested too deep") from error
     except ValueError as error:

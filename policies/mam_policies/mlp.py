@@ -3,17 +3,43 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from pydantic import Field
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
 
 from mam_pipeline import folders
+from mam_pipeline.edited import STRICT, Index, Range, parse_json, validated
 from mam_pipeline.errors import InputError
+from mam_pipeline.folder_data import file_of
+
+Width = Annotated[int, Range(1, 100_000)]
+Row = Annotated[tuple[Index, ...], Field(max_length=100_000)]
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """The header of the file of weights; see `MlpPolicy`."""
+
+    __pydantic_config__ = STRICT
+    obs_dim: Width
+    action_dim: Width
+    arm_joints: Width
+    chunk: Width = 1
+    hidden: Annotated[tuple[Width, ...], Field(max_length=32)] = (256, 256)
+    horizon: Annotated[int, Range(1, 1e9)] = 200
+    timed: bool = True
+    relative: bool = True
+    squash: Literal["none", "clip", "tanh"] = "none"
+    activation: Literal["relu", "tanh"] = "relu"
+    inputs: Row | None = None
+    marks: Row = ()
 
 
 class MlpPolicy(torch.nn.Module):
@@ -120,16 +146,20 @@ class MlpPolicy(torch.nn.Module):
         Raises:
             InputError: missing, or not such a file.
         """
-        file = folder / "policy.safetensors"
-        if not file.is_file():
-            raise InputError(f"{folder} holds no policy.safetensors; has its training ended?")
+        name = "policy.safetensors"
+        file = file_of(folder, name, f"{folder} holds no {name}; has its training ended?")
         try:
             with safe_open(file, "pt") as opened:
-                sizes = json.loads((opened.metadata() or {})["sizes"])
-            policy = MlpPolicy(**{**sizes, "hidden": tuple(sizes["hidden"])})
-            policy.load_state_dict(load_file(file))
-        except (SafetensorError, KeyError, TypeError, ValueError, RuntimeError) as error:
-            raise InputError(f"{file} is not a policy of mam-sim: {error}") from error
+                said = (opened.metadata() or {})["sizes"]
+            sizes = validated(_Sizes, parse_json(said, f"{file}: sizes"))
+            if max((*(sizes.inputs or ()), *sizes.marks), default=0) >= sizes.obs_dim:
+                raise ValueError("it looks at entries beyond the observation")
+            with torch.device("meta"):  # the weights take the memory, not what they are told to be
+                policy = MlpPolicy(**vars(sizes))
+            policy.load_state_dict(load_file(file), assign=True)
+        except (SafetensorError, KeyError, TypeError, ValueError, RuntimeError, OSError) as error:
+            why = " ".join(str(error).split())[:300]
+            raise InputError(f"{file} is not a policy of mam-sim: {why}") from error
         return policy.eval()
 
 

@@ -9,22 +9,37 @@ from __future__ import annotations
 
 import gc
 import json
+import math
+import re
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from mam_envs.config import EnvConfig
-from mam_pipeline import config_file, folders
-from mam_pipeline.errors import ConfigError, InputError, MamSimError
+from mam_pipeline import config_file, folder_data, folders
+from mam_pipeline.edited import (
+    STRICT,
+    Document,
+    Index,
+    Range,
+    Word,
+    check_ranges,
+    shown,
+    validated,
+)
+from mam_pipeline.errors import ConfigError, MamSimError
 
 ENV_ID = "mam_envs:OperateJoint-v1"
 SCHEMA = 1
+MOST_ASSETS = 10_000
 
 
 @dataclass(frozen=True)
@@ -41,7 +56,7 @@ class EnvChoice:
     task: str | None = None
     robot: str = "panda"
     control_mode: str = "pd_joint_pos"
-    max_steps: int = 200
+    max_steps: Annotated[int, Range(1, 100_000)] = 200
     config: EnvConfig = field(default_factory=EnvConfig)
 
     def make(self, **more: Any) -> Any:
@@ -61,13 +76,32 @@ class EnvChoice:
         return gym.make(ENV_ID, **{**arguments, **more})
 
 
+Entry = tuple[Word, Index, Index, bool]
+"""Rows of the flat observation: name, start, stop, and whether only the simulator knows it."""
+
+
+@dataclass(frozen=True)
+class _RunFile:
+    """run.json as it must be, before the names in it are looked up."""
+
+    __pydantic_config__ = STRICT
+    schema: Literal[1]
+    algo: Word
+    env: dict[str, Any]
+    observation: Annotated[list[Entry], Field(max_length=1000)]
+    action_dim: Annotated[int, Range(1, 1000)]
+    arm_joints: Annotated[int, Range(1, 100)]
+    config: dict[str, Any] = field(default_factory=dict)
+    results: dict[str, Any] = field(default_factory=dict)
+
+
 @dataclass(frozen=True)
 class RunInfo:
     """run.json as data."""
 
     algo: str
     env: EnvChoice
-    observation: list[tuple[str, int, int, bool]]
+    observation: list[Entry]
     action_dim: int
     arm_joints: int
     config: dict[str, Any] = field(default_factory=dict)
@@ -75,30 +109,88 @@ class RunInfo:
     schema: int = SCHEMA
 
     def save(self, folder: Path) -> None:
-        """Write run.json, all or nothing."""
-        text = json.dumps(asdict(self), indent=1, default=str)
+        """Write run.json, all or nothing; a picture that its cameras see is kept beside it."""
+        data = asdict(self)
+        scene = data["env"]["config"]["scene"]
+        if scene["background"] is not None:
+            picture = Path(scene["background"])
+            scene["background"] = f"background{picture.suffix.lower()}"
+            if picture.resolve() != (folder / scene["background"]).resolve():
+                shutil.copyfile(picture, folder / scene["background"])
+        text = json.dumps(finite(data), indent=1, default=str, allow_nan=False)
         folders.write_text(folder / "run.json", text + "\n")
 
     @staticmethod
     def load(folder: str | Path) -> RunInfo:
-        """Read a run folder.
+        """Read a run folder; nothing in it is imported, and names are those of our tables.
 
         Raises:
-            InputError: no run there, or of another schema.
+            InputError: no run there, of another schema, or with something that no run has.
+            ConfigError: a robot, task or setting that is not known here.
         """
-        file = Path(folder) / "run.json"
-        if not file.is_file():
-            raise InputError(f"{folder} is no run (no run.json); make one with: mam-sim train")
-        try:
-            data = json.loads(file.read_text())
-            if data.get("schema") != SCHEMA:
-                raise InputError(f"{file} has schema {data.get('schema')!r}; this is {SCHEMA}")
-            start = EnvChoice((), config=task_settings(data["env"].get("task")))
-            data["env"] = config_file.fill(start, data["env"], file)
-            data["observation"] = [tuple(row) for row in data["observation"]]
-            return RunInfo(**data)
-        except (ValueError, TypeError, KeyError) as error:
-            raise InputError(f"{file} is not a run of mam-sim: {error}") from error
+        where = Path(folder)
+        missing = f"{folder} is no run (no run.json); make one with: mam-sim train"
+        document = folder_data.read(where, "run.json", missing)
+        told: _RunFile = validated(_RunFile, document)
+        task = told.env.get("task")
+        if task is not None and not isinstance(task, str):
+            raise document.wrong(("env", "task"), f"must be text, not {shown(task)}")
+        start = EnvChoice((), config=task_settings(task))
+        choice = config_file.fill(start, told.env, document.source)
+        _check_choice(choice, document)
+        for i, (_, first, last, _) in enumerate(told.observation):
+            if last < first:
+                raise document.wrong(("observation", i), "must not end before it begins")
+        if choice.config.scene.background is not None:
+            picture = folder_data.file_of(where, choice.config.scene.background)
+            scene = replace(choice.config.scene, background=str(picture))
+            choice = replace(choice, config=replace(choice.config, scene=scene))
+        return RunInfo(**{**vars(told), "env": choice})
+
+
+@dataclass(frozen=True)
+class _Split:
+    """split.json: asset folders that were trained on, and those that were not."""
+
+    __pydantic_config__ = STRICT
+    train: list[str]
+    held_out: Annotated[list[str], Field(max_length=MOST_ASSETS)]
+
+
+def held_out(run: Path) -> tuple[str, ...]:
+    """Asset folders that a run did not see.
+
+    Raises:
+        InputError: it held none out, or its split.json is none.
+    """
+    missing = f"{run} held no assets out; train it with --split"
+    split: _Split = validated(_Split, folder_data.read(run, "split.json", missing))
+    return tuple(split.held_out)
+
+
+def finite(value: Any) -> Any:
+    """Plain data in which a number that is none (a loss that diverged) is None."""
+    if isinstance(value, dict):
+        return {key: finite(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _check_choice(choice: EnvChoice, document: Document) -> None:
+    """Raise InputError or ConfigError where an environment has a name or number that cannot be."""
+    from mam_envs.robots import ROBOTS
+
+    ROBOTS.check(choice.robot)
+    check_ranges(choice, f"{document.source}: env.")
+    if not 1 <= len(choice.assets) <= MOST_ASSETS:
+        raise document.wrong(("env", "assets"), f"must be 1 to {MOST_ASSETS} asset folders")
+    for i, name in enumerate(choice.assets):
+        if not name or "\0" in name or len(name) > 4096:
+            raise document.wrong(("env", "assets", i), "must name an asset folder")
+    if not re.fullmatch(r"pd_[a-z_]{1,60}", choice.control_mode):
+        said = shown(choice.control_mode)
+        raise document.wrong(("env", "control_mode"), f"must be pd_joint_pos or alike, not {said}")
 
 
 def task_settings(task: str | None) -> EnvConfig:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from mam_pipeline import folders
 from mam_pipeline.errors import BackendError, ConfigError
+from mam_pipeline.folder_data import file_of
 from mam_policies.algorithms import Algorithm, OnProgress
 from mam_policies.collect import collect
 from mam_policies.collection import CollectConfig, Names, Track
@@ -103,7 +104,7 @@ class LeRobotAlgorithm(Algorithm[LeRobotConfig]):
         """LeRobot's policy folder in a run."""
         offline()
         base = env.unwrapped
-        return LeRobotActor(run / "policy", base, mapping_of(base, str(run / MAPPING)))
+        return LeRobotActor(run / "policy", base, mapping_of(base, str(file_of(run, MAPPING))))
 
     def _training(self, config: LeRobotConfig) -> LeRobotTraining:
         """What lerobot-train is asked for; keeps it off the network unless downloads are wanted."""

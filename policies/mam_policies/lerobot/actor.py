@@ -1,4 +1,7 @@
-"""A LeRobot policy folder acting in our environment, through LeRobot's own pipelines."""
+"""A LeRobot policy folder acting in our environment, through LeRobot's own pipelines.
+
+LeRobot sees a folder only after `mam_pipeline.folder_data` has: it would import what it names.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mam_pipeline.errors import InputError
+from mam_pipeline.errors import InputError, MamSimError
+from mam_pipeline.folder_data import PolicyFolder, policy_folder
 from mam_pipeline.optional import require
 from mam_policies.lerobot.dataset import IMAGES
 from mam_policies.lerobot.joint_mapping import JointMapping
@@ -24,19 +28,17 @@ class LeRobotActor:
         """Load the policy; `base` is the unwrapped environment.
 
         Raises:
-            InputError: no such policy there, or one that needs inputs which nobody gives.
+            InputError: no such policy there, or one that wishes what no folder may.
         """
+        found = policy_folder(folder)
         require("a LeRobot policy", "lerobot")
-        from lerobot.configs.policies import PreTrainedConfig
-        from lerobot.policies.factory import get_policy_class, make_pre_post_processors
-
-        if not (folder / "model.safetensors").is_file():
-            raise InputError(f"{folder} holds no policy of LeRobot (no model.safetensors)")
-        config = PreTrainedConfig.from_pretrained(folder)
-        if not torch.cuda.is_available():
-            config.device = "cpu"
-        self.policy = get_policy_class(config.type).from_pretrained(folder, config=config)
-        self.before, self.after = make_pre_post_processors(config, str(folder))
+        try:
+            config, self.policy, self.before, self.after = _loaded(found)
+        except (MamSimError, MemoryError):
+            raise
+        except Exception as error:  # each type of policy fails in its own way at wrong numbers
+            why = f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
+            raise InputError(f"{folder} is no policy that LeRobot can read: {why}") from error
         self.device = torch.device(str(config.device))
         self.inputs = set(config.input_features)
         self.spec, self.mapping = base.robot_spec, mapping
@@ -75,3 +77,45 @@ class LeRobotActor:
         )
         sim = self.mapping.to_sim(self.moved, target.reshape(-1).cpu().numpy().astype(float))
         return np.asarray(self.spec.action(sim[:-1], float(sim[-1])), dtype=np.float32)
+
+
+def _loaded(found: PolicyFolder) -> tuple[Any, Any, Any, Any]:
+    """Configuration, policy, and the pipelines before and after it, of a folder that was checked.
+
+    Nothing is fetched or compiled: the weights are those in the folder.
+    """
+    from lerobot.configs.policies import PreTrainedConfig
+    from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+
+    folder = found.folder
+    if found.kind == "mam_sim":
+        require("a policy of mam-sim", "lerobot_policy_mam_sim")
+    config = PreTrainedConfig.from_pretrained(folder)
+    still = {"pretrained_backbone_weights": None, "load_vlm_weights": False, "compile_model": False}
+    for name, value in still.items():
+        if hasattr(config, name):
+            setattr(config, name, value)
+    if not torch.cuda.is_available():
+        config.device = "cpu"
+    kind = get_policy_class(config.type)
+    _check_size(kind, config, folder / "model.safetensors")
+    policy = kind.from_pretrained(folder, config=config)
+    given = {} if torch.cuda.is_available() else {"device_processor": {"device": "cpu"}}
+    before, after = make_pre_post_processors(config, str(folder), preprocessor_overrides=given)
+    return config, policy, before, after
+
+
+def _check_size(kind: Any, config: Any, weights: Path) -> None:
+    """Compare what config.json describes with the numbers in the file, before memory is taken."""
+    from safetensors import safe_open
+
+    if config.type == "smolvla":  # its model of language asks for files as it is described
+        return
+    with safe_open(weights, "pt") as opened:
+        there = sum(int(np.prod(opened.get_slice(k).get_shape())) for k in opened.keys())  # noqa: SIM118
+    with torch.device("meta"):
+        wanted = sum(p.numel() for p in kind(config).parameters())
+    if wanted > there:
+        raise InputError(
+            f"{weights} holds {there} numbers, and config.json describes a network of {wanted}"
+        )

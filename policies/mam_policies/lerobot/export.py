@@ -18,6 +18,7 @@ import numpy as np
 from mam_envs.robots import RobotSpec, robot_spec
 from mam_pipeline import folders
 from mam_pipeline.errors import ConfigError, HintNeeded, InputError
+from mam_pipeline.folder_data import file_of, policy_folder
 from mam_pipeline.optional import require
 from mam_policies.collection import Collection, Names, Track
 from mam_policies.lerobot.dataset import FPS, offline, write_dataset
@@ -113,18 +114,22 @@ def export_run(
 
 
 def _export_lerobot_policy(run: Path, info: RunInfo, out: Path, mapping: Path | None) -> Exported:
-    """LeRobot's own policy as it is, in the units it was trained in."""
-    if mapping is not None and mapping.read_text() != (run / MAPPING).read_text():
+    """LeRobot's own policy as it is, in the units it was trained in; only files that were checked
+    go along."""
+    if mapping is not None and mapping.read_text() != file_of(run, MAPPING).read_text():
         raise ConfigError(f"{run} was trained in other units; train it with --mapping {mapping}")
+    found = policy_folder(run / "policy")
+    given = file_of(run, MAPPING)
     _refuse_foreign(out)
     env = info.env.make()
     try:
-        joints = mapping_of(env.unwrapped, str(run / MAPPING))
+        joints = mapping_of(env.unwrapped, str(given))
 
         def build(folder: Path) -> None:
             from mam_policies.lerobot.export_readme import write_lerobot_readme
 
-            shutil.copytree(run / "policy", folder, dirs_exist_ok=True)
+            for name in found.files:
+                shutil.copyfile(found.folder / name, folder / name)
             joints.save(folder / MAPPING)
             env.reset(seed=0)
             write_lerobot_readme(folder, out, env, info, joints)

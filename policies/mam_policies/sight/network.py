@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import torch
@@ -22,7 +23,9 @@ from torch.nn import functional as f
 
 from mam_envs.scene.background import random_pattern
 from mam_pipeline import folders
+from mam_pipeline.edited import STRICT, Range, parse_json, validated
 from mam_pipeline.errors import InputError
+from mam_pipeline.folder_data import file_of
 from mam_pipeline.photo import efficientnet
 
 STRIDE = 16
@@ -34,6 +37,21 @@ AS_THEY_ARE = 3
 SHARE = 0.85
 """Of the pictures that get a pattern."""
 FILE = "sight.safetensors"
+
+
+Side = Annotated[int, Range(STRIDE, 8192)]
+Count = Annotated[int, Range(1, 1000)]
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """The header of the file of weights; see `SightNetwork`."""
+
+    __pydantic_config__ = STRICT
+    size: tuple[Side, Side]
+    arm: Count
+    outputs: Count
+    width: Count = 32
 
 
 class SightNetwork(nn.Module):
@@ -116,16 +134,17 @@ class SightNetwork(nn.Module):
         Raises:
             InputError: missing, or not such a file.
         """
-        file = folder / FILE
-        if not file.is_file():
-            raise InputError(f"{folder} holds no {FILE}; has its training ended?")
+        file = file_of(folder, FILE, f"{folder} holds no {FILE}; has its training ended?")
         try:
             with safe_open(file, "pt") as opened:
-                sizes = json.loads((opened.metadata() or {})["sizes"])
-            network = SightNetwork(**{**sizes, "size": tuple(sizes["size"])})
-            network.load_state_dict(load_file(file))
-        except (SafetensorError, KeyError, TypeError, ValueError, RuntimeError) as error:
-            raise InputError(f"{file} is no network of mam-sim: {error}") from error
+                said = (opened.metadata() or {})["sizes"]
+            sizes = validated(_Sizes, parse_json(said, f"{file}: sizes"))
+            with torch.device("meta"):  # the weights take the memory, not what they are told to be
+                network = SightNetwork(**vars(sizes))
+            network.load_state_dict(load_file(file), assign=True)
+        except (SafetensorError, KeyError, TypeError, ValueError, RuntimeError, OSError) as error:
+            why = " ".join(str(error).split())[:300]
+            raise InputError(f"{file} is no network of mam-sim: {why}") from error
         return network.eval()
 
 
