@@ -6,19 +6,21 @@ import functools
 import gzip
 import http
 import io
+import os
+import sys
 import threading
+import warnings
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from typing import TYPE_CHECKING, Any
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.local_page import HOST, is_own
 from mam_pipeline.optional import require
 
 if TYPE_CHECKING:
     import viser
 
-HOST = "127.0.0.1"
-HOSTS = (HOST, "localhost")
 LIGHT = """
 {
   const probe = document.createElement("canvas").getContext("webgl2");
@@ -62,16 +64,18 @@ def start(port: int, label: str) -> viser.ViserServer:
     import websockets.asyncio.server as websockets_server
 
     wanted = _checked_port(port)
+    warnings.filterwarnings("ignore", module=r"viser\.infra")  # of values in a wrong message
     serve = websockets_server.serve
 
     @functools.wraps(serve)
-    def guarded(*args: Any, process_request: Callable[..., Any], **more: Any) -> Any:
+    def guarded(handler: Any, *args: Any, process_request: Callable[..., Any], **more: Any) -> Any:
         def answer(connection: Any, request: Any) -> Any:
-            if _own(request.headers):
+            said = request.headers
+            if is_own(said.get_all("Host"), said.get_all("Origin"), connection.local_address[1]):
                 return _with_script(process_request(connection, request))
             return connection.respond(http.HTTPStatus.FORBIDDEN, "only the local page may ask\n")
 
-        return serve(*args, process_request=answer, **more)
+        return serve(_patient(handler), *args, process_request=answer, **more)
 
     with _PATCHING, redirect_stdout(io.StringIO()):  # it greets on stdout, where results go
         websockets_server.serve = guarded  # type: ignore[assignment,misc]
@@ -80,6 +84,22 @@ def start(port: int, label: str) -> viser.ViserServer:
         finally:
             websockets_server.serve = serve  # type: ignore[misc]
     return server
+
+
+def _patient(handler: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Viser's handler, which ends a connection that sends what is no message of the page."""
+
+    @functools.wraps(handler)
+    async def handle(connection: Any) -> None:
+        try:
+            await handler(connection)
+        except Exception as error:  # each wrong message fails at another place of viser
+            if os.environ.get("MAM_SIM_DEBUG"):
+                raise
+            why = f"something that is no message ({type(error).__name__})"
+            print(f"the page sent {why}; its connection was closed", file=sys.stderr)
+
+    return handle
 
 
 def _with_script(response: Any) -> Any:
@@ -114,11 +134,3 @@ def _checked_port(port: int) -> int:
             return int(probe.getsockname()[1])
     except (OSError, OverflowError) as error:
         raise InputError(f"cannot listen on port {port} of {HOST}: {error}") from error
-
-
-def _own(headers: Any) -> bool:
-    """Whether a request is for this machine by name, and not from another site's page."""
-    host = (headers.get("Host") or "").rsplit(":", 1)[0]
-    origin = headers.get("Origin")
-    same = origin is None or origin.partition("://")[2].rsplit(":", 1)[0] in HOSTS
-    return host in HOSTS and same

@@ -20,6 +20,7 @@ from pydantic import Field
 from mam_pipeline.edited import STRICT, Document, Finite, Range, validated
 from mam_pipeline.errors import ConfigError, MamSimError
 from mam_pipeline.hints import save_hints
+from mam_pipeline.local_page import HOST, is_own
 from mam_pipeline.photo.build import BodySpec, CellSpec, HandleSpec, build_object
 from mam_pipeline.photo.find import Found, find_object
 from mam_pipeline.photo.image import Photo, read_photo
@@ -28,7 +29,6 @@ from mam_pipeline.photo.options import PhotoOptions, parse_options
 from mam_pipeline.photo.reconstruct import sizes_of
 from mam_pipeline.photo.verdict import seen_as
 
-HOSTS = ("127.0.0.1", "localhost")
 Metres = Annotated[float, Range(0.02, 20)]
 MAX_BODY = 1_000_000
 """Bytes of a request."""
@@ -191,12 +191,9 @@ def make_server(annotation: Annotation, port: int = 0) -> ThreadingHTTPServer:
             """Stay quiet."""
 
         def _local(self) -> bool:
-            """Whether the page of this very server asks: host and origin with its port."""
+            """Whether the page of this very server asks; others have been answered then."""
             port = self.connection.getsockname()[1]
-            own = {f"{host}:{port}" for host in HOSTS}
-            origin = self.headers.get("Origin")
-            same = origin is None or origin.removeprefix("http://") in own
-            if (self.headers.get("Host") or "") in own and same:
+            if is_own(self.headers.get_all("Host"), self.headers.get_all("Origin"), port):
                 return True
             self._send(403, b"only the local page may talk to this server", "text/plain")
             return False
@@ -270,7 +267,7 @@ def make_server(annotation: Annotation, port: int = 0) -> ThreadingHTTPServer:
             except (KeyError, TypeError) as error:
                 self._json({"error": f"the request is incomplete: {error!r}"}, 400)
 
-    return ThreadingHTTPServer(("127.0.0.1", port), Handler)
+    return ThreadingHTTPServer((HOST, port), Handler)
 
 
 __all__ = ["Annotation", "PhotoOptions", "make_server", "spec_of_state"]
