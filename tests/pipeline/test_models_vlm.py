@@ -265,7 +265,7 @@ def test_one_rigid_part_needs_no_second_question(
     assert "nothing that moves" in tree.nodes[0].evidence["nothing_movable"]
 
 
-@pytest.mark.parametrize("field", ["response_format", "temperature", "max_tokens"])
+@pytest.mark.parametrize("field", ["temperature", "max_tokens"])
 def test_endpoints_that_take_less_are_asked_with_less(
     endpoint: Start, boxes: Boxes, good: list[tuple[int, str]], field: str
 ) -> None:

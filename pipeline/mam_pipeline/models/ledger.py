@@ -34,14 +34,21 @@ class Ledger:
     tokens_in: int = 0
     tokens_out: int = 0
     cost: float = 0.0
+    seconds: float = 0.0
     bought: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
-    def allow(self, price: tuple[float, float] | None, tokens: int) -> None:
-        """Raise BackendError where a question of that many tokens could pass the cap."""
+    def allow(
+        self, price: tuple[float, float] | None, tokens: int, answer: int = ANSWER_TOKENS
+    ) -> None:
+        """Raise BackendError where a question of that many tokens could pass the cap.
+
+        Args:
+            answer: tokens that its answer may take.
+        """
         if price is None:
             return
-        expected = (tokens * price[0] + ANSWER_TOKENS * price[1]) / 1e6
+        expected = (tokens * price[0] + answer * price[1]) / 1e6
         self.reserve("the next question", expected)
 
     def reserve(self, what: str, expected: float) -> None:
@@ -80,7 +87,8 @@ class Ledger:
             return notes.removeprefix("; ")
         return (
             f"{self.questions} questions asked, {self.cached} from the cache, "
-            f"{self.tokens_in} + {self.tokens_out} tokens, ${self.cost:.3f}{notes}"
+            f"{self.tokens_in} + {self.tokens_out} tokens, {self.seconds:.0f} s, "
+            f"${self.cost:.3f}{notes}"
         )
 
 

@@ -6,6 +6,7 @@ import base64
 import hashlib
 import json
 import os
+import re
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -19,8 +20,33 @@ from mam_pipeline.optional import require
 from mam_pipeline.render import pictures
 
 Labelled = tuple[tuple[str, pictures.Picture], ...]
-MOST_TOKENS = 6000  # in an answer
-_SOFT = ("response_format", "temperature", "max_tokens")  # not every endpoint takes these
+
+
+@dataclass(frozen=True)
+class EndpointLimits:
+    """What is asked of an endpoint at first, and how far down that goes where it takes less.
+
+    Attributes:
+        tokens: of an answer; a cut-off one is asked again with twice as many, up to `most_tokens`.
+        sizes: pictures of a question, from the first on as many as the user allows.
+        forms: of the answer: a strict schema, any JSON, or no promise (then faults are repaired).
+        letters: of text a token has at most: fewer tokens read mean that some were not.
+    """
+
+    tokens: int = 6000
+    most_tokens: int = 24000
+    sizes: tuple[int, ...] = (16, 6, 2, 1)
+    forms: tuple[str, ...] = ("json_schema", "json_object", "")
+    letters: int = 8
+
+
+LIMITS = EndpointLimits()
+_REFUSALS = (400, 413, 422)  # statuses by which endpoints say that they take less
+_FORM = ("response_format", "json_schema", "schema", "grammar")
+_FULL = ("context length", "context size", "context window", "too long", "too large", "n_ctx")
+_BLIND = ("image input is not supported", "not support image", "unsupported content part",
+          "not a multimodal", "no multimodal", "does not support vision", 
+          "images are not supported", "invalid content type. image_url")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -50,8 +76,18 @@ class Transport(Protocol):
     def ask(self, question: Question) -> str: ...
 
 
+class _TakesLess(Exception):
+    """The endpoint refuses a question as it was put."""
+
+
 class OpenAITransport:
-    """Any endpoint that speaks OpenAI's chat completions: OpenAI, vLLM, Ollama, gateways."""
+    """Any endpoint that speaks OpenAI's chat completions, with what it supports of them.
+
+    OpenAI takes strict schemas, and of its newer models neither `max_tokens` nor a temperature; LM
+    Studio takes schemas but not `json_object`; vLLM one picture unless it was told otherwise;
+    Ollama drops what exceeds its context; llama.cpp sees only with a projector. What is refused is
+    left out from then on, and said.
+    """
 
     def __init__(self) -> None:
         """Read model, limits and cache from the settings; the key stays in the client."""
@@ -59,7 +95,7 @@ class OpenAITransport:
         import openai
 
         self.model = settings.text("MAM_SIM_VLM_MODEL", "gpt-4o")
-        self.images = max(1, int(settings.number("MAM_SIM_VLM_IMAGES", 16)))
+        self.images = max(1, int(settings.number("MAM_SIM_VLM_IMAGES", LIMITS.sizes[0])))
         self.ledger = current()
         default = Path("~/.cache/mam-sim/answers").expanduser()
         self.cache = settings.folder("MAM_SIM_VLM_CACHE", default)
@@ -71,6 +107,7 @@ class OpenAITransport:
             timeout=limit,
             max_retries=5,  # on 429, 5xx and broken connections, with back-off
         )
+        self._tokens, self._form = LIMITS.tokens, 0
         self._refused: set[str] = set()
 
     def ask(self, question: Question) -> str:
@@ -79,61 +116,122 @@ class OpenAITransport:
         Raises:
             BackendError: the endpoint fails, or the cost cap is reached.
         """
-        content = self._content(question)
-        kept = self._kept(question, content)
-        if kept is not None and kept.is_file():
-            self.ledger.cached += 1
-            return str(json.loads(kept.read_text())["answer"])
-        messages: list[dict[str, Any]] = [
-            {"role": "system", "content": question.system},
-            {"role": "user", "content": content},
-        ]
-        for answer, reply in question.history:
-            messages += [
-                {"role": "assistant", "content": answer},
-                {"role": "user", "content": reply},
-            ]
-        self.ledger.allow(price_of(self.model), tokens_of(messages))
-        text, usage = self._complete(messages, question)
-        self.ledger.book(self.model, usage)
-        if kept is not None:
-            kept.parent.mkdir(parents=True, exist_ok=True)
-            record = {"model": self.model, "question": question.name, "answer": text}
-            kept.write_text(json.dumps({**record, "usage": usage}, indent=1))
-        return text
+        while True:
+            content = self._content(question)
+            kept = self._kept(question, content)
+            if kept is not None and kept.is_file():
+                self.ledger.cached += 1
+                return str(json.loads(kept.read_text())["answer"])
+            messages = _messages(question, content)
+            self.ledger.allow(price_of(self.model), tokens_of(messages), self._tokens)
+            try:
+                text, usage = self._complete(messages, question)
+            except _TakesLess as error:
+                if not self._with_less(str(error).lower()):
+                    raise BackendError(f"the endpoint refused the question: {error}") from error
+                continue
+            self._note_lost(messages, usage)
+            if kept is not None:
+                kept.parent.mkdir(parents=True, exist_ok=True)
+                record = {"model": self.model, "question": question.name, "answer": text}
+                kept.write_text(json.dumps({**record, "usage": usage}, indent=1))
+            return text
 
     def _complete(self, messages: list[dict[str, Any]], question: Question) -> tuple[str, Any]:
         import openai
 
-        form = {"name": question.name, "schema": question.schema, "strict": True}
-        wishes = {
-            "temperature": 0,
-            "max_tokens": MOST_TOKENS,
-            "response_format": {"type": "json_schema", "json_schema": form},
-        }
-        arguments = {k: v for k, v in wishes.items() if k not in self._refused}
-        if "max_tokens" in self._refused:  # its newer name
-            arguments["max_completion_tokens"] = MOST_TOKENS
+        began = time.monotonic()
         try:
             answer = self.client.chat.completions.create(
                 model=self.model,
                 messages=messages,
-                **arguments,  # type: ignore[call-overload]
+                **self._wishes(question),  # type: ignore[call-overload]
             )
-        except openai.BadRequestError as error:
-            refused = next((k for k in _SOFT if k in arguments and k in str(error)), None)
-            if refused is None:
-                raise BackendError(f"the endpoint refused the question: {error}") from error
-            self._refused.add(refused)
-            self.ledger.note(f"the endpoint takes no {refused}; asked without")
-            return self._complete(messages, question)
+        except openai.APIStatusError as error:
+            if any(word in str(error).lower() for word in _BLIND):
+                raise BackendError(
+                    f"the model {self.model!r} takes no pictures; name one that does: --vlm-model "
+                    f"(a llama.cpp server needs its --mmproj file): {error}"
+                ) from error
+            if error.status_code in _REFUSALS:
+                raise _TakesLess(str(error)) from error
+            raise BackendError(f"the endpoint failed: {error}") from error
         except openai.OpenAIError as error:
             raise BackendError(f"the endpoint failed: {error}") from error
-        if not answer.choices or not answer.choices[0].message.content:
-            raise BackendError("the endpoint sent an empty answer")
+        finally:
+            self.ledger.seconds += time.monotonic() - began
         used = answer.usage
         usage = {"in": used.prompt_tokens, "out": used.completion_tokens} if used else {}
-        return str(answer.choices[0].message.content), usage
+        self.ledger.book(self.model, usage)
+        if not answer.choices:
+            raise BackendError("the endpoint sent an empty answer")
+        choice = answer.choices[0]
+        if declined := getattr(choice.message, "refusal", None):
+            raise BackendError(f"the model declined to answer: {str(declined)[:200]}")
+        if choice.finish_reason == "length":
+            raise _TakesLess(f"the answer was cut off after {self._tokens} tokens")
+        if choice.finish_reason == "content_filter":
+            raise BackendError("a filter of the endpoint withheld the answer")
+        if not choice.message.content:
+            raise BackendError("the endpoint sent an empty answer")
+        return str(choice.message.content), usage
+
+    def _wishes(self, question: Question) -> dict[str, Any]:
+        """What is asked of the endpoint beside the question, without what it has refused."""
+        form = LIMITS.forms[self._form]
+        out: dict[str, Any] = {"temperature": 0, "max_tokens": self._tokens}
+        if "max_tokens" in self._refused:  # its newer name
+            out["max_completion_tokens"] = self._tokens
+        if form == "json_schema":
+            schema = {"name": question.name, "schema": strict(question.schema), "strict": True}
+            out["response_format"] = {"type": form, "json_schema": schema}
+        elif form:
+            out["response_format"] = {"type": form}
+        return {k: v for k, v in out.items() if k not in self._refused}
+
+    def _with_less(self, said: str) -> bool:
+        """Ask for less from now on, as a refusal says; False where nothing of it can be left."""
+        if "cut off" in said:
+            if self._tokens >= LIMITS.most_tokens:
+                return False
+            self._tokens *= 2
+            self.ledger.note(f"{said}; asked again with {self._tokens}")
+            return True
+        if found := re.search(r"at most (\d+) image", said):
+            most = int(found[1])
+            return 0 < most < self.images and self._fewer_pictures(most)
+        if any(word in said for word in _FULL):
+            smaller = [size for size in LIMITS.sizes if size < self.images]
+            if smaller:
+                return self._fewer_pictures(smaller[0])
+            self._tokens //= 2
+            return self._tokens > 500
+        soft = next((k for k in ("temperature", "max_tokens") if k in said), None)
+        if soft is not None and soft not in self._refused:
+            self._refused.add(soft)
+            self.ledger.note(f"the endpoint takes no {soft}; asked without")
+            return True
+        if any(word in said for word in _FORM) and self._form + 1 < len(LIMITS.forms):
+            was = LIMITS.forms[self._form]
+            self._form += 1
+            self.ledger.note(f"the endpoint takes no response_format {was}; asked without")
+            return True
+        return False
+
+    def _fewer_pictures(self, most: int) -> bool:
+        self.images = most
+        self.ledger.note(f"the endpoint takes fewer pictures; put together to {most}")
+        return True
+
+    def _note_lost(self, messages: list[dict[str, Any]], usage: dict[str, int]) -> None:
+        """Say where an endpoint reads fewer tokens than the words alone have."""
+        parts = [part for m in messages if isinstance(m["content"], list) for part in m["content"]]
+        words = sum(len(part["text"]) for part in parts if part["type"] == "text")
+        if 0 < usage.get("in", 0) < words // LIMITS.letters:
+            self.ledger.note(
+                f"the endpoint read {usage['in']} tokens, fewer than the question has: its context "
+                "is too small (Ollama: OLLAMA_CONTEXT_LENGTH=32768)"
+            )
 
     def _content(self, question: Question) -> list[dict[str, Any]]:
         text = f"{question.text}\nAnswer with JSON of this schema: {json.dumps(question.schema)}"
@@ -201,6 +299,29 @@ class FileTransport:
         for answer, reply in question.history:
             said += [f"The earlier answer was:\n\n{answer}", reply]
         (place / "question.md").write_text("\n\n".join(said) + "\n")
+
+
+def _messages(question: Question, content: Any) -> list[dict[str, Any]]:
+    out: list[dict[str, Any]] = [
+        {"role": "system", "content": question.system},
+        {"role": "user", "content": content},
+    ]
+    for answer, reply in question.history:
+        out += [{"role": "assistant", "content": answer}, {"role": "user", "content": reply}]
+    return out
+
+
+def strict(schema: Any) -> Any:
+    """A JSON schema as strict endpoints take it: every key is required, no defaults, no others."""
+    if isinstance(schema, list):
+        return [strict(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    out = {k: strict(v) for k, v in schema.items() if k not in ("default", "title")}
+    if isinstance(schema.get("properties"), dict):
+        out["properties"] = {k: strict(v) for k, v in schema["properties"].items()}
+        out |= {"required": list(schema["properties"]), "additionalProperties": False}
+    return out
 
 
 def fewer(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -58,8 +59,11 @@ class VlmReasoner:
     def reason(
         self, mesh: Mesh, primitives: Primitives, prior: KinematicPrior | None, seed: int = 0
     ) -> KinematicTree:
-        """Primitives to a kinematic tree by two questions; see the module's text."""
-        return ask_for_tree(OpenAITransport(), mesh, primitives, prior, seed)
+        """Primitives to a kinematic tree by questions; see the module's text."""
+        try:
+            return ask_for_tree(OpenAITransport(), mesh, primitives, prior, seed)
+        except BackendError as error:
+            raise BackendError(f"{error}\n  without a model: --reasoner embedded") from error
 
 
 class FileReasoner:
@@ -314,9 +318,10 @@ def settle_answer(
 
 
 def _parse(text: str, shape: type[Answer]) -> tuple[Answer | None, str]:
-    body = text.strip()
-    if body.startswith("```"):
-        body = body.strip("`").removeprefix("json").strip()
+    body = re.sub(r"(?s)^.*</think>", "", text).strip()
+    if not body.startswith("{"):  # words or a fence around it, where the endpoint promises no form
+        found = re.search(r"(?s)\{.*\}", body)
+        body = found[0] if found else body
     if len(body) > 200_000:
         return None, "the answer is absurdly long"
     try:
