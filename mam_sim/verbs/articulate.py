@@ -13,7 +13,7 @@ import numpy as np
 from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.errors import MamSimError
+from mam_pipeline.errors import BackendError, MamSimError
 from mam_pipeline.formats.mesh_files import files_kept
 from mam_pipeline.formats.placement import Decision
 from mam_pipeline.make_config import MakeConfig
@@ -21,7 +21,7 @@ from mam_pipeline.models.ledger import Ledger, one_ledger
 from mam_pipeline.models.settings import given
 from mam_pipeline.optional import has
 from mam_pipeline.run import make_asset
-from mam_sim.asking import ask_upload
+from mam_sim.asking import ask_upload, with_model
 from mam_sim.console import Screen
 from mam_sim.options import Verb, carried
 
@@ -49,9 +49,10 @@ class Articulate(Verb):
         names = ["read", "segment", "prior", "reason", "joints", "asset", "check", "report"]
         with given(self.pipeline.models.settings()):
             ask_upload(self.source, self.pipeline.reconstructor)
+            chosen = with_model(self.source, self.pipeline)
         with screen.stages(names) as bar, files_kept():
             with given(self.pipeline.models.settings()), one_ledger() as ledger:
-                asset = make(self.source, self.out, self.pipeline, bar)
+                asset = made_with_model(self.source, self.out, self.pipeline, chosen, bar)
             bar("report")
             from mam_sim.report import write_report
 
@@ -89,6 +90,19 @@ def make(source: Path, out: Path, config: MakeConfig, on_stage: Callable[[str], 
             Image.fromarray(np.asarray(picture)).save(path)
             written.append(str(path))
         raise type(error)(f"{error}\n  see {', '.join(written)}") from error
+
+
+def made_with_model(
+    source: Path, out: Path, config: MakeConfig, chosen: MakeConfig, on_stage: Callable[[str], None]
+) -> Asset:
+    """The asset as `chosen`; as `config` where a model that `auto` took does not answer."""
+    try:
+        return make(source, out, chosen, on_stage)
+    except BackendError as error:
+        if chosen == config:
+            raise
+        print(f"the language model is left out: {error}", file=sys.stderr)
+        return make(source, out, config, on_stage)
 
 
 def tell_cost(screen: Screen, ledger: Ledger) -> None:

@@ -15,10 +15,10 @@ from mam_envs.config import EnvConfig
 from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.models.settings import given
-from mam_sim.asking import ask_upload
+from mam_sim.asking import ask_upload, with_model
 from mam_sim.console import Screen
 from mam_sim.options import Verb, carried
-from mam_sim.verbs.articulate import describe, make, tell_cost, tell_still
+from mam_sim.verbs.articulate import describe, made_with_model, tell_cost, tell_still
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,10 +51,11 @@ class MakeEnv(Verb):
         out = self.out if self.out is not None else Path(f"{self.source.stem}-asset")
         with given(self.pipeline.models.settings()):
             ask_upload(self.source, self.pipeline.reconstructor)
+            chosen = with_model(self.source, self.pipeline)
         stages = ["read", "segment", "prior", "reason", "joints", "asset", "check"]
         with screen.stages([*stages, "environment", "report"]) as bar:
             with given(self.pipeline.models.settings()), one_ledger() as ledger:
-                asset = make(self.source, out, self.pipeline, bar)
+                asset = made_with_model(self.source, out, self.pipeline, chosen, bar)
             bar("environment")
             from mam_envs.trial import try_environment
 

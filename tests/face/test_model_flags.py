@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,11 @@ import trimesh
 from PIL import Image
 
 from mam_pipeline.errors import ConfigError
-from mam_pipeline.make_config import EngineConfig
+from mam_pipeline.make_config import EngineConfig, MakeConfig
 from mam_pipeline.models import settings
 from mam_pipeline.models.catalogue import ENDPOINT, HOSTED, MODELS, SPACE, find
 from mam_pipeline.models.settings import ModelConfig
-from mam_sim.asking import ask_upload
+from mam_sim.asking import ask_upload, with_model
 from mam_sim.bench.config import BenchConfig
 from mam_sim.bench.runner import Task, run_bench, task_key
 from mam_sim.cli import main
@@ -143,6 +144,54 @@ def test_a_photo_is_sent_away_only_after_a_yes(
     ask_upload(photo, "embedded")
     ask_upload(photo, "auto")
     assert capsys.readouterr().err == ""
+
+
+def test_auto_takes_the_configured_model_only_after_a_yes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("openai", reason="the vlm extra is not installed")
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    for name in ("OPENAI_API_KEY", "OPENAI_BASE_URL", "MAM_SIM_VLM_MODEL", "MAM_SIM_ALLOW_MODEL"):
+        monkeypatch.delenv(name, raising=False)
+    trimesh.creation.box().export(tmp_path / "box.stl")
+    mesh, photo, config = tmp_path / "box.stl", _photo(tmp_path), MakeConfig()
+    typed = io.StringIO("y\nn\n")
+    monkeypatch.setattr(typed, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(sys, "stdin", typed)
+    assert with_model(mesh, config) == config  # none is configured
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-secret-of-the-user")
+    assert with_model(mesh, config).engine.reasoner == "vlm"
+    told = capsys.readouterr().err
+    assert "gpt-4o at api.openai.com sees pictures" in told and "about $0.14" in told
+    assert with_model(photo, config).photo.reader == "vlm"  # it is remembered
+    assert "[y/N]" not in capsys.readouterr().err
+    named = replace(config, engine=replace(config.engine, reasoner="embedded"))
+    assert with_model(mesh, named) == named
+    monkeypatch.setenv("OPENAI_BASE_URL", "http://user:pw@localhost:1/v1")  # somebody else
+    assert with_model(mesh, config) == config
+    assert "gpt-4o at localhost:1 sees" in capsys.readouterr().err
+    assert with_model(mesh, config) == config  # the no is remembered, too
+    kept = (tmp_path / "config" / "mam-sim" / "uploads.txt").read_text()
+    assert kept == "gpt-4o at api.openai.com\nno: gpt-4o at localhost:1\n"
+    monkeypatch.setenv("MAM_SIM_ALLOW_MODEL", "1")
+    assert with_model(mesh, config).engine.reasoner == "vlm"
+    assert "secret" not in kept and "pw" not in capsys.readouterr().err
+
+
+def test_a_model_that_auto_took_and_that_fails_is_left_out(
+    box: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    openai = pytest.importorskip("openai", reason="the vlm extra is not installed")
+    monkeypatch.setattr(openai._base_client, "INITIAL_RETRY_DELAY", 0.01)
+    monkeypatch.setattr(openai._base_client, "MAX_RETRY_DELAY", 0.02)
+    monkeypatch.setenv("OPENAI_BASE_URL", "http://127.0.0.1:9/v1")
+    monkeypatch.setenv("MAM_SIM_ALLOW_MODEL", "1")
+    command = ["articulate", str(box), "--out", str(tmp_path / "box")]
+    main([*command, "--quiet"])
+    assert "the language model is left out: the endpoint failed" in capsys.readouterr().err
+    assert (tmp_path / "box" / "asset.json").is_file()
+    assert main([*command, "--quiet", "--reasoner", "vlm"]) == 2
+    assert "without a model: --reasoner embedded" in capsys.readouterr().err
 
 
 def test_bench_keeps_no_record_of_an_object_that_waits(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from importlib import metadata
 from pathlib import Path
 from urllib.parse import urlparse
 
-from mam_pipeline.models import settings
+from mam_pipeline.models import consent, settings
 from mam_pipeline.models.hosted import SERVICES
 from mam_pipeline.models.space import SpaceReconstructor
 from mam_pipeline.optional import has, install_command
@@ -154,7 +154,13 @@ def _endpoint() -> Found:
     model = settings.text("MAM_SIM_VLM_MODEL", "gpt-4o")
     if url and not _knock(url):
         return Found(False, f"{package}, {model}: {url} does not answer")
-    return Found(True, f"{package}, {model} at {url or 'api.openai.com'}")
+    offer = consent.model_offer()
+    who = f"{model} at {url or 'api.openai.com'}" if offer is None else offer.who
+    if consent.allowed(who, "MAM_SIM_ALLOW_MODEL"):
+        auto = "auto asks it"
+    else:
+        auto = "auto does not ask it" if consent.forbidden(who) else "auto asks you first"
+    return Found(True, f"{package}, {who}; {auto}")
 
 
 def _knock(url: str) -> bool:

@@ -30,6 +30,7 @@ DOCS = {
     "MAM_SIM_HOSTED_MODEL": "model of the hosted reconstructor, as its service names it",
     "MAM_SIM_HOSTED_PRICE": "US dollars of one mesh, where we do not know them",
     "MAM_SIM_ALLOW_UPLOAD": "1: photos may be sent to the hosted reconstructor that is named",
+    "MAM_SIM_ALLOW_MODEL": "1: `auto` asks the language model that is configured, without asking",
     "MAM_SIM_MESH_CACHE": "folder of meshes that were paid (default ~/.cache/mam-sim/meshes)",
     "MAM_SIM_TIMEOUT": "seconds that one call of an external model may take (default 900)",
     "MAM_SIM_VLM_MODEL": "name of the vision-language model (default gpt-4o)",
