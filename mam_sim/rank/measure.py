@@ -10,6 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Annotated
+
+from mam_pipeline.edited import STRICT, Range
 
 VERSION = 4
 """Raised whenever the same asset could get another number."""
@@ -47,12 +50,13 @@ class Row:
         true_joint: of the true object, where one was given: the joint that carries the handle.
     """
 
+    __pydantic_config__ = STRICT
     asset: str
     joint: str
     kind: str
     robot: str
     episodes: int
-    successes: int = 0
+    successes: Annotated[int, Range(0, 1e9)] = 0
     policy: int | None = None
     cause: str = ""
     why: str = ""
@@ -78,6 +82,7 @@ class Verdict:
         foreign: without a card of ours.
     """
 
+    __pydantic_config__ = STRICT
     name: str
     source: str
     folder: str = ""

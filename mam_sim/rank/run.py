@@ -10,48 +10,92 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+from mam_pipeline import folders
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.errors import InputError, MamSimError, NotPhysicalError
+from mam_pipeline.claims import not_a_link
+from mam_pipeline.edited import read_json, validated
+from mam_pipeline.errors import (
+    InputError,
+    MamSimError,
+    NotPhysicalError,
+    disk_error,
+    disk_is_full,
+)
 from mam_pipeline.formats.mjcf_files import is_mjcf
+from mam_pipeline.formats.suffixes import MESHES, PHOTOS
 from mam_pipeline.guarded import Ending, Limits
 from mam_sim.batch.inputs import content_digest
 from mam_sim.forkserver import run_all
 from mam_sim.rank.measure import VERSION, Measure, Row, Verdict
 
+T = TypeVar("T")
 USUAL = ("object", "mobility", "model", "robot", "scene")
 """Names of files that say nothing: their folder's name says what they are."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """An asset folder or a URDF, with the digest of its content."""
+    """An asset folder or a URDF, with the digest of its content.
+
+    Attributes:
+        fault: why it is neither, in a sentence; "" where that is not known yet.
+    """
 
     path: Path
     name: str
     sha256: str
+    fault: str = ""
 
     @staticmethod
     def of(path: Path) -> Subject:
-        """Find out what a path is.
+        """Find out what a path is; what is neither asset nor robot file has a fault."""
+        fault = ""
+        try:
+            digest = Subject._digest(path)
+        except OSError as error:
+            fault = str(disk_error(error))
+        except (InputError, ValueError, RecursionError, MemoryError) as error:
+            fault = str(error) or f"{path} cannot be read"
+        if fault:
+            digest = hashlib.sha256(folders.as_text(f"{path} {fault}").encode()).hexdigest()
+        own = path.absolute() if fault else path.resolve()
+        said = own.parent.name if own.suffix and own.stem in USUAL else own.stem
+        return Subject(own, f"{folders.as_text(said)}-{digest[:6]}", digest, fault)
+
+    @staticmethod
+    def _digest(path: Path) -> str:
+        """Digest of the content.
 
         Raises:
-            InputError: nothing is there.
+            InputError: nothing is there, or something else.
         """
-        if not path.exists():
-            raise InputError(f"no such file or folder: {path}")
         if path.is_dir():
             urdf, card = Asset.card_of(path).urdf_path, path / "asset.json"
             digest = content_digest(urdf) + hashlib.sha256(card.read_bytes()).hexdigest()
-            digest = hashlib.sha256(digest.encode()).hexdigest()
-        else:
-            digest = content_digest(path)
-        own = path.resolve()
-        said = own.parent.name if own.suffix and own.stem in USUAL else own.stem
-        return Subject(own, f"{said}-{digest[:6]}", digest)
+            return hashlib.sha256(digest.encode()).hexdigest()
+        robot_file(path)
+        return content_digest(path)
+
+
+def robot_file(path: Path) -> Path:
+    """The path itself, where it is an ordinary file that may be a robot's.
+
+    Raises:
+        InputError: it is none.
+    """
+    if not path.exists():
+        raise InputError(f"no such file or folder: {path}")
+    if not path.is_file():
+        raise InputError(f"{path} is no ordinary file; name an asset folder, a URDF or an MJCF")
+    if path.name != "asset.json" and path.suffix.lower() not in (".urdf", ".xml", ".mjcf"):
+        if path.suffix.lower() in (*MESHES, *PHOTOS):
+            Asset.card_of(path)  # refuses it, and says what makes an asset of it
+        raise InputError(f"{path} is no asset folder, URDF or MJCF file")
+    return path
 
 
 @dataclass(frozen=True)
@@ -66,6 +110,23 @@ class Examine:
     def file(self) -> Path:
         key = f"{VERSION} {self.subject.sha256} {self.subject.path}"
         return self.out / "verdicts" / f"{_digest(key)}.json"
+
+    @property
+    def known(self) -> Verdict | None:
+        """The verdict, where nothing is left to find out."""
+        if self.subject.fault:
+            return self._refused(self.subject.fault)
+        found: Verdict | None = _read(Verdict, self.file)
+        return found if found is not None and self._fits(found) else None
+
+    def _fits(self, found: Verdict) -> bool:
+        """Whether a verdict that was read is of this subject."""
+        own = (str(self.subject.path), *(str(p) for p in (self.out / "foreign").glob("*")))
+        return found.name == self.subject.name and found.folder in ("", *own)
+
+    def _refused(self, why: str) -> Verdict:
+        source = folders.as_text(str(self.subject.path))
+        return Verdict(self.subject.name, source, why=folders.as_text(why))
 
     def warm(self) -> None:
         """Import what a check needs."""
@@ -82,7 +143,7 @@ class Examine:
 
         path = self.subject.path
         foreign = not (path.is_dir() or path.name == "asset.json")
-        start = Verdict(self.subject.name, str(path), foreign=foreign)
+        start = Verdict(self.subject.name, folders.as_text(str(path)), foreign=foreign)
         try:
             if foreign and is_mjcf(path):
                 from mam_pipeline.formats.mjcf import urdf_of_mjcf
@@ -99,16 +160,18 @@ class Examine:
             else:
                 asset = Asset.load(path)
         except (MamSimError, OSError) as error:
-            return replace(start, why=str(error))
+            return replace(start, why=folders.as_text(str(error)))
         movable = [(j.name, j.type) for j in asset.card.movable]
         return replace(start, folder=str(asset.folder), joints=tuple(movable))
 
     def ended(self, ending: Ending) -> Verdict:
         """The verdict after its process has ended."""
-        if ending.how != "done":
-            _write(self.file, asdict(Verdict(self.subject.name, str(self.subject.path),
-                                             why=f"{ending.how}: {ending.why}")))  # fmt: skip
-        return _verdict(self.file)
+        if ending.how == "done" and (found := self.known) is not None:
+            return found
+        why = "its process ended without a verdict" if ending.how == "done" else ending.why
+        found = self._refused(f"{ending.how}: {why}")
+        _kept(self.file, asdict(found))
+        return found
 
 
 @dataclass(frozen=True)
@@ -141,10 +204,20 @@ class Try:
     @property
     def done(self) -> bool:
         """Whether nothing is left to measure, or to film where a video is asked for."""
-        if not self.file.is_file():
+        found = self.known
+        if found is None:
             return False
-        filmed = not self.video or self.film.is_file()
-        return filmed or bool(json.loads(self.file.read_text())["cause"])
+        return bool(found.cause) or not self.video or self.film.is_file()
+
+    @property
+    def known(self) -> Row | None:
+        """The row, where it was measured; a file that is none is measured again."""
+        found: Row | None = _read(Row, self.file)
+        mine = self.row()
+        own = [f.name for f in fields(Row)][:5]  # what was tried, and how often
+        if found is None or any(getattr(found, k) != getattr(mine, k) for k in own):
+            return None
+        return found
 
     def warm(self) -> None:
         """Import the simulator and the expert."""
@@ -209,9 +282,13 @@ class Try:
 
     def ended(self, ending: Ending) -> Row:
         """The row after its process has ended."""
-        if ending.how != "done":
-            _write(self.file, asdict(self.row(cause=ending.how, why=ending.why)))
-        return Row(**json.loads(self.file.read_text()))
+        if ending.how == "done" and (found := self.known) is not None:
+            return found
+        why = "its process ended without a row" if ending.how == "done" else ending.why
+        cause = "crash" if ending.how == "done" else ending.how
+        found = self.row(cause=cause, why=why)
+        _kept(self.file, asdict(found))
+        return found
 
 
 Tell = Callable[[str], None]
@@ -225,7 +302,7 @@ def joints_of_truth(urdf: Path) -> tuple[str, ...]:
     """
     from mam_pipeline.formats.urdf.read import read_urdf
 
-    return tuple(j.name for j in read_urdf(urdf).joints if j.coupling is None)
+    return tuple(j.name for j in read_urdf(robot_file(urdf)).joints if j.coupling is None)
 
 
 def examine(
@@ -233,10 +310,12 @@ def examine(
 ) -> list[Verdict]:
     """Verdicts on assets, in the order of the paths; those known already are read."""
     tasks = [Examine(Subject.of(path), out, limits) for path in paths]
-    for task, ending in run_all([t for t in tasks if not t.file.is_file()], jobs):
-        task.ended(ending)
+    known = {i: found for i, t in enumerate(tasks) if (found := t.known) is not None}
+    left = {id(t): i for i, t in enumerate(tasks) if i not in known}
+    for task, ending in run_all([tasks[i] for i in left.values()], jobs):
+        known[left[id(task)]] = task.ended(ending)
         tell(task.subject.name)
-    return [_verdict(task.file) for task in tasks]
+    return [known[i] for i in range(len(tasks))]
 
 
 def attempts(
@@ -259,17 +338,33 @@ def attempts(
 
 def measured(tasks: Sequence[Try], jobs: int, tell: Tell = lambda _words: None) -> list[Row]:
     """Rows in the order of the tasks; those known already are read."""
-    for task, ending in run_all([t for t in tasks if not t.done], jobs):
-        row = task.ended(ending)
+    known = {i: row for i, t in enumerate(tasks) if t.done and (row := t.known) is not None}
+    left = {id(t): i for i, t in enumerate(tasks) if i not in known}
+    for task, ending in run_all([tasks[i] for i in left.values()], jobs):
+        row = known[left[id(task)]] = task.ended(ending)
         said = row.cause or f"{row.successes}/{row.episodes}"
         tell(f"{row.asset} {row.joint} {row.robot}: {said}")
-    return [Row(**json.loads(task.file.read_text())) for task in tasks]
+    return [known[i] for i in range(len(tasks))]
 
 
-def _verdict(file: Path) -> Verdict:
-    data = json.loads(file.read_text())
-    data["joints"] = tuple(tuple(pair) for pair in data["joints"])
-    return Verdict(**{**data, "reasons": tuple(data["reasons"])})
+def _read(kind: type[T], file: Path) -> T | None:
+    """What an ordinary file holds; None for what is none of its kind, as one that was cut."""
+    if file.is_symlink() or not file.is_file():
+        return None
+    try:
+        found: T = validated(kind, read_json(file))
+    except InputError:
+        return None
+    return found
+
+
+def _kept(file: Path, data: Any) -> None:
+    """Write a result down where that can be; it is a row in any case."""
+    try:
+        _write(file, data)
+    except OSError as error:
+        if disk_is_full(error):
+            raise
 
 
 def _digest(text: str) -> str:
@@ -277,7 +372,5 @@ def _digest(text: str) -> str:
 
 
 def _write(file: Path, data: Any) -> None:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    part = file.with_suffix(".part")
-    part.write_text(json.dumps(data, indent=1, default=str))
-    part.replace(file)
+    not_a_link(file.parent).mkdir(parents=True, exist_ok=True)
+    folders.write_text(file, json.dumps(data, indent=1, default=str))

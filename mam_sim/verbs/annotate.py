@@ -31,10 +31,12 @@ class Annotate(Verb):
 
     def run(self) -> int:
         """Serve the page until it is interrupted."""
+        from mam_pipeline.claims import HINTS, claim_file
         from mam_pipeline.errors import InputError
         from mam_pipeline.photo.annotate import Annotation, make_server
 
         target = self.out or self.photo.with_name(f"{self.photo.stem}-hints.yaml")
+        claim_file(target, HINTS)
         annotation = Annotation(self.photo, target)
         try:
             server = make_server(annotation, self.port)

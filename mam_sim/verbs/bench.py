@@ -12,6 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_pipeline import config_file, folders
+from mam_pipeline.claims import BENCH_LOG, BENCH_SETTINGS, SCORES, claim_file
 from mam_pipeline.edited import Count
 from mam_pipeline.errors import ConfigError, HintNeeded
 from mam_pipeline.models.ledger import one_ledger
@@ -53,6 +54,10 @@ class Bench(Verb):
         if self.bench.engine.reasoner == "vlm" and self.jobs > 1:
             raise ConfigError("--reasoner vlm needs --jobs 1: the cost cap is kept in one process")
         self.bench.engine.check()
+        claim_file(self.out, SCORES)
+        if self.out is not None:
+            claim_file(self.out.with_suffix(".yaml"), BENCH_SETTINGS)
+            claim_file(self.out.with_suffix(".jsonl"), BENCH_LOG)
         screen = Screen(self.quiet)
         with (
             given(self.bench.models.settings()), standing_in(self.weights), one_ledger() as ledger

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from typing import Annotated, Any, Literal
 from tyro.conf import Positional
 
 from mam_pipeline import folders
+from mam_pipeline.claims import PHOTO_SCORES, claim_entries, claim_file
 from mam_pipeline.edited import Range, Seed
 from mam_sim.options import Verb
 
@@ -49,6 +51,9 @@ class BenchPhoto(Verb):
 
     def run(self) -> int:
         """Score, and print the table."""
+        claim_file(self.out, *PHOTO_SCORES)
+        if self.save_photos is not None:
+            claim_entries(self.save_photos, "photos of bench-photo", _saved, "--save-photos")
         result: dict[str, Any]
         tell = partial(_say, quiet=self.quiet)
         if self.truth is not None:
@@ -82,6 +87,11 @@ def _outcomes(
     if folder is None:
         raise ConfigError("--truth needs the folder of its photos")
     return outcomes_of_folder(folder, truth, tell, layout)
+
+
+def _saved(name: str) -> bool:
+    """Whether a name is that of a synthetic photo."""
+    return re.fullmatch(r"(clean|medium|clutter)_\d+\.jpg", name) is not None
 
 
 def _say(text: str, quiet: bool) -> None:

@@ -12,6 +12,7 @@ import tyro
 from tyro.conf import Positional
 
 from mam_pipeline import folders
+from mam_pipeline.claims import CHECKED, PICTURE, claim_file
 from mam_pipeline.errors import ConfigError
 from mam_sim.options import Verb
 
@@ -46,6 +47,8 @@ class Check(Verb):
         """Check, and print or write the report."""
         from mam_pipeline.check.check import check_asset, check_profile
 
+        claim_file(self.out, CHECKED)
+        claim_file(self.picture, PICTURE, flag="--picture")
         if self.fix and self.profile is None:
             raise ConfigError("--fix needs --profile NAME: what is mended depends on the simulator")
         if self.profile is not None:

@@ -69,7 +69,7 @@ class Collect(Verb):
             def show(got: int, wanted: int, words: str) -> None:
                 bar.update(line, completed=got, total=wanted, description=words)
 
-            result = collect(self.asset, self.collect, self.out.resolve(), show, self.env)
+            result = collect(self.asset, self.collect, self.out.absolute(), show, self.env)
         if self.json:
             screen.json(asdict(result))
             return 0

@@ -8,6 +8,7 @@ from typing import Literal
 
 from tyro.conf import Positional
 
+from mam_pipeline.claims import EXPORT, claim_folder, mark_export
 from mam_pipeline.errors import ConfigError, InputError
 from mam_sim.console import Screen
 from mam_sim.options import Verb
@@ -87,12 +88,17 @@ def _asset(source: Path, out: Path, to: str) -> Path:
     from mam_pipeline.asset.card import Asset
 
     found = Asset.load(source)
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out} is a file; --out names a folder")
+    inside = out.resolve() == found.folder  # an asset may hold its own exports
+    if not inside:
+        claim_folder(out, EXPORT)
     if to == "mjcf":
         from mam_pipeline.asset.mjcf import export_mjcf
 
-        return export_mjcf(found, out / "object.xml")
-    from mam_pipeline.asset.usd import export_usd
+        file = export_mjcf(found, out / "object.xml")
+    else:
+        from mam_pipeline.asset.usd import export_usd
 
-    return export_usd(found, out / f"object.{to}")
+        file = export_usd(found, out / f"object.{to}")
+    if not inside:
+        mark_export(out, to, source)
+    return file

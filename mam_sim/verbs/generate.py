@@ -46,7 +46,10 @@ class Generate(Verb):
             return 0
         if self.out is None:
             raise ConfigError("say where to write: mam-sim generate --category NAME --out DIR")
+        from mam_pipeline.claims import OBJECTS, claim_folder
         from mam_world.dataset import write_dataset
+
+        claim_folder(self.out, OBJECTS)
 
         rows = write_dataset(
             self.category, self.count, self.seed, self.out, self.textures, self.plain, self.jobs,

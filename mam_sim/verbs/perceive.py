@@ -32,17 +32,19 @@ class Perceive(Verb):
     def run(self) -> int:
         """Look; print what is believed."""
         from mam_pipeline import folders
+        from mam_pipeline.claims import PICTURE, claim_file, png_mark
         from mam_policies.deployment.pilot import open_pilot
 
         screen = Screen(self.quiet or self.json)
         out = self.out or self.setup / "perceived.png"
+        claim_file(self.out, PICTURE)
         with open_pilot(self.run_folder, self.setup, self.robot, nominal=self.nominal) as pilot:
             seen = pilot.find()
             picture = pilot.perceiver.overlay(pilot.picture())
-        import imageio.v2 as imageio
+        from PIL import Image
 
         with folders.new_file(out) as part:
-            imageio.imwrite(part, picture, extension=".png")
+            Image.fromarray(picture).save(part, format="PNG", pnginfo=png_mark())
         pose = seen.object_pose
         yaw = float(np.degrees(np.arctan2(pose[1, 0], pose[0, 0])))
         if self.json:

@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from tyro.conf import Positional
 
+from mam_pipeline import folders
+from mam_pipeline.claims import RANK, claim_folder, not_a_link
 from mam_pipeline.edited import Count, Positive
-from mam_pipeline.errors import ConfigError
+from mam_pipeline.errors import ConfigError, InputError
 from mam_sim.console import Screen, counting_bar
 from mam_sim.options import Verb
 
@@ -69,9 +70,13 @@ class Rank(Verb):
 
         for name in names:
             ROBOTS.check(name)
-        scratch = nullcontext(str(self.out)) if self.out else tempfile.TemporaryDirectory()
-        with scratch as folder:
-            return self._measure(Path(folder).resolve(), names, Screen(self.quiet))
+        if self.out is None:
+            with tempfile.TemporaryDirectory() as folder:
+                return self._measure(Path(folder).resolve(), names, Screen(self.quiet))
+        claim_folder(self.out, RANK)
+        for part in ("verdicts", "rows", "videos", "foreign", "mjcf", "runs", "truth"):
+            not_a_link(self.out / part)
+        return self._measure(self.out.resolve(), names, Screen(self.quiet))
 
     def _robots(self) -> list[str]:
         names = list(dict.fromkeys(n.strip() for n in self.robots.split(",") if n.strip()))
@@ -89,11 +94,17 @@ class Rank(Verb):
 
     def _measure(self, out: Path, robots: Sequence[str], screen: Screen) -> int:
         from mam_pipeline.guarded import Limits
-        from mam_sim.rank.measure import Measure, total
+        from mam_sim.rank.measure import VERSION, Measure, total
         from mam_sim.rank.page import as_json, rows_table, totals_table
-        from mam_sim.rank.run import attempts, examine, joints_of_truth, measured
+        from mam_sim.rank.run import Subject, attempts, examine, joints_of_truth, measured
 
         real = [joints_of_truth(path) for path in self.truth]
+        faults = [Subject.of(path).fault for path in self.assets]
+        if all(faults):
+            raise InputError(faults[0])
+        if self.out is not None and not (out / RANK.file).exists():  # whose folder it is from now
+            out.mkdir(parents=True, exist_ok=True)
+            folders.write_text(out / RANK.file, json.dumps({"measure": {"version": VERSION}}))
         limits = Limits(self.time_limit, self.memory_limit)
         measure = Measure(episodes=self.episodes)
         with counting_bar(screen, len(self.assets), 0) as tell:
@@ -107,7 +118,7 @@ class Rank(Verb):
         true = {v.name: joints for v, joints in zip(verdicts, real)} if real else None
         totals = [total(verdicts, rows, robot, self.episodes, true) for robot in robots]
         data = as_json(verdicts, rows, totals, measure)
-        data["truth"] = [str(path) for path in self.truth]
+        data["truth"] = [folders.as_text(str(path)) for path in self.truth]
         if self.out is not None:
             self._save(out, data, verdicts, rows, totals, tasks)
         status = 0 if any(v.folder for v in verdicts) else 2
@@ -130,7 +141,6 @@ class Rank(Verb):
 
         videos = {(t.verdict.name, t.joint, t.robot): f"videos/{t.film.name}"
                   for t in tasks if t.film.is_file()}  # fmt: skip
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "rank.json").write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+        folders.write_text(out / RANK.file, json.dumps(data, indent=1) + "\n")
         text = page(verdicts, rows, totals, Measure(episodes=self.episodes), videos)
-        (out / "index.html").write_text(text, encoding="utf-8")
+        folders.write_text(out / "index.html", text)

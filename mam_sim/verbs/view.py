@@ -11,12 +11,17 @@ from urllib.parse import quote
 
 from tyro.conf import Positional
 
+from mam_pipeline.claims import PAGE, claim_entries, claim_file
 from mam_pipeline.edited import Range
 from mam_pipeline.types import Articulation
 from mam_sim.options import Verb
 
 if TYPE_CHECKING:
     from mam_sim.viewer import Shown
+
+
+VIEWED = ("closed.png", "open.png", "moving.gif")
+"""Everything in a folder of pictures."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +65,7 @@ class View(Verb):
         if self.html:
             return self._write_page(articulation, folder)
         target = self.out or Door(folder).may_write(folder / "view")
+        claim_entries(target, "pictures of an asset", VIEWED.__contains__)
         shares = [0.0, 1.0, *there_and_back(self.frames)]
         size = (self.size, self.size)
         drawn = motion_pictures(articulation, shares, size, self.azimuth, self.elevation)
@@ -84,6 +90,7 @@ class View(Verb):
 
         name = self.asset.stem if self.asset.is_file() else folder.name
         target = self.out or Door(folder).may_write(folder / "view.html")
+        claim_file(target, PAGE)
         target.parent.mkdir(parents=True, exist_ok=True)
         write_text(target, page(articulation, name))
         print(target)
@@ -100,6 +107,7 @@ class View(Verb):
         from mam_sim.viewer import gallery, page
 
         target = self.out or Door(self.asset).may_write(self.asset / "gallery.html")
+        claim_file(target, PAGE)
         target.parent.mkdir(parents=True, exist_ok=True)
         shown = []
         for folder in asset_folders([self.asset]):
@@ -107,6 +115,7 @@ class View(Verb):
                 print(folder.name, file=sys.stderr, flush=True)
             articulation, _ = _read(folder)
             file = Door(folder).may_write(folder / "view.html")
+            claim_file(file, PAGE)
             write_text(file, page(lightened(articulation), folder.name))
             shown.append(self._shown(folder, articulation, _relative(file, target.parent)))
         write_text(target, gallery(shown, f"{self.asset.resolve().name}: {len(shown)} objects"))

@@ -16,6 +16,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from PIL.PngImagePlugin import PngInfo
+
+from mam_pipeline import folders
 from mam_pipeline.edited import LIMITS, parse_yaml
 from mam_pipeline.errors import ConfigError
 
@@ -51,6 +54,12 @@ OBJECTS = Kind("generated objects", "MANIFEST.csv", ("name", "category", "seed",
 SETUP = Kind("set-up of an arm", "markers.yaml", ("markers",))
 CHECKED = Kind("report of check", ".json", ("passed", "clauses", "joints"))
 SCORES = Kind("result of bench", ".json", ("objects",))
+BENCH_SETTINGS = Kind("settings of bench", ".yaml", ("bench",))
+BENCH_LOG = Kind("log of bench", ".jsonl", ("id", "scores"))
+PHOTO_SCORES = tuple(
+    Kind("result of bench-photo", ".json", (key,))
+    for key in ("photos", "clean", "medium", "clutter", "silently_wrong")
+)
 EVALUATION = Kind("result of eval", ".json", ("results", "total"))
 HINTS = Kind("hints file", ".yaml", ("schema",))
 PAGE = Kind("page of mam-sim", ".html")
@@ -117,6 +126,19 @@ def claim_file(file: Path | None, *kinds: Kind, flag: str = "--out") -> None:
         )
 
 
+def mark_export(folder: Path, kind: str, source: Path) -> None:
+    """Write down that a folder is an export, and of what."""
+    text = json.dumps({"kind": kind, "source": folders.as_text(source.name), "schema": 1})
+    (folder / EXPORT.file).write_text(text + "\n", encoding="utf-8")
+
+
+def png_mark() -> PngInfo:
+    """What Pillow writes into a PNG by which `is_ours` knows it."""
+    info = PngInfo()
+    info.add_text("Software", PNG_MARK)
+    return info
+
+
 def not_a_link(path: Path) -> Path:
     """The path itself.
 
@@ -153,6 +175,8 @@ def holds(data: bytes, suffix: str, keys: tuple[str, ...]) -> bool:
         text = data.decode("utf-8")
         if suffix == ".csv":
             return tuple(next(csv.reader([text.partition("\n")[0]]))[: len(keys)]) == keys
+        if suffix == ".jsonl":
+            text, suffix = text.partition("\n")[0], ".json"
         values: Any = json.loads(text) if suffix == ".json" else parse_yaml(text).values
     except (ValueError, RecursionError, ConfigError, StopIteration, csv.Error):
         return False

@@ -16,6 +16,7 @@ import numpy as np
 from mam_pipeline import backends, config_file, folders
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.backends import Maker
+from mam_pipeline.claims import ASSET, claim_folder
 from mam_pipeline.digests import file_digest
 from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.evidence.spec import NOTHING, KinematicSpec
@@ -88,11 +89,12 @@ def make_asset(
     Raises:
         MamSimError: one of its subclasses; `out` is then as it was before.
     """
-    kind, out = kind_of(source), out.resolve()
+    kind = kind_of(source)
     config.check()
     if kind == "urdf" and config.accept:
         raise ConfigError("--accept wakes dormant joints, and a URDF has none")
-    refuse_foreign(out)
+    claim_folder(out, ASSET)
+    out = out.resolve()
     given = None if config.hints is None else load_hints(config.hints)
     placed_as = standing(config, given)
     with settings.given(config.models.settings()), one_ledger(), folders.work_folder(out) as work:
@@ -205,7 +207,11 @@ def _written(
         write_asset,
         out=work / "asset",
         name=out.name,
-        source={"path": source.name, "sha256": file_digest(source), "kind": read.kind},
+        source={
+            "path": folders.as_text(source.name),
+            "sha256": file_digest(source),
+            "kind": read.kind,
+        },
         source_to_asset=source_to_asset,
         metres_per_unit=read.metres_per_unit,
         metres_per_unit_source=read.metres_per_unit_source,
@@ -224,16 +230,6 @@ def _written(
     read_asset(Asset.load(work / "asset"))  # before anything is replaced: what was made can be read
     folders.put_in_place(work / "asset", out)
     return asset
-
-
-def refuse_foreign(out: Path) -> None:
-    """Raise ConfigError where `out` exists and is not an asset of ours: it is never overwritten."""
-    if out.exists() and not (out / "asset.json").is_file() and not _empty(out):
-        raise ConfigError(f"{out} exists and is no asset folder; name another --out")
-
-
-def _empty(folder: Path) -> bool:
-    return folder.is_dir() and not any(folder.iterdir())
 
 
 def read_source(source: Path, kind: str, config: MakeConfig, stages: Stages) -> Source:

@@ -23,6 +23,7 @@ from mam_envs.config import EnvConfig
 from mam_envs.env import OperateJointEnv
 from mam_pipeline import config_file, folders
 from mam_pipeline.asset.card import Asset
+from mam_pipeline.claims import COLLECTION, claim_folder, is_ours
 from mam_pipeline.edited import check_ranges
 from mam_pipeline.errors import InputError, NotPhysicalError
 from mam_policies.collection import CollectConfig, Collection, Names, finished, read_claim
@@ -128,7 +129,7 @@ class _Claim:
     def check(self) -> None:
         """Raise InputError where the folder holds other data or other things."""
         out, now = self.out, _flat(self.mine)
-        if self.file.is_file():
+        if is_ours(self.file, COLLECTION):
             then = _flat(read_claim(self.file))
             differ = [k for k in now if k != "collect.episodes" and now[k] != then.get(k)]
             if differ:
@@ -137,13 +138,12 @@ class _Claim:
                     f"{out} holds a collection with {key}={then.get(key)!r}, not {now[key]!r}; "
                     "take another --out or delete it"
                 )
-        elif self._foreign():
-            raise InputError(f"{out} is not empty and holds no collection; take another --out")
-
-    def _foreign(self) -> bool:
-        folders.sweep(self.file)  # a run that was killed as it began leaves no claim
-        held = {p.name for p in self.out.iterdir()} if self.out.exists() else set()
-        return bool(held - {"attempts"}) or any((self.out / "attempts").glob("*"))
+        else:
+            folders.sweep(self.file)  # a run that was killed as it began leaves no claim
+            attempts = out / "attempts"
+            if attempts.is_dir() and not any(attempts.iterdir()):
+                attempts.rmdir()
+            claim_folder(out, COLLECTION)
 
     def write(self) -> None:
         """Make the folder and write down what is asked for now."""

@@ -82,6 +82,8 @@ class CollectConfig:
 def read_claim(file: Path) -> dict[str, Any]:
     """collect.json; `cameras` was called `video` in version 0.1."""
     data = config_file.read(file)
+    if not all(isinstance(data.get(key), dict) for key in ("collect", "env")):
+        raise InputError(f"{file} is none of mam-sim collect: it lacks collect and env")
     asked = dict(data["collect"])
     if "video" in asked:
         asked["cameras"] = asked.pop("video")

@@ -25,6 +25,7 @@ from pydantic import Field
 
 from mam_envs.config import EnvConfig
 from mam_pipeline import config_file, folder_data, folders
+from mam_pipeline.claims import RUN, RUN_BEGUN, claim_folder
 from mam_pipeline.edited import (
     STRICT,
     Document,
@@ -209,11 +210,7 @@ def refuse_foreign(out: Path) -> None:
         ConfigError: it does, or `out` is a file.
     """
     folders.sweep(out / "settings.txt")  # a run that was killed as it began leaves no claim
-    ours = ("settings.txt", "run.json", "demos", "data")
-    if out.is_dir() and any(out.iterdir()) and not any((out / n).exists() for n in ours):
-        raise ConfigError(f"{out} is not empty and holds no run; name another --out")
-    if out.exists() and not out.is_dir():
-        raise ConfigError(f"{out} is a file; --out names a folder")
+    claim_folder(out, RUN, RUN_BEGUN)
 
 
 def claim(out: Path, choice: EnvChoice, settings: str) -> None:

@@ -108,7 +108,7 @@ def test_a_folder_that_is_no_asset_is_never_overwritten(
     (tmp_path / "mine" / "thesis.tex").write_text("words")
     source = _flat(tmp_path)
     assert main(["articulate", str(source), "--out", str(tmp_path / "mine")]) == 2
-    assert "is no asset folder" in capsys.readouterr().err
+    assert "is not empty and holds no asset" in capsys.readouterr().err
     assert (tmp_path / "mine" / "thesis.tex").read_text() == "words"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import asdict
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from mam_sim.cli import main
 from mam_sim.rank.foreign import foreign_asset
 from mam_sim.rank.measure import VERSION, Measure, Row, Share, Verdict, total
 from mam_sim.rank.page import page
+from mam_sim.rank.run import Examine, Subject, Try
 
 INERTIA = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'  # noqa: E501
 LIMIT = '<limit lower="0" upper="1.57" effort="100" velocity="2"/>'
@@ -147,3 +149,61 @@ def test_what_is_measured_is_filmed_later_on_request(tmp_path: Path) -> None:
     assert main([*command, "--video"]) == 0
     (film,) = (out / "videos").iterdir()
     assert film.stat().st_size > 1000 and film.name in (out / "index.html").read_text()
+
+
+@pytest.mark.parametrize("change", [
+    {"lint": "yes"}, {"joints": 5}, {"joints": [["a"]]}, {"name": [1]}, {"more": 1},
+    {"folder": "/etc"}, {"name": "another"},
+])  # fmt: skip
+def test_a_verdict_that_is_none_is_found_again(tmp_path: Path, change: dict[str, object]) -> None:
+    task = Examine(Subject.of(_cabinet(tmp_path / "a.urdf")), tmp_path / "out")
+    mine = Verdict(task.subject.name, str(tmp_path / "a.urdf"), joints=(("a", "revolute"),))
+    task.file.parent.mkdir(parents=True)
+    task.file.write_text(json.dumps(asdict(mine)))
+    assert task.known == mine
+    task.file.write_text(json.dumps({**asdict(mine), **change}))
+    assert task.known is None
+    for text in ("", "null", "[]", json.dumps(asdict(mine))[:40], "[" * 100_000):
+        task.file.write_text(text)
+        assert task.known is None
+
+
+@pytest.mark.parametrize("change", [
+    {"successes": "x"}, {"successes": -1}, {"episodes": None}, {"robot": "other"},
+    {"reasons": {"a": "b"}}, {"joint": 5}, {"more": 1},
+])  # fmt: skip
+def test_a_row_that_is_none_is_measured_again(tmp_path: Path, change: dict[str, object]) -> None:
+    verdict = Verdict("a", "a", folder="a", joints=(("j", "revolute"),))
+    task = Try(verdict, "j", "revolute", "panda", Measure(), "none", tmp_path, "1")
+    assert task.known is None and not task.done
+    row = task.row(successes=3, reasons={"late": 2})
+    task.file.parent.mkdir(parents=True)
+    task.file.write_text(json.dumps(asdict(row)))
+    assert task.known == row and task.done
+    task.file.write_text(json.dumps({**asdict(row), **change}))
+    assert task.known is None and not task.done
+
+
+def test_what_is_no_asset_is_a_row_and_alone_a_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mesh.glb").write_text("x")
+    (tmp_path / "notes.txt").write_text("x")
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "card").mkdir()
+    (tmp_path / "card" / "asset.json").write_text("[]")
+    os.mkfifo(tmp_path / "pipe.urdf")
+    why = {
+        "mesh.glb": "is a mesh, not an asset", "notes.txt": "is no asset folder, URDF or MJCF",
+        "empty": "no asset.json in", "card": "must hold names and values",
+        "pipe.urdf": "is no ordinary file", "gone": "no such file or folder",
+    }  # fmt: skip
+    for name, words in why.items():
+        assert words in Subject.of(tmp_path / name).fault
+        task = Examine(Subject.of(tmp_path / name), tmp_path)
+        assert task.known is not None and words in task.known.why
+    assert main(["rank", str(tmp_path / "gone"), "--out", str(tmp_path / "out")]) == 2
+    assert "no such file or folder" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    assert main(["rank", str(tmp_path / "gone"), "--truth", str(tmp_path / "pipe.urdf")]) == 2
+    assert "is no ordinary file" in capsys.readouterr().err

@@ -14,7 +14,7 @@ import pytest
 
 from mam_envs.config import EnvConfig
 from mam_envs.scene.vulkan import vulkan_ok
-from mam_pipeline.errors import InputError
+from mam_pipeline.errors import ConfigError, InputError
 from mam_policies.collect import _Claim, collect
 from mam_policies.collection import CollectConfig
 from mam_policies.lerobot.dataset import load_dataset
@@ -62,7 +62,7 @@ def test_data_reload_and_resume(drawer: Path, tmp_path: Path) -> None:
 
 def test_a_foreign_folder_is_left_alone(drawer: Path, tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").write_text("mine")
-    with pytest.raises(InputError, match="is not empty"):
+    with pytest.raises(ConfigError, match="is not empty"):
         collect(drawer, CollectConfig(episodes=1), tmp_path)
     assert (tmp_path / "thesis.txt").read_text() == "mine"
 

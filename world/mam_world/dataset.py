@@ -63,17 +63,30 @@ def write_dataset(
     rows = []
     plan = [(n, k) for n in names for k in range(seed, seed + count)]
     with folders.used_folder(out):
-        for row in _rows(plan, out, textures, plain, jobs):
-            rows.append(row)
-            on_object(row)
-        with (
-            folders.new_file(out / "MANIFEST.csv") as part,
-            part.open("w", newline="", encoding="utf-8") as file,
-        ):
-            table = csv.writer(file, lineterminator="\n")
-            table.writerow(COLUMNS)
-            table.writerows(rows)
+        fresh = not (out / "MANIFEST.csv").exists()
+        if fresh:
+            _write_manifest(out, [])  # whose folder it is, should this be killed
+        try:
+            for row in _rows(plan, out, textures, plain, jobs):
+                rows.append(row)
+                on_object(row)
+        except BaseException:
+            if fresh and not rows:
+                (out / "MANIFEST.csv").unlink(missing_ok=True)
+            raise
+        _write_manifest(out, rows)
     return rows
+
+
+def _write_manifest(out: Path, rows: list[list[object]]) -> None:
+    """Write the table of all objects, all or nothing."""
+    with (
+        folders.new_file(out / "MANIFEST.csv") as part,
+        part.open("w", newline="", encoding="utf-8") as file,
+    ):
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(COLUMNS)
+        table.writerows(rows)
 
 
 def _rows(

@@ -9,6 +9,7 @@ from PIL import Image
 
 from mam_pipeline import folders
 from mam_pipeline.check.report import CheckReport, JointReport
+from mam_pipeline.claims import png_mark
 from mam_pipeline.render.mesh_pictures import contact_sheet, posed, render_mesh
 from mam_pipeline.types import Articulation
 
@@ -34,7 +35,7 @@ def save_worst_frame(articulation: Articulation, report: CheckReport, path: Path
     views = [render_mesh(mesh, (480, 480), a, 25.0, colors) for a in (-35.0, 145.0)]
     path.parent.mkdir(parents=True, exist_ok=True)
     with folders.new_file(path) as part:
-        Image.fromarray(contact_sheet(views, 2)).save(part)
+        Image.fromarray(contact_sheet(views, 2)).save(part, format="PNG", pnginfo=png_mark())
 
 
 def _badness(joint: JointReport) -> tuple[int, float]:

@@ -21,7 +21,7 @@ import yaml
 from mam_envs.robots import RobotSpec
 from mam_envs.scene.layout import Layout
 from mam_pipeline import folders
-from mam_pipeline.errors import ConfigError
+from mam_pipeline.claims import SETUP, claim_folder
 from mam_pipeline.types import FloatArray
 from mam_policies.deployment.camera import CameraModel, look_at, pinhole
 from mam_policies.deployment.perception import Perceiver
@@ -158,8 +158,7 @@ def write_setup(twin: Twin, out: Path, size: tuple[int, int] = (1280, 720)) -> l
     Raises:
         ConfigError: `out` is a file.
     """
-    if out.exists() and not out.is_dir():
-        raise ConfigError(f"{out} is a file; --setup names a folder")
+    claim_folder(out, SETUP, flag="--setup")
     out.mkdir(parents=True, exist_ok=True)
     out = out.resolve()
     goal, choice = twin.layout.goals[0], twin.choice

@@ -6,7 +6,6 @@ that looks finished, and the same command makes it anew.
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -17,6 +16,7 @@ import numpy as np
 
 from mam_envs.robots import RobotSpec, robot_spec
 from mam_pipeline import folders
+from mam_pipeline.claims import EXPORT, claim_folder, mark_export
 from mam_pipeline.errors import ConfigError, HintNeeded, InputError
 from mam_pipeline.folder_data import file_of, policy_folder
 from mam_pipeline.optional import require
@@ -34,7 +34,6 @@ from mam_policies.lerobot.robot_interface import RobotInterface, mapping_of
 from mam_policies.mlp import MlpPolicy
 from mam_policies.run import RunInfo
 
-MARK = "mam_sim_export.json"
 MAPPING = "joint_mapping.yaml"
 BEST = "best_trajectory"
 
@@ -84,7 +83,7 @@ def export_run(
     if unknown:
         raise ConfigError(f"the policy sees {', '.join(unknown)}, which no robot could report")
     given = _mapping_for(spec, out, mapping)
-    _refuse_foreign(out)
+    claim_folder(out, EXPORT)
     interface = RobotInterface(choice, given) if choice.control_mode == "pd_joint_pos" else None
     env = choice.make() if interface is None else interface.env
     notes = list(_notes(policy, info))
@@ -105,7 +104,7 @@ def export_run(
                 notes.extend(_write_best(run, interface, folder / BEST))
             env.reset(seed=0)
             write_readme(folder, out, env, info, choice, joints, policy, states)
-            _mark(folder, "policy", run)
+            mark_export(folder, "policy", run)
 
         _build(out, build)
     finally:
@@ -120,7 +119,7 @@ def _export_lerobot_policy(run: Path, info: RunInfo, out: Path, mapping: Path | 
         raise ConfigError(f"{run} was trained in other units; train it with --mapping {mapping}")
     found = policy_folder(run / "policy")
     given = file_of(run, MAPPING)
-    _refuse_foreign(out)
+    claim_folder(out, EXPORT)
     env = info.env.make()
     try:
         joints = mapping_of(env.unwrapped, str(given))
@@ -133,7 +132,7 @@ def _export_lerobot_policy(run: Path, info: RunInfo, out: Path, mapping: Path | 
             joints.save(folder / MAPPING)
             env.reset(seed=0)
             write_lerobot_readme(folder, out, env, info, joints)
-            _mark(folder, "policy", run)
+            mark_export(folder, "policy", run)
 
         _build(out, build)
     finally:
@@ -150,7 +149,7 @@ def export_dataset(collected: Path, out: Path, mapping: Path | None = None) -> E
     found = Collection.load(collected)
     spec = robot_spec(found.config.robot)
     given = _mapping_for(spec, out, mapping)
-    _refuse_foreign(out)
+    claim_folder(out, EXPORT)
     names = found.names
     state, action = (tuple(n.rsplit(".", 1)[0] for n in row) for row in (names.state, names.action))
     units = {n.rsplit(".", 1)[0]: "metres" if n.endswith(".m") else "radians" for n in names.state}
@@ -178,7 +177,7 @@ def export_dataset(collected: Path, out: Path, mapping: Path | None = None) -> E
         write_dataset(tracks(), real, joints.robot, folder / "dataset")
         joints.save(folder / MAPPING)
         write_dataset_readme(folder, out, tasks[0], spec.uid, joints)
-        _mark(folder, "dataset", collected)
+        mark_export(folder, "dataset", collected)
 
     _build(out, build)
     return Exported(out, "dataset", out / MAPPING, dataset=out / "dataset")
@@ -311,7 +310,7 @@ def _mapping_for(spec: RobotSpec, out: Path, mapping: Path | None) -> JointMappi
         return None
     file = out / MAPPING
     if not file.is_file():
-        _refuse_foreign(out)
+        claim_folder(out, EXPORT)
         out.mkdir(parents=True, exist_ok=True)
         folders.write_text(file, template(spec.uid, spec.arm, spec.gripper[0]))
     missing = "sign and offset of every joint, closed and open of the gripper"
@@ -326,19 +325,6 @@ def _one_asset(info: RunInfo, asset: str | None) -> Any:
     if asset is None and len(assets) > 1:
         raise ConfigError(f"the run knows several assets; choose by --asset: {', '.join(assets)}")
     return replace(info.env, assets=(asset or assets[0],))
-
-
-def _refuse_foreign(out: Path) -> None:
-    """Only an earlier export, or a mapping template alone, may be replaced."""
-    if out.is_dir() and not (out / MARK).is_file() and {p.name for p in out.iterdir()} - {MAPPING}:
-        raise InputError(f"{out} is not empty and holds no export; take another --out")
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out} is a file; --out names a folder")
-
-
-def _mark(folder: Path, kind: str, source: Path) -> None:
-    text = json.dumps({"kind": kind, "source": source.name, "schema": 1}) + "\n"
-    (folder / MARK).write_text(text, encoding="utf-8")
 
 
 def _notes(policy: MlpPolicy, info: RunInfo) -> Iterator[str]:
