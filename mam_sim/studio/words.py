@@ -28,6 +28,8 @@ MOTIONS: dict[JointSubtype, str] = {
 ENDS = {
     "given": "as somebody said",
     "usual": "as far as such parts usually go",
+    "depth": "an assumed share of its depth",
+    "twin": "as far as its twin",
     "collision": "until it meets something",
     "contact_loss": "until it would fall out",
     "endless": "all the way round",

@@ -22,7 +22,17 @@ GraspKind = Literal["handle", "knob", "edge", "rim", "push"]
 Provenance = Literal["observed", "inferred", "assumed", "user"]
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]  # of a file: which of them, and which way
 RangeRule = Literal[
-    "", "given", "usual", "collision", "contact_loss", "endless", "token", "paper", "drawer_box"
+    "",
+    "given",
+    "usual",
+    "depth",
+    "twin",
+    "collision",
+    "contact_loss",
+    "endless",
+    "token",
+    "paper",
+    "drawer_box",
 ]
 NEEDS_REVIEW = 0.7  # of generated joints of less confidence fewer than half are right
 MOVES = 0.25  # a joint by which the part goes less of the usual way is stuck
@@ -268,9 +278,10 @@ class RangeBasis:
     """What the range of a joint rests on.
 
     Attributes:
-        rule: what ended it: `given` by a person, the reasoner or a file; the `usual` way; a
-            `collision`; `contact_loss` of a slide; `endless`, a free whole turn; `token`, for
-            nothing is free; the `paper`'s rule; an assumed `drawer_box`; "" where nobody says.
+        rule: what ended it: `given` by a person, the reasoner or a file; the `usual` way; a share
+            of its own or the body's `depth`, which is assumed; the way of a `twin`; a `collision`;
+            `contact_loss` of a slide; `endless`, a free whole turn; `token`, for nothing is free;
+            the `paper`'s rule; an assumed `drawer_box`; "" where nobody says.
         share: of the usual way that is free, 0..1; 1 where nobody measured.
         after_another: another part must move first, as the door before a drawer.
         of_part: the way over the part's own length along it: extent of a slide, radius of a turn;

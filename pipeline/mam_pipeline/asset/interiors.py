@@ -171,8 +171,8 @@ def _within(flat: _Flat, points: FloatArray) -> NDArray[np.bool_]:
 
 
 def _drawn_out(articulation: Articulation, joint: Joint, flat: _Flat, depth: float) -> Joint:
-    """The joint with the way of a drawer `depth` metres deep, if only lost touch had ended it."""
-    if joint.basis.rule != "contact_loss":
+    """The joint with the way of a drawer `depth` metres deep, if nothing measured had ended it."""
+    if joint.basis.rule not in ("contact_loss", "depth"):
         return joint
     mesh = articulation.mesh
     own = [articulation.links[i].faces for i in articulation.carried_links(joint)]
@@ -186,7 +186,7 @@ def _drawn_out(articulation: Articulation, joint: Joint, flat: _Flat, depth: flo
     )
     way = min(_WAY * depth, 0.9 * float(ahead.t.min(initial=np.inf)))
     sign = 1.0 if joint.axis @ flat.outward > 0 else -1.0
-    if way <= sign * joint.open:
+    if way <= sign * joint.open and joint.basis.rule == "contact_loss":
         return joint
     lower, upper = (joint.lower, way) if sign > 0 else (-way, joint.upper)
     basis = replace(joint.basis, rule="drawer_box")

@@ -103,7 +103,8 @@ class _Sweep:
         depth, at, area, gap = 0.0, 0.0, 0.0, 0.0
         slides = self.motion == "prismatic" and self._keeps_contact()
         rule = Rule(limit.penetration_share * self.diagonal, limit.penetration_area)
-        for values in self._sides():
+        round_ = joint.type == "continuous" and paths.turns_in_itself(joint.axis, joint.origin)
+        for values in [] if round_ else self._sides():
             found = paths.crossing(self.motion, joint.axis, joint.origin, values, rule)
             area = max(area, found.area)
             hit = paths.obstacles(self.motion, joint.axis, joint.origin, found)

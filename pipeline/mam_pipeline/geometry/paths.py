@@ -78,6 +78,24 @@ class Crossing:
     judge: PartPaths
 
 
+@dataclass(frozen=True)
+class Roundness:
+    """When a part counts as a body of revolution.
+
+    Attributes:
+        angles: radians by which it is turned; no regular polygon of few sides has all of them.
+        most: share of its surface that must lie on itself then.
+        away: sizes of the part by which that may lie off it.
+    """
+
+    angles: tuple[float, ...] = (0.41, 0.97, 1.73, 2.63)
+    most: float = 0.95
+    away: float = 0.012
+
+
+ROUND = Roundness()
+
+
 class PartPaths:
     """A part, its surroundings, and samples of both that follow the part's motion."""
 
@@ -127,6 +145,17 @@ class PartPaths:
         more = copy.copy(self)
         more._sample(self.seed, DENSE)
         return more
+
+    def turns_in_itself(self, axis: FloatArray, origin: FloatArray) -> bool:
+        """Whether the part is a body of revolution about a line: turned, it fills the same room.
+
+        What it meets as it turns, a wheel the body that it is sunk in, then stops nothing.
+        """
+        spots = sample_surface(self.vertices, self.part_faces, SAMPLES, self.seed).points
+        angles = np.array(ROUND.angles)
+        moved = motion_points("revolute", axis, origin, angles, spots).reshape(-1, 3)
+        away = np.quantile(self.part_scene.distance(moved), ROUND.most)
+        return bool(away <= ROUND.away * np.linalg.norm(self.high - self.low))
 
     def _only(self, part: NDArray[np.bool_], static: NDArray[np.bool_]) -> PartPaths:
         """With these samples alone: what is not deep on the whole way is not on a shorter one."""

@@ -15,12 +15,15 @@ from typing import Any
 
 import numpy as np
 
+from mam_pipeline.geometry.boxes import least_rectangle
 from mam_pipeline.geometry.motion import Motion
 from mam_pipeline.geometry.paths import DENSE, Crossing, PartPaths, Rule
+from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import unit
 from mam_pipeline.geometry.sweep import SweepScene
 from mam_pipeline.thresholds import THRESHOLDS
 from mam_pipeline.types import (
+    MOVES,
     FloatArray,
     IntArray,
     JointSubtype,
@@ -40,9 +43,16 @@ class RangeThresholds:
         deep: share of the check's depth that a range may use up.
         wide: share of the check's area (sampled) that a range may use up.
         hinge: radians that a hinge opens where nothing else is known.
-        slide: share of the part's extent that a slide opens: drawers keep some of their rails.
+        slide: share of its depth that a slide opens: drawers keep some of their rails. The depth is
+            the part's own; that of the body behind it for a bare front.
+        bare: share of the body's depth behind a part from which its own depth counts.
+        front: diagonals: a part whose longer side across its slide is shorter is no drawer's front.
+        against: share of the body's depth within which what lies behind a front touches it.
+        guided: share of its way that a part must be long to be held by what it slides in; of one
+            that is shorter the loss of contact says nothing.
+        closing: radians within which the closed pose of an open part is looked for.
         back_off: share of the way to a collision: where exactly it begins is within sampling's
-            error.
+            error. shut: the same of the way to the closed pose, where the part is to touch.
     """
 
     strict: float = 0.0045
@@ -50,7 +60,13 @@ class RangeThresholds:
     wide: float = 0.6
     hinge: float = float(np.pi / 2)
     slide: float = 0.8
+    bare: float = 0.25
+    front: float = 0.12
+    against: float = 0.05
+    guided: float = 0.5
+    closing: float = float(np.deg2rad(200.0))
     back_off: float = 0.93
+    shut: float = 0.98
 
 
 RANGES = RangeThresholds()
@@ -92,6 +108,7 @@ class Surroundings:
     paths: PartPaths
     again: Callable[[], PartPaths]
     shift: FloatArray
+    behind: Callable[[FloatArray], float]
 
     @staticmethod
     def of(mesh: Mesh, part: IntArray, static: IntArray, seed: int = 0) -> Surroundings:
@@ -105,19 +122,52 @@ class Surroundings:
             single = moved.astype(np.float32).astype(np.float64)  # as files keep them
             return PartPaths(replace(mesh, vertices=single), part, static, density=DENSE)
 
-        return Surroundings(scene, PartPaths(mesh, part, static), again, shift)
+        def behind(axis: FloatArray) -> float:
+            return depth_behind(mesh, part, static, axis)
+
+        return Surroundings(scene, PartPaths(mesh, part, static), again, shift, behind)
 
     def free(
-        self, motion: Motion, axis: FloatArray, origin: FloatArray, end: float
-    ) -> tuple[float, Crossing]:
-        """How far towards `end` (signed) the check would let the part go, and what stops it."""
+        self, motion: Motion, axis: FloatArray, origin: FloatArray, end: float,
+        back_off: float = RANGES.back_off,
+    ) -> tuple[float, Crossing]:  # fmt: skip
+        """How far towards `end` (signed) the check would let the part go, and what stops it.
+
+        Args:
+            back_off: share of the way to what stops it that is kept.
+        """
         limit = THRESHOLDS.penetration_share, THRESHOLDS.penetration_area
         rule = Rule(RANGES.deep * limit[0] * self.paths.diagonal, RANGES.wide * limit[1])
         free, found = self.paths.free_range(motion, axis, origin, end, rule)
         if free != 0.0:  # few samples and, between coincident surfaces, rounding err: ask twice
             free, second = self.again().free_range(motion, axis, origin + self.shift, free, rule)
             found = second if found.value is None else found
-        return free if found.value is None else RANGES.back_off * free, found
+        return free if found.value is None else back_off * free, found
+
+
+def depth_behind(mesh: Mesh, part: IntArray, static: IntArray, axis: FloatArray) -> float:
+    """How deep the body is behind a front that slides along `axis`, out of it; 0 behind none.
+
+    From the front's back to the first surface behind it, the median over its cross-section; what
+    lies against its back (the face of a solid body) is passed.
+    """
+    corners, out = mesh.vertices[mesh.faces[part].reshape(-1)], unit(axis)
+    across = least_rectangle(corners, out)[:2]
+    low, high = (corners @ across.T).min(axis=0), (corners @ across.T).max(axis=0)
+    if max(high - low) < RANGES.front * mesh.diagonal:
+        return 0.0
+    body = mesh.vertices[mesh.faces[static].reshape(-1)] @ out
+    back = float((corners @ out).min())
+    touching = RANGES.against * max(back - float(body.min()), 0.0)
+    steps = np.linspace(0.1, 0.9, 9)
+    plane = low + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) * (high - low)
+    start = plane @ across + (back - touching) * out
+    scene = RayScene(mesh.vertices, mesh.faces[static])
+    hits = scene.first_hits(start, np.tile(-out, (len(start), 1)))
+    found = hits.t[np.isfinite(hits.t)]
+    if touching <= 0.0 or len(found) < 0.5 * len(start):
+        return 0.0
+    return float(np.median(found)) + touching
 
 
 @dataclass(frozen=True)
@@ -221,13 +271,19 @@ def _open_way(
     """Range towards the opening side, and back where rest is not the closed pose."""
     slide, scene = motion == "prismatic", around.scene
     extent = float(np.ptp(scene.points @ unit(axis))) if slide else 1.0
+    depth = around.behind(axis) if slide else 0.0
+    own, bare = extent, extent < RANGES.bare * depth
+    if bare:
+        extent = depth
     cap, back = (RANGES.slide * extent if slide else RANGES.hinge), 0.0
-    if usual is not None:
+    assumed = f"{RANGES.slide:g} of {'the depth behind it' if bare else 'its own depth'}"
+    if usual is not None and not bare:
         plain = (0.4, 1.1) if slide else (1.2, 2.2)  # what drawers and doors do: keep to the rule
         if not (keep_plain and plain[0] < usual.open < plain[1]):
             cap = float(np.clip(usual.open, 0.02, 2.0 if slide else np.pi)) * extent
+            assumed = ""
         if usual.back > (0.15 if slide else 0.3):  # rest is not the closed pose
-            back = min(usual.back, 2.0 if slide else np.pi) * extent
+            back = 2.0 * extent if slide else RANGES.closing
     if not slide and (subtype == "spin" if usual is None else usual.endless > 0.5):
         endless = _endless(around, axis, origin)
         if endless is not None:
@@ -235,15 +291,23 @@ def _open_way(
         if usual is None:
             back = cap
     out = travel(scene, motion, axis, origin, 1.15 * cap)
+    if slide and own < RANGES.guided * cap:
+        out = replace(out, contact=np.inf)
     upper, rule = _stop(around, motion, axis, origin, out, cap)
     evidence = {**_evidence(out, None), "cap": cap}
+    if slide and assumed and rule == "usual":
+        rule, evidence["assumed"] = "depth", f"assumed: {assumed}"
     lower = 0.0
     if back > 0.0:
-        behind = travel(scene, motion, axis, origin, -1.15 * back)
-        lower = _stop(around, motion, axis, origin, behind, -back)[0]
-        evidence["free_travel_back"] = -lower
+        behind = travel(scene, motion, axis, origin, -back)
+        lower, why = _stop(around, motion, axis, origin, behind, -back, RANGES.shut)
+        if why == "usual" and usual is not None:  # nothing says where it is closed
+            lower = -min(usual.back * extent, back)
+        evidence["free_travel_back"] = back = -lower
     wanted = min(cap, out.contact) + (back if back > 0.0 else 0.0)
     share = float((upper - lower) / max(wanted, 1e-12))
+    if subtype == "spin" and share < MOVES and around.paths.turns_in_itself(axis, origin):
+        return Limits("continuous", -np.inf, np.inf, 0.0, 0.0, "endless", evidence)
     if upper - lower < (1e-3 * scene.diagonal if slide else np.deg2rad(1.0)):
         upper = 0.02 * scene.diagonal if slide else np.deg2rad(5.0)
         rule = "token"
@@ -256,11 +320,12 @@ def _open_way(
 
 def _stop(
     around: Surroundings, motion: Motion, axis: FloatArray, origin: FloatArray, found: Travel,
-    cap: float,
+    cap: float, back_off: float = RANGES.back_off,
 ) -> tuple[float, RangeRule]:  # fmt: skip
-    """Where a motion towards `cap` (signed) ends and why."""
+    """Where a motion towards `cap` (signed) ends and why; `back_off` as in `Surroundings.free`."""
     reach = min(abs(cap), found.contact)
-    stop = abs(around.free(motion, axis, origin, float(np.copysign(reach, cap)))[0])
+    end = float(np.copysign(reach, cap))
+    stop = abs(around.free(motion, axis, origin, end, back_off)[0])
     rule: RangeRule = "collision"
     if stop >= reach:
         rule = "usual" if found.contact >= abs(cap) else "contact_loss"

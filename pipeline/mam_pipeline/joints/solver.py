@@ -28,6 +28,7 @@ from mam_pipeline.joints.optimise import Method, refine
 from mam_pipeline.joints.paper import initialise, paper_part
 from mam_pipeline.joints.ranker import WEIGHTS
 from mam_pipeline.joints.straight import turned_joint
+from mam_pipeline.joints.twins import with_alike_ranges
 from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import (
@@ -89,6 +90,7 @@ class EmbeddedSolver:
         moving = awake(tree)
         turned, whole = estimator.turned(moving), estimator.turned(tree)
         joints = [self._joint(estimator, turned, i) for i in topological_order(moving)]
+        joints = self._alike(estimator, turned, joints)
         asleep = [i for i, node in enumerate(tree.nodes) if node.dormant]
         sleeping = [self._joint(estimator, whole, i) for i in asleep]
         if estimator.rotation is not None:
@@ -106,6 +108,12 @@ class EmbeddedSolver:
         )  # fmt: skip
         links = tuple(_link(node, primitives) for node in moving.nodes)
         return Articulation(mesh, links, tuple(joints), dormant=dormant)
+
+    def _alike(
+        self, estimator: JointEstimator, tree: KinematicTree, joints: list[Joint]
+    ) -> list[Joint]:
+        """The joints of the tree after a look at each other."""
+        return with_alike_ranges(estimator, tree, joints)
 
     def _joint(self, estimator: JointEstimator, tree: KinematicTree, index: int) -> Joint:
         node = tree.nodes[index]
@@ -128,6 +136,11 @@ class PaperInitSolver(EmbeddedSolver):
     """The paper's initialisation (eq. 2-8) and limits, without its optimisation."""
 
     method: Method | None = None
+
+    def _alike(
+        self, estimator: JointEstimator, tree: KinematicTree, joints: list[Joint]
+    ) -> list[Joint]:
+        return joints
 
     @classmethod
     def weights(cls) -> list[Traversable]:
