@@ -18,6 +18,7 @@ import tyro
 
 from mam_pipeline import config_file
 from mam_pipeline.edited import check_ranges
+from mam_pipeline.errors import ConfigError
 from mam_sim.preset_files import values_of
 
 V = TypeVar("V", bound="Verb")
@@ -66,6 +67,7 @@ def parse(kind: type[Verb], prog: str, args: Sequence[str]) -> Verb:
     base = _varied(kind.start(args, values), args)
     said = _parsed(fill(base, values, file or ""), prog, args)
     _check_ranges(said)
+    _check_paths(said)
     home = said.home()
     if home is said:
         return said
@@ -115,6 +117,21 @@ def _check_ranges(options: Verb) -> None:
             check_ranges(value, "env." if f.name == "env" else "", flag=True)
     bare = {f.name: f for f in fields(options) if not is_dataclass(getattr(options, f.name))}
     check_ranges(options, flag=True, only=bare)
+
+
+def _check_paths(value: Any) -> None:
+    """Raise ConfigError where a path leads to something that is neither file nor folder.
+
+    Whoever opens a pipe or a device waits, or reads without end.
+    """
+    if is_dataclass(value) and not isinstance(value, type):
+        for f in fields(value):
+            _check_paths(getattr(value, f.name))
+    elif isinstance(value, list | tuple):
+        for inner in value:
+            _check_paths(inner)
+    elif isinstance(value, Path) and value.exists() and not (value.is_file() or value.is_dir()):
+        raise ConfigError(f"{value} is no ordinary file (a pipe, a device); save it to one first")
 
 
 def _parsed(base: Verb, prog: str, args: Sequence[str]) -> Verb:

@@ -11,7 +11,7 @@ from types import FrameType
 
 from mam_pipeline import folders
 
-GRACE = 10.0
+GRACE = 1.5
 """Seconds in which the exception must have ended the process; then it is ended."""
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import glob
+import fnmatch
 import hashlib
+import os
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from mam_pipeline.digests import file_digest
@@ -44,6 +45,50 @@ class Input:
         return f"{label[:80]}-{self.sha256[:8]}"
 
 
+@dataclass(frozen=True)
+class WalkLimits:
+    """How far inputs are looked for.
+
+    Attributes:
+        entries: of all folders together. deep: folders that may stand above another.
+    """
+
+    entries: int = 200_000
+    deep: int = 100
+
+
+WALK = WalkLimits()
+
+
+@dataclass
+class _Seen:
+    """What has been looked through: a folder or a list is read once, whatever links lead to it."""
+
+    folders: set[Path] = field(default_factory=set)
+    lists: set[Path] = field(default_factory=set)
+    entries: int = 0
+
+    def entries_of(self, folder: Path, deep: int) -> list[Path]:
+        """What lies in a folder, in order; nothing where it was looked through before.
+
+        Raises:
+            InputError: there is too much in all.
+        """
+        real = folder.resolve()
+        if real in self.folders:
+            return []
+        self.folders.add(real)
+        inside = []
+        with os.scandir(folder) as rows:
+            for row in rows:
+                self.entries += 1
+                if self.entries > WALK.entries or deep > WALK.deep:
+                    most = f"{WALK.entries} entries, or {WALK.deep} levels"
+                    raise InputError(f"{folder} leads to more than {most}; name a smaller folder")
+                inside.append(folder / row.name)
+        return sorted(inside)
+
+
 def find_inputs(words: Sequence[str]) -> list[Input]:
     """Files that are meant, each content and label once, in the order of the words.
 
@@ -57,9 +102,10 @@ def find_inputs(words: Sequence[str]) -> list[Input]:
         InputError: none of the words stands for anything.
     """
     found: dict[str, Input] = {}
-    for path, label, fault in _paths(words, Path(), ()):
-        item = _input(path, label, fault)
-        found.setdefault(item.name, item)
+    for word in words:
+        for path, label, fault in _paths([word], Path(), (), _Seen()):
+            item = _input(path, label, fault)
+            found.setdefault(item.name, item)
     faults = [item.fault for item in found.values()]
     if all(faults):
         raise InputError(faults[0] if faults else "the lists that were named hold no inputs")
@@ -80,27 +126,29 @@ def _input(path: Path, label: str, fault: str) -> Input:
 
 
 def _paths(
-    words: Sequence[str], base: Path, within: tuple[Path, ...]
+    words: Sequence[str], base: Path, within: tuple[Path, ...], seen: _Seen
 ) -> Iterator[tuple[Path, str, str]]:
     """(path, label, fault) of what the words stand for; within: lists that are being read."""
     for word in words:
         path = base / word
         try:
-            yield from _of_word(word, path, within)
+            yield from _of_word(word, path, within, seen)
         except InputError as error:
             yield path, path.stem, str(error)
         except OSError as error:
             yield path, path.stem, str(disk_error(error))
 
 
-def _of_word(word: str, path: Path, within: tuple[Path, ...]) -> Iterator[tuple[Path, str, str]]:
+def _of_word(
+    word: str, path: Path, within: tuple[Path, ...], seen: _Seen
+) -> Iterator[tuple[Path, str, str]]:
     """What one word stands for.
 
     Raises:
         InputError: nothing, or a list that cannot be read.
     """
     if path.is_dir():
-        some = [(p, _label(p, path), "") for p in sorted(_walk(path, pictures=True))]
+        some = [(p, _label(p, path), "") for p in sorted(_walk(path, _Seen()))]
         if not some:
             raise InputError(f"no mesh, photo or URDF in {path} (assets are passed over)")
         yield from some
@@ -108,13 +156,15 @@ def _of_word(word: str, path: Path, within: tuple[Path, ...]) -> Iterator[tuple[
         own = path.resolve()
         if own in within:
             raise InputError(f"the list {path} names itself")
-        yield from _paths(_lines(path), path.parent, (*within, own))
+        if own in seen.lists:
+            return
+        seen.lists.add(own)
+        yield from _paths(_lines(path), path.parent, (*within, own), seen)
     elif path.is_file():
         yield path, path.stem, ""
     elif any(c in word for c in "*?["):
-        files = [Path(p) for p in sorted(glob.glob(str(path), recursive=True))]
         fixed = Path(*[p for p in _before_pattern(path)])
-        files = [p for p in files if p.is_file()]
+        files = sorted(_fitting(fixed, path.parts[len(fixed.parts) :]))
         if not files:
             raise InputError(f"no file fits {word!r}")
         yield from ((p, _label(p, fixed), "") for p in files)
@@ -141,14 +191,47 @@ def _before_pattern(path: Path) -> Iterator[str]:
         yield part
 
 
+def _fitting(folder: Path, pattern: tuple[str, ...]) -> Iterator[Path]:
+    """Files below a folder that fit a pattern, each folder looked through once."""
+    if not folder.is_dir():
+        return
+    levels = WALK.deep + 1 if "**" in pattern else len(pattern)
+    seen, left = _Seen(), [(folder, 1)]
+    while left:
+        at, deep = left.pop()
+        for entry in seen.entries_of(at, deep):
+            if entry.name.startswith(".") and not pattern[-1].startswith("."):
+                continue
+            if entry.is_dir():
+                left += [(entry, deep + 1)] if deep < levels else []
+            elif entry.is_file() and _fits(entry.relative_to(folder).parts, pattern):
+                yield entry
+
+
+def _fits(parts: Sequence[str], pattern: Sequence[str]) -> bool:
+    """Whether a path fits a pattern, of which ** stands for any folders."""
+
+    def reached(steps: set[int]) -> set[int]:
+        for i in range(len(pattern)):
+            steps |= {i + 1} if i in steps and pattern[i] == "**" else set()
+        return steps
+
+    at = reached({0})
+    for part in parts:
+        inside = [i for i in at if i < len(pattern)]
+        stay = {i for i in inside if pattern[i] == "**"}
+        at = reached(stay | {i + 1 for i in inside if fnmatch.fnmatchcase(part, pattern[i])})
+    return len(pattern) in at
+
+
 def _label(path: Path, base: Path) -> str:
     return "-".join(path.relative_to(base).with_suffix("").parts)
 
 
-def _walk(folder: Path, pictures: bool) -> Iterator[Path]:
+def _walk(folder: Path, seen: _Seen, pictures: bool = True, deep: int = 1) -> Iterator[Path]:
     if (folder / "asset.json").is_file():
         return
-    inside = sorted(p for p in folder.iterdir() if not p.name.startswith("."))
+    inside = [p for p in seen.entries_of(folder, deep) if not p.name.startswith(".")]
     files = [p for p in inside if p.is_file()]
     urdfs = [p for p in files if p.suffix.lower() in SIMULATED]
     if urdfs:
@@ -161,7 +244,7 @@ def _walk(folder: Path, pictures: bool) -> Iterator[Path]:
         yield from (p for p in files if p.suffix.lower() in PHOTOS)
     for inner in inside:
         if inner.is_dir():
-            yield from _walk(inner, pictures)
+            yield from _walk(inner, seen, pictures, deep + 1)
 
 
 def content_digest(path: Path) -> str:

@@ -61,6 +61,20 @@ MOST_PARTS = 300
 
 
 @dataclass(frozen=True)
+class HintLimits:
+    """What a hints file can hold.
+
+    Attributes:
+        bytes: of the file; half a million faces to cut fit in.
+    """
+
+    bytes: int = 4 << 20
+
+
+LIMITS = HintLimits()
+
+
+@dataclass(frozen=True)
 class HintBox:
     """Axis-aligned box, metres, asset frame."""
 
@@ -133,6 +147,9 @@ def load_hints(path: str | Path, shown: str | Path | None = None) -> Hints:
     file = Path(path)
     if not file.is_file():
         raise ConfigError(f"no hints file at {shown or file}")
+    if file.stat().st_size > LIMITS.bytes:
+        most = LIMITS.bytes >> 20
+        raise ConfigError(f"{shown or file} is larger than {most} MiB; name fewer faces to cut")
     return _hints(read_yaml(file, shown))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import pytest
@@ -106,3 +107,14 @@ def test_what_a_file_may_hold(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ConfigError) as caught:
         load_hints(tmp_path / "bad.yaml")
     assert message in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_file_of_many_faces_passes_and_one_of_megabytes_fails_unread(tmp_path: Path) -> None:
+    row = "[" + ", ".join(["1000001"] * 1000) + "],"
+    for name, rows in (("pass", 20), ("fail", 500)):
+        (tmp_path / f"cut_{name}.yaml").write_text(f"cut: [{row * rows}]\n")
+    assert len(load_hints(tmp_path / "cut_pass.yaml").cut) == 20
+    began = time.process_time()
+    with pytest.raises(ConfigError, match=r"cut_fail.yaml is larger than 4 MiB; name fewer faces"):
+        load_hints(tmp_path / "cut_fail.yaml")
+    assert time.process_time() - began < 0.2

@@ -19,9 +19,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mam_pipeline.errors import HintNeeded, NotThisKind
-from mam_pipeline.photo.image import read_photo
-from mam_pipeline.photo.options import PhotoOptions
+from mam_pipeline.errors import ConfigError, HintNeeded, NotThisKind
+from mam_pipeline.hints import parse_hints
+from mam_pipeline.photo.find import find_object
+from mam_pipeline.photo.image import make_photo, read_photo
+from mam_pipeline.photo.options import PhotoOptions, parse_options
 from mam_pipeline.photo.reconstruct import reconstruct_photo
 from mam_sim.cli import main
 
@@ -229,3 +231,25 @@ def test_a_whole_photo_fits_in_a_gigabyte() -> None:
         [sys.executable, "-c", script, str(photo)], capture_output=True, text=True, check=True
     )
     assert int(done.stdout) < 1024
+
+
+FAR = (-1e9, -1e9, 1e9, -1e9, 1e9, 1e9, -1e9, 1e9)
+BESIDE = (-40.0, -30.0, 440.0, -30.0, 440.0, 400.0, -40.0, 400.0)
+
+
+@pytest.mark.parametrize("by", ["flag", "hints"])
+def test_corners_of_a_front_may_lie_beside_the_photo_and_not_far_from_it(by: str) -> None:
+    """A front that reaches over the edge is cut by it; one of kilometres would be drawn in full."""
+    photo = make_photo(np.asarray(example(), dtype=np.uint8))
+    for corners in (BESIDE, FAR):
+        given: dict[str, object] = {"front": corners}
+        if by == "hints":
+            body = {"name": "body", "kind": "body",
+                    "box": {"center": [0, 0, 0.4], "size": [0.4, 0.5, 0.8]}}  # fmt: skip
+            given = {"hints": parse_hints({"photo_front": list(corners), "parts": [body]})}
+        options = parse_options(given)
+        if corners is FAR:
+            with pytest.raises(ConfigError, match="far from the photo"):
+                find_object(photo, options)
+        else:
+            assert np.isfinite(find_object(photo, options).quad).all()

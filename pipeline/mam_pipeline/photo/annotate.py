@@ -22,7 +22,7 @@ from mam_pipeline.errors import ConfigError, MamSimError
 from mam_pipeline.hints import save_hints
 from mam_pipeline.local_page import HOST, is_own
 from mam_pipeline.photo.build import BodySpec, CellSpec, HandleSpec, build_object
-from mam_pipeline.photo.find import Found, find_object
+from mam_pipeline.photo.find import Found, check_near, find_object
 from mam_pipeline.photo.image import Photo, read_photo
 from mam_pipeline.photo.measure import jpeg
 from mam_pipeline.photo.options import PhotoOptions, parse_options
@@ -34,8 +34,6 @@ MAX_BODY = 1_000_000
 """Bytes of a request."""
 PATIENCE = 10.0
 """Seconds in which a request must have arrived."""
-NEAR = 1.0
-"""Corners lie at most so many widths or heights of the photo outside it."""
 MOST_PANELS = 200
 Unit = Annotated[float, Range(-1, 2)]
 Rect = tuple[Unit, Unit, Unit, Unit]
@@ -90,7 +88,7 @@ class Annotation:
         """What is on the photo; with `front` (8 pixels) the corners are taken as given."""
         options = self.options
         if front is not None:
-            self._near(front)
+            check_near(self.photo, front)
             options = parse_options({"front": list(front)})
             options = replace(self.options, front=options.front)
         found = find_object(self.photo, options)
@@ -107,15 +105,6 @@ class Annotation:
             "out": str(self.out),
         }
 
-    def _near(self, front: Sequence[float]) -> None:
-        """Raise ConfigError for corners that lie far from the photo."""
-        size = [v / self.photo.scale for v in self.photo.size]
-        for k, value in enumerate(front):
-            side = size[k % 2]
-            if not -NEAR * side <= value <= (1 + NEAR) * side:
-                where = f"{size[0]:.0f} x {size[1]:.0f}"
-                raise ConfigError(f"a corner lies at {value:.4g}, far from the photo ({where})")
-
     def save(self, state: Mapping[str, Any]) -> str:
         """Write the hints file from a page's state; returns the next command.
 
@@ -123,7 +112,7 @@ class Annotation:
             ConfigError: numbers are missing, or corners or rectangles that cannot be.
         """
         spec, front = spec_of_state(state)
-        self._near(front)
+        check_near(self.photo, front)
         _, hints = build_object(spec)
         save_hints(replace(hints, photo_front=front), self.out)
         self.saved += 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import cv2
@@ -28,6 +29,8 @@ Array = NDArray[np.float64]
 Window = tuple[int, int, int, int]  # x0, y0, x1, y1 in small pixels
 ROOM = 0.08  # of the side of what the user points at: around it more of the photo is looked at
 LEAST_WINDOW = 400  # pixels
+NEAR = 1.0
+"""Corners lie at most so many widths or heights of the photo outside it."""
 SEEN_SHARE = 0.06  # of the visible area: a depth seen more obliquely is not seen
 HELD = 0.03  # rise of the cost with a wrong depth from which the depth counts as measured
 THIN = 0.03  # of the photo's side: thinner slivers make no texture
@@ -72,11 +75,27 @@ class Found:
         return "observed" if self.depth_hold >= HELD else "inferred"
 
 
+def check_near(photo: Photo, corners: Sequence[float]) -> None:
+    """Raise ConfigError for corners x, y, x, y ... in pixels of the file that lie far from it."""
+    size = [v / photo.scale for v in photo.size]
+    for k, value in enumerate(corners):
+        side = size[k % 2]
+        if not -NEAR * side <= value <= (1 + NEAR) * side:
+            where = f"{size[0]:.0f} x {size[1]:.0f}"
+            raise ConfigError(f"a corner lies at {value:.4g}, far from the photo ({where})")
+
+
 def find_object(photo: Photo, options: PhotoOptions) -> Found:
-    """Box, front and what is on it; `options` in pixels of the file are scaled here."""
+    """Box, front and what is on it; `options` in pixels of the file are scaled here.
+
+    Raises:
+        ConfigError: corners of the front that lie far from the photo.
+    """
     if options.hints is not None and options.hints.photo_front:
+        check_near(photo, options.hints.photo_front)
         return found_in_hints(photo, options.hints)
     if options.front is not None:
+        check_near(photo, [v for corner in options.front for v in corner])
         return _from_front(photo, options)
     told = told_mask(photo, options.mask)
     window = _window(photo, options, told)
