@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from mam_pipeline.errors import BackendError, MamSimError
+from mam_pipeline.guarded import Limits, guarded
 from mam_pipeline.types import FloatArray, IntArray
 
 LONGEST = 300.0  # seconds that an attempt may take
@@ -75,8 +76,9 @@ def attempt(asset: Path, joint: str, robot: str = "panda") -> Attempt:
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "attempt.npz"
         command = [sys.executable, "-m", "mam_policies.attempt", str(asset), joint, robot, str(out)]
+        watched = guarded(command, Limits(LONGEST))
         try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST)
+            done = subprocess.run(watched, capture_output=True, text=True, timeout=LONGEST)
         except subprocess.TimeoutExpired as error:
             raise BackendError(f"the robot was not done after {LONGEST:.0f} s") from error
         if out.is_file():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import shutil
@@ -15,6 +16,7 @@ from typing import Any
 
 import torch
 
+from mam_pipeline.guarded import Limits, guarded
 from mam_pipeline.optional import require
 from mam_policies.lerobot.dataset import IMAGES, REPO_ID
 from mam_policies.run import TrainingError
@@ -69,18 +71,23 @@ def train_policy(
     folder.parent.mkdir(parents=True, exist_ok=True)
     said: list[str] = []
     around = {k: v for k, v in os.environ.items() if k != "HF_HUB_OFFLINE" or not config.download}
+    watched = guarded(command, Limits(math.inf, math.inf))  # it ends with us, however we end
     with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
+        watched, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
         env=around,
     ) as process:  # fmt: skip
-        for line in process.stdout or ():
-            said = [*said[-30:], line.rstrip()]
-            found = re.search(r"step:([\d.]+)([KM]?) .*loss:([\d.]+)", line)
-            if found:
-                size = {"": 1, "K": 1e3, "M": 1e6}[found[2]]
-                done = float(found[1]) * size / config.steps
-                update(min(done, 1.0), f"loss {found[3]}")
-                _keep_last(folder / "checkpoints")
+        try:
+            for line in process.stdout or ():
+                said = [*said[-30:], line.rstrip()]
+                found = re.search(r"step:([\d.]+)([KM]?) .*loss:([\d.]+)", line)
+                if found:
+                    size = {"": 1, "K": 1e3, "M": 1e6}[found[2]]
+                    done = float(found[1]) * size / config.steps
+                    update(min(done, 1.0), f"loss {found[3]}")
+                    _keep_last(folder / "checkpoints")
+        except BaseException:  # stopped: waiting for its end would take hours
+            process.terminate()
+            raise
     _keep_last(folder / "checkpoints")
     if process.returncode != 0 or not policy.is_dir():
         words = next((s for s in reversed(said) if s.strip()), "it said nothing")
