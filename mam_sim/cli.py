@@ -100,7 +100,10 @@ def verb_class(verb: str) -> type[Verb]:
 
 def _usage() -> str:
     width = max(map(len, VERBS))
-    lines = ["usage: mam-sim VERB [ARGUMENTS]   (mam-sim VERB --help tells more)", ""]
+    lines = [
+        "usage: mam-sim VERB [ARGUMENTS]   (VERB --help tells more, --help-all everything)",
+        "",
+    ]
     lines += [f"  {verb:<{width}}  {text}" for verb, (_, text) in VERBS.items()]
     return "\n".join(lines)
 

@@ -12,6 +12,7 @@ import re
 import textwrap
 import types
 import typing
+from contextvars import ContextVar
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Union
@@ -24,6 +25,16 @@ from tyro.constructors import (
     StructTypeInfo,
 )
 
+USUAL: dict[str, tuple[str, ...]] = {
+    "MakeConfig": ("up", "facing", "height", "scale", "hints", "what", "reconstructor"),
+    "EngineConfig": ("segmenter", "prior", "reasoner", "solver", "seed"),
+    "PhotoConfig": ("front", "layout", "accept_low_confidence"),
+    "ModelConfig": ("vlm_model", "max_cost"),
+    "Rules": (),
+}
+"""Settings that --help shows of a section, by its class; of others all, of environments none."""
+SHORT: ContextVar[bool] = ContextVar("short", default=False)
+"""Whether only what people use is shown, and taken."""
 WORDS = {int: "INT", float: "FLOAT", str: "TEXT", Path: "PATH"}
 REPEATED = ("accept",)
 """Flags that take one value and may be repeated."""
@@ -40,13 +51,27 @@ def _dataclass(info: StructTypeInfo) -> StructConstructorSpec | None:
     specs = [
         StructFieldSpec(
             name=f.name,
-            type=_repeated(hints[f.name]) if f.name in REPEATED else _with_word(hints[f.name]),
+            type=_shown(info.type, f.name, hints[f.name], getattr(info.default, f.name)),
             default=getattr(info.default, f.name),
             helptext=said.get(f.name),
         )
         for f in fields(info.type)
     ]
     return StructConstructorSpec(instantiate=info.type, fields=tuple(specs))
+
+
+def _shown(kind: type, name: str, hint: Any, value: Any) -> Any:
+    """The type of a field as tyro is to see it; hidden where it is not usual."""
+    if SHORT.get() and not is_dataclass(value) and not is_usual(kind, name):
+        return Annotated[hint, tyro.conf.Suppress]
+    return _repeated(hint) if name in REPEATED else _with_word(hint)
+
+
+def is_usual(kind: type, name: str) -> bool:
+    """Whether --help shows a setting; --help-all shows all."""
+    if kind.__name__ in USUAL:
+        return name in USUAL[kind.__name__]
+    return not kind.__module__.startswith("mam_envs.")
 
 
 def sentences(kind: type) -> dict[str, str]:

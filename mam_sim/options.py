@@ -23,6 +23,7 @@ from mam_sim.preset_files import values_of
 
 V = TypeVar("V", bound="Verb")
 
+SHORT_HELP, LONG_HELP = "--help", "--help-all"
 PIXELS = ("bbox", "front")
 """Flags that take a row of pixels."""
 
@@ -135,10 +136,27 @@ def _check_paths(value: Any) -> None:
 
 
 def _parsed(base: Verb, prog: str, args: Sequence[str]) -> Verb:
-    from mam_sim.flags import REGISTRY
+    from mam_sim.flags import REGISTRY, SHORT
 
     words = spread(args)
-    return tyro.cli(type(base), prog=prog, args=words, default=base, registry=REGISTRY)
+    asked = _help_of(words)
+    if asked is None:
+        return tyro.cli(type(base), prog=prog, args=words, default=base, registry=REGISTRY)
+    token = SHORT.set(asked == SHORT_HELP)
+    try:
+        return tyro.cli(type(base), prog=prog, args=["--help"], default=base, registry=REGISTRY)
+    finally:
+        SHORT.reset(token)
+        if asked == SHORT_HELP:
+            print(f"{prog} {LONG_HELP} shows all options")
+
+
+def _help_of(args: Sequence[str]) -> str | None:
+    """Which help an argument asks for, if one does."""
+    words = args[: args.index("--")] if "--" in args else args
+    if LONG_HELP in words:
+        return LONG_HELP
+    return SHORT_HELP if {"-h", SHORT_HELP} & set(words) else None
 
 
 def fill(base: V, values: Mapping[str, Any], source: str | Path = "") -> V:

@@ -169,11 +169,24 @@ def test_every_scale_of_the_reward_has_a_flag() -> None:
 
 
 def test_help_says_each_sentence_in_one_piece(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["make-env", "--help"]) == 0
+    assert main(["make-env", "--help-all"]) == 0
     said = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert "PART PICTURE, or PART and words, of which an image endpoint" in said
     assert "--height FLOAT Height of the object, metres." in said and "{None}" not in said
     assert "--env.randomisation.damping FLOAT FLOAT factors on the joint's values." in said
+
+
+def test_help_shows_what_people_use_and_says_where_the_rest_is(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["make-env", "--env.reward.reach", "2", "--help"]) == 0
+    said = capsys.readouterr().out
+    assert "--height FLOAT" in said and "--robot TEXT" in said
+    assert "--env.reward" not in said and "--closed-fronts" not in said
+    assert said.count("│ --") < 30
+    assert said.rstrip().endswith("mam-sim make-env --help-all shows all options")
+    # what it does not show is taken all the same
+    assert options("make-env", "x.glb", "--no-abstain").pipeline.engine.rules.abstain is False  # type: ignore[attr-defined]
 
 
 def test_the_bench_is_configured_in_the_same_way(tmp_path: Path) -> None:

@@ -57,7 +57,7 @@ def test_flags_go_before_the_environment(monkeypatch: pytest.MonkeyPatch) -> Non
 
 @pytest.mark.parametrize("verb", ["make-env", "articulate", "bench"])
 def test_help_names_them(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([verb, "--help"]) == 0
+    assert main([verb, "--help-all"]) == 0
     said = capsys.readouterr().out
     for flag in (
         "--max-cost",
