@@ -3,8 +3,8 @@
 #   docker build -t mam-sim .
 #   docker run --rm --user "$(id -u):$(id -g)" -v "$PWD":/work mam-sim make-env photo.jpg --out nightstand
 #
-# PyTorch's default wheels bring several GB of CUDA libraries. To leave them out, give the address of
-# PyTorch's CPU wheels:   docker build --build-arg TORCH_INDEX_URL=... -t mam-sim .
+# PyTorch's default wheels bring several GB of CUDA libraries. To leave them out, give the address of an
+# index with PyTorch's CPU wheels:   docker build --build-arg MAM_SIM_TORCH_INDEX=... -t mam-sim .
 FROM python:3.11-slim
 
 ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignore
@@ -15,9 +15,9 @@ COPY scripts/system_packages.sh scripts/
 RUN bash scripts/system_packages.sh && rm -rf /var/lib/apt/lists/*
 
 # torch first: it is the largest layer and changes least
-ARG TORCH_INDEX_URL=
+ARG MAM_SIM_TORCH_INDEX=
 COPY constraints.txt ./
-RUN pip install -c constraints.txt ${TORCH_INDEX_URL:+--extra-index-url "$TORCH_INDEX_URL" --prefer-binary} torch torchvision
+RUN pip install -c constraints.txt ${MAM_SIM_TORCH_INDEX:+--extra-index-url "$MAM_SIM_TORCH_INDEX" --prefer-binary} torch torchvision
 
 # The compiler is for the few packages without wheels, and leaves with the same layer. opencv-python
 # (wanted by sapien) and opencv-python-headless own the same folder: the headless one stays alone.

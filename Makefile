@@ -1,15 +1,18 @@
-# make demo: set up and run the main job.  make test: set up and pass the tests.
+# make demo: set up what the main job needs and run it.  make test: set up everything and pass the tests.
 # make test-fast: the tests that need neither the simulator nor training.
 # make docs: build the documentation into site/; a warning is an error.
-.PHONY: setup demo test test-fast lint docs clean
+.PHONY: setup setup-demo demo test test-fast lint docs clean
 VENV := .venv/bin
 export HF_HUB_OFFLINE ?= 1
 export NO_MKDOCS_2_WARNING = 1
 
 setup:
-	@bash scripts/setup.sh
+	@bash scripts/setup.sh dev
 
-demo: setup
+setup-demo:
+	@bash scripts/setup.sh demo
+
+demo: setup-demo
 	@$(VENV)/python scripts/demo.py
 
 test: setup

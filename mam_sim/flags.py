@@ -26,7 +26,7 @@ from tyro.constructors import (
 )
 
 USUAL: dict[str, tuple[str, ...]] = {
-    "MakeConfig": ("up", "facing", "height", "scale", "hints", "what", "reconstructor"),
+    "MakeConfig": ("up", "facing", "height", "scale", "hints", "what", "accept", "reconstructor"),
     "EngineConfig": ("segmenter", "prior", "reasoner", "solver", "seed"),
     "PhotoConfig": ("front", "layout", "accept_low_confidence"),
     "ModelConfig": ("vlm_model", "max_cost"),

@@ -59,7 +59,7 @@ class Doctor(Verb):
     def run(self) -> int:
         """Look at everything and print a line for each."""
         findings = [*_python(), *_packages(), *_system(), *_gpu(), *_backends(), *_models()]
-        findings += [*_plugins(), *_keys()]
+        findings += [*_plugins(), *_keys(), *_sizes()]
         if self.json:
             Screen().json([asdict(f) for f in findings])
         else:
@@ -234,6 +234,16 @@ def _models() -> list[Finding]:
         fix = "\n".join((*model.commands, f"see {model.page}"))
         out.append(Finding("models", model.name, state, found.ok, fix=fix))
     return out
+
+
+def _sizes() -> list[Finding]:
+    """What the installed packages take, the largest part first."""
+    from mam_sim.installed_size import size_by_part
+
+    found = size_by_part()
+    rows = sorted(found.items(), key=lambda row: -row[1])
+    rows.append(("total", sum(found.values())))
+    return [Finding("disk", part, f"{size / 1e9:.2f} GB", True) for part, size in rows]
 
 
 def _keys() -> list[Finding]:
