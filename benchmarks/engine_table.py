@@ -153,9 +153,15 @@ def row_of(wanted: Wanted, found: Measured, commit: str) -> dict[str, Any]:
         name += ", nothing withheld"
     return {
         "id": wanted.id, "name": name, "values": values, "command": found.command,
-        "commit": commit, "machine": machine(), "models": found.models,
+        "commit": commit, "machine": machine(), "models": models_of(found),
         **({"readme": True} if wanted.readme else {}),
     }  # fmt: skip
+
+
+def models_of(found: Measured) -> dict[str, Any]:
+    """What a row says of its models: whether none saw the source, and the sources of each."""
+    sources = {one["room"]: ", ".join(one["trained_on"]) for one in found.models["weights"]}
+    return {"unseen": found.unseen, "trained_on": sources}
 
 
 def machine() -> str:

@@ -86,8 +86,8 @@ def origins(table: Mapping[str, Any]) -> str:
 
 def trained_on(row: Mapping[str, Any]) -> str:
     """The sources of all models of a row; a dash where it records none."""
-    weights = row.get("models", {}).get("weights", ())
-    return ", ".join(sorted({source for one in weights for source in one["trained_on"]})) or "–"
+    sources = row.get("models", {}).get("trained_on", {}).values()
+    return ", ".join(sorted({name for some in sources for name in some.split(", ")})) or "–"
 
 
 def readme(text: str) -> str:

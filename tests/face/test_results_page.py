@@ -19,6 +19,10 @@ import engine_table  # noqa: E402
 import results_page  # noqa: E402
 from code_state import State  # noqa: E402
 
+from mam_pipeline.metrics import score  # noqa: E402
+from mam_sim.bench.runner import Record  # noqa: E402
+from mam_world.truth import generated_truth  # noqa: E402
+
 TABLES = sorted(
     file.stem for file in results_page.RESULTS.glob("*.json")
     if "columns" in json.loads(file.read_text(encoding="utf-8"))
@@ -100,7 +104,7 @@ def test_a_shallow_clone_and_no_clone_say_so(history: tuple[Path, str], tmp_path
 ROW: dict[str, Any] = {
     "id": "a", "name": "three doors", "values": {"mIoU": 0.5}, "command": "c", "machine": "m",
     "commit": "abc1234", "readme": True,
-    "models": {"unseen": True, "weights": [{"room": "joints", "trained_on": ["generated"]}]},
+    "models": {"unseen": True, "trained_on": {"joints": "generated", "parts": "dev, generated"}},
 }  # fmt: skip
 PRINTED = {"id": "p", "name": "paper", "values": {"mIoU": 0.86}, "command": "printed",
            "machine": "", "commit": None, "readme": True}  # fmt: skip
@@ -146,7 +150,7 @@ def test_the_site_marks_rows_of_other_code(tmp_path: Path, monkeypatch: pytest.M
         "| again · *older code* | seen in training | 0.50 |",
         "| paper |  | 0.86 |",
     ]
-    assert "| `abc1234` older code | m | generated |" in results_page.origins(table)
+    assert "| `abc1234` older code | m | dev, generated |" in results_page.origins(table)
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -162,6 +166,19 @@ def test_every_row_says_its_origin(name: str) -> None:
 def test_what_rows_depend_on_is_there(name: str) -> None:
     for path in results_page.load(name)["paths"]:
         assert (ROOT / path.removeprefix(":!")).exists(), path
+
+
+@pytest.fixture
+def dataset_records() -> list[Record]:
+    """A box with a door that was found, one without that got a joint, and one that got none."""
+    truth = generated_truth("cabinet_one_door", 3)
+    right = truth.truth_articulation()
+    still = replace(truth, links=truth.links[:1], joints=(), face_link=truth.face_link * 0)
+    pairs = [(right, truth), (right, still), (None, still)]
+    return [
+        Record(str(k), "box", "k", "ok", "", score(found, true), 1.0, {}, 1, 1, None)
+        for k, (found, true) in enumerate(pairs)
+    ]
 
 
 WANTED = engine_table.Wanted("dev", "objects", "dev", ("--named",), readme=True)
@@ -205,6 +222,17 @@ def test_a_row_is_only_written_for_what_it_says(
         wanted = replace(WANTED, shipped=shipped)
         assert engine_table.one_row(wanted, [tmp_path], None, 1, tmp_path) == row
         assert runs == []
+
+
+def test_a_row_counts_objects_that_move_and_those_that_do_not(
+    dataset_records: list[Record],
+) -> None:
+    models = {"unseen": False, "weights": [{"room": "joints", "trained_on": ["generated", "dev"]}]}
+    got = engine_table.Measured(tuple(dataset_records), models, "mam-sim bench DEV")
+    row = engine_table.row_of(WANTED, got, "abc1234")
+    assert row["name"] == "1 objects" and row["values"]["false joints"] == "1 of 2"
+    assert row["values"]["mIoU"] == 1.0 and row["commit"] == "abc1234" and row["readme"]
+    assert row["models"] == {"unseen": False, "trained_on": {"joints": "generated, dev"}}
 
 
 def test_rows_keep_the_order_of_the_table() -> None:
