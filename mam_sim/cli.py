@@ -86,7 +86,11 @@ def main(argv: list[str] | None = None) -> int:
 def _refused(error: MamSimError) -> int:
     """Say what is wrong in its sentence; the traceback too where MAM_SIM_DEBUG is set."""
     if os.environ.get("MAM_SIM_DEBUG"):
-        raise error
+        import traceback
+
+        from mam_pipeline.secrets import masked
+
+        print(masked("".join(traceback.format_exception(error))), file=sys.stderr)
     print(f"mam-sim: {error}", file=sys.stderr)
     return error.exit_code
 

@@ -21,6 +21,7 @@ import yaml
 from mam_pipeline import folders
 from mam_pipeline.edited import read_yaml, shown, value_as
 from mam_pipeline.errors import ConfigError
+from mam_pipeline.secrets import bare_url, masked
 
 T = TypeVar("T")
 
@@ -64,7 +65,10 @@ def save(config: Any, file: Path) -> None:
 
 
 def plain(value: Any) -> Any:
-    """`value` as YAML holds it: dataclasses as mappings, tuples as lists, paths made absolute."""
+    """`value` as YAML holds it: dataclasses as mappings, tuples as lists, paths made absolute.
+
+    Secrets are masked, and URLs lose user, password and keys.
+    """
     if is_dataclass(value) and not isinstance(value, type):
         return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, Mapping):
@@ -73,6 +77,8 @@ def plain(value: Any) -> Any:
         return [plain(v) for v in value]
     if isinstance(value, Path):
         return str(value.absolute())
+    if isinstance(value, str):
+        return bare_url(masked(value))
     if isinstance(value, np.generic):
         return value.item()
     return value

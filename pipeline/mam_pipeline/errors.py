@@ -8,11 +8,19 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from mam_pipeline.secrets import masked
+
 
 class MamSimError(Exception):
-    """Root of every error that mam-sim raises on purpose; `exit_code` is the process status."""
+    """Root of every error that mam-sim raises on purpose; `exit_code` is the process status.
+
+    Secrets are masked in what it says, whoever repeated them.
+    """
 
     exit_code = 1
+
+    def __str__(self) -> str:
+        return masked(super().__str__())
 
 
 class InputError(MamSimError):

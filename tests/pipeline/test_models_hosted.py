@@ -32,6 +32,7 @@ from mam_pipeline.models.hosted import (
 from mam_pipeline.models.hosted_task import HostedTask, Service
 from mam_pipeline.models.image_to_mesh import finish
 from mam_pipeline.models.ledger import one_ledger
+from mam_pipeline.secrets import Secret
 
 GLB = trimesh.creation.box().export(file_type="glb")
 PICTURE = b"\x89PNG a photo"
@@ -417,7 +418,7 @@ def test_pauses_grow_and_end_with_the_limit(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setenv("MAM_SIM_TIMEOUT", "900")
     monkeypatch.setattr(hosted_caller, "FIRST_PAUSE", 2.0)
     monkeypatch.setattr(time, "sleep", rests.append)
-    caller = hosted_caller.Caller("x", "http://127.0.0.1:9", {}, "X")
+    caller = hosted_caller.Caller("x", "http://127.0.0.1:9", Secret(""), "Key", "X")
     for _ in range(8):
         caller.wait()
     assert rests[0] == 2 and rests == sorted(rests) and rests[-1] == 15

@@ -15,6 +15,7 @@ from mam_pipeline.models import consent, settings
 from mam_pipeline.models.hosted import SERVICES
 from mam_pipeline.models.space import SpaceReconstructor
 from mam_pipeline.optional import has, install_command
+from mam_pipeline.secrets import bare_url
 
 RUNNERS = Path(__file__).resolve().parent / "runners"
 
@@ -133,7 +134,9 @@ def find(model: Model) -> Found:
         return Found(False, f"not set up ({model.variable} is not set)")
     if runner.url is not None:
         answers = _knock(runner.url)
-        return Found(answers, f"{runner.url} {'answers' if answers else 'does not answer'}")
+        return Found(
+            answers, f"{bare_url(runner.url)} {'answers' if answers else 'does not answer'}"
+        )
     if shutil.which(runner.command[0]) is None:
         return Found(False, f"{model.variable} names {runner.command[0]!r}: no such executable")
     missing = [a for a in runner.command[1:] if a.endswith(".py") and not Path(a).is_file()]
@@ -153,9 +156,9 @@ def _endpoint() -> Found:
         return Found(False, f"{package}; neither OPENAI_API_KEY nor OPENAI_BASE_URL is set")
     model = settings.text("MAM_SIM_VLM_MODEL", "gpt-4o")
     if url and not _knock(url):
-        return Found(False, f"{package}, {model}: {url} does not answer")
+        return Found(False, f"{package}, {model}: {bare_url(url)} does not answer")
     offer = consent.model_offer()
-    who = f"{model} at {url or 'api.openai.com'}" if offer is None else offer.who
+    who = f"{model} at {bare_url(url) or 'api.openai.com'}" if offer is None else offer.who
     if consent.allowed(who, "MAM_SIM_ALLOW_MODEL"):
         auto = "auto asks it"
     else:

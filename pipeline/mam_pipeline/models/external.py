@@ -22,6 +22,7 @@ from typing import Any
 from mam_pipeline.backends import Availability
 from mam_pipeline.errors import BackendError
 from mam_pipeline.models import settings
+from mam_pipeline.secrets import bare_url, masked
 
 MAX_ANSWER = 2 << 30
 _TAIL = 1500
@@ -35,7 +36,7 @@ def availability(variable: str, licence: str, page: str) -> Availability:
     if found.command and shutil.which(found.command[0]) is None:
         why = f"{variable} names {found.command[0]!r}, which is not an executable here"
         return Availability(False, why, "", licence)
-    return Availability(True, "", found.url or found.command[0], licence)
+    return Availability(True, "", bare_url(found.url or found.command[0]), licence)
 
 
 def call(variable: str, task: str, request: Mapping[str, Any], inbox: Path, outbox: Path) -> None:
@@ -79,7 +80,7 @@ def _as_process(command: list[str], limit: float) -> None:
         message = f"{name} gave no answer within {limit:g} s (MAM_SIM_TIMEOUT)"
         raise BackendError(message) from late
     if process.returncode:
-        why = said.strip()[-_TAIL:] or "it said nothing"
+        why = masked(said.strip())[-_TAIL:] or "it said nothing"
         if process.returncode in (-9, 137):
             why = f"it was killed, most likely for memory; {why}"
         raise BackendError(f"{name} failed with status {process.returncode}: {why}")
@@ -102,7 +103,7 @@ def _over_http(url: str, task: str, inbox: Path, outbox: Path, limit: float) -> 
     except requests.RequestException as error:
         raise BackendError(f"{url} cannot be reached: {error}") from error
     if answer.status_code >= 400:
-        said = answer.text.strip()[-_TAIL:]
+        said = masked(answer.text.strip())[-_TAIL:]
         raise BackendError(f"{url} answered {answer.status_code}: {said or 'nothing more'}")
     unpack(answer.content, outbox, url)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
@@ -12,6 +12,7 @@ import requests
 
 from mam_pipeline.errors import BackendError
 from mam_pipeline.models import settings
+from mam_pipeline.secrets import Secret, bare_url, masked
 
 MOST_MESH, MOST_ANSWER = 256 << 20, 16 << 20  # bytes
 FAULTS = 5  # in a row that are waited out
@@ -39,9 +40,10 @@ class _Later(Exception):
 class Caller:
     """Speaks HTTP with one service: its key, one time limit for all, bounded answers."""
 
-    def __init__(self, title: str, base: str, headers: Mapping[str, str], key: str) -> None:
-        """`key` names the environment's variable whose value is in `headers`."""
-        self.title, self.base, self.headers, self.key = title, base, dict(headers), key
+    def __init__(self, title: str, base: str, key: Secret, scheme: str, variable: str) -> None:
+        """`scheme` goes before the key in its header; `variable` of the environment holds it."""
+        self.title, self.base, self.key, self.scheme = title, base, key, scheme
+        self.variable = variable
         self.limit = settings.number("MAM_SIM_TIMEOUT", 900)
         self.deadline = time.monotonic() + self.limit
         self._pause = min(FIRST_PAUSE, self.limit / 20)
@@ -90,9 +92,11 @@ class Caller:
         """
         there, base = urlsplit(url), urlsplit(self.base)
         if there.scheme != base.scheme:
-            raise BackendError(f"{self.title} names a mesh at {url[:200]}, which is not fetched")
-        headers = self.headers if there.netloc == base.netloc else {}
-        status, data = self._patiently(lambda: self._send("GET", url, headers, MOST_MESH))
+            raise BackendError(
+                f"{self.title} names a mesh at {short(bare_url(url))}, which is not fetched"
+            )
+        own = there.netloc == base.netloc
+        status, data = self._patiently(lambda: self._send("GET", url, own, MOST_MESH))
         if status >= 400:
             raise BackendError(f"the mesh of {self.title} cannot be fetched: status {status}")
         return data
@@ -110,7 +114,7 @@ class Caller:
 
     def _json(self, method: str, path: str, **content: Any) -> dict[str, Any]:
         url = self.base + path
-        status, data = self._send(method, url, self.headers, MOST_ANSWER, **content)
+        status, data = self._send(method, url, True, MOST_ANSWER, **content)
         try:
             body = json.loads(data)
         except ValueError:
@@ -122,12 +126,15 @@ class Caller:
         return body
 
     def _send(
-        self, method: str, url: str, headers: Mapping[str, str], most: int, **content: Any
+        self, method: str, url: str, own: bool, most: int, **content: Any
     ) -> tuple[int, bytes]:
+        """Status and content; the key goes along where the URL is the service's own."""
+        known = own and bool(self.key)
+        headers = {"Authorization": f"{self.scheme} {self.key.reveal()}"} if known else {}
         times = (min(10.0, self.rest()), self.rest())
         try:
             with requests.request(
-                method, url, headers=dict(headers), timeout=times, stream=True, **content
+                method, url, headers=headers, timeout=times, stream=True, **content
             ) as answer:
                 data = bytearray()
                 for chunk in answer.iter_content(1 << 16):
@@ -139,10 +146,10 @@ class Caller:
         except requests.Timeout as error:
             raise _Later(f"{self.title} gave no answer in time") from error
         except requests.RequestException as error:
-            raise _Later(f"{self.title} cannot be reached: {self.plain(error)}") from error
+            raise _Later(f"{self.title} cannot be reached: {short(error)}") from error
 
     def _refuse(self, status: int, body: Any) -> None:
-        said = self.plain(_said(body))
+        said = short(_said(body))
         said = f": {said}" if said else ""
         if status == 429:
             why = f"{self.title} takes no more requests at present (429{said}); try again later"
@@ -150,17 +157,14 @@ class Caller:
         if status >= 500:
             raise _Later(f"{self.title} has a fault of its own ({status}{said})")
         if status == 401:
-            raise BackendError(f"{self.title} does not accept the key in {self.key} (401{said})")
+            raise BackendError(
+                f"{self.title} does not accept the key in {self.variable} (401{said})"
+            )
         if status == 402:
             raise BackendError(f"the account at {self.title} has no credit left (402{said})")
         if status == 403:
             raise BackendError(f"{self.title} refuses this key or account (403{said})")
         raise Refused(f"{self.title} refused the request ({status}{said})")
-
-    def plain(self, text: Any) -> str:
-        """One short line that does not show the key."""
-        key = self.headers.get("Authorization", "").rpartition(" ")[2]
-        return short(str(text).replace(key, "...") if key else text)
 
 
 def dig(answer: Any, path: str) -> Any:
@@ -185,5 +189,5 @@ def _said(body: Any) -> str:
 
 
 def short(text: Any) -> str:
-    """Whatever was said, as one line of at most 300 letters."""
-    return " ".join(str(text).split())[:300]
+    """Whatever was said, as one line of at most 300 letters, without secrets."""
+    return " ".join(masked(str(text)).split())[:300]

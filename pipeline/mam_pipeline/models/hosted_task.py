@@ -96,8 +96,8 @@ class HostedTask:
         if not state.ok:
             raise BackendError(f"{service.title} cannot be used: {state.why}")
         self.service = service
-        headers = {"Authorization": f"{service.scheme} {settings.text(service.key)}"}
-        self.caller = Caller(service.title, service.base, headers, service.key)
+        key = settings.secret(service.key)
+        self.caller = Caller(service.title, service.base, key, service.scheme, service.key)
 
     def mesh(self, picture: bytes, seed: int) -> bytes:
         """A PNG's mesh as a GLB, from the folder of meshes where it was paid before.

@@ -25,6 +25,7 @@ from mam_pipeline.formats.mesh_files import load_mesh
 from mam_pipeline.hints import Hints
 from mam_pipeline.models import external, settings
 from mam_pipeline.photo.fused import body_of, cut_from_photo
+from mam_pipeline.secrets import bare_url, masked
 
 TENCENT = "Tencent community licence: not in the EU, the UK and South Korea, outputs included"
 
@@ -41,7 +42,7 @@ class HunyuanReconstructor:
         if found is None or found.url is None:
             why = f"set {cls.variable} to the server's URL (docs/guides/foundation-models.md)"
             return Availability(False, why, "", TENCENT)
-        return Availability(True, "", found.url, TENCENT)
+        return Availability(True, "", bare_url(found.url), TENCENT)
 
     def reconstruct(self, photo: Path, options: Mapping[str, Any]) -> Reconstruction:
         """Photo to mesh by the server; see the module's text for what happens to the mesh.
@@ -153,7 +154,7 @@ def ask_server(url: str, request: Mapping[str, Any]) -> bytes:
     job = _json(lambda: requests.post(f"{url}/send", json=request, timeout=(10, limit)), url)
     uid = job.get("uid")
     if not isinstance(uid, str) or not uid.replace("-", "").isalnum():
-        raise BackendError(f"{url} gave no job number: {str(job)[:200]}")
+        raise BackendError(f"{url} gave no job number: {masked(str(job))[:200]}")
     pause = min(2.0, limit / 10)
     while time.monotonic() < deadline:
         state = _json(lambda: requests.get(f"{url}/status/{uid}", timeout=(10, 60)), url)
@@ -182,7 +183,9 @@ def _json(send, url: str) -> dict[str, Any]:  # type: ignore[no-untyped-def]
         body = {}
     if answer.status_code >= 400:
         said = body.get("text") if isinstance(body, dict) else None
-        raise BackendError(f"{url} answered {answer.status_code}: {said or answer.text[:300]}")
+        raise BackendError(
+            f"{url} answered {answer.status_code}: {said or masked(answer.text)[:300]}"
+        )
     if not isinstance(body, dict):
         raise BackendError(f"{url} sent no JSON object")
     return body

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import os
 import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
@@ -125,7 +124,8 @@ def imagined(words: str) -> bytes:
     Raises:
         BackendError: no endpoint, or it failed.
     """
-    if not (os.environ.get("OPENAI_API_KEY") or settings.text("OPENAI_BASE_URL")):
+    key = settings.secret("OPENAI_API_KEY")
+    if not (key or settings.text("OPENAI_BASE_URL")):
         raise BackendError(
             f"there is no picture {words.split(',')[0]!r}, and to make one of words needs an "
             "image endpoint: OPENAI_API_KEY, or --vlm-url"
@@ -134,7 +134,7 @@ def imagined(words: str) -> bytes:
     import openai
 
     client = openai.OpenAI(
-        api_key=os.environ.get("OPENAI_API_KEY") or "none",
+        api_key=key.reveal() or "none",
         base_url=settings.text("OPENAI_BASE_URL") or None,
         timeout=settings.number("MAM_SIM_TIMEOUT", 900),
     )

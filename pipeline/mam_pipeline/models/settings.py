@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mam_pipeline.errors import ConfigError
+from mam_pipeline.secrets import Secret, bare_url
 
 DOCS = {
     "MAM_SIM_P3SAM": "command or http(s) URL of a P3-SAM runner",
@@ -119,7 +120,14 @@ def given(values: Mapping[str, str | None]) -> Iterator[None]:
 
 def text(variable: str, default: str = "") -> str:
     """A setting: what was `given`, or the environment's."""
-    return ((_GIVEN.get() or {}).get(variable) or os.environ.get(variable, "")).strip() or default
+    said = ((_GIVEN.get() or {}).get(variable) or os.environ.get(variable, "")).strip()
+    bare_url(said)  # what a URL holds of secrets is masked from now on
+    return said or default
+
+
+def secret(variable: str) -> Secret:
+    """A key that was set."""
+    return Secret(text(variable))
 
 
 def content_digest(place: Path | None, name: str) -> str:

@@ -18,10 +18,11 @@ from mam_pipeline.errors import BackendError
 from mam_pipeline.models import consent, settings
 from mam_pipeline.models.consent import Offer
 from mam_pipeline.models.hosted import picture_to_send
-from mam_pipeline.models.hosted_caller import Caller, is_url
+from mam_pipeline.models.hosted_caller import Caller, is_url, short
 from mam_pipeline.models.hosted_task import PAGE, keep, kept_places
 from mam_pipeline.models.image_to_mesh import finish, whole_glb
 from mam_pipeline.optional import has, install_command
+from mam_pipeline.secrets import bare_url
 
 MESHES = ("model3d", "file", "downloadbutton")  # components that hold a mesh file
 HERE = ("localhost", "127.0.0.1", "::1")
@@ -40,12 +41,13 @@ class SpaceReconstructor:
         if not has("gradio_client"):
             why = f"the package gradio_client is not installed: {install_command('gradio_client')}"
             return Availability(False, why, "", licence)
-        return Availability(True, "", settings.text("MAM_SIM_SPACE"), licence)
+        return Availability(True, "", bare_url(settings.text("MAM_SIM_SPACE")), licence)
 
     @classmethod
     def options(cls) -> str:
         """The Space and its endpoint, which decide the mesh."""
-        return f"{settings.text('MAM_SIM_SPACE')} {settings.text('MAM_SIM_SPACE_API')}".strip()
+        space = bare_url(settings.text("MAM_SIM_SPACE"))
+        return f"{space} {settings.text('MAM_SIM_SPACE_API')}".strip()
 
     @classmethod
     def offer(cls) -> Offer | None:
@@ -53,7 +55,9 @@ class SpaceReconstructor:
         space = settings.text("MAM_SIM_SPACE")
         if urlsplit(space).hostname in HERE:
             return None
-        return Offer(f"the Space {space}", settings.text("MAM_SIM_SPACE_API", "its model"), 0.0)
+        return Offer(
+            f"the Space {bare_url(space)}", settings.text("MAM_SIM_SPACE_API", "its model"), 0.0
+        )
 
     def reconstruct(self, photo: Path, options: Mapping[str, Any]) -> Reconstruction:
         """Photo to mesh by the Space.
@@ -82,17 +86,16 @@ def ask_space(space: str, picture: bytes, seed: int) -> bytes:
     """
     import gradio_client
 
-    title, token = f"the Space {space}", settings.text("HF_TOKEN") or None
-    headers = {"Authorization": f"Bearer {token}"} if token else {}
+    title, token = f"the Space {bare_url(space)}", settings.secret("HF_TOKEN")
     job: Any = None
     with tempfile.TemporaryDirectory(prefix="mam-space-") as scratch:
         file = Path(scratch, "photo.png")
         file.write_bytes(picture)
-        caller = Caller(title, "https://", headers, "HF_TOKEN")
+        caller = Caller(title, "https://", token, "Bearer", "HF_TOKEN")
         try:
             client = gradio_client.Client(
                 space,
-                token=token,
+                token=token.reveal() or None,
                 verbose=False,
                 download_files=False,
                 analytics_enabled=False,
@@ -110,7 +113,7 @@ def ask_space(space: str, picture: bytes, seed: int) -> bytes:
         except BackendError:
             raise
         except Exception as error:  # the client and the Space fail in many ways
-            said = caller.plain(error) or type(error).__name__
+            said = short(error) or type(error).__name__
             raise BackendError(f"{title} failed: {said}") from error
     caller.base = client.src
     links = [url for url in urls(answer) if urlsplit(url).path.lower().endswith(".glb")]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-import os
 import re
 import time
 from collections.abc import Callable, Sequence
@@ -18,6 +17,7 @@ from mam_pipeline.models import settings
 from mam_pipeline.models.ledger import Ledger, current, price_of, tokens_of
 from mam_pipeline.optional import require
 from mam_pipeline.render import pictures
+from mam_pipeline.secrets import masked
 
 Labelled = tuple[tuple[str, pictures.Picture], ...]
 
@@ -99,7 +99,7 @@ class OpenAITransport:
         self.ledger = current()
         default = Path("~/.cache/mam-sim/answers").expanduser()
         self.cache = settings.folder("MAM_SIM_VLM_CACHE", default)
-        key = os.environ.get("OPENAI_API_KEY") or "none"  # local servers take any key
+        key = settings.secret("OPENAI_API_KEY").reveal() or "none"  # local servers take any key
         limit = settings.number("MAM_SIM_TIMEOUT", 900)
         self.client = openai.OpenAI(
             api_key=key,
@@ -167,14 +167,14 @@ class OpenAITransport:
             raise BackendError("the endpoint sent an empty answer")
         choice = answer.choices[0]
         if declined := getattr(choice.message, "refusal", None):
-            raise BackendError(f"the model declined to answer: {str(declined)[:200]}")
+            raise BackendError(f"the model declined to answer: {masked(str(declined))[:200]}")
         if choice.finish_reason == "length":
             raise _TakesLess(f"the answer was cut off after {self._tokens} tokens")
         if choice.finish_reason == "content_filter":
             raise BackendError("a filter of the endpoint withheld the answer")
         if not choice.message.content:
             raise BackendError("the endpoint sent an empty answer")
-        return str(choice.message.content), usage
+        return masked(str(choice.message.content)), usage
 
     def _wishes(self, question: Question) -> dict[str, Any]:
         """What is asked of the endpoint beside the question, without what it has refused."""

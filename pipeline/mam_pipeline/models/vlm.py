@@ -27,6 +27,7 @@ from mam_pipeline.models.transports import FileTransport, OpenAITransport, Quest
 from mam_pipeline.optional import has, install_command
 from mam_pipeline.parts.settle import settled
 from mam_pipeline.render import orbit_views as views
+from mam_pipeline.secrets import bare_url
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import IntArray, KinematicTree, Mesh, Primitives
 
@@ -44,7 +45,8 @@ class VlmReasoner:
     @classmethod
     def options(cls) -> str:
         """The model, and where it answers."""
-        return f"{settings.text('MAM_SIM_VLM_MODEL', 'gpt-4o')} {settings.text('OPENAI_BASE_URL')}"
+        url = bare_url(settings.text("OPENAI_BASE_URL"))
+        return f"{settings.text('MAM_SIM_VLM_MODEL', 'gpt-4o')} {url}"
 
     @classmethod
     def available(cls) -> Availability:

@@ -1,0 +1,158 @@
+"""No key or password is printed or written, also where an endpoint repeats it in its error."""
+
+from __future__ import annotations
+
+import json
+import logging
+import pickle
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mam_pipeline import config_file
+from mam_pipeline.errors import BackendError
+from mam_pipeline.make_config import MakeConfig
+from mam_pipeline.models import consent, external, photo_reader, settings
+from mam_pipeline.models.catalogue import ENDPOINT, find
+from mam_pipeline.models.hosted import SERVICES
+from mam_pipeline.models.hosted_task import HostedTask
+from mam_pipeline.models.image_to_mesh import HunyuanReconstructor, ask_server
+from mam_pipeline.models.retexture import imagined
+from mam_pipeline.models.settings import ModelConfig
+from mam_pipeline.models.transports import OpenAITransport, Question
+from mam_pipeline.models.vlm import VlmReasoner
+from mam_pipeline.secrets import VARIABLES, Secret, bare_url, masked
+
+KEYS = {name: f"canary-{name.lower()}-1" for name in VARIABLES}
+LOGIN, QUERY = "canary-user:canary-pass", "canary-query"
+QUESTION = Question("q", "system", "text", lambda: (), {"type": "object"})
+
+
+@pytest.fixture
+def echo(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[str]:
+    """An endpoint whose every error repeats all that it was sent; the user's keys are canaries."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def _do(self) -> None:
+            self.rfile.read(int(self.headers.get("Content-Length") or 0))
+            said = f"wrong: {self.path} {dict(self.headers)} {KEYS} {LOGIN} {QUERY}"
+            body = json.dumps(
+                {"error": {"message": said}, "message": said, "text": said, "detail": said}
+            ).encode()
+            self.send_response(400)
+            self.send_header("Content-Type", "application/json")
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
+        do_GET = do_POST = _do
+
+        def log_message(self, format: str, *args: Any) -> None: ...
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    for name, value in KEYS.items():
+        monkeypatch.setenv(name, value)
+    address = f"127.0.0.1:{server.server_port}"
+    monkeypatch.setenv("OPENAI_BASE_URL", f"http://{LOGIN}@{address}/v1?key={QUERY}")
+    monkeypatch.setenv("MAM_SIM_HUNYUAN3D", f"http://{LOGIN}@{address}/?key={QUERY}")
+    monkeypatch.setenv("MAM_SIM_P3SAM", f"http://{LOGIN}@{address}/run?token={QUERY}")
+    monkeypatch.setenv("MAM_SIM_SPACE", f"http://{LOGIN}@{address}/?key={QUERY}")
+    monkeypatch.setenv("MAM_SIM_VLM_CACHE", str(tmp_path / "answers"))
+    monkeypatch.setenv("MAM_SIM_MESH_CACHE", str(tmp_path / "meshes"))
+    monkeypatch.setenv("MAM_SIM_ALLOW_UPLOAD", "1")
+    monkeypatch.setenv("MAM_SIM_TIMEOUT", "10")
+    yield f"http://{address}"
+    server.shutdown()
+    server.server_close()
+
+
+def _runner(folder: Path) -> None:
+    (folder / "in").mkdir()
+    external.call("MAM_SIM_P3SAM", "segment", {}, folder / "in", folder / "out")
+
+
+def _space(_folder: Path) -> None:
+    pytest.importorskip("gradio_client", reason="the extra of Spaces is not installed")
+    from mam_pipeline.models.space import ask_space
+
+    ask_space(settings.text("MAM_SIM_SPACE"), b"png", 0)
+
+
+def _server(_folder: Path) -> None:
+    found = settings.runner(HunyuanReconstructor.variable)
+    assert found is not None and found.url is not None
+    ask_server(found.url, {})
+
+
+ADAPTERS: dict[str, Callable[[Path], Any]] = {
+    "vlm": lambda _: OpenAITransport().ask(QUESTION),
+    "photo reader": lambda _: photo_reader.transport("vlm").ask(QUESTION),
+    "retexture by words": lambda _: imagined("oak"),
+    "server": _server,
+    "runner": _runner,
+    "space": _space,
+}
+
+
+def clean(*texts: str) -> None:
+    """Fail where a canary is in a text."""
+    for text in texts:
+        assert "canary" not in text.lower().replace("openai_api_key", "")
+
+
+@pytest.mark.parametrize("name", [*ADAPTERS, *(s.name for s in SERVICES)])
+def test_a_key_that_is_repeated_in_an_error_is_masked(
+    name: str, echo: str, tmp_path: Path,
+    capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture,
+) -> None:  # fmt: skip
+    caplog.set_level(logging.INFO)
+    if name in ADAPTERS:
+        ask = ADAPTERS[name]
+    else:
+        service = replace(next(s for s in SERVICES if s.name == name), base=echo)
+
+        def ask(_: Path) -> Any:
+            consent.need(service.offer())
+            return HostedTask(service).mesh(b"png", 0)
+
+    with pytest.raises(BackendError) as caught:
+        ask(tmp_path)
+    said = capfd.readouterr()
+    clean(str(caught.value), said.out, said.err)
+    kept = [f for f in tmp_path.rglob("*") if f.is_file()]
+    clean(*(f.read_bytes().decode("latin-1") for f in kept))
+
+
+def test_what_is_kept_and_shown_of_settings_is_bare(echo: str, tmp_path: Path) -> None:
+    url = f"https://{LOGIN}@host:8443/v1?api-version=2&key={QUERY}#canary-part"
+    config = MakeConfig(what="canary-openai_api_key-1", models=ModelConfig(vlm_url=url, space=url))
+    config_file.save({"pipeline": config}, tmp_path / "config.yaml")
+    text = (tmp_path / "config.yaml").read_text()
+    clean(text, VlmReasoner.options(), find(ENDPOINT).text)
+    assert "https://host:8443/v1?api-version=2" in text
+    clean(
+        str(HunyuanReconstructor.available()), str(external.availability("MAM_SIM_P3SAM", "", ""))
+    )
+
+
+def test_a_secret_never_shows() -> None:
+    secret = Secret("canary-of-its-own/+")
+    clean(str(secret), repr(secret), f"{secret:>30}", str([secret]), json.dumps(str(secret)))
+    with pytest.raises(TypeError):
+        pickle.dumps(secret)
+    assert secret.reveal() == "canary-of-its-own/+" and not Secret("")
+    clean(masked("x canary-of-its-own/+ canary-of-its-own%2F%2B"), str(BackendError(secret)))
+    clean(str(BackendError(f"it said {secret.reveal()}")))
+
+
+@pytest.mark.parametrize(
+    "text", ["a note: no URL", "owner/name", "http://host:1/v1", "", "see x://y"]
+)
+def test_other_texts_stay_as_they_are(text: str) -> None:
+    assert bare_url(text) == text
