@@ -25,6 +25,15 @@ def ask(question: str, yes: bool) -> None:
     sys.stdin.readline()
 
 
+def answered_yes(question: str) -> bool:
+    """Whether a person at a terminal says yes; False where there is none."""
+    if not sys.stdin.isatty():
+        return False
+    print(f"{question}\nTake it as it is? [y/N] ", end="", file=sys.stderr)
+    sys.stderr.flush()
+    return sys.stdin.readline().strip().lower() in ("y", "yes")
+
+
 def ask_upload(source: Path, reconstructor: str) -> None:
     """Say who would get a photo and at what price, and ask once whether it may be sent.
 

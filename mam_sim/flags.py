@@ -20,13 +20,28 @@ from typing import Annotated, Any, Union
 import tyro
 from tyro.constructors import (
     ConstructorRegistry,
+    PrimitiveConstructorSpec,
     StructConstructorSpec,
     StructFieldSpec,
     StructTypeInfo,
 )
 
+from mam_pipeline.edited import Length
+from mam_pipeline.errors import ConfigError
+from mam_pipeline.lengths import metres
+
 USUAL: dict[str, tuple[str, ...]] = {
-    "MakeConfig": ("up", "facing", "height", "scale", "hints", "what", "accept", "reconstructor"),
+    "MakeConfig": (
+        "up",
+        "facing",
+        "height",
+        "scale",
+        "hints",
+        "what",
+        "accept",
+        "yes",
+        "reconstructor",
+    ),
     "EngineConfig": ("segmenter", "prior", "reasoner", "solver", "seed"),
     "PhotoConfig": ("front", "layout", "accept_low_confidence"),
     "ModelConfig": ("vlm_model", "max_cost"),
@@ -64,7 +79,7 @@ def _shown(kind: type, name: str, hint: Any, value: Any) -> Any:
     """The type of a field as tyro is to see it; hidden where it is not usual."""
     if SHORT.get() and not is_dataclass(value) and not is_usual(kind, name):
         return Annotated[hint, tyro.conf.Suppress]
-    return _repeated(hint) if name in REPEATED else _with_word(hint)
+    return _repeated(hint) if name in REPEATED else _with_word(hint, name)
 
 
 def is_usual(kind: type, name: str) -> bool:
@@ -110,8 +125,10 @@ def _repeated(kind: Any) -> Any:
     return Annotated[kind, tyro.conf.UseAppendAction, tyro.conf.arg(metavar=WORDS[str])]
 
 
-def _with_word(kind: Any) -> Any:
+def _with_word(kind: Any, name: str) -> Any:
     """The type of text or of an optional value, with the word for it in the help."""
+    if _is_length(kind):
+        return Annotated[kind, _length(name)]
     if kind is str:
         return Annotated[str, tyro.conf.arg(metavar=WORDS[str])]
     if typing.get_origin(kind) not in (Union, types.UnionType):
@@ -124,6 +141,32 @@ def _with_word(kind: Any) -> Any:
     if not all(k in WORDS for k in many):
         return kind
     return Annotated[kind, tyro.conf.arg(metavar=" ".join(WORDS[k] for k in many))]
+
+
+def _is_length(kind: Any) -> bool:
+    """Whether an annotation is that of a length, or of one or none."""
+    inner = typing.get_args(kind) if typing.get_origin(kind) is not Annotated else (kind,)
+    return any(k == Length for k in inner)
+
+
+def _length(name: str) -> PrimitiveConstructorSpec[Any]:
+    """How tyro reads the length of a field."""
+
+    def read(words: list[str]) -> float | None:
+        if words == ["None"]:
+            return None
+        try:
+            return float(metres(words[0]))
+        except ValueError as error:
+            raise ConfigError(f"--{name.replace('_', '-')} {error}") from None
+
+    return PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="LENGTH",
+        instance_from_str=read,
+        is_instance=lambda value: value is None or isinstance(value, int | float),
+        str_from_instance=lambda value: [str(value)],
+    )
 
 
 def _bare(kind: Any) -> Any:

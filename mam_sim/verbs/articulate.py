@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,15 +13,17 @@ import numpy as np
 from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_pipeline.asset.card import Asset
+from mam_pipeline.claims import PICTURE, is_ours, png_mark
 from mam_pipeline.errors import BackendError, MamSimError
 from mam_pipeline.formats.mesh_files import files_kept
 from mam_pipeline.formats.placement import Decision
+from mam_pipeline.lengths import UnusualSize
 from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.models.ledger import Ledger, one_ledger
 from mam_pipeline.models.settings import given
 from mam_pipeline.optional import has
 from mam_pipeline.run import make_asset
-from mam_sim.asking import ask_upload, with_model
+from mam_sim.asking import answered_yes, ask_upload, with_model
 from mam_sim.console import Screen
 from mam_sim.options import Verb, carried
 
@@ -74,9 +76,16 @@ class Articulate(Verb):
 
 
 def make(source: Path, out: Path, config: MakeConfig, on_stage: Callable[[str], None]) -> Asset:
-    """`make_asset`, with the pictures of a refused photo written beside `out`."""
+    """`make_asset`, with the pictures of a refused photo written beside `out`.
+
+    On a terminal, an unusual size is asked about.
+    """
     try:
         return make_asset(source, out, config, on_stage)
+    except UnusualSize as error:
+        if not answered_yes(str(error)):
+            raise
+        return make(source, out, replace(config, yes=True), on_stage)
     except MamSimError as error:
         pictures: Mapping[str, Any] = getattr(error, "pictures", {})
         if not pictures:
@@ -87,7 +96,10 @@ def make(source: Path, out: Path, config: MakeConfig, on_stage: Callable[[str], 
         out.parent.mkdir(parents=True, exist_ok=True)
         for label, picture in pictures.items():
             path = out.parent / f"{out.name}-{label}.png"
-            Image.fromarray(np.asarray(picture)).save(path)
+            if path.exists() and not is_ours(path, PICTURE):
+                continue
+            shown = Image.fromarray(np.asarray(picture))
+            shown.save(path, format="PNG", pnginfo=png_mark())
             written.append(str(path))
         raise type(error)(f"{error}\n  see {', '.join(written)}") from error
 

@@ -25,6 +25,7 @@ from pydantic import ValidationError as _Refusal
 from pydantic_core import PydanticCustomError, core_schema
 
 from mam_pipeline.errors import ConfigError, InputError
+from mam_pipeline.lengths import metres
 
 Place = tuple[str | int, ...]
 
@@ -118,7 +119,8 @@ def _direction(value: tuple[float, float, float]) -> tuple[float, float, float]:
 Finite = Annotated[float, Range(-1e9, 1e9)]
 NotNegative = Annotated[float, Range(0, 1e9)]
 Positive = Annotated[float, Range(0, 1e9, above=True)]
-Length = Annotated[float, Range(0, 1000, above=True)]
+Length = Annotated[float, BeforeValidator(metres), Range(0, 1000, above=True)]
+"""Metres, which may be written with a unit: 55cm."""
 Share = Annotated[float, Range(0, 1)]
 Index = Annotated[int, Range(0, 2**31)]
 Count = Annotated[int, Range(1, 1e9)]

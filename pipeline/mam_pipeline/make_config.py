@@ -51,9 +51,11 @@ class MakeConfig:
     facing: Literal["auto", Axis] = "auto"
     """Direction of the source's axes in which its front looks."""
     height: Length | None = None
-    """Height of the object, metres."""
+    """Height of the object: 55cm, 22in; a bare number is metres."""
     scale: Positive | None = None
     """Metres per unit of the source; give this or the height."""
+    yes: bool = False
+    """Take the size as it is given, however unusual."""
     hints: Path | None = None
     """YAML file with what you know about the parts."""
     accept: tuple[str, ...] = ()

@@ -7,6 +7,7 @@ turned to the front, gets interiors, and is written and checked. `make_asset` is
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -26,6 +27,7 @@ from mam_pipeline.formats.suffixes import MESHES, PHOTOS
 from mam_pipeline.geometry.front import front_of, moved
 from mam_pipeline.geometry.stand_in import restored, stand_in
 from mam_pipeline.hints import Hints, load_hints
+from mam_pipeline.lengths import ask_unusual
 from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.models import settings
 from mam_pipeline.models.ledger import one_ledger
@@ -250,7 +252,7 @@ def read_source(source: Path, kind: str, config: MakeConfig, stages: Stages) -> 
             note = coupling_note(source, made)
             notes = (note,) if note else ()
             return Source(kind, made.mesh, np.eye(4), 1.0, "urdf", articulation=made, notes=notes)
-        from mam_pipeline.evidence.read import spec_of, usual_size
+        from mam_pipeline.evidence.read import kind_named, spec_of, usual_size
         from mam_pipeline.formats.mesh_files import load_mesh
 
         usual = usual_size(source, config.what, config.names)
@@ -258,6 +260,8 @@ def read_source(source: Path, kind: str, config: MakeConfig, stages: Stages) -> 
             source, up=config.up, height=config.height, scale=config.scale,
             usual=None if usual is None else usual[1],
         )  # fmt: skip
+        given = {"height": config.height, "scale": config.scale}
+        _size_asked(got.mesh, given, config, kind_named(source, config.what, config.names), usual)
         spec = spec_of(
             got.mesh, source, got.source_to_asset, config.what, use_names=config.names
         )  # fmt: skip
@@ -267,7 +271,19 @@ def read_source(source: Path, kind: str, config: MakeConfig, stages: Stages) -> 
         )  # fmt: skip
 
 
+def _size_asked(
+    mesh: Mesh, given: Mapping[str, float | None], config: MakeConfig, name: str,
+    usual: Sequence[float] | None,
+) -> None:  # fmt: skip
+    """Ask about a size that the user gave, where such things are not of it."""
+    said = {flag: value for flag, value in given.items() if value is not None}
+    if said and not config.yes:
+        ask_unusual(float(np.ptp(mesh.vertices, axis=0).max()), said, name, usual)
+
+
 def _read_photo(source: Path, config: MakeConfig, stages: Stages) -> Source:
+    from mam_pipeline.evidence.read import named_size
+
     options = config.photo.given()
     if config.height is not None:
         options["height"] = config.height
@@ -278,6 +294,9 @@ def _read_photo(source: Path, config: MakeConfig, stages: Stages) -> Source:
 
         options = read_by_model(source, config.photo.reader, options)
     made = stages.reconstruct(source, options, config.reconstructor)
+    given = {name: options.get(name) for name in ("height", "width", "depth")}
+    name = str(options.get("category") or config.what or "").replace("_", " ")
+    _size_asked(made.mesh, given, config, *named_size(name))
     scale_from = "assumed" if "scale" in made.assumed else "user"
     shell = stages.makers["reconstructor"].name != "embedded"  # whose parts are built hollow
     spec = NOTHING

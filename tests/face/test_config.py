@@ -172,7 +172,10 @@ def test_help_says_each_sentence_in_one_piece(capsys: pytest.CaptureFixture[str]
     assert main(["make-env", "--help-all"]) == 0
     said = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert "PART PICTURE, or PART and words, of which an image endpoint" in said
-    assert "--height FLOAT Height of the object, metres." in said and "{None}" not in said
+    assert (
+        "--height LENGTH Height of the object: 55cm, 22in; a bare number is metres." in said
+        and "{None}" not in said
+    )
     assert "--env.randomisation.damping FLOAT FLOAT factors on the joint's values." in said
 
 
@@ -213,7 +216,7 @@ def test_sections_of_other_verbs_are_passed_over(tmp_path: Path) -> None:
             "no setting 'heigth' in pipeline; did you mean 'pipeline.height'",
         ),
         ("segmenter: geometric", "did you mean 'pipeline.engine.segmenter'?"),
-        ("pipeline: {height: tall}", "pipeline.height must be a number, not 'tall'"),
+        ("pipeline: {height: tall}", "pipeline.height must be a length such as 0.55 (metres)"),
         ("pipeline: {up: w}", "pipeline.up must be one of auto, x, -x, y, -y, z, -z, not 'w'"),
         ("pipeline: [", "is not YAML"),
     ],

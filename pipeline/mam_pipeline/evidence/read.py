@@ -131,12 +131,21 @@ def _of_object(part: PartStatement, objects: Sequence[ObjectWord]) -> PartStatem
 def usual_size(source: Path, what: str | None = None, use_names: bool = True) -> Range | None:
     """Lowest, usual and highest largest side of such an object, metres; None where nobody says
     what it is."""
-    names = [what] if what else [source.stem] if use_names else []
-    for name in names:
-        word = object_of(name, Said("file name", name))
-        if word is not None:
-            return size_of_kind(word.word)
-    return None
+    name = kind_named(source, what, use_names)
+    return size_of_kind(name) if name else None
+
+
+def kind_named(source: Path, what: str | None = None, use_names: bool = True) -> str:
+    """The kind of object that the user, or else the file's name, says; "" where neither does."""
+    name = what or (source.stem if use_names else "")
+    word = object_of(name, Said("file name", name)) if name else None
+    return "" if word is None else word.word
+
+
+def named_size(what: str) -> tuple[str, Range | None]:
+    """The kind of object that words name, and its usual size (see `usual_size`)."""
+    word = object_of(what, Said("user", what)) if what else None
+    return ("", None) if word is None else (word.word, size_of_kind(word.word))
 
 
 def _unknown_words(what: str) -> str:

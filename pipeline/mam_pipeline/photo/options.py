@@ -14,6 +14,7 @@ import numpy as np
 from mam_pipeline.edited import Length
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.hints import Hints, load_hints
+from mam_pipeline.lengths import metres
 
 CATEGORY_NAMES = (
     "nightstand", "drawer_unit", "cabinet", "sideboard", "wardrobe", "bookcase", "desk", "safe",
@@ -52,9 +53,9 @@ class PhotoConfig:
     """What the front holds, row by row: "3 drawers", "2x3 drawers", "2 drawers / 2 doors"; columns
     of rows with |, as in "door | 4 drawers"."""
     width: Length | None = None
-    """Width of the object, metres."""
+    """Width of the object: 55cm, 22in; a bare number is metres."""
     depth: Length | None = None
-    """Depth of the object, metres."""
+    """Depth of the object: 55cm, 22in; a bare number is metres."""
     category: str | None = None
     """What it is: cabinet, fridge, microwave, oven, washing machine ..."""
     accept_low_confidence: bool = False
@@ -144,7 +145,10 @@ def _parse(key: str, value: Any) -> Any:
         return bool(value)
     if key == "hints":
         return value if isinstance(value, Hints) else load_hints(value)
-    length = _numbers(key, value, 1)[0]
+    try:
+        length = _numbers(key, metres(value), 1)[0]
+    except ValueError as error:
+        raise ConfigError(f"{key} {error}") from None
     if not 0.02 <= length <= 20:
         raise ConfigError(f"{key} must be metres between 0.02 and 20, got {value!r}")
     return length
