@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_envs.config import EnvConfig
-from mam_pipeline import config_file
-from mam_pipeline.edited import Range, Seed
+from mam_pipeline import config_file, folder_data
+from mam_pipeline.edited import Range, Seed, validated
 from mam_pipeline.errors import InputError
 from mam_policies.run import task_settings
 
@@ -125,8 +125,8 @@ class Collection:
     @property
     def names(self) -> Names:
         """Names of the vectors' entries."""
-        text = (self.folder / "attempts" / "names.json").read_text(encoding="utf-8")
-        return Names(**{k: tuple(v) for k, v in json.loads(text).items()})
+        names: Names = validated(Names, folder_data.read(self.folder / "attempts", "names.json"))
+        return names
 
     @property
     def kept(self) -> list[int]:

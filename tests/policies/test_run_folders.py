@@ -16,6 +16,7 @@ from safetensors.torch import save_file
 
 from mam_envs.config import EnvConfig
 from mam_pipeline.errors import InputError, MamSimError
+from mam_policies.collection import Collection, Names
 from mam_policies.mlp import MlpPolicy
 from mam_policies.run import EnvChoice, RunInfo, held_out
 from mam_sim.cli import main
@@ -179,3 +180,32 @@ def test_weights_of_any_sizes(seed: int, tmp_path_factory: pytest.TempPathFactor
     if rng.random() < 0.5:
         file.write_bytes(changed(file.read_bytes(), rng))
     ours(lambda: MlpPolicy.load(folder))
+
+
+def collected(folder: Path, claim: bytes, names: bytes) -> Path:
+    """A folder of demonstrations as far as its two claims go."""
+    (folder / "attempts").mkdir(parents=True)
+    (folder / "collect.json").write_bytes(claim)
+    (folder / "attempts" / "names.json").write_bytes(names)
+    return folder
+
+
+CLAIM, NAMES = (
+    b'{"collect": {}, "env": {}, "asset": "a"}',
+    b'{"state": ["q"], "action": [], "environment": []}',
+)
+
+
+def test_collection_pass(tmp_path: Path) -> None:
+    assert Collection.load(collected(tmp_path / "c", CLAIM, NAMES)).names == Names(("q",), (), ())
+
+
+@pytest.mark.parametrize(("claim", "names"), [
+    (b"[]", NAMES), (b"{}", NAMES), (b'{"collect": [], "env": {}, "asset": "a"}', NAMES),
+    (b'{"collect": {}, "env": 3, "asset": "a"}', NAMES), (CLAIM, b"[]"), (CLAIM, b"{}"),
+    (CLAIM, b'{"state": 3}'), (b"\xff", NAMES),
+])  # fmt: skip
+def test_collection_fail(claim: bytes, names: bytes, tmp_path: Path) -> None:
+    with pytest.raises(MamSimError) as caught:
+        print(Collection.load(collected(tmp_path / "c", claim, names)).names)
+    assert caught.value.exit_code == 2
