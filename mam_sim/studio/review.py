@@ -89,9 +89,9 @@ class Review:
         path = self.folder / FILE
         if not path.is_file():
             return []
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
         try:
+            with path.open(newline="", encoding="utf-8") as file:
+                rows = list(csv.DictReader(file))
             return [
                 Entry(
                     row["path"], float(row["doubt"]), row["why"],
@@ -99,7 +99,7 @@ class Review:
                 )
                 for row in rows
             ]  # fmt: skip
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, csv.Error) as error:
             raise InputError(f"{path} is not a review of the studio: {error!r}") from error
 
 
@@ -108,9 +108,8 @@ def doubt(card: AssetCard) -> tuple[float, str]:
     if not card.joints:
         asleep = ", ".join(joint.child for joint in card.likeliest)
         return 0.9, f"nothing moves; dormant: {asleep}" if asleep else "nothing moves"
-    verdict = card.checks.get("executability", {})
-    if not verdict.get("passed", True):
-        return 1.0, "; ".join(REASONS.get(r, r) for r in verdict["reasons"])
+    if card.executable is False:
+        return 1.0, "; ".join(REASONS.get(r, r) for r in card.check_reasons) or "the check fails"
     looked_at = [joint for joint in card.joints if joint.review]
     unsure = 1.0 - min(j.confidence if j.provenance != "user" else 1.0 for j in card.joints)
     if looked_at:
@@ -119,6 +118,8 @@ def doubt(card: AssetCard) -> tuple[float, str]:
 
 
 def _decision(text: str) -> Decision:
+    if text not in get_args(Decision):
+        raise ValueError(f"no decision is called {text!r}")
     return next(d for d in get_args(Decision) if d == text)
 
 

@@ -135,8 +135,8 @@ class View(Verb):
         closed, opened = motion_pictures(
             articulation, [0.0, 1.0], size, self.azimuth, self.elevation
         )  # fmt: skip
-        verdict = Asset.load(folder).card.checks.get("executability", {})
-        reasons = [] if verdict.get("passed", True) else verdict["reasons"]
+        card = Asset.load(folder).card
+        reasons = card.check_reasons if card.executable is False else ()
         count = sum(j.type != "fixed" for j in articulation.joints)
         return Shown(
             folder.name, link, picture_url(closed), picture_url(opened),

@@ -223,3 +223,14 @@ def test_a_folder_is_reviewed_in_order_of_doubt_and_goes_on_where_it_stopped(
     (tmp_path / "none").mkdir()
     with pytest.raises(InputError, match="holds no asset"):
         Review(tmp_path / "none")
+
+
+@pytest.mark.parametrize("executability", [
+    None, [], {}, {"passed": False}, {"passed": False, "reasons": 5}, {"passed": "no"},
+])  # fmt: skip
+def test_a_check_without_reasons_is_no_reason_to_stop(executability: object) -> None:
+    from mam_pipeline.asset.card import AssetCard
+    from mam_sim.studio.review import doubt
+
+    card = AssetCard("a", checks={"executability": executability})
+    assert doubt(card)[1] in ("the check fails", "nothing moves")

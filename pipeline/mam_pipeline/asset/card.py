@@ -173,6 +173,13 @@ class AssetCard:
         passed = found.get("passed") if isinstance(found, dict) else None
         return passed if isinstance(passed, bool) else None
 
+    @property
+    def check_reasons(self) -> tuple[str, ...]:
+        """Reason codes of the check that the asset was made with."""
+        found = self.checks.get("executability")
+        reasons = found.get("reasons") if isinstance(found, dict) else None
+        return tuple(r for r in reasons if isinstance(r, str)) if isinstance(reasons, list) else ()
+
     def save(self, folder: Path) -> None:
         """Write asset.json into `folder` (UTF-8, no NaN)."""
         text = json.dumps(_plain(asdict(self)), indent=1, allow_nan=False, sort_keys=False)
