@@ -1,4 +1,4 @@
-"""`python -m mam_training.labels ask | show | agree | dataset`: labels by eye."""
+"""`python -m mam_training.labels ask | show | agree | dataset | pack`: labels by eye."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from mam_pipeline.errors import MamSimError
 from mam_pipeline.models.motion_check import motion_sheets
 from mam_pipeline.render import pictures
 from mam_training.labels.ask import ask_all, items_of, read_item
+from mam_training.labels.ask import pack as pack_answers
 from mam_training.labels.dataset import agreement_table, labels_in, write_dataset
 from mam_training.labels.label import Label
 
@@ -81,12 +82,22 @@ def dataset(out: Positional[Path], corpus: Path, labels: Path = LABELS) -> int:
     return 0
 
 
+def pack(work: Positional[Path], archive: Positional[Path], by: str) -> int:
+    """Keep the answers of a folder of questions as one archive, without the pictures.
+
+    Args:
+        work: folder of questions and answers. archive: ZIP file to write. by: who answered.
+    """
+    print(f"{pack_answers(work, archive, by)} objects in {archive}")
+    return 0
+
+
 def main() -> int:
     """Run one of the commands; exit codes are those of mam-sim."""
     try:
         return int(
             tyro.extras.subcommand_cli_from_dict(
-                {"ask": ask, "show": show, "agree": agree, "dataset": dataset}
+                {"ask": ask, "show": show, "agree": agree, "dataset": dataset, "pack": pack}
             )
         )
     except MamSimError as error:

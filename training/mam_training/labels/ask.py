@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import csv
 import datetime
+import json
 import re
+import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from mam_pipeline import folders
 from mam_pipeline.digests import file_digest
 from mam_pipeline.errors import HintNeeded, InputError, MamSimError, unknown_name
 from mam_pipeline.geometry.stand_in import restored, stand_in
@@ -130,6 +133,23 @@ def ask_all(items: Sequence[Item], work: Path, by: str, labels: Path) -> int:
         if ": labelled" not in said and code != 2:
             code = 3
     return code
+
+
+def pack(work: Path, archive: Path, by: str) -> int:
+    """The answers of a folder of questions as one archive, without the pictures; how many objects.
+
+    Kept of each object are its answers, what each is about, and the pieces that were shown. In
+    `about.json` stands who answered.
+    """
+    kept = ("answer.json", "subject.txt", "pieces.npz", "notes.json")
+    objects = sorted(p for p in work.iterdir() if any(p.glob("*/answer.json")))
+    with folders.new_file(archive) as place, zipfile.ZipFile(place, "w", zipfile.ZIP_LZMA) as out:
+        out.writestr("about.json", json.dumps({"by": by, "objects": [p.name for p in objects]}))
+        for folder in objects:
+            for file in sorted(folder.rglob("*")):
+                if file.name in kept:
+                    out.write(file, file.relative_to(work).as_posix())
+    return len(objects)
 
 
 def _solved(mesh: Mesh, primitives: Primitives, tree: KinematicTree) -> Articulation | None:
