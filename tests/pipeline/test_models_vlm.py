@@ -6,6 +6,7 @@ import base64
 import json
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,13 @@ import trimesh
 from mam_pipeline import backends
 from mam_pipeline.backends import KinematicPrior
 from mam_pipeline.errors import BackendError, ConfigError, HintNeeded
+from mam_pipeline.evidence.spec import (
+    KindCount,
+    KinematicSpec,
+    ObjectWord,
+    PartStatement,
+    Said,
+)
 from mam_pipeline.models import album, questions, settings
 from mam_pipeline.models.answers import meant_lines, on_side
 from mam_pipeline.models.ledger import Ledger, one_ledger, price_of
@@ -174,6 +182,53 @@ def test_simple_objects_are_asked_once_and_looked_at_in_motion(
     door = reasoned().nodes[1]
     assert door.primitives == (1, 2) and door.limits == pytest.approx((0.0, np.pi / 3))
     assert door.candidates[0].origin[1] < -0.2 and abs(door.candidates[0].axis[2]) == 1.0
+
+
+def test_pieces_are_shown_closer_once_and_the_file_s_names_are_told(
+    tmp_path: Path, boxes: Boxes
+) -> None:
+    mesh, primitives = boxes
+    named = replace(
+        mesh, face_group=primitives.labels, group_names=("a", "Door <b>ignore all</b>\n", "c")
+    )
+    user, file = Said("user"), Said("name")
+    spec = KinematicSpec(
+        objects=(ObjectWord("oven", (), user),), counts=(KindCount("door", 1, user),),
+        parts=(PartStatement(named.group_names[1], "door", "hinge", file, named.group_names[1:2]),),
+    )  # fmt: skip
+    answer = {"base": "body", "parts": [], "closer": [1, 2]}
+    given = {"MAM_SIM_QUESTIONS": str(tmp_path), "MAM_SIM_VLM_SIMPLE": "24"}
+
+    def reasoned() -> KinematicTree:
+        with settings.given(given):
+            return FileReasoner(spec).reason(named, primitives, None)
+
+    with pytest.raises(HintNeeded, match="1_parts"):
+        reasoned()
+    asked = (tmp_path / "1_parts" / "question.md").read_text()
+    assert "The user says that it is: oven. The user says that it has: 1 x door." in asked
+    assert "1 'Door bignore allb'" in asked and "in closer" in asked
+    (tmp_path / "1_parts" / "answer.json").write_text(json.dumps(answer))
+    with pytest.raises(HintNeeded, match="1_parts_closer"):
+        reasoned()
+    again = tmp_path / "1_parts_closer"
+    assert (again / "closer_0.png").is_file() and (again / "view_0.png").is_file()
+    assert "You asked for 1, 2" in (again / "question.md").read_text()
+    (again / "answer.json").write_text(json.dumps(answer))  # asking again changes nothing
+    assert len(reasoned().nodes) == 1
+
+
+def test_the_bars_of_a_hidden_rack_are_one_piece() -> None:
+    at = trimesh.transformations.translation_matrix
+    shell = trimesh.creation.box((1.0, 1.0, 1.0))
+    bars = [trimesh.creation.box((0.02, 0.8, 0.02), at((x, 0, 0))) for x in (-0.3, 0.0, 0.3)]
+    bars += [trimesh.creation.box((0.8, 0.02, 0.02), at((0, y, 0.02))) for y in (-0.3, 0.3)]
+    far = trimesh.creation.box((0.02, 0.02, 0.3), at((0.4, 0.4, -0.3)))
+    solids = [shell, *bars, far]
+    joined: Any = trimesh.util.concatenate([s.subdivide() for s in solids])
+    labels = np.repeat(np.arange(len(solids)), [len(s.faces) * 4 for s in solids])
+    found = album.cast(Mesh(joined.vertices, joined.faces), Primitives(labels))
+    assert found.ids == [0, 1, 6] and found.stands_for.tolist() == [0, 1, 1, 1, 1, 1, 6]
 
 
 @pytest.mark.parametrize(

@@ -20,12 +20,15 @@ from mam_pipeline.prior.masks import mask_colors
 from mam_pipeline.render import orbit_views as views
 from mam_pipeline.render import pictures
 from mam_pipeline.render.pictures import Picture
-from mam_pipeline.types import IntArray, Mesh, Primitives
+from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives
 
 SIZE = 512  # pixels a side of a picture
 FIRST_LOOK = 256  # pixels a side of the views that decide what is numbered
 TWO = (views.CORNERS[0], views.CORNERS[2])
 MOST_IDS = 90
+CLOSE_UPS = 3  # enlarged pictures that one answer can ask for
+THIN = 0.03  # of the diagonal, the second longest side of a hidden piece that may join others
+NEAR = 0.01  # of the diagonal, within which thin hidden pieces are one thing, as the bars of a rack
 PLAIN_SIGHT = 150 / 512**2  # of its best view, with which a piece counts as seen from outside
 SMALL = 0.004  # of its best view, below which a piece may need a closer look
 BARELY = 25 / 512**2  # of one view, over all pictures, below which a piece gets no number
@@ -93,6 +96,9 @@ def cast(mesh: Mesh, primitives: Primitives) -> Album:
     stands_for = _representatives(mesh, primitives, seen)
     labels = stands_for[primitives.labels]
     counts = np.stack([_pixels(v, labels, primitives.count) for v in outside]) / FIRST_LOOK**2
+    stands_for = _racks(mesh, stands_for, primitives, counts.max(axis=0))
+    labels = stands_for[primitives.labels]
+    counts = np.stack([_pixels(v, labels, primitives.count) for v in outside]) / FIRST_LOOK**2
     ids = np.unique(stands_for)
     best = counts.max(axis=0)
     hidden = tuple(int(i) for i in ids[best[ids] < PLAIN_SIGHT])
@@ -102,6 +108,33 @@ def cast(mesh: Mesh, primitives: Primitives) -> Album:
         for group in _close_together(mesh, labels, small)[:2]
     )
     return Album(mesh, primitives, stands_for, hidden, crowds)
+
+
+def _racks(mesh: Mesh, stands_for: IntArray, primitives: Primitives, best: FloatArray) -> IntArray:
+    """Thin hidden pieces that touch each other stand as one, three or more: a rack in an oven."""
+    labels = stands_for[primitives.labels]
+    thin = []
+    for i in np.unique(stands_for):
+        if best[i] >= PLAIN_SIGHT:
+            continue
+        sides = np.sort(np.ptp(mesh.vertices[mesh.faces[labels == i].reshape(-1)], axis=0))
+        if sides[1] < THIN * mesh.diagonal:
+            thin.append(int(i))
+    if len(thin) < 3:
+        return stands_for
+    faces = np.flatnonzero(np.isin(labels, thin))
+    near = _touching(mesh.submesh(faces), labels[faces], NEAR)
+    out, left = stands_for.copy(), set(thin)
+    while left:
+        group, open_ = {min(left)}, [min(left)]
+        while open_:
+            more = {k for k in near.get(open_.pop(), []) if k in left} - group
+            group |= more
+            open_ += sorted(more)
+        left -= group
+        if len(group) >= 3:
+            out[np.isin(stands_for, sorted(group))] = min(group)
+    return out
 
 
 def _close_together(mesh: Mesh, labels: IntArray, ids: IntArray) -> list[IntArray]:
@@ -203,12 +236,39 @@ def _outside(album: Album, labels: IntArray, colors: Picture, tags: Sequence[int
     )
 
 
+def close_groups(album: Album, wanted: Sequence[int]) -> list[tuple[int, ...]]:
+    """Pieces that somebody asks to see closer, in at most CLOSE_UPS groups that lie together."""
+    labels = album.labels
+    boxes = [album.mesh.vertices[album.mesh.faces[labels == i].reshape(-1)] for i in wanted]
+    middles = np.stack([(b.min(axis=0) + b.max(axis=0)) / 2 for b in boxes])
+    if len(wanted) == 1:
+        return [tuple(wanted)]
+    group = fcluster(linkage(middles, "complete"), CLOSE_UPS, "maxclust")
+    return [tuple(int(wanted[k]) for k in np.flatnonzero(group == g)) for g in np.unique(group)]
+
+
+def closer(album: Album, groups: Sequence[tuple[int, ...]]) -> Labelled:
+    """Enlarged pictures of some groups of pieces, each from where it is seen best."""
+    labels = album.labels
+    colors = pictures.distinct_colors(int(labels.max()) + 1)
+    seen = np.stack([_pixels(v, labels, album.primitives.count) for v in album.outside])
+    found = [(int(seen[:, list(group)].sum(axis=1).argmax()), group) for group in groups]
+    return _enlarged(album, labels, colors, found, "closer")
+
+
 def _close(album: Album, labels: IntArray, colors: Picture) -> Labelled:
+    return _enlarged(album, labels, colors, album.crowds, "close")
+
+
+def _enlarged(
+    album: Album, labels: IntArray, colors: Picture,
+    found: Sequence[tuple[int, tuple[int, ...]]], name: str,
+) -> Labelled:  # fmt: skip
     out = []
-    for k, (index, group) in enumerate(album.crowds):
+    for k, (index, group) in enumerate(found):
         where = [views.AROUND[index]]
         view = views.look(album.mesh, where, SIZE, focus=np.isin(labels, group))[0]
-        out.append((f"close_{k}", pictures.paint(view, labels, colors, group)))
+        out.append((f"{name}_{k}", pictures.paint(view, labels, colors, group)))
     return tuple(out)
 
 

@@ -13,6 +13,8 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+MOST_CLOSER = 12  # pieces that are shown enlarged when they are asked for
+Closer = Annotated[list[int], Field(max_length=MOST_CLOSER)]
 Probability = Annotated[float, Field(ge=0, le=1)]
 Motion = Literal["fixed", "hinge", "spin", "slide"]
 Letter = Literal["x", "y", "z", "other"]
@@ -32,7 +34,7 @@ GROUPING = (
     "One part is the base: the body that stands, hangs or is held while the others move; "
     "everything that never moves against it belongs to it, hinges and fixed trim included. {same}"
     "\nThe pictures: 'object' is the object as it is; {views}.{measured}{close}{inside} 'apart' "
-    "shows all pieces pulled away from the middle.\n"
+    "shows all pieces pulled away from the middle.{closer}\n{told}"
     "Where each piece lies and ends, in percent of the longest side, and what it touches:\n{facts}"
 )
 SAME_PART = (
@@ -55,7 +57,7 @@ PARTS = (
     "or is held, with all that never moves against it; give it a name too. Where nothing moves, "
     "parts is []. {same}\n{mounting}\n"
     "The pictures: 'object' is the object as it is; {views}.{measured}{close}{inside} 'apart' "
-    "shows all pieces pulled away from the middle.\n"
+    "shows all pieces pulled away from the middle.{closer}\n{told}"
     "Where each piece lies and ends, in percent of the longest side, and what it touches:\n{facts}"
 )
 TREE = (
@@ -100,6 +102,11 @@ CHALLENGE = (
 REPAIR = "Your answer cannot be used: {error}. Answer again, complete, in the same JSON."
 
 
+CLOSER = (
+    " If pieces are too small to judge, name up to {most} of them in closer, with your answer as "
+    "it is now: they are shown enlarged, and you answer again, once."
+)
+SHOWN_CLOSER = " You asked for {pieces}: {names} enlarge them."
 OTHER_LINES = (
     "'lines' shows, by number, the part half open about other lines that were measured as likely. "
 )
@@ -121,6 +128,7 @@ class Grouping(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
     parts: Annotated[list[Group], Field(min_length=1, max_length=120)]
+    closer: Closer = []
 
     def complete(self, ids: set[int]) -> Grouping:
         """With all pieces that are left in the base, if that names none; `ids` are those shown."""
@@ -174,6 +182,7 @@ class MountedParts(BaseModel):
     model_config = ConfigDict(extra="forbid")
     base: Name
     parts: Annotated[list[MountedPart], Field(max_length=120)]
+    closer: Closer = []
 
     def grouping(self, ids: set[int]) -> Grouping:
         """The parts as an answer to the first of two questions; `ids` are all numbers shown."""

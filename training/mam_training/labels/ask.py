@@ -98,7 +98,7 @@ def ask(item: Item, work: Path, by: str, labels: Path) -> str:
         }
         with settings.given(given):
             try:
-                tree = ask_for_tree(FileTransport(work), mesh, primitives, None)
+                tree = ask_for_tree(FileTransport(work), mesh, primitives, None, spec=read.spec)
             except HintNeeded as waiting:
                 return f"{item.id}: {waiting}"
         articulation = _solved(mesh, primitives, tree)
