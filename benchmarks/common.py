@@ -7,6 +7,7 @@ import os
 import platform
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +16,20 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 
 
-def save(out: Path | None, result: Any) -> None:
-    """Write `result` to `out`, with the command, the commit and the machine; nothing for None."""
+CODE = ("mam_sim", "policies", "envs", "pipeline")
+"""Paths of the product: what a figure depends on, unless its script knows better."""
+
+
+def save(out: Path | None, result: Any, paths: Sequence[str] = CODE) -> None:
+    """Write `result` to `out`, with its command, commit, machine and paths; nothing for None."""
     if out is None:
         return
     script = Path(sys.argv[0]).name
     head = {
         "command": " ".join(["python", f"benchmarks/{script}", *sys.argv[1:]]),
         "commit": commit(),
-        "machine": f"{platform.machine()}, {os.cpu_count()} cores, Python {sys.version.split()[0]}",
+        "machine": machine(),
+        "paths": list(paths),
     }
     text = json.dumps({**head, "result": result}, indent=1, default=_plain)
     out.write_text(text + "\n", encoding="utf-8")
@@ -42,6 +48,11 @@ def commit() -> str:
         ["git", "-C", str(ROOT), "describe", "--always", "--dirty"], capture_output=True, text=True
     )
     return done.stdout.strip() or "unknown"
+
+
+def machine() -> str:
+    """The machine, as a row says it."""
+    return f"{platform.machine()}, {os.cpu_count()} cores, Python {sys.version.split()[0]}"
 
 
 def _plain(value: Any) -> Any:

@@ -16,8 +16,6 @@ in which something moves; `false joints` counts the others.
 from __future__ import annotations
 
 import json
-import os
-import platform
 import subprocess
 import sys
 import tempfile
@@ -29,6 +27,7 @@ from typing import Any
 import code_state
 import results_page
 import tyro
+from common import machine
 
 import mam_pipeline
 from mam_pipeline.weights import MANIFEST
@@ -162,11 +161,6 @@ def models_of(found: Measured) -> dict[str, Any]:
     """What a row says of its models: whether none saw the source, and the sources of each."""
     sources = {one["room"]: ", ".join(one["trained_on"]) for one in found.models["weights"]}
     return {"unseen": found.unseen, "trained_on": sources}
-
-
-def machine() -> str:
-    """The machine, as a row says it."""
-    return f"{platform.machine()}, {os.cpu_count()} cores, Python {sys.version.split()[0]}"
 
 
 def put(table: dict[str, Any], row: dict[str, Any] | None, name: str) -> None:
