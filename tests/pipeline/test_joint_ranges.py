@@ -140,7 +140,7 @@ def test_a_twin_whose_way_is_not_free_keeps_its_own() -> None:
     assert with_alike_ranges(estimator, tree, inwards)[1].upper == 0.03
 
 
-@pytest.mark.parametrize("sides, round_", [(24, True), (4, False)])
+@pytest.mark.parametrize("sides, round_", [(24, True), (8, True), (4, False)])
 def test_a_wheel_turns_in_itself_about_its_axle_alone_and_a_square_does_not(
     sides: int, round_: bool
 ) -> None:

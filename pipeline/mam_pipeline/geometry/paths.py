@@ -85,12 +85,12 @@ class Roundness:
     Attributes:
         angles: radians by which it is turned; no regular polygon of few sides has all of them.
         most: share of its surface that must lie on itself then.
-        away: sizes of the part by which that may lie off it.
+        away: sizes of the part by which that may lie off it: a wheel of eight sides is round.
     """
 
     angles: tuple[float, ...] = (0.41, 0.97, 1.73, 2.63)
     most: float = 0.95
-    away: float = 0.012
+    away: float = 0.03
 
 
 ROUND = Roundness()
