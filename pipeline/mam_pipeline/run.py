@@ -258,7 +258,7 @@ def read_source(source: Path, kind: str, config: MakeConfig, stages: Stages) -> 
         usual = usual_size(source, config.what, config.names)
         got = load_mesh(
             source, up=config.up, height=config.height, scale=config.scale,
-            usual=None if usual is None else usual[1],
+            usual=usual,
         )  # fmt: skip
         given = {"height": config.height, "scale": config.scale}
         _size_asked(got.mesh, given, config, kind_named(source, config.what, config.names), usual)

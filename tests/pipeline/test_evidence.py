@@ -14,6 +14,8 @@ from scipy.spatial.transform import Rotation
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.evidence.kinds import kinds
 from mam_pipeline.evidence.names import counts_of, object_of, part_kind_of
+from mam_pipeline.evidence.pivots import hinge_axis
+from mam_pipeline.evidence.propose import MEANT, expected_of, hypotheses_of
 from mam_pipeline.evidence.read import spec_of
 from mam_pipeline.evidence.spec import KinematicSpec, PartStatement, Said
 from mam_pipeline.formats.mesh_files import load_mesh, read_file, save_glb
@@ -105,8 +107,84 @@ def test_names_that_geometry_bears_out_weigh_more_than_names_that_it_refutes() -
     meant, swapped = gains
     assert meant[0] > 1.0 > abs(swapped[1])
     assert meant[1] < 0.0
-    lied = Heard.of(spec_of(_two_boxes(("door", "body"))), _two_boxes(), _primitives())
-    assert lied is not None and lied.heard(masks, value).argmax() == 0  # geometry has its way
+
+
+def test_a_named_part_is_as_likely_as_its_name_says_however_low_geometry_scores_it() -> None:
+    mesh, masks = _two_boxes(), np.array([[False, True]])
+    heard = Heard.of(spec_of(mesh), mesh, _primitives())
+    assert heard is not None
+    value = heard.heard(masks, np.array([0.01]), np.zeros(1))
+    assert value[0] == pytest.approx(MEANT.node * kinds().parts["door"].sure)
+    assert heard.heard(masks, np.zeros(1), np.zeros(1))[0] == 0.0  # something must stay
+    assert heard.with_stated(np.eye(2, dtype=bool), np.array([0.0, 0.9]), [0]) == [0, 1]
+
+
+def test_a_kind_says_how_parts_of_such_an_object_move() -> None:
+    """A bucket's handle swings, a hammer's head stays, a room's door is a door."""
+    bucket = spec_of(_two_boxes(("body", "handle")), Path("bucket.obj")).parts[1]
+    assert bucket.moves == "hinge" and bucket.chance == 0.7
+    plain = spec_of(_two_boxes(("body", "handle"))).parts[1]
+    assert plain.moves == "with"
+    alone = spec_of(_two_boxes(("handle", "head"))).parts[1]
+    hammer = spec_of(_two_boxes(("handle", "head")), Path("hammer.obj")).parts[1]
+    assert hammer.chance < alone.chance
+
+
+def test_what_structure_proposes_is_a_hypothesis_with_exactly_its_faces() -> None:
+    mesh = _two_boxes()
+    (found,) = hypotheses_of(spec_of(mesh), mesh)
+    assert np.array_equal(found.faces, mesh.face_group == 1)
+    assert (found.subtype, found.source, found.kind) == ("hinge", "structure", "door")
+    assert found.line == "upright" and found.probability > 0.8
+    with pytest.raises(ValueError, match="probability"):
+        replace(found, probability=1.2)
+
+
+def test_an_object_word_and_told_counts_let_one_expect_parts() -> None:
+    mesh = _two_boxes()
+    washer = expected_of(spec_of(mesh, what="dishwasher"))
+    assert washer is not None and washer.share("hinge") > washer.share("spin")
+    told = expected_of(spec_of(mesh, what="cabinet with 2 doors and 4 drawers"))
+    assert told is not None and told.share("slide") == pytest.approx(4 / 6)
+    assert expected_of(KinematicSpec()) is None
+
+
+def test_counted_parts_are_no_object_and_count_in_a_files_name() -> None:
+    assert object_of("cabinet with 2 doors", Said("user")).word == "cabinet"  # type: ignore[union-attr]
+    spec = spec_of(_two_boxes(("a", "b")), Path("three_drawers_two_doors.obj"))
+    assert not spec.objects
+    assert {c.kind: c.count for c in spec.counts} == {"drawer": 3, "door": 2}
+
+
+@pytest.mark.parametrize(
+    ("pivot", "line", "axis"),
+    [
+        ((0.0, 0.01, 0.5), "", 2), ((0.4, 0.0, 0.5), "upright", 2),  # a side's middle
+        ((0.2, 0.0, 1.0), "", 0),  # the top edge's middle
+        ((0.2, 0.0, 1.0), "upright", None),  # which no such hinge has
+        ((0.0, 0.0, 0.0), "upright", 2), ((0.0, 0.0, 0.0), "level", 0),  # a corner
+        ((0.2, 0.01, 0.5), "", None),  # the middle
+        ((2.0, 0.0, 0.5), "", None),  # far off
+    ],
+)  # fmt: skip
+def test_an_origin_on_an_edge_of_a_parts_box_is_a_hinge_there(
+    pivot: tuple[float, ...], line: str, axis: int | None
+) -> None:
+    sheet, _ = _box((0.0, 0.0, 0.0), (0.4, 0.02, 1.0))
+    found = hinge_axis(sheet, np.array(pivot), line)
+    assert (found is None) if axis is None else np.array_equal(found, np.eye(3)[axis])
+
+
+def test_a_nameless_node_with_its_own_origin_on_an_edge_is_a_part(tmp_path: Path) -> None:
+    _animated(tmp_path / "a.glb", _quaternions([0, 45], (0, 1, 0)), "rotation")
+    doc = json.loads((tmp_path / "a.gltf").read_text())
+    del doc["animations"]
+    (tmp_path / "b.gltf").write_text(json.dumps(doc))
+    spec, got = _stated(tmp_path / "b.gltf")
+    (part,) = (p for p in spec.parts if p.movable)
+    assert part.said.origin == "hierarchy" and part.axis is not None and part.origin is not None
+    at = (got.source_to_asset @ np.array([-0.02, 0.0, 0.0, 1.0]))[:3]
+    assert np.allclose(part.origin, at)
 
 
 def test_one_word_on_all_nodes_is_the_objects_and_says_nothing_of_parts() -> None:
@@ -246,6 +324,21 @@ def test_an_animated_part_becomes_the_joint_that_the_file_shows(tmp_path: Path) 
     (joint,) = run.articulation.joints
     assert joint.provenance == "observed" and np.allclose(joint.upper, np.pi / 2, atol=1e-4)
     assert any("animation" in note for note in run.notes)
+
+
+@pytest.mark.slow
+def test_a_part_turns_about_its_nodes_own_origin(tmp_path: Path) -> None:
+    """The hinge lies where the file has it, and the door opens away from the body."""
+    _animated(tmp_path / "a.glb", _quaternions([0, 45], (0, 1, 0)), "rotation")
+    doc = json.loads((tmp_path / "a.gltf").read_text())
+    del doc["animations"]
+    (tmp_path / "b.gltf").write_text(json.dumps(doc))
+    spec, got = _stated(tmp_path / "b.gltf")
+    (joint,) = articulate_mesh(got.mesh, spec=spec).articulation.joints
+    at = (got.source_to_asset @ np.array([-0.02, 0.0, 0.0, 1.0]))[:3]
+    assert joint.subtype == "hinge" and abs(joint.axis[2]) > 0.99
+    assert np.linalg.norm(np.cross(joint.origin - at, joint.axis)) < 0.01
+    assert joint.upper > np.deg2rad(60)
 
 
 def test_a_statement_takes_its_faces_by_material_where_no_group_says() -> None:

@@ -35,17 +35,39 @@ def test_a_stated_unit_is_believed_else_format_and_usual_size_decide(
     size: float, suffix: str, stated: float | None, usual: float | None, unit: float
 ) -> None:
     extent = np.array([size / 2, size / 3, size])
-    found, _, decision = choose_unit(extent, stated, None, None, suffix, usual)
+    sizes = None if usual is None else (usual / 2, usual, usual * 2)
+    found, _, decision = choose_unit(extent, stated, None, None, suffix, sizes)
     assert found == pytest.approx(unit)
     assert decision.about == "unit" and 0.0 < decision.confidence <= 1.0
 
 
 def test_a_size_that_no_such_thing_has_is_doubted_aloud() -> None:
     extent = np.array([150.0, 80.0, 90.0]) / 1000
-    _, _, decision = choose_unit(extent / 5, 1.0, None, None, ".glb", 2.0)
-    assert decision.confidence < 0.7 and "--scale" in decision.runner_up
-    _, _, sure = choose_unit(extent, 1.0, None, None, ".glb", 0.2)
+    _, _, decision = choose_unit(extent / 5, 1.0, None, None, ".glb", (1.0, 2.0, 3.0))
+    assert decision.confidence < 0.7 and "usually 2 m; --height" in decision.runner_up
+    _, _, sure = choose_unit(extent, 1.0, None, None, ".glb", (0.1, 0.2, 0.3))
     assert sure.confidence > 0.9 and not sure.runner_up
+
+
+@pytest.mark.parametrize(
+    ("size", "sizes", "longest"),
+    [
+        (1750.0, (0.5, 1.75, 2.2), 1.75),  # millimetres
+        (60.0, (0.3, 0.7, 1.0), 0.6),  # centimetres
+        (20.0, (0.25, 0.5, 0.9), 0.508),  # inches
+        (7.2, (0.25, 0.5, 0.9), 0.5),  # no unit explains it
+        (2.3, (0.5, 1.75, 2.2), 2.3),  # a little large is believed
+        (0.2, (3.0, 4.5, 6.0), 0.2),  # a toy stays one
+    ],
+)  # fmt: skip
+def test_no_thing_is_larger_than_all_of_its_kind(
+    size: float, sizes: tuple[float, float, float], longest: float
+) -> None:
+    extent = np.array([size / 2, size / 3, size])
+    unit, why, decision = choose_unit(extent, 1.0, None, None, ".glb", sizes)
+    assert size * unit == pytest.approx(longest)
+    assert ("no such thing" in why) == (longest != size)
+    assert longest == size or "--scale 1" in decision.runner_up
 
 
 def test_generated_files_are_as_gltf_has_it(tmp_path: Path) -> None:

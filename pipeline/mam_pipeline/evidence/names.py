@@ -23,6 +23,7 @@ _JOINED = 3  # neighbouring tokens that may be one word: "washing machine"
 _SLIDES = frozenset({
     "sliding", "slide", "schiebe", "coulissant", "coulissante", "corredera", "scorrevole",
 })  # fmt: skip
+_WITH = frozenset({"with", "mit", "avec", "con", "com", "met", "without", "ohne", "sans", "sin"})
 _NUMBERS = {
     "one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6, "seven": 7, "eight": 8,
     "single": 1, "double": 2,
@@ -46,12 +47,21 @@ def part_kind_of(name: str) -> PartKind | None:
 def object_of(name: str, said: Said) -> ObjectWord | None:
     """What thing a name says; None where it says none."""
     known = kinds()
-    found = _found(words_of(name), known.object_words, suffixes=False)
+    found = _found(_of_whole(words_of(name)), known.object_words, suffixes=False)
     if not found:
         return None
     romance = all(languages <= _HEAD_FIRST for _, languages in found)
     word = found[0 if romance else -1][0]
     return ObjectWord(word, tuple(p.kind for p in known.objects[word].parts), said)
+
+
+def _of_whole(tokens: list[str]) -> list[str]:
+    """Tokens that speak of the whole: not those after "with", nor parts that are counted."""
+    at = next((i for i, token in enumerate(tokens) if i and token in _WITH), len(tokens))
+    parts = kinds().part_words
+    counted = {i + 1 for i, (a, b) in enumerate(pairwise(tokens)) if a in _NUMBERS and b in parts}
+    out = [token for i, token in enumerate(tokens[:at]) if i not in counted]
+    return out if out else tokens
 
 
 def counts_of(text: str, said: Said) -> tuple[KindCount, ...]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from mam_pipeline.errors import ConfigError, InputError
-from mam_pipeline.evidence.kinds import PartKind, Range, kinds
+from mam_pipeline.evidence.kinds import ObjectKind, PartKind, Range, kinds
 from mam_pipeline.evidence.kinds import usual_size as size_of_kind
 from mam_pipeline.evidence.motions import AnimatedJoint, joint_of
 from mam_pipeline.evidence.names import (
@@ -19,6 +19,7 @@ from mam_pipeline.evidence.names import (
     part_kind_of,
     shared_kind,
 )
+from mam_pipeline.evidence.pivots import hinge_axis, own_origin
 from mam_pipeline.evidence.spec import (
     CERTAIN,
     KindCount,
@@ -28,6 +29,7 @@ from mam_pipeline.evidence.spec import (
     Said,
     told,
 )
+from mam_pipeline.evidence.words import words_of
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.nodes import Scene, SceneNode
 from mam_pipeline.formats.scene import read_scene
@@ -43,6 +45,10 @@ class Certainties:
     Attributes:
         name: of a node or object. material: of a material. file: the file's own name.
         animation: a motion that the file itself shows.
+        pivot: a nameless node whose own origin lies on an edge of its box.
+        habit: share of the nodes with own origins on edges from which that is the modeller's way
+            and says nothing; of at least `few` nodes.
+        still: weight of a name where such a thing never moves such a part.
         whole: share of the surface above which a node is the object and no part of it.
         usual: share of objects from which a part is told as usual.
         many: parts with one name beyond which the name is no part's.
@@ -52,6 +58,10 @@ class Certainties:
     material: float = 0.6
     file: float = 0.7
     animation: float = 0.95
+    pivot: float = 0.6
+    habit: float = 0.5
+    few: int = 4
+    still: float = 0.4
     whole: float = 0.95
     usual: float = 0.3
     many: int = 40
@@ -92,10 +102,15 @@ def spec_of(
         objects += [word] if word is not None else []
     if use_names:
         objects += _objects(mesh, source, scene)
+        if source is not None and not counts:
+            words = " ".join(words_of(source.stem))  # its numbers are mostly no counts
+            counts = counts_of(words, Said("file name", source.stem, CERTAINTIES.file))
     parts: list[PartStatement] = []
     alike: tuple[tuple[str, ...], ...] = ()
     if use_names:
         parts = _named(mesh, scene)
+        if scene is not None and mesh_T_file is not None:
+            parts = with_pivots(mesh, scene, mesh_T_file, parts)
         if scene is not None:
             alike = _alike(mesh, scene)
     parts = [_of_object(p, objects) for p in parts]
@@ -121,11 +136,41 @@ def _scene(source: Path) -> Scene | None:
 
 
 def _of_object(part: PartStatement, objects: Sequence[ObjectWord]) -> PartStatement:
-    """A part's name is the clearer when such objects usually move such parts: a globe's globe."""
-    if not objects or part.kind not in objects[0].kinds or not part.movable:
+    """A statement with what is known of such parts in such an object.
+
+    A globe's globe spins, a bucket's handle swings, and a hammer's head stays where it is. A part
+    without a name is taken for the most usual one that moves so.
+    """
+    if not objects:
         return part
-    certainty = max(part.said.certainty, CERTAINTIES.name * CERTAINTIES.name)
-    return replace(part, said=replace(part.said, certainty=certainty))
+    thing = kinds().objects[objects[0].word]
+    kind = part.kind or _usual_kind(thing, part)
+    usual = thing.part(kind)
+    if usual is None:
+        if part.movable and kind in thing.still:
+            said = replace(part.said, certainty=CERTAINTIES.still * part.said.certainty)
+            return replace(part, said=said, chance=CERTAINTIES.still * part.chance)
+        return part
+    slides = part.moves == "slide" and usual.moves == "hinge"  # its name says that it slides
+    if slides:
+        return replace(part, chance=max(part.chance, usual.often))
+    certainty = CERTAINTIES.name * (
+        max(CERTAINTIES.name, usual.often) if part.movable else usual.often
+    )
+    return replace(
+        part, kind=kind, moves=part.moves if part.axis is not None else usual.moves,
+        line=usual.line, side=usual.side, travel=usual.travel,
+        chance=max(part.chance, usual.often) if part.movable else usual.often,
+        said=replace(part.said, certainty=max(part.said.certainty, certainty)),
+    )  # fmt: skip
+
+
+def _usual_kind(thing: ObjectKind, part: PartStatement) -> str:
+    """The kind of the most usual part that moves as a nameless one does; "" where none does."""
+    upright = part.axis is not None and abs(part.axis[2]) > np.sqrt(0.5)
+    line = "upright" if upright else "level"
+    fitting = (p.kind for p in thing.parts if p.moves == part.moves and p.line in ("", line))
+    return next(fitting, "")
 
 
 def usual_size(source: Path, what: str | None = None, use_names: bool = True) -> Range | None:
@@ -219,7 +264,7 @@ def _statement(
 ) -> PartStatement:  # fmt: skip
     return PartStatement(
         name, kind.kind, kind.moves, Said(said.origin, said.detail, said.certainty * _clear(kind)),
-        groups, materials, kind.line,
+        groups, materials, kind.line, kind.side, kind.travel, kind.sure,
     )  # fmt: skip
 
 
@@ -303,6 +348,64 @@ def _sensible(parts: list[PartStatement], mesh: Mesh) -> list[PartStatement]:
     ]  # fmt: skip
 
 
+def with_pivots(
+    mesh: Mesh, scene: Scene, mesh_T_file: FloatArray, parts: Sequence[PartStatement]
+) -> list[PartStatement]:
+    """Statements with the hinge lines that their nodes' own origins show, and those of nameless
+    nodes that show one.
+
+    Args:
+        mesh_T_file: (4, 4) similarity. parts: by names.
+    """
+    origins = np.array([(mesh_T_file @ node.world)[:3, 3] for node in scene.nodes]).reshape(-1, 3)
+    out, present = list(parts), set(_present(mesh))
+    taken = {g for p in parts for g in p.groups}
+    area = face_geometry(mesh.vertices, mesh.faces)[1]
+    fresh, own = [], 0
+    shown = {motion.node for motion in scene.motions}
+    for i, node in enumerate(scene.nodes):
+        below = scene.below(i)
+        groups = tuple(g for g in (scene.nodes[k].group for k in below) if g in present)
+        if i in shown or not groups or not _own_origin(scene, i, groups, origins, mesh.diagonal):
+            continue
+        k = next((k for k, p in enumerate(parts) if p.name == node.name and p.groups
+                  and set(p.groups) <= set(groups)), -1)  # fmt: skip
+        known = parts[k] if k >= 0 else PartStatement(
+            node.name, "", "hinge", Said("hierarchy", node.name, CERTAINTIES.pivot), groups,
+            chance=CERTAINTIES.pivot,
+        )  # fmt: skip
+        own += 1
+        faces = known.faces(mesh)
+        whole = area[faces].sum() > CERTAINTIES.whole * area.sum()
+        if known.moves != "hinge" or whole or (k < 0 and taken & set(groups)):
+            continue
+        points = mesh.vertices[mesh.faces[faces].reshape(-1)]
+        axis = hinge_axis(points, origins[i], known.line)
+        if axis is None:
+            continue
+        placed = replace(known, axis=axis, origin=origins[i])
+        if k >= 0:
+            out[k] = placed
+        else:
+            fresh.append(placed)
+    many = len(fresh) >= CERTAINTIES.few and len(fresh) > CERTAINTIES.habit * own
+    return out if many else out + fresh
+
+
+def _own_origin(
+    scene: Scene, index: int, groups: Sequence[str], origins: FloatArray, diagonal: float
+) -> bool:
+    """Whether nothing but a node itself, what is below it, and what has it alone stands there."""
+    mine = {*scene.below(index)}
+    above = scene.nodes[index].parent
+    while above >= 0:
+        if {scene.nodes[k].group for k in scene.below(above)} - {""} <= set(groups):
+            mine.add(above)
+        above = scene.nodes[above].parent
+    others = [k for k in range(len(scene.nodes)) if k not in mine]
+    return len(others) > 0 and own_origin(origins[index], origins[others], diagonal)
+
+
 def _alike(mesh: Mesh, scene: Scene) -> tuple[tuple[str, ...], ...]:
     """Groups of nodes that show one and the same mesh."""
     present = set(_present(mesh))
@@ -364,6 +467,6 @@ def _shown(
     moves = joint.subtype
     return PartStatement(
         node.name or groups[0], kind.kind if kind is not None and kind.moves == moves else usual,
-        moves, Said("animation", joint.animation, CERTAINTIES.animation), groups,
+        moves, Said("animation", joint.animation, CERTAINTIES.animation), groups, chance=1.0,
         axis=joint.axis, origin=joint.origin, limits=joint.limits,
     )  # fmt: skip

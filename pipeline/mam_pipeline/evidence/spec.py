@@ -57,6 +57,9 @@ class PartStatement:
         groups: names of `Mesh.group_names` whose faces it has.
         materials: names of materials whose faces it has, where no group says.
         line: "upright" or "level" where the hinge of such a part usually lies so; else "".
+        side: on which the hinge of such a part usually sits, or to which it slides.
+        travel: how far such a part usually goes: degrees, or share of the body's depth.
+        chance: that such a part moves by itself, where the source means what it says, 0..1.
         axis, origin: of the joint, in the frame of the mesh; None where nobody says.
         limits: (lower, upper), rad or m, infinite for endless; None where nobody says.
     """
@@ -68,6 +71,9 @@ class PartStatement:
     groups: tuple[str, ...] = ()
     materials: tuple[str, ...] = ()
     line: str = ""
+    side: tuple[str, ...] = ()
+    travel: tuple[float, float] | None = None
+    chance: float = 0.0
     axis: FloatArray | None = None
     origin: FloatArray | None = None
     limits: tuple[float, float] | None = None
@@ -162,5 +168,5 @@ def told(parts: Sequence[PartStatement]) -> str:
     words = []
     for (origin, kind), names in by.items():
         first = ", ".join([*names[:4], *(["…"] if len(names) > 4 else [])])
-        words.append(f"{len(names)} × {kind} by {origin} ({first})")
+        words.append(f"{len(names)} × {kind or 'part'} by {origin} ({first})")
     return f"the file says: {'; '.join(words)}" if words else ""

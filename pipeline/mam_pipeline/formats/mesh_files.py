@@ -59,7 +59,7 @@ def load_mesh(
     up: Literal["auto", Axis] = "auto",
     height: float | None = None,
     scale: float | None = None,
-    usual: float | None = None,
+    usual: tuple[float, float, float] | None = None,
 ) -> LoadedMesh:
     """Read a mesh file (see `MESHES`) into the asset frame.
 
@@ -71,7 +71,8 @@ def load_mesh(
         up: which axis of the file points up; "auto" takes the format's word or looks at the shape.
         height: metres from floor to top after loading; settles the scale.
         scale: metres per unit of the file; settles the scale.
-        usual: largest side of such an object, metres, where its kind is known.
+        usual: lowest, usual and highest largest side of such an object, metres, where its kind is
+            known.
 
     Raises:
         InputError: missing, empty, of another kind than its name says, not finite, without faces,

@@ -33,7 +33,9 @@ class PlacementThresholds:
         usual: largest extent of things that a robot works with, where nobody knows more; metres.
         spread, known_spread: standard deviation of the logarithm of sizes about that, and about
             the size of a kind of object that is known.
-        strange: factor from the known size beyond which a stated unit is doubted aloud.
+        strange: factor from the usual size of its kind beyond which a size is doubted aloud.
+        beyond: factor above the largest size of its kind from which no such thing is that large,
+            and the stated unit is not believed.
         stands: difference of two axes' standing from which the shape decides.
         plain: log odds of each of UNITS where the file's format says none. cad: the same for STL,
             which comes from CAD.
@@ -43,7 +45,8 @@ class PlacementThresholds:
     usual: float = 0.7
     spread: float = 1.2
     known_spread: float = 0.7
-    strange: float = 8.0
+    strange: float = 3.0
+    beyond: float = 1.3
     stands: float = 0.25
     plain: tuple[float, ...] = (1.0, 0.0, 0.0, -0.5)
     cad: tuple[float, ...] = (0.0, -1.5, 3.0, -2.0)
@@ -123,13 +126,14 @@ def stands(mesh: Mesh, axis: int) -> float:
 
 def choose_unit(
     extent: FloatArray, stated: float | None, height: float | None, scale: float | None,
-    suffix: str, usual: float | None = None,
+    suffix: str, sizes: tuple[float, float, float] | None = None,
 ) -> tuple[float, str, Decision]:  # fmt: skip
     """Metres per unit of the file, where it came from, and the decision.
 
     Args:
         extent: (3,) of the file's mesh, Z up, its own unit. stated: by format or file.
-        usual: largest extent of such an object, metres, where its kind is known.
+        sizes: lowest, usual and highest largest extent of such an object, metres, where its kind
+            is known.
     """
     if scale is not None:
         return _settled(float(scale), "given by --scale")
@@ -137,12 +141,17 @@ def choose_unit(
         return _settled(float(height) / float(extent[2]), "given by --height")
     size = float(extent.max())
     low, high = PLACEMENT.believed
+    usual = None if sizes is None else sizes[1]
     odds = _odds(size, suffix, usual)
+    if stated is not None and sizes is not None and size * stated > PLACEMENT.beyond * sizes[2]:
+        return _corrected(size, stated, sizes)
     if stated is not None and low <= size * stated <= high:
         best = max(odds, key=lambda n: odds[n]) if odds else ""
         off = abs(np.log(size * stated / usual)) if usual is not None else 0.0
         doubt = off > np.log(PLACEMENT.strange) and bool(best)
         other = f"{best}, {size * UNITS[best]:.2g} m; --scale {UNITS[best]:g}" if doubt else ""
+        if doubt and usual is not None and UNITS[best] == stated:
+            other = f"such things are usually {usual:.2g} m; --height settles it"
         chosen = f"{stated:g} m, longest side {size * stated:.3g} m"
         why = "stated by the file format"
         return stated, why, Decision("unit", chosen, why, other, 0.6 if doubt else 0.97)
@@ -166,6 +175,29 @@ def choose_unit(
     chosen = f"{name}, longest side {size * unit:.3g} m"
     confidence = float(0.9 * share[0] / share.sum())
     return unit, why, Decision("unit", chosen, why, other, confidence)
+
+
+def _corrected(
+    size: float, stated: float, sizes: tuple[float, float, float]
+) -> tuple[float, str, Decision]:
+    """The unit of a thing that is stated to be larger than any of its kind.
+
+    One of UNITS, taken for metres, where it explains the size; else the usual size. What is stated
+    to be too small stays so: it may be a toy or a model.
+    """
+    fitting = {n: u for n, u in UNITS.items() if sizes[0] <= size * u * stated <= sizes[2]}
+    told = f"no such thing is {size * stated:.3g} m long, as the file format says"
+    other = f"as stated, {size * stated:.3g} m; --scale {stated:g}"
+    if fitting:
+        name = min(fitting, key=lambda n: abs(np.log(size * fitting[n] * stated / sizes[1])))
+        unit, chosen, sure = fitting[name] * stated, name, 0.8
+        why = f"assumed {name}: {told}"
+    else:
+        unit, sure = sizes[1] / size, 0.5
+        chosen = f"{unit:.3g} m"
+        why = f"assumed the usual size: {told}, and no common unit explains it"
+    longest = f"{chosen}, longest side {size * unit:.3g} m"
+    return unit, why, Decision("unit", longest, why, other, sure)
 
 
 def _settled(unit: float, why: str) -> tuple[float, str, Decision]:

@@ -25,6 +25,20 @@ from mam_pipeline.types import FloatArray, KinematicTree, Mesh, PartNode, Primit
 from mam_pipeline.weights import loaded
 
 WEIGHTS = "parts/abstention"
+
+
+@dataclass(frozen=True)
+class AbstentionThresholds:
+    """When a part that the file states is refused all the same.
+
+    Attributes:
+        free: share of its usual way that it must go: less is a veto by physics.
+    """
+
+    free: float = 0.05
+
+
+ABSTENTION = AbstentionThresholds()
 SIGNS = ("value", "confidence", "sure", "stays", "free", "alike", "best", "moving")
 
 
@@ -48,14 +62,13 @@ class Bar:
         """Which parts of one object become parts, by their chances.
 
         Args:
-            told: how many there are, as a person said: so many of the likeliest do.
+            told: how many there are, as a person said: so many of the likeliest do, and no other.
         """
+        if told:
+            likeliest = sorted(range(len(chances)), key=lambda i: -chances[i])[:told]
+            return [i in likeliest for i in range(len(chances))]
         any_moves = max(chances, default=0.0) >= self.least
-        likeliest = sorted(range(len(chances)), key=lambda i: -chances[i])[:told]
-        return [
-            i in likeliest or (any_moves and chance >= self.others)
-            for i, chance in enumerate(chances)
-        ]
+        return [any_moves and chance >= self.others for chance in chances]
 
     def chance(self, signs: Mapping[str, float], more: float = 0.0) -> float:
         """Chance that a part is real; `more` are log odds from beside geometry."""
@@ -147,7 +160,8 @@ def withheld(
         known = signs[node.name]
         said: dict[str, Any] = {"signs": {k: round(v, 4) for k, v in known.items()}}
         if bar is not None:
-            said["chance"] = round(bar.chance(known, said_odds(node)), 3)
+            alone = stated_chance(node) if known["free"] >= ABSTENTION.free else 0.0
+            said["chance"] = round(max(bar.chance(known, said_odds(node)), alone), 3)
         nodes.append(replace(node, evidence={**node.evidence, **said}))
     tree = replace(tree, nodes=tuple(nodes))
     if bar is None:
@@ -157,13 +171,22 @@ def withheld(
     kept = bar.keeps(shown, told)
     needed = bar.others if any(kept) else bar.least
     chance = {i: c for i, (c, keep) in enumerate(zip(shown, kept), start=1) if not keep}
-    why = {i: f"its chance is {c:.2f}, and {needed:.2f} is needed" for i, c in chance.items()}
+    reason = f"{told} were told, and others are likelier" if told else ""
+    why = {
+        i: reason or f"its chance is {c:.2f}, and {needed:.2f} is needed"
+        for i, c in chance.items()
+    }  # fmt: skip
     return put_to_sleep(tree, why, chance)
 
 
 def said_odds(node: PartNode) -> float:
     """Log odds that something beside geometry gives a part, a name or an animation; mostly 0."""
     return float(node.evidence.get("said", {}).get("odds", 0.0))
+
+
+def stated_chance(node: PartNode) -> float:
+    """That the file's structure means a part that moves, by itself; 0 where it says nothing."""
+    return float(node.evidence.get("said", {}).get("chance", 0.0))
 
 
 def _odds(share: float) -> float:

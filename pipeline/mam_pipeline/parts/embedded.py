@@ -31,7 +31,7 @@ from mam_pipeline.parts.network import Reading, log_odds
 from mam_pipeline.parts.rules.bare_handles import with_boards
 from mam_pipeline.parts.rules.choice import lighter, nearest, with_sure, with_twins
 from mam_pipeline.parts.rules.extent import completed, without_spanning
-from mam_pipeline.parts.said import Heard, against_physics, with_masks
+from mam_pipeline.parts.said import SAID, Heard, against_physics, with_masks
 from mam_pipeline.parts.scores import WEIGHTS, Kind, Scores, load_scores
 from mam_pipeline.parts.select import SELECTION
 from mam_pipeline.parts.settle import settled
@@ -204,7 +204,7 @@ class Scored:
         best: candidates of the set that ranks first, best first; empty where nothing may move.
         least: confidence below which a part stays in the base.
         said: (C,) log odds that what is known beside geometry added; firm: (C,) candidates whose
-            faces it delimits. None where nothing is known.
+            faces it delimits. None where nothing is known. told: how many parts a person counted.
     """
 
     graph: Graph
@@ -218,6 +218,7 @@ class Scored:
     least: float
     said: FloatArray | None = None
     firm: NDArray[np.bool_] | None = None
+    told: int = 0
 
 
 def decide(
@@ -236,13 +237,16 @@ def scored(views: Sequence[View], scores: Scores, heard: Heard | None = None) ->
     graph = views[0].graph
     readings = bonds_of(views, scores)
     same, move = readings[0].same, readings[0].move
+    told = 0 if heard is None else heard.told
     masks = enumerate_groups(graph, same, move)
     if heard is not None:
         masks = with_masks(masks, heard.stated)
     if len(masks) == 0 or graph.count < 2:
         none = np.zeros(0)
         empty = np.zeros((0, graph.count), dtype=bool)
-        return Scored(graph, empty, none, np.zeros((0, 3)), none, same, move, (), scores.least)
+        return Scored(
+            graph, empty, none, np.zeros((0, 3)), none, same, move, (), scores.least, told=told
+        )  # fmt: skip
     seen = list(zip(views, readings))
     tables = [measured(v.graph, masks, r, v.prior) for v, r in seen]
     value = _mean([scores.value(t) for t in tables])
@@ -256,9 +260,12 @@ def scored(views: Sequence[View], scores: Scores, heard: Heard | None = None) ->
     odds = _mean([scores.subtype(t) for t in tables])
     value = np.where(masks @ graph.area > 1.0 - SELECTION.least_base, 0.0, value)  # something stays
     said = firm = None
+    stated = np.zeros(len(masks))
     if heard is not None:
-        firm = heard.firm(masks, value)
-        said, value = heard.odds(masks, value), heard.heard(masks, value)
+        stated = np.where(value > 0.0, heard.proposed(masks), 0.0)
+        firm = heard.firm(masks, value) | (stated >= SAID.decides)
+        said = heard.odds(masks, value) + heard.by_kind(odds, SUBTYPES)
+        value = heard.heard(masks, value, said)
         odds = heard.subtypes(masks, odds, SUBTYPES)
     best: list[int] = []
     if value.max() > REASONER.rescue:
@@ -270,10 +277,13 @@ def scored(views: Sequence[View], scores: Scores, heard: Heard | None = None) ->
         if heard is not None:
             quality = quality + heard.quality([len(row) for row in sets.rows()])
         best = sorted(sets.rows()[int(np.argmax(quality))], key=lambda c: -value[c])
-    confidence = scores.confidence(value)
+    if heard is not None:
+        best = heard.with_stated(masks, stated, best)
+    confidence = np.maximum(scores.confidence(value), stated)
     return Scored(
-        graph, masks, value, odds, confidence, same, move, tuple(best), scores.least, said, firm
-    )
+        graph, masks, value, odds, confidence, same, move, tuple(best), scores.least, said, firm,
+        told,
+    )  # fmt: skip
 
 
 def chosen_parts(found: Scored, rules: Rules = ALL_RULES) -> tuple[Masks, Choice]:
@@ -283,9 +293,11 @@ def chosen_parts(found: Scored, rules: Rules = ALL_RULES) -> tuple[Masks, Choice
     highest = float(value.max(initial=0.0))
     if not best:
         return masks, Choice((), value, odds, confidence, highest, said=found.said)
-    if rules.lighter_moves and len(best) == 1 and odds[best[0]].argmax() == HINGE:
+    firm = found.firm is not None and bool(found.firm[best[0]])
+    if rules.lighter_moves and len(best) == 1 and not firm and odds[best[0]].argmax() == HINGE:
         best = [lighter(graph, masks, value, best[0])]
-    left = [c for c in best[1:] if confidence[c] < found.least] if rules.unsure_stays else []
+    unsure = best[max(found.told, 1) :] if rules.unsure_stays else []
+    left = [c for c in unsure if confidence[c] < found.least]
     chosen = [c for c in best if c not in left]
     if rules.same_handle:
         chosen = with_twins(graph, masks, value, chosen)

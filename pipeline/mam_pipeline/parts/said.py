@@ -1,9 +1,10 @@
 """How what is known beside geometry weighs on candidate parts.
 
 A statement moves the log odds of the candidates that it is about: one that has exactly its faces
-gains, one that cuts it or that is said to stand still loses. Names may lie (exporters number,
-artists copy), so all names of a file are believed only as far as geometry bears them out together;
-an animation, which shows the motion, and a person's word need no such support.
+gains, one that cuts it or that is said to stand still loses. What the file's structure proposes is
+at least as likely as the structure says: a low score by geometry does not forbid it, physics may.
+How much names weigh on candidates that they are not about follows from how far geometry bears out
+all names of the file together.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from scipy.special import expit, logit
 
 from mam_pipeline.evidence.kinds import ObjectKind, kinds
+from mam_pipeline.evidence.propose import chance_of, expected_of
 from mam_pipeline.evidence.spec import CERTAIN, KinematicSpec, PartStatement, movable_kind
 from mam_pipeline.geometry.motion import Motion
 from mam_pipeline.geometry.sampling import face_geometry
@@ -25,8 +27,10 @@ from mam_pipeline.types import (
     MOVES,
     FloatArray,
     JointCandidate,
+    JointSubtype,
     KinematicTree,
     Mesh,
+    PartNode,
     Primitives,
 )
 
@@ -51,6 +55,7 @@ class SaidWeights:
         inside: share of a primitive's area from which it belongs to a stated part.
         firm: certainty, times trust, from which a stated part keeps the very faces it is said to
             have.
+        decides: chance from which a stated part is one and moves as it is said to.
     """
 
     exact: float = 3.0
@@ -70,6 +75,7 @@ class SaidWeights:
     count: float = 1.0
     inside: float = 0.6
     firm: float = 0.3
+    decides: float = 0.5
 
 
 SAID = SaidWeights()
@@ -169,6 +175,31 @@ class Heard:
                 out -= believed * SAID.still * still
         return out
 
+    def proposed(self, masks: Masks) -> FloatArray:
+        """(C,) chance of the candidates that are a stated part, by the statement alone; else 0."""
+        out = np.zeros(len(masks))
+        if self.parts:
+            iou = self.overlap(masks)[0]
+            chance = np.array([chance_of(part) for part in self.parts])
+            out = np.where(iou >= SAID.same, chance, 0.0).max(axis=1)
+        return out
+
+    def with_stated(self, masks: Masks, chance: FloatArray, best: Sequence[int]) -> list[int]:
+        """A set of candidates with all that the file states, in place of what overlaps them.
+
+        Args:
+            chance: (C,) of `proposed`. best: candidates of the set, best first.
+        """
+        out = list(best)
+        for c in np.argsort(-chance, kind="stable"):
+            if chance[c] < SAID.decides:
+                break
+            rivals = [k for k in out if k != c and (masks[k] & masks[c]).any()]
+            if c in out or any(chance[k] >= SAID.decides for k in rivals):
+                continue
+            out = [k for k in out if k not in rivals] + [int(c)]
+        return out
+
     def firm(self, masks: Masks, value: FloatArray) -> np.ndarray:
         """(C,) candidates whose faces the file delimits: no rule adds to them.
 
@@ -205,15 +236,28 @@ class Heard:
         """How certain the word for the object is, 0..1."""
         return self.spec.objects[0].said.certainty if self.spec.objects else 0.0
 
-    def heard(self, masks: Masks, value: FloatArray) -> FloatArray:
-        """(C,) values with what is said."""
+    def by_kind(self, odds: FloatArray, names: Sequence[str]) -> FloatArray:
+        """(C,) log odds that the object's kind adds: less where none of its parts moves so.
+
+        Args:
+            odds: (C, 3) of the subtypes in `names`, by geometry.
+        """
+        usual = self._usual(names)
+        return np.zeros(len(odds)) if usual is None else np.log(odds @ usual)
+
+    def heard(self, masks: Masks, value: FloatArray, more: FloatArray) -> FloatArray:
+        """(C,) values with what is said.
+
+        Args:
+            more: (C,) log odds of `odds` and `by_kind`.
+        """
         sure = logit(np.clip(value, 1e-3, 1.0 - 1e-3))
         for copies in self.copies:
             same = [np.flatnonzero((masks == copy).all(axis=1)) for copy in copies]
             known = [int(s[0]) for s in same if len(s)]
             if len(known) > 1:  # copies of one mesh move alike or not at all
                 sure[known] = sure[known].mean()
-        out: FloatArray = expit(sure + self.odds(masks, value))
+        out: FloatArray = np.maximum(expit(sure + more), self.proposed(masks))
         return np.where(value <= 0.0, 0.0, out)
 
     def subtypes(self, masks: Masks, odds: FloatArray, names: Sequence[str]) -> FloatArray:
@@ -236,28 +280,20 @@ class Heard:
 
     def _usual(self, names: Sequence[str]) -> FloatArray | None:
         """(3,) factors of the subtypes, by how many parts of each such an object usually moves."""
-        number = dict.fromkeys(names, 0.0)
-        for count in self.spec.counts:
-            moves = kinds().parts[count.kind].moves
-            if moves in number:
-                number[moves] += count.count
-        certainty = CERTAIN if any(number.values()) else self._certainty
-        known = self._object
-        if known is not None and not any(number.values()):
-            for part in known.parts:
-                number[part.moves] += part.often
-        total = sum(number.values())
-        if total == 0.0:
+        expected = expected_of(self.spec)
+        if expected is None or not any(expected.often.values()):
             return None
-        share = np.array([number[n] / total for n in names])
-        return np.asarray((SAID.rare + share / share.max()) / (SAID.rare + 1.0)) ** certainty
+        share = np.array([expected.share(movable_kind(n) or "fixed") for n in names])
+        share /= share.max()
+        return np.asarray((SAID.rare + share) / (SAID.rare + 1.0)) ** expected.certainty
 
     def quality(self, sizes: Sequence[int]) -> FloatArray:
         """(M,) what the number of parts of every set adds to its quality, where it was told."""
         told = sum(c.count for c in self.spec.counts)
         if not told:
             return np.zeros(len(sizes))
-        return -SAID.count * np.abs(np.asarray(sizes, float) - told)
+        certainty = min(c.said.certainty for c in self.spec.counts)
+        return -SAID.count * certainty * np.abs(np.asarray(sizes, float) - told)
 
     @property
     def told(self) -> int:
@@ -279,20 +315,32 @@ class Heard:
             surest = max(same, key=lambda k: self.parts[k].said.certainty, default=None)
             part = None if surest is None else self.parts[surest]
             said: dict[str, object] = {"odds": round(float(more), 3)}
+            chance = 0.0 if part is None else chance_of(part)
             candidates = node.candidates
             limits = node.limits
             if part is not None:
-                said |= {"name": part.name, "kind": part.kind, "by": part.said.origin}
+                said |= {
+                    "name": part.name, "kind": part.kind, "by": part.said.origin,
+                    "chance": round(chance, 3),
+                }  # fmt: skip
+                subtype = movable_kind(part.moves)
+                if subtype is not None and chance >= SAID.decides:
+                    node, candidates = as_stated(node, subtype)
                 if part.axis is not None and part.origin is not None:
-                    subtype = movable_kind(part.moves)
                     assert subtype is not None
                     best = max((c.score for c in candidates), default=0.0)
-                    candidates = (JointCandidate(
+                    first = JointCandidate(
                         subtype, part.axis, part.origin, best + SAID.shown, {"shown": 1.0},
                         kind_probability=1.0, within_kind=part.said.certainty,
-                    ),)  # fmt: skip
+                    )  # fmt: skip
+                    # an origin says the line, and not which way it opens
+                    back = replace(first, axis=-part.axis, within_kind=0.0)
+                    candidates = (first,) if part.limits is not None else (first, back)
                     limits = part.limits
-                    node = replace(node, subtype=subtype, provenance="observed")
+                    shown = part.said.origin == "animation"
+                    node = replace(
+                        node, subtype=subtype, provenance="observed" if shown else node.provenance
+                    )
             line = self._line(part)
             if line and node.subtype == "hinge" and limits is None:
                 candidates = with_line(candidates, line)
@@ -308,6 +356,18 @@ class Heard:
         hinges = [] if known is None else [p for p in known.parts if p.moves == "hinge"]
         lines = {p.line for p in hinges}
         return lines.pop() if len(lines) == 1 else ""
+
+
+def as_stated(node: PartNode, subtype: JointSubtype) -> tuple[PartNode, tuple[JointCandidate, ...]]:
+    """The node as it moves by its statement, with its hypotheses; unchanged where it has none."""
+    rotary = ("hinge", "spin")
+    same = ("slide",) if subtype == "slide" else rotary
+    fitting = [c for c in node.candidates if c.subtype in same]
+    if not fitting:
+        return node, node.candidates
+    exact = [c for c in fitting if c.subtype == subtype]
+    kept = exact or [replace(c, subtype=subtype) for c in fitting]
+    return replace(node, subtype=subtype), tuple(kept)
 
 
 def with_line(candidates: Sequence[JointCandidate], line: str) -> tuple[JointCandidate, ...]:

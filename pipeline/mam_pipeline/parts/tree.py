@@ -28,12 +28,14 @@ class TreeThresholds:
         bulk: share of a part's area that its largest primitives, its body, have; the others are its
             fittings.
         level: cosine between the upward direction and the thin side of what lies.
+        stated: chance from which a part that the file states moves by itself, however small.
     """
 
     twins: float = 0.2
     equal_area: float = 0.8
     bulk: float = 0.7
     level: float = 0.7
+    stated: float = 0.5
 
 
 TREE = TreeThresholds()
@@ -181,6 +183,8 @@ def clear_from(graph: Graph, tree: KinematicTree, rules: Rules = ALL_RULES) -> d
     kinds, area, share = _shapes(graph, tree)
     out = {}
     for i, node in enumerate(tree.nodes[1:], start=1):
+        if node.evidence.get("said", {}).get("chance", 0.0) >= TREE.stated:
+            continue
         least = moves_if_above(node.subtype, kinds[i], kinds[node.parent], share[i], rules)
         if rules.minor and is_minor(area[i], area[1:]) and not graph.is_fused:
             least = max(least, FITTINGS.minor_above)
