@@ -109,7 +109,10 @@ class Measured:
 
 def measure(folder: Path, flags: Sequence[str], jobs: int, log: Path) -> Measured:
     """Run `mam-sim bench` on a folder; a run that was cut short goes on."""
-    said = ["mam-sim", "bench", folder.name.upper(), *flags]
+    # no path of this machine: FOLDER/SOURCE of the weights is told as LEFT_OUT/SOURCE
+    shown = [f"LEFT_OUT/{folder.name}" if at == "--weights" else flag
+             for at, flag in zip(("", *flags), flags)]  # fmt: skip
+    said = ["mam-sim", "bench", folder.name.upper(), *shown]
     words = [str(folder), *flags, "--jobs", str(jobs), "--out", str(log), "--quiet"]
     subprocess.run([sys.executable, "-m", "mam_sim.cli", "bench", *words], check=True,
                    stdout=subprocess.DEVNULL)  # fmt: skip

@@ -251,3 +251,16 @@ def test_rows_of_an_older_rule_stand_apart(tmp_path: Path, monkeypatch: pytest.M
     assert not results_page.before_rule(table, {**ROW, "commit": "new"})
     assert not results_page.before_rule(table, PRINTED)
     assert not results_page.before_rule({"paths": ["engine.py"]}, {**ROW, "commit": "old"})
+
+
+def test_the_command_of_a_row_names_no_folder_of_a_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def bench(words: list[str], **_: object) -> None:
+        out = Path(words[words.index("--out") + 1])
+        out.write_text(json.dumps({"objects": [], "models": {"unseen": True, "weights": []}}))
+
+    monkeypatch.setattr(engine_table.subprocess, "run", bench)
+    flags = ("--named", "--weights", str(tmp_path / "left_out" / "dev"))
+    got = engine_table.measure(tmp_path / "dev", flags, 1, tmp_path / "run.json")
+    assert got.command == "mam-sim bench DEV --named --weights LEFT_OUT/dev"
