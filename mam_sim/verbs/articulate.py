@@ -51,10 +51,10 @@ class Articulate(Verb):
         names = ["read", "segment", "prior", "reason", "joints", "asset", "check", "report"]
         with given(self.pipeline.models.settings()):
             ask_upload(self.source, self.pipeline.reconstructor)
-            chosen = with_model(self.source, self.pipeline)
+            config = with_model(self.source, self.pipeline)
         with screen.stages(names) as bar, files_kept():
             with given(self.pipeline.models.settings()), one_ledger() as ledger:
-                asset = made_with_model(self.source, self.out, self.pipeline, chosen, bar)
+                asset = made_with_model(self.source, self.out, self.pipeline, config, bar)
             bar("report")
             from mam_sim.report import write_report
 

@@ -51,11 +51,11 @@ class MakeEnv(Verb):
         out = self.out if self.out is not None else Path(f"{self.source.stem}-asset")
         with given(self.pipeline.models.settings()):
             ask_upload(self.source, self.pipeline.reconstructor)
-            chosen = with_model(self.source, self.pipeline)
+            config = with_model(self.source, self.pipeline)
         stages = ["read", "segment", "prior", "reason", "joints", "asset", "check"]
         with screen.stages([*stages, "environment", "report"]) as bar:
             with given(self.pipeline.models.settings()), one_ledger() as ledger:
-                asset = made_with_model(self.source, out, self.pipeline, chosen, bar)
+                asset = made_with_model(self.source, out, self.pipeline, config, bar)
             bar("environment")
             from mam_envs.trial import try_environment
 

@@ -78,22 +78,22 @@ def test_articulate_asks_in_a_folder_and_goes_on_when_answered(
     command = ["articulate", str(box), "--up", "z", "--out", str(out), "--quiet"]
     command += ["--reasoner", "file", "--questions", str(asked)]
     assert main(command) == 3
-    assert "1_grouping" in capsys.readouterr().err and not out.exists()
-    text = (asked / "1_grouping" / "question.md").read_text()
+    assert "1_parts" in capsys.readouterr().err and not out.exists()
+    text = (asked / "1_parts" / "question.md").read_text()
     rows = [line for line in text.splitlines() if line[:1].isdigit() and ": x " in line]
     assert len(rows) == 3  # the body, the door and the knob
     spans = [[float(v) for v in r.split("x ")[1].split(",")[0].split("..")] for r in rows]
     body = int(np.argmax([b - a for a, b in spans]))
     pieces = [i for i in range(3) if i != body]
-    base = {"name": "body", "kind": "body", "is_base": True, "pieces": [body], "confidence": 0.9}
-    door = {"name": "door", "kind": "door", "is_base": False, "pieces": pieces, "confidence": 0.9}
-    (asked / "1_grouping" / "answer.json").write_text(json.dumps({"parts": [base, door]}))
-    assert main(command) == 3
-    mount = {
-        "name": "door", "parent": "body", "motion": "hinge", "confidence": 0.9,
-        "second_best": "slide", "axis": "z", "side": "-y", "opens": "-x",
+    door = {
+        "name": "door", "pieces": pieces, "motion": "hinge", "axis": "z", "side": "-y",
+        "opens": "-x",
     }  # fmt: skip
-    (asked / "2_tree" / "answer.json").write_text(json.dumps({"mounts": [mount]}))
+    answer = {"base": "body", "parts": [door]}
+    (asked / "1_parts" / "answer.json").write_text(json.dumps(answer))
+    assert main(command) == 3
+    assert "3_motion" in capsys.readouterr().err
+    (asked / "3_motion" / "answer.json").write_text('{"joints": [{"name": "door", "ok": true}]}')
     assert main(command) == 0
     card = json.loads((out / "asset.json").read_text())
     assert [j["name"] for j in card["joints"]] == ["door_joint"]

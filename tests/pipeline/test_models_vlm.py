@@ -148,7 +148,7 @@ def test_a_line_that_blocks_the_part_both_ways_is_vetoed(
 def test_simple_objects_are_asked_once_and_looked_at_in_motion(
     tmp_path: Path, boxes: Boxes
 ) -> None:
-    parts = {"base": "body", "parts": [{
+    parts: Plain = {"base": "body", "parts": [{
         "name": "door", "pieces": [1], "motion": "hinge", "axis": "z", "side": "+y", "opens": "-x",
     }]}  # fmt: skip
     given = {

@@ -144,8 +144,8 @@ class OpenAITransport:
         try:
             answer = self.client.chat.completions.create(
                 model=self.model,
-                messages=messages,
-                **self._wishes(question),  # type: ignore[call-overload]
+                messages=messages,  # type: ignore[arg-type]
+                **self._wishes(question),
             )
         except openai.APIStatusError as error:
             if any(word in str(error).lower() for word in _BLIND):

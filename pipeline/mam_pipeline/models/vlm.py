@@ -24,7 +24,13 @@ from mam_pipeline.evidence.spec import NOTHING, KinematicSpec
 from mam_pipeline.joints.solver import EmbeddedSolver
 from mam_pipeline.models import album as albums
 from mam_pipeline.models import answers, motion_check, questions, settings
-from mam_pipeline.models.transports import FileTransport, OpenAITransport, Question, Transport
+from mam_pipeline.models.transports import (
+    FileTransport,
+    Labelled,
+    OpenAITransport,
+    Question,
+    Transport,
+)
 from mam_pipeline.optional import has, install_command
 from mam_pipeline.parts.settle import settled
 from mam_pipeline.render import orbit_views as views
@@ -194,16 +200,19 @@ def _closely(
     wanted = sorted(set(answer.closer) & set(album.ids))
     if not wanted:
         return answer, question
-    groups = albums.close_groups(album, wanted)
+    groups: list[tuple[int, ...]] = albums.close_groups(album, wanted)
     names = " and ".join(f"'closer_{k}'" for k in range(len(groups)))
     asked = questions.CLOSER.format(most=questions.MOST_CLOSER)
     shown = questions.SHOWN_CLOSER.format(pieces=", ".join(map(str, wanted)), names=names)
-    draw = question.draw
+
+    def draw() -> Labelled:
+        return *question.draw(), *albums.closer(album, groups)
+
     again = replace(
         question,
         name=f"{question.name}_closer",
         text=question.text.replace(asked, shown),
-        draw=lambda: (*draw(), *albums.closer(album, groups)),
+        draw=draw,
     )
     return settle_answer(transport, again, shape, faults, lambda _: ""), again
 

@@ -54,7 +54,8 @@ def write_dataset(files: Sequence[Path], corpus: Path, out: Path) -> int:
 def write_urdf(articulation: Articulation, folder: Path, name: str) -> None:
     """The surfaces of all links and their joints, nothing else: what ground truth is read from."""
     folder.mkdir(parents=True, exist_ok=True)
-    mesh, at = articulation.mesh, {0: np.zeros(3)}
+    mesh = articulation.mesh
+    at: dict[int, FloatArray] = {0: np.zeros(3)}
     at |= {joint.child: np.asarray(joint.origin) for joint in articulation.joints}
     lines = [f"<robot name={quoteattr(name)}>"]
     for i, link in enumerate(articulation.links):
