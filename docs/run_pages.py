@@ -28,12 +28,12 @@ import yaml
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (
     "docs/tutorials/first-environment.md",
+    "README.md",
     "docs/concepts/check.md",
     "docs/concepts/asset-folder.md",
     "docs/concepts/environment.md",
     "docs/concepts/generated-objects.md",
     "docs/tutorials/put-right-by-hand.md",
-    "README.md",
 )
 FENCE = re.compile(
     r'^```(?P<kind>\w+)(?: title="(?P<title>[^"]+)")?\n(?P<body>.*?)^```$', re.M | re.S
