@@ -87,6 +87,19 @@ def test_two_labels_agree_in_part_and_differ_in_line(corpus: Path, tmp_path: Pat
     assert "| mean of 1 | 1.00 |" in agreement_table([(one, other)], corpus)
 
 
+def test_a_coarse_piece_is_cut_and_asked_about_anew(corpus: Path, tmp_path: Path) -> None:
+    items, folder = items_of(corpus, ["a__cabinet"]), tmp_path / "a__cabinet"
+    assert ask_all(items, tmp_path, "a test", tmp_path / "labels") == 3
+    (folder / "1_parts" / "answer.json").write_text("{}")
+    (folder / "notes.json").write_text('{"split": [0]}')
+    assert ask_all(items, tmp_path, "a test", tmp_path / "labels") == 3
+    assert not (folder / "1_parts" / "answer.json").exists()
+    with np.load(folder / "pieces.npz") as data:
+        assert np.bincount(data["labels"]).tolist() == [2, 12, 2, 2, 2, 2, 2]  # a box's six sides
+    (folder / "notes.json").write_text('{"split": [99]}')
+    assert ask_all(items, tmp_path, "a test", tmp_path / "labels") == 2
+
+
 def test_notes_say_why_no_label_is_possible(corpus: Path, tmp_path: Path) -> None:
     folder = tmp_path / "work" / "a__cabinet"
     folder.mkdir(parents=True)

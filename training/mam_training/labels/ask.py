@@ -6,6 +6,7 @@ import csv
 import datetime
 import json
 import re
+import shutil
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ from mam_pipeline.models.vlm import ask_for_tree
 from mam_pipeline.run import Source, read_source
 from mam_pipeline.stages import Stages
 from mam_pipeline.types import Articulation, KinematicTree, Mesh, Primitives
+from mam_training.labels.finer import split_pieces
 from mam_training.labels.label import Label, label_parts, notes_of
 
 ONE_QUESTION = 90
@@ -90,7 +92,7 @@ def ask(item: Item, work: Path, by: str, labels: Path) -> str:
     mesh = read.mesh if made is None else made.mesh
     articulation: Articulation | None = None
     if not notes.get("out_of_scope"):
-        primitives = _pieces(work / item.id, mesh)
+        primitives = _pieces(work / item.id, mesh, notes.get("split", []))
         given = {
             settings.SUBJECT: item.id,
             "MAM_SIM_VLM_SIMPLE": str(ONE_QUESTION),
@@ -158,14 +160,23 @@ def _solved(mesh: Mesh, primitives: Primitives, tree: KinematicTree) -> Articula
     return EmbeddedSolver().solve(mesh, primitives, tree)
 
 
-def _pieces(folder: Path, mesh: Mesh) -> Primitives:
-    """The pieces that are shown, kept beside the questions."""
+def _pieces(folder: Path, mesh: Mesh, split: Sequence[int]) -> Primitives:
+    """The pieces that are shown, kept beside the questions; `split` are those to be cut finer.
+
+    Where other ones are to be cut than before, the questions are put anew.
+    """
     file = folder / "pieces.npz"
     if file.is_file():
         with np.load(file) as data:
-            if len(data["labels"]) == len(mesh.faces):
+            done = data["split"].tolist() if "split" in data else []
+            if len(data["labels"]) == len(mesh.faces) and done == list(split):
                 return Primitives(data["labels"].astype(np.int64), data["merges"])
+        for question in folder.glob("[0-9]_*"):
+            shutil.rmtree(question)
     found = Stages(MakeConfig().engine).segment(mesh)
+    if split:
+        found = Primitives(split_pieces(mesh, found.labels, split))
     folder.mkdir(parents=True, exist_ok=True)
-    np.savez_compressed(file, labels=found.labels.astype(np.int32), merges=found.merges)
+    labels = found.labels.astype(np.int32)
+    np.savez_compressed(file, labels=labels, merges=found.merges, split=np.array(split, np.int64))
     return found

@@ -221,7 +221,7 @@ def faces_of(runs: str) -> IntArray:
 
 
 def notes_of(folder: Path) -> dict[str, Any]:
-    """What a labeller wrote beside the answers in notes.json: out_of_scope, notes."""
+    """What a labeller wrote beside the answers in notes.json: out_of_scope, notes, split."""
     file = folder / "notes.json"
     if not file.is_file():
         return {}
@@ -229,6 +229,9 @@ def notes_of(folder: Path) -> dict[str, Any]:
         row = json.loads(file.read_text(encoding="utf-8"))
     except ValueError as error:
         raise InputError(f"{file} is no JSON: {error}") from error
-    if not isinstance(row, dict) or (unknown := set(row) - {"out_of_scope", "notes"}):
-        raise InputError(f"{file} may hold out_of_scope and notes, not {unknown}")
+    if not isinstance(row, dict) or set(row) - {"out_of_scope", "notes", "split"}:
+        raise InputError(f"{file} may hold out_of_scope, notes and split, nothing else")
+    split = row.get("split", [])
+    if not isinstance(split, list) or not all(type(k) is int and k >= 0 for k in split):
+        raise InputError(f"{file}: split must be a list of piece numbers")
     return row
