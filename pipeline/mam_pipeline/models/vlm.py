@@ -103,7 +103,7 @@ class FileReasoner:
     def options(cls) -> str:
         """The answers that are there."""
         found = settings.content_digest(settings.folder("MAM_SIM_QUESTIONS"), "answer.json")
-        return f"answers {found[:12]}"
+        return f"answers {found[:12]} {_how()}"
 
     def reason(
         self, mesh: Mesh, primitives: Primitives, prior: KinematicPrior | None, seed: int = 0
@@ -152,6 +152,12 @@ def ask_for_tree(
     base = made.tree.nodes[0]
     base = replace(base, evidence={**base.evidence, "ledger": ledger})
     return KinematicTree((base, *made.tree.nodes[1:]))
+
+
+def _how() -> str:
+    """Settings on which the questions depend."""
+    simple = settings.number("MAM_SIM_VLM_SIMPLE", SIMPLE)
+    return f"simple {simple:g} rounds {settings.number('MAM_SIM_VLM_ROUNDS', ROUNDS):g}"
 
 
 def told_by(spec: KinematicSpec, mesh: Mesh, primitives: Primitives) -> str:
