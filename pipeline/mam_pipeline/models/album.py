@@ -28,6 +28,7 @@ TWO = (views.CORNERS[0], views.CORNERS[2])
 MOST_IDS = 90
 CLOSE_UPS = 3  # enlarged pictures that one answer can ask for
 THIN = 0.03  # of the diagonal, the second longest side of a hidden piece that may join others
+WIDE = 0.2  # of the diagonal, the second longest side of a rack: what is narrower are rails
 NEAR = 0.01  # of the diagonal, within which thin hidden pieces are one thing, as the bars of a rack
 PLAIN_SIGHT = 150 / 512**2  # of its best view, with which a piece counts as seen from outside
 SMALL = 0.004  # of its best view, below which a piece may need a closer look
@@ -111,7 +112,10 @@ def cast(mesh: Mesh, primitives: Primitives) -> Album:
 
 
 def _racks(mesh: Mesh, stands_for: IntArray, primitives: Primitives, best: FloatArray) -> IntArray:
-    """Thin hidden pieces that touch each other stand as one, three or more: a rack in an oven."""
+    """Thin hidden pieces that touch each other stand as one where they cross: a rack in an oven.
+
+    What only lies along each other, as the rails of a drawer and of its case, may move apart.
+    """
     labels = stands_for[primitives.labels]
     thin = []
     for i in np.unique(stands_for):
@@ -132,7 +136,10 @@ def _racks(mesh: Mesh, stands_for: IntArray, primitives: Primitives, best: Float
             group |= more
             open_ += sorted(more)
         left -= group
-        if len(group) >= 3:
+        sides = np.sort(
+            np.ptp(mesh.vertices[mesh.faces[np.isin(labels, list(group))].reshape(-1)], 0)
+        )
+        if len(group) >= 3 and sides[1] > WIDE * mesh.diagonal:
             out[np.isin(stands_for, sorted(group))] = min(group)
     return out
 
