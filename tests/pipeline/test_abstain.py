@@ -17,7 +17,7 @@ def _tree(*values: float) -> tuple[KinematicTree, dict[str, dict[str, float]]]:
         PartNode(f"p{k}", "door", (k,), 0, "hinge", confidence=0.5)
         for k in range(1, len(values) + 1)
     ]
-    signs = {f"p{k}": {"value": v} for k, v in enumerate(values, start=1)}
+    signs = {f"p{k}": {"value": v, "free": 1.0} for k, v in enumerate(values, start=1)}
     return KinematicTree(tuple(nodes)), signs
 
 
@@ -50,6 +50,22 @@ def test_as_many_parts_as_a_person_counted_are_kept() -> None:
     tree, signs = _tree(-1.0, -3.0, -2.0)
     found = withheld(tree, signs, BAR, told=2)
     assert [n.name for n in awake(found).nodes] == ["base", "p1", "p3"]
+
+
+def test_no_more_parts_than_a_person_counted_are_kept() -> None:
+    tree, signs = _tree(3.0, 2.0, 1.0)
+    found = withheld(tree, signs, BAR, told=1)
+    assert [n.name for n in awake(found).nodes] == ["base", "p1"]
+    assert found.nodes[2].dormant.startswith("1 were told")
+
+
+def test_a_stated_part_needs_no_score_but_must_be_free_to_move() -> None:
+    tree, signs = _tree(-3.0, -3.0)
+    stated = [replace(n, evidence={"said": {"chance": 0.9}}) for n in tree.nodes[1:]]
+    signs["p2"]["free"] = 0.0
+    found = withheld(replace(tree, nodes=(tree.nodes[0], *stated)), signs, BAR)
+    assert [n.name for n in awake(found).nodes] == ["base", "p1"]
+    assert found.nodes[1].evidence["chance"] == 0.9
 
 
 def test_without_a_bar_only_the_signs_are_noted() -> None:
