@@ -82,3 +82,38 @@ def test_what_leads_outside_or_is_no_model_is_said(cabinet: Path, tmp_path: Path
     broken.write_text(CABINET.replace("ellipsoid", "banana"))
     with pytest.raises(InputError, match="MuJoCo"):
         urdf_of_mjcf(broken, tmp_path / "none")
+
+
+ENDLESS = {
+    "replicate": '<worldbody><replicate count="1e9"><geom size="1"/></replicate></worldbody>',
+    "nested": '<worldbody><replicate count="1000"><replicate count="1000"><geom size="1"/>'
+    "</replicate></replicate></worldbody>",
+    "flexcomp": '<worldbody><flexcomp name="a" type="grid" count="9999 9999 9"/></worldbody>',
+    "texture": '<asset><texture type="2d" builtin="flat" width="99999" height="99999"/></asset>',
+    "hfield": '<asset><hfield name="a" nrow="99999" ncol="99999" size="1 1 1 1"/></asset>',
+}
+
+
+@pytest.mark.parametrize("kind", ENDLESS)
+def test_absurd_counts_are_refused_before_any_work(kind: str, tmp_path: Path) -> None:
+    from mam_pipeline.check.mjcf_usd import file_findings
+
+    file = tmp_path / "a.xml"
+    file.write_text(f"<mujoco>{ENDLESS[kind]}</mujoco>")
+    with pytest.raises(InputError, match="the most is"):
+        urdf_of_mjcf(file, tmp_path / "out")
+    (finding,) = file_findings(file, "mujoco")
+    assert finding.code == "file_unreadable" and "the most is" in finding.message
+
+
+def test_a_compile_without_end_stops_at_its_limit(
+    cabinet: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import time
+
+    from mam_pipeline.formats import apart
+
+    monkeypatch.setattr(apart, "BOUNDS", apart.Bounds(seconds=0.3))
+    monkeypatch.setattr(mujoco.MjModel, "from_xml_path", lambda _: time.sleep(60))
+    with pytest.raises(InputError, match="took more than"):
+        urdf_of_mjcf(cabinet, tmp_path / "out")

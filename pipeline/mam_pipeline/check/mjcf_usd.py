@@ -5,7 +5,8 @@ An MJCF is compiled by MuJoCo, a USD file composed by OpenUSD; no file outside i
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,9 @@ from mam_pipeline import thresholds as limits
 from mam_pipeline.check.profiles import PROFILES, Profile, is_identifier
 from mam_pipeline.check.report import Finding
 from mam_pipeline.errors import InputError, unknown_name
+from mam_pipeline.formats.apart import apart
 from mam_pipeline.formats.door import Door, Outside
+from mam_pipeline.formats.mjcf_files import check_counts
 from mam_pipeline.formats.usd_layers import check_layers
 from mam_pipeline.formats.xml_file import Doctype, parse_xml
 from mam_pipeline.optional import require
@@ -56,8 +59,10 @@ def file_findings(path: Path, name: str) -> list[Finding]:
         text = f"this simulator takes no {kind}, or loses meshes and joints of it; give it URDF"
         out.append(Finding("file_format", path.name, text))
     try:
+        require(f"{path.name}: reading {kind}", "mujoco" if kind == "MJCF" else "pxr")
         rules = _mjcf if kind == "MJCF" else _usd
-        return out + list(rules(path, name, PROFILES[name]))
+        work = partial(_found, rules, path, name)
+        return out + apart(work, path, kind, "simplify it, or give a URDF")
     except Outside as error:
         return [*out, Finding("mesh_outside", path.name, str(error))]
     except Doctype as error:
@@ -66,8 +71,13 @@ def file_findings(path: Path, name: str) -> list[Finding]:
         return [*out, Finding("file_unreadable", path.name, str(error))]
 
 
+def _found(
+    rules: Callable[[Path, str, Profile], Iterator[Finding]], path: Path, name: str
+) -> list[Finding]:
+    return list(rules(path, name, PROFILES[name]))
+
+
 def _mjcf(path: Path, name: str, profile: Profile) -> Iterator[Finding]:
-    require(f"{path.name}: reading MJCF", "mujoco")
     import mujoco
 
     _stay_inside(path, path.parent, Door(path.parent), set())
@@ -107,6 +117,7 @@ def _stay_inside(path: Path, main: Path, door: Door, seen: set[Path]) -> None:
         return
     seen.add(path)
     root = parse_xml(path, limits.MAX_XML_BYTES)
+    check_counts(root, path)
     folders = {main}
     for compiler in root.iter("compiler"):
         folders |= {main / compiler.get(k, "") for k in ("assetdir", "meshdir", "texturedir")}
@@ -122,7 +133,6 @@ def _stay_inside(path: Path, main: Path, door: Door, seen: set[Path]) -> None:
 
 
 def _usd(path: Path, name: str, profile: Profile) -> Iterator[Finding]:
-    require(f"{path.name}: reading USD", "pxr")
     from pxr import Tf, Usd, UsdGeom, UsdPhysics
 
     try:

@@ -38,12 +38,12 @@ class Bounds:
 BOUNDS = Bounds()
 
 
-def apart(work: Callable[[], T], file: Path, kind: str) -> T:
+def apart(work: Callable[[], T], file: Path, kind: str, instead: str = "export it as GLB") -> T:
     """Do some work on a file in a child process; what it gives, or its error, comes back.
 
     Args:
         work: gives something that can be pickled. file: what it reads, for errors.
-        kind: of the file, in a word: USD.
+        kind: of the file, in a word: USD. instead: what to do where it cannot be read.
 
     Raises:
         InputError: the work crashed, took too long or too much, or raised what is no error of ours.
@@ -61,7 +61,7 @@ def apart(work: Callable[[], T], file: Path, kind: str) -> T:
         if ending.how != "done":
             lines = ending.log.strip().splitlines()
             why = lines[-1][:200] if lines else ending.why
-            raise InputError(f"{file} cannot be read as {kind} ({why}); export it as GLB")
+            raise InputError(f"{file} cannot be read as {kind} ({why}); {instead}")
         found.seek(0)
         answer = pickle.load(found)  # written by our own process
     if isinstance(answer, MamSimError):

@@ -14,6 +14,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.formats.apart import apart
 from mam_pipeline.formats.door import is_file
 from mam_pipeline.formats.mjcf_files import files_of_mjcf
 from mam_pipeline.optional import require
@@ -35,14 +36,21 @@ def urdf_of_mjcf(path: Path, out: Path) -> Path:
 
     Raises:
         MissingExtra: MuJoCo is not installed.
-        InputError: MuJoCo cannot compile the file, or it names files outside its folder.
+        InputError: MuJoCo cannot compile the file, or not within limits, or it names files outside
+            its folder.
     """
     require("MJCF", "mujoco")
-    import mujoco
+    import mujoco  # noqa: F401 - once, and not in every child
 
     if not is_file(path):
         raise InputError(f"no MJCF at {path}")
     files_of_mjcf(path)
+    return apart(lambda: _compiled(path, out), path, "MJCF", "simplify it, or give a URDF")
+
+
+def _compiled(path: Path, out: Path) -> Path:
+    import mujoco
+
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
