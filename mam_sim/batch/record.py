@@ -26,14 +26,14 @@ from mam_pipeline.errors import ConfigError, InputError, MamSimError
 
 MADE = ("passes", "fails check", "no environment")
 """Outcomes with an asset folder."""
-GUARDED = ("timeout", "memory")
-"""Outcomes that a limit caused: tried again when the limit is wider."""
 Status = Literal[
     "passes", "fails check", "no environment", "nothing moves", "needs a hint", "another kind",
     "bad input", "timeout", "memory", "crash", "error",
 ]  # fmt: skip
 ORDER: tuple[Status, ...] = get_args(Status)
 """All outcomes, assets first."""
+GUARDED: tuple[Status, ...] = ("timeout", "memory")
+"""Outcomes that a limit caused: tried again when the limit is wider."""
 _READ: dict[str, Any] = {**STRICT, "extra": "ignore"}
 PAGES = ("batch.yaml", "manifest.csv", "manifest.parquet", "index.html")
 PARTS = ("assets", "records", "pictures")
@@ -95,8 +95,10 @@ class Record:
     @property
     def readable(self) -> Record:
         """With text that every file can hold: a file's name need not be text."""
-        texts = {f.name: getattr(self, f.name) for f in fields(self) if f.type == "str"}
-        return replace(self, **{name: folders.as_text(text) for name, text in texts.items()})
+        texts: dict[str, Any] = {
+            f.name: folders.as_text(getattr(self, f.name)) for f in fields(self) if f.type == "str"
+        }
+        return replace(self, **texts)
 
 
 class Target:

@@ -220,7 +220,7 @@ class Job:
                 return record if ending.tries == 1 else self._kept(record, target, ending)
             ending = replace(ending, how="crash", why="its process ended without a record")
         record = self.record(
-            next((s for s in (*GUARDED, "crash") if s == ending.how), "crash"),
+            next((s for s in GUARDED if s == ending.how), "crash"),
             reason=ending.why,
             seconds=ending.seconds,
             cpu_seconds=ending.cpu_seconds,

@@ -287,7 +287,7 @@ def record_from(data: dict[str, Any]) -> Record:
     scores = dict(data["scores"])
     scores["joints"] = tuple(JointScore(**j) for j in scores["joints"])
     scores["found"] = tuple(FoundJoint(**j) for j in scores["found"])
-    lists = {k: tuple(data.get(k, ())) for k in ("reasons", "weights")}
+    lists: dict[str, Any] = {k: tuple(data.get(k, ())) for k in ("reasons", "weights")}
     rest = {k: v for k, v in data.items() if k != "scores" and k not in lists}
     return Record(**rest, **lists, scores=Scores(**scores))
 

@@ -140,7 +140,8 @@ class Train(Verb):
             Asset.load(folder)
         if len(found) == 1 and self.split is None:
             return (str(found[0]),), {}
-        wanted, test = found, []
+        wanted = found
+        test: list[Path] = []
         if self.split is not None:
             wanted, test = split(found, self.split, self.train.seed)
         fit, refused, errors = [], [], []

@@ -327,9 +327,11 @@ def asset_settings(asset: Path, config: MakeConfig) -> MakeConfig:
         return config
     kept = config_file.read(source).get("pipeline", {})
     then = config_file.fill(MakeConfig(), kept, source)
-    engine = then.engine
-    for role in ("segmenter", "prior", "reasoner", "solver"):
-        engine = replace(engine, **{role: _backend(then.engine, config.engine, role, source)})
+    named: dict[str, Any] = {
+        role: _backend(then.engine, config.engine, role, source)
+        for role in ("segmenter", "prior", "reasoner", "solver")
+    }
+    engine = replace(then.engine, **named)
     reconstructor = _backend(then, config, "reconstructor", source)
     photo = replace(then.photo, mask=config.photo.mask, reader=config.photo.reader)
     made = replace(

@@ -92,11 +92,13 @@ def test_faces_are_shuffled_the_same_way_each_time(dataset: Path) -> None:
 @pytest.mark.filterwarnings("ignore")
 def test_no_name_is_shown_unless_it_is_asked_for(dataset: Path) -> None:
     hidden = read_object(dataset / "thing" / "object.urdf")
-    assert hidden.mesh.group_names == ("mesh",) and not np.any(hidden.mesh.face_group)
+    assert hidden.mesh.face_group is not None
+    assert hidden.mesh.group_names == ("mesh",) and not hidden.mesh.face_group.any()
     (task,) = find_tasks(str(dataset))
     shown = task.load(named=True)
     assert shown.mesh.group_names == ("body", "door", "knob")
     assert (shown.mesh.faces == hidden.mesh.faces).all()
+    assert shown.mesh.face_group is not None
     door = shown.mesh.submesh(shown.mesh.face_group == 1)
     assert np.allclose(door.bounds, [[-0.5, -0.53, 0.5], [0.5, -0.51, 1.5]])
 

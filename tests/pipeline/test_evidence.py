@@ -172,7 +172,10 @@ def test_an_origin_on_an_edge_of_a_parts_box_is_a_hinge_there(
 ) -> None:
     sheet, _ = _box((0.0, 0.0, 0.0), (0.4, 0.02, 1.0))
     found = hinge_axis(sheet, np.array(pivot), line)
-    assert (found is None) if axis is None else np.array_equal(found, np.eye(3)[axis])
+    if axis is None:
+        assert found is None
+    else:
+        assert found is not None and np.array_equal(found, np.eye(3)[axis])
 
 
 def test_a_nameless_node_with_its_own_origin_on_an_edge_is_a_part(tmp_path: Path) -> None:

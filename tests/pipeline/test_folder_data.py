@@ -233,8 +233,8 @@ def test_where_to_send_read_and_write_fail(tmp_path: Path) -> None:
     ("segmenter", "p3sam"), ("reconstructor", "fal"), ("reconstructor", "space"),
 ])  # fmt: skip
 def test_a_backend_that_asks_others_fail(role: str, name: str, tmp_path: Path) -> None:
-    at_top = role == "reconstructor"
-    change = {role: name} if at_top else {"engine": EngineConfig(**{role: name})}
+    wish: dict[str, Any] = {role: name}
+    change = wish if role == "reconstructor" else {"engine": EngineConfig(**wish)}
     folder = asset(tmp_path, kept(**change))
     with pytest.raises(ConfigError, match=f"wishes the {role} '{name}'.*--{role} {name}"):
         asset_settings(folder, MakeConfig())

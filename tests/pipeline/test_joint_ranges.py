@@ -37,6 +37,7 @@ def assembled(pieces: Pieces) -> tuple[Mesh, IntArray]:
     """A mesh of (part, shape) pieces, and the part of every face."""
     whole = trimesh.util.concatenate([shape for _, shape in pieces])
     owner = np.concatenate([np.full(len(shape.faces), part) for part, shape in pieces])
+    assert isinstance(whole, trimesh.Trimesh)
     return Mesh(whole.vertices, whole.faces), owner
 
 

@@ -260,7 +260,7 @@ def scored(views: Sequence[View], scores: Scores, heard: Heard | None = None) ->
     odds = _mean([scores.subtype(t) for t in tables])
     value = np.where(masks @ graph.area > 1.0 - SELECTION.least_base, 0.0, value)  # something stays
     said = firm = None
-    stated = np.zeros(len(masks))
+    stated: FloatArray = np.zeros(len(masks))
     if heard is not None:
         stated = np.where(value > 0.0, heard.proposed(masks), 0.0)
         firm = heard.firm(masks, value) | (stated >= SAID.decides)
