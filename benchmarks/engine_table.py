@@ -64,6 +64,7 @@ class Wanted:
 
 NAMES = {
     "kitchen": "kitchen objects that nobody tuned on",
+    "labels": "objects of many public repositories, labelled by eye",
     "dev": "objects from robot simulators",
     "sweet_home": "pieces of furniture (Sweet Home 3D)",
     "scene_synthesizer": "objects of scene-synthesizer",
@@ -76,7 +77,7 @@ def wanted_rows() -> tuple[Wanted, ...]:
     rows = [Wanted(k, name, k, readme=True) for k, name in NAMES.items()]
     rows += [
         Wanted(f"{k}-shipped", name, k, shipped=True, readme=True)
-        for k, name in NAMES.items() if k != "kitchen"
+        for k, name in NAMES.items() if shipped_saw(k)
     ]  # fmt: skip
     for source in ("kitchen", "dev"):
         name = NAMES[source]
