@@ -48,6 +48,10 @@ def main(argv: list[str] | None = None) -> int:
 
         print(f"mam-sim {__version__}")
         return 0
+    if argv is None:  # a process of our own
+        from mam_sim.stopping import watch_over
+
+        watch_over()
     lean.install()
     for stream in (sys.stdout, sys.stderr):  # the name of a file need not be text
         if isinstance(stream, io.TextIOWrapper):

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import mmap
 import os
+import select
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 
 from mam_pipeline import folders
+from mam_pipeline.guarded import kill_family
 
 GRACE = 1.5
 """Seconds in which the exception must have ended the process; then it is ended."""
+LATER = 0.2
+"""Seconds more after which a process that does not even end itself is killed."""
+BOARD = 1 << 18
+"""Bytes for the names of what is under construction."""
 
 
 class Stopped(BaseException):
@@ -58,3 +65,59 @@ def stoppable() -> Iterator[None]:
 def _end(status: int) -> None:
     folders.clean_up()
     os._exit(status)
+
+
+def watch_over() -> None:
+    """Fork a process that kills this one where it is told to stop and does not end by itself.
+
+    Native code may be busy for long and let no other thread run: then no handler of Python's runs
+    either. The signal is written to a pipe all the same, by Python's handler in C. The watcher
+    reads it, waits, kills this process and its children, and removes what they had under
+    construction. It ends with this process.
+    """
+    told, tell = os.pipe()
+    os.set_blocking(tell, False)
+    verb, handle = os.getpid(), os.pidfd_open(os.getpid())
+    board = folders.Board(mmap.mmap(-1, BOARD), verb)
+    between = os.fork()
+    if between == 0:  # the watcher is nobody's child: none waits for it, and it may kill all
+        if os.fork() == 0:
+            with suppress(BaseException):
+                _watch(told, handle, board)
+        os._exit(0)
+    os.waitpid(between, 0)
+    os.close(told)
+    os.close(handle)
+    folders.show_on(board)
+    signal.set_wakeup_fd(tell, warn_on_full_buffer=False)
+    os.register_at_fork(after_in_child=_alone)  # a child's signals are not this process's
+
+
+def _alone() -> None:
+    signal.set_wakeup_fd(-1)
+
+
+def _watch(told: int, handle: int, board: folders.Board) -> None:
+    os.setsid()
+    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
+        signal.signal(number, signal.SIG_IGN)
+    nothing = os.open(os.devnull, os.O_RDWR)
+    for stream in range(3):
+        os.dup2(nothing, stream)
+    low, high = sorted((told, handle))
+    os.closerange(3, low)
+    os.closerange(low + 1, high)
+    os.closerange(high + 1, os.sysconf("SC_OPEN_MAX"))
+    asked = [told, handle]
+    while True:
+        ready, _, _ = select.select(asked, [], [])
+        if handle in ready:
+            return
+        numbers = os.read(told, mmap.PAGESIZE)
+        if not numbers:  # the pipe is closed
+            asked = [handle]
+        if {signal.SIGTERM, signal.SIGHUP} & set(numbers):
+            break
+    if not select.select([handle], [], [], GRACE + LATER)[0]:
+        kill_family(board.owner)
+        folders.remove(board.read())

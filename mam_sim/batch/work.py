@@ -8,7 +8,6 @@ import io
 import json
 import platform
 import resource
-import tempfile
 import time
 import traceback
 from dataclasses import dataclass, field, replace
@@ -29,6 +28,7 @@ from mam_pipeline.errors import (
     disk_error,
     disk_is_full,
 )
+from mam_pipeline.folders import Scratch
 from mam_pipeline.guarded import Ending, Limits
 from mam_pipeline.make_config import EngineConfig, MakeConfig
 from mam_pipeline.run import make_asset
@@ -97,7 +97,7 @@ class Work:
         from mam_world.truth import generated_truth
 
         engine = EngineConfig("geometric", "embedded", "embedded", "embedded")
-        with tempfile.TemporaryDirectory(prefix="mam_sim_batch_") as folder:
+        with Scratch() as folder:
             source = Path(folder) / "object.glb"
             save_glb(generated_truth("cabinet_one_door", 0).mesh, source)
             config = MakeConfig(engine=engine, visuals=self.pipeline.visuals)
@@ -182,7 +182,7 @@ class Job:
                 place = not_a_link(Path(target.path("assets", self.item.name)))
                 record = self.work.make(self, target, place)
             else:
-                with tempfile.TemporaryDirectory(prefix="mam_sim_batch_") as folder:
+                with Scratch() as folder:
                     out = Path(folder) / self.item.name
                     record = self.work.make(self, target, out)
                     target.put(out, self.item.name)

@@ -6,7 +6,6 @@ import hashlib
 import json
 import multiprocessing
 import os
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -20,6 +19,7 @@ import numpy as np
 from mam_pipeline import backends
 from mam_pipeline.errors import ConfigError, HintNeeded, MamSimError
 from mam_pipeline.evidence.spec import NOTHING, KindCount, KinematicSpec, Said
+from mam_pipeline.folders import Scratch
 from mam_pipeline.geometry.front import moved
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.metrics import FoundJoint, JointScore, Scores, score
@@ -221,7 +221,7 @@ def execute(found: Articulation, name: str) -> tuple[bool, tuple[str, ...]]:
     from mam_pipeline.asset.writer import write_asset
     from mam_pipeline.check.shorten import written_and_checked
 
-    with tempfile.TemporaryDirectory(prefix="mam_sim_bench_") as folder:
+    with Scratch() as folder:
         try:
             low, high = found.mesh.bounds
             shift = np.eye(4)

@@ -6,7 +6,6 @@ and joints are computed again in memory. `articulate --hints` gets the same from
 
 from __future__ import annotations
 
-import tempfile
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -21,6 +20,7 @@ from mam_pipeline.asset.read import read_asset
 from mam_pipeline.dormant import ALL, index_of, woken
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.evidence.spec import stated_groups
+from mam_pipeline.folders import Scratch
 from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.geometry.stand_in import stand_in
 from mam_pipeline.hints import Hints, load_hints, save_hints
@@ -124,7 +124,7 @@ class Session:
 
     def _open(self, source: Path, kind: str) -> None:
         """Run the engine, or take from a copy of the asset's stages what is still true."""
-        self._copy = tempfile.TemporaryDirectory()  # lives as long as the session
+        self._copy = Scratch()  # lives as long as the session
         stages = Path(self._copy.name) / "stages"
         stages.mkdir()
         copy_stages(self.place.asset / "stages", stages)

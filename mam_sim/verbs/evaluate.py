@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 from tyro.conf import Positional
@@ -17,6 +16,7 @@ from mam_pipeline import folders
 from mam_pipeline.claims import EVALUATION, claim_file
 from mam_pipeline.edited import Range
 from mam_pipeline.errors import ConfigError, MamSimError
+from mam_pipeline.folders import Scratch
 from mam_pipeline.formats.door import Door
 from mam_sim.console import PhaseBar, Screen
 from mam_sim.options import Verb
@@ -132,7 +132,7 @@ class Evaluate(Verb):
         from mam_pipeline.asset.card import Asset
 
         asset = Asset.load(choice.assets[0])
-        scratch = nullcontext("") if self.truth is None else TemporaryDirectory()
+        scratch = nullcontext("") if self.truth is None else Scratch()
         with scratch as folder:
             found, best = self._measure(choice, screen, self._truth(asset, folder), film)
         verdict = asset.card.executable

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from mam_pipeline import folders
 from mam_pipeline.claims import RANK, claim_folder, not_a_link
 from mam_pipeline.edited import Count, Positive
 from mam_pipeline.errors import ConfigError, InputError
+from mam_pipeline.folders import Scratch
 from mam_sim.console import Screen, counting_bar
 from mam_sim.options import Verb
 
@@ -71,7 +71,7 @@ class Rank(Verb):
         for name in names:
             ROBOTS.check(name)
         if self.out is None:
-            with tempfile.TemporaryDirectory() as folder:
+            with Scratch() as folder:
                 return self._measure(Path(folder).resolve(), names, Screen(self.quiet))
         claim_folder(self.out, RANK)
         for part in ("verdicts", "rows", "videos", "foreign", "mjcf", "runs", "truth"):

@@ -2,18 +2,26 @@
 
 Everything is written under a name of its own beside its place, `.NAME.partial-PID`, and renamed
 when it is whole. What a killed process left is swept by the next one that writes to the same
-place; what a stopped process has under construction goes with `clean_up`.
+place; what a stopped process has under construction goes with `clean_up`. A `Scratch` folder lies
+where temporary files do, and is locked as long as its process lives: the next one removes those
+without a lock.
 """
 
 from __future__ import annotations
 
 import errno
+import fcntl
 import hashlib
+import mmap
 import os
 import re
 import shutil
+import stat
+import tempfile
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 _LONGEST = 180
@@ -21,6 +29,112 @@ _LONGEST = 180
 _FULL = 1 << 20
 """Bytes: a disk with less is full."""
 _building: set[Path] = set()
+
+
+class Scratch(tempfile.TemporaryDirectory[str]):
+    """A temporary folder that goes with its process, however that ends.
+
+    It is made and used as `tempfile.TemporaryDirectory` is. What a process that was killed has
+    left is removed when the next scratch folder is made.
+    """
+
+    def __init__(self) -> None:
+        """Make it, after those that nobody holds any more are gone."""
+        prefix = f"mam-sim-{os.getuid()}-"
+        _sweep_scratch(prefix)
+        while True:
+            super().__init__(prefix=prefix)
+            lock = _locked(Path(self.name))
+            if lock is not None and Path(self.name).is_dir():
+                break
+            if lock is not None:  # another process swept it before it was locked
+                os.close(lock)
+            self._finalizer.detach()  # type: ignore[attr-defined]
+        _begin(Path(self.name))
+        weakref.finalize(self, _let_go, Path(self.name), lock, os.getpid())
+
+
+def _let_go(folder: Path, lock: int, owner: int) -> None:
+    if owner == os.getpid():
+        os.close(lock)
+        _done(folder)
+
+
+def _sweep_scratch(prefix: str) -> None:
+    """Remove the scratch folders of this user that no living process holds."""
+    place = Path(tempfile.gettempdir())
+    try:
+        names = [n for n in os.listdir(place) if n.startswith(prefix)]
+    except OSError:
+        return
+    for name in names:
+        with suppress(OSError):
+            found = (place / name).lstat()
+            if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+                continue
+            lock = _locked(place / name)
+            if lock is not None:
+                shutil.rmtree(place / name, ignore_errors=True)
+                os.close(lock)
+
+
+def _locked(folder: Path) -> int | None:
+    """A handle that holds a folder until it is closed; None where another process holds it."""
+    try:
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    except OSError:
+        return None
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(handle)
+        return None
+    return handle
+
+
+@dataclass(frozen=True)
+class Board:
+    """Memory in which a process shows another one what it has under construction.
+
+    Attributes:
+        memory: shared with a child that was forked. owner: the process that writes.
+    """
+
+    memory: mmap.mmap
+    owner: int
+
+    def write(self, paths: set[Path]) -> None:
+        """Show these; what has no room is not shown."""
+        if os.getpid() != self.owner:
+            return
+        text = b"".join(os.fsencode(p) + b"\0" for p in list(paths))
+        text = text[: len(self.memory) - 1]
+        self.memory[: len(text) + 1] = text + b"\0"
+
+    def read(self) -> list[Path]:
+        """What is shown."""
+        text = self.memory[:].partition(b"\0\0")[0]
+        return [Path(os.fsdecode(name)) for name in text.split(b"\0") if name.startswith(b"/")]
+
+
+_boards: list[Board] = []
+
+
+def show_on(board: Board) -> None:
+    """From now on show on a board what is under construction."""
+    _boards[:] = [board]
+
+
+def _begin(path: Path) -> None:
+    _building.add(path)
+    for board in _boards:
+        board.write(_building)
+
+
+def _done(path: Path) -> None:
+    _building.discard(path)
+    for board in _boards:
+        board.write(_building)
 
 
 @contextmanager
@@ -32,7 +146,7 @@ def work_folder(out: Path) -> Iterator[Path]:
     out = out.absolute()
     made = _missing(out.parent)
     work = _beside(out, "partial")
-    _building.add(work)
+    _begin(work)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         sweep(out)
@@ -42,7 +156,7 @@ def work_folder(out: Path) -> Iterator[Path]:
             yield work
     finally:
         shutil.rmtree(work, ignore_errors=True)
-        _building.discard(work)
+        _done(work)
         for folder in made:
             with suppress(OSError):  # something is in it
                 folder.rmdir()
@@ -119,7 +233,7 @@ def new_file(file: Path) -> Iterator[Path]:
     file = file.absolute()
     part = _beside(file, "partial")
     part = part.with_name(part.name + file.suffix)  # writers look at it
-    _building.add(part)
+    _begin(part)
     try:
         sweep(file)
         with _full_disk_said(part):
@@ -127,7 +241,7 @@ def new_file(file: Path) -> Iterator[Path]:
             os.replace(part, file)
     finally:
         part.unlink(missing_ok=True)
-        _building.discard(part)
+        _done(part)
 
 
 def write_text(file: Path, text: str) -> None:
@@ -165,7 +279,12 @@ def sweep(out: Path) -> None:
 
 def clean_up() -> None:
     """Remove what this process has under construction; for one that is told to stop."""
-    for path in list(_building):
+    remove(list(_building))
+
+
+def remove(paths: list[Path]) -> None:
+    """Remove files and folders, as far as they are there."""
+    for path in paths:
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)
         else:

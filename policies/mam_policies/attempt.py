@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from mam_pipeline.errors import BackendError, MamSimError
+from mam_pipeline.folders import Scratch
 from mam_pipeline.guarded import Limits, guarded
 from mam_pipeline.types import FloatArray, IntArray
 
@@ -73,7 +73,7 @@ def attempt(asset: Path, joint: str, robot: str = "panda") -> Attempt:
     Raises:
         BackendError: it cannot be tried; the message says why.
     """
-    with tempfile.TemporaryDirectory() as folder:
+    with Scratch() as folder:
         out = Path(folder) / "attempt.npz"
         command = [sys.executable, "-m", "mam_policies.attempt", str(asset), joint, robot, str(out)]
         watched = guarded(command, Limits(LONGEST))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -102,3 +104,54 @@ def test_a_process_that_is_told_to_stop_leaves_nothing(tmp_path: Path, how: str)
     out = tmp_path / "out"
     done = subprocess.run([sys.executable, "-c", STOPPED, str(out), how], timeout=15, check=False)
     assert done.returncode == 143 and not list(tmp_path.iterdir())
+
+
+BUSY = """
+import ctypes, sys
+from pathlib import Path
+from mam_pipeline import folders
+from mam_sim.stopping import stoppable, watch_over
+watch_over()
+with stoppable(), folders.work_folder(Path(sys.argv[1])) as work, folders.Scratch() as scratch:
+    Path(sys.argv[2]).write_text(scratch)
+    ctypes.PyDLL(None).sleep(60)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_native_code_that_lets_nothing_else_run_is_ended_all_the_same(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    note, out = tmp_path / "note", tmp_path / "made" / "out"
+    with subprocess.Popen([sys.executable, "-c", BUSY, str(out), str(note)]) as process:
+        scratch = _written(note)
+        assert scratch.is_dir() and list(out.parent.iterdir())
+        began = time.monotonic()
+        process.send_signal(number)
+        process.wait(timeout=10)
+        assert time.monotonic() - began < 2.5  # 1.7 s, on a busy machine
+    until = time.monotonic() + 5
+    while scratch.exists() and time.monotonic() < until:
+        time.sleep(0.02)
+    assert not scratch.exists() and not list(tmp_path.rglob("*partial*"))
+
+
+def test_what_a_killed_process_left_goes_with_the_next_scratch_folder(tmp_path: Path) -> None:
+    note = tmp_path / "note"
+    mine = folders.Scratch()
+    with subprocess.Popen([sys.executable, "-c", BUSY, str(tmp_path / "o"), str(note)]) as process:
+        scratch = _written(note)
+        folders.Scratch().cleanup()
+        assert scratch.is_dir()  # its owner lives
+        process.kill()
+        process.wait(timeout=10)
+    with folders.Scratch():
+        assert not scratch.exists() and Path(mine.name).is_dir()
+    mine.cleanup()
+
+
+def _written(note: Path) -> Path:
+    until = time.monotonic() + 30
+    while not (note.exists() and note.read_text()) and time.monotonic() < until:
+        time.sleep(0.02)
+    return Path(note.read_text())

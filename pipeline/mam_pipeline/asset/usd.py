@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from mam_pipeline import folders
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import InputError
+from mam_pipeline.folders import Scratch
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.soup import join
 from mam_pipeline.formats.urdf.geometry import (
@@ -53,7 +53,7 @@ def _pack(asset: Asset, target: Path) -> None:
     """One file with the stage and its textures."""
     from pxr import UsdUtils
 
-    with TemporaryDirectory() as folder:
+    with Scratch() as folder:
         stage = Path(folder) / "object.usdc"
         _Exporter(asset, stage).write()
         if not UsdUtils.CreateNewUsdzPackage(str(stage), str(target)):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.folders import Scratch
 from mam_pipeline.formats.gltf import read_gltf
 from mam_pipeline.formats.soup import FileContent
 from mam_pipeline.optional import MissingExtra, has, install_command
@@ -57,7 +57,7 @@ def read_step(path: Path, root: Path | None = None) -> FileContent:
         raise InputError(f"{path} cannot be read as {kind.upper()} ({error})") from error
     if not data:
         raise InputError(f"{path} cannot be read as {kind.upper()}; export it again, as AP214")
-    with tempfile.TemporaryDirectory() as folder:
+    with Scratch() as folder:
         between = Path(folder) / f"{path.stem}.glb"
         between.write_bytes(data)
         content = read_gltf(between)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 import io
-import tempfile
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -21,6 +20,7 @@ from PIL import Image
 
 from mam_pipeline.backends import Availability, Reconstruction
 from mam_pipeline.errors import BackendError, HintNeeded, InputError, MamSimError
+from mam_pipeline.folders import Scratch
 from mam_pipeline.formats.mesh_files import load_mesh
 from mam_pipeline.hints import Hints
 from mam_pipeline.models import external, settings
@@ -82,7 +82,7 @@ class _RunnerReconstructor:
 
     def reconstruct(self, photo: Path, options: Mapping[str, Any]) -> Reconstruction:
         """Photo to mesh; raises BackendError where the runner fails."""
-        with tempfile.TemporaryDirectory(prefix="mam-photo-") as scratch:
+        with Scratch() as scratch:
             inbox, outbox = Path(scratch, "in"), Path(scratch, "out")
             inbox.mkdir()
             cut_out(photo, options).save(inbox / "image.png")
@@ -226,7 +226,7 @@ def finish(
     Raises:
         BackendError: the mesh cannot be used.
     """
-    with tempfile.TemporaryDirectory(prefix="mam-mesh-") as scratch:
+    with Scratch() as scratch:
         file = Path(scratch, f"mesh{suffix}")
         file.write_bytes(data)
         try:

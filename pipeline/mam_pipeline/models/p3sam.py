@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from mam_pipeline.backends import Availability
 from mam_pipeline.errors import BackendError
+from mam_pipeline.folders import Scratch
 from mam_pipeline.models import external, settings
 from mam_pipeline.types import IntArray, Mesh, Primitives
 
@@ -36,7 +36,7 @@ class P3SamSegmenter:
         Raises:
             BackendError: the runner failed, or ids are missing or not integers.
         """
-        with tempfile.TemporaryDirectory(prefix="mam-p3sam-") as scratch:
+        with Scratch() as scratch:
             inbox, outbox = Path(scratch, "in"), Path(scratch, "out")
             inbox.mkdir()
             write_bare_obj(mesh, inbox / "mesh.obj")

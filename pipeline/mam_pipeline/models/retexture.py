@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 from mam_pipeline import backends
 from mam_pipeline.backends import Availability, Retexturer
 from mam_pipeline.errors import BackendError, ConfigError, InputError
+from mam_pipeline.folders import Scratch
 from mam_pipeline.formats.mesh_files import read_file, save_glb
 from mam_pipeline.formats.soup import join
 from mam_pipeline.models import settings
@@ -44,7 +44,7 @@ class HunyuanRetexturer:
         found = settings.runner(HunyuanReconstructor.variable)
         if found is None or found.url is None:
             raise BackendError(f"{HunyuanReconstructor.variable} is not set; see: mam-sim doctor")
-        with tempfile.TemporaryDirectory(prefix="mam-paint-") as scratch:
+        with Scratch() as scratch:
             sent, came = Path(scratch, "part.glb"), Path(scratch, "painted.glb")
             bare = Mesh(mesh.vertices, mesh.faces).transformed(PAINTER_T_ASSET)
             save_glb(bare, sent, up="z")  # turned already; one material keeps the order of faces
@@ -108,7 +108,7 @@ def repainted(
         if name not in names:
             raise ConfigError(f"--retexture: no part {name!r}; there are {', '.join(names)}")
     used, retexturer = backends.load("retexturer", backend)
-    with tempfile.TemporaryDirectory(prefix="mam-wish-") as scratch:
+    with Scratch() as scratch:
         for i, (name, wish) in enumerate(wishes.items()):
             picture = Path(wish).expanduser()
             if not picture.is_file():

@@ -7,7 +7,6 @@ undocumented: they are found by laying our own mesh's silhouette over the colour
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from PIL import Image
 
 from mam_pipeline.backends import Availability, KinematicPrior
 from mam_pipeline.errors import BackendError, ConfigError
+from mam_pipeline.folders import Scratch
 from mam_pipeline.models import external, settings
 from mam_pipeline.optional import require
 from mam_pipeline.prior.masks import load_masks, prior_from_masks
@@ -48,7 +48,7 @@ class Sp4dPrior:
                 show our object.
         """
         picture = pictures.lit(views.look(mesh, [REFERENCE], 576)[0], pictures.own_colors(mesh))
-        with tempfile.TemporaryDirectory(prefix="mam-sp4d-") as scratch:
+        with Scratch() as scratch:
             inbox, outbox = Path(scratch, "in"), Path(scratch, "out")
             (inbox / "frames").mkdir(parents=True)
             for t in range(4):

@@ -6,7 +6,6 @@ ask for by name keeps the Space's default. Files come through our own bounded re
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Mapping
 from concurrent.futures import TimeoutError as TooLate
 from pathlib import Path
@@ -15,6 +14,7 @@ from urllib.parse import urlsplit
 
 from mam_pipeline.backends import Availability, Reconstruction
 from mam_pipeline.errors import BackendError
+from mam_pipeline.folders import Scratch
 from mam_pipeline.models import consent, settings
 from mam_pipeline.models.consent import Offer
 from mam_pipeline.models.hosted import picture_to_send
@@ -88,7 +88,7 @@ def ask_space(space: str, picture: bytes, seed: int) -> bytes:
 
     title, token = f"the Space {bare_url(space)}", settings.secret("HF_TOKEN")
     job: Any = None
-    with tempfile.TemporaryDirectory(prefix="mam-space-") as scratch:
+    with Scratch() as scratch:
         file = Path(scratch, "photo.png")
         file.write_bytes(picture)
         caller = Caller(title, "https://", token, "Bearer", "HF_TOKEN")
