@@ -7,6 +7,7 @@ turned to the front, gets interiors, and is written and checked. `make_asset` is
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -70,6 +71,8 @@ def kind_of(path: Path) -> str:
     if path.is_dir() and (path / "asset.json").is_file():
         raise InputError(f"{path} is an asset already; try: mam-sim check {path}")
     if not path.is_file():
+        if re.match(r"(https?|s3|gs|ftp):/", str(path)):
+            raise InputError(f"{path} is an address; download the file first and name it here")
         raise InputError(f"no such file: {path}")
     suffix = path.suffix.lower()
     for kind, suffixes in (
@@ -80,6 +83,8 @@ def kind_of(path: Path) -> str:
         if suffix in suffixes:
             return kind
     known = ", ".join((*PHOTOS[:3], *MESHES, ".urdf"))
+    if suffix in (".zip", ".gz", ".tar", ".7z", ".rar"):
+        raise InputError(f"{path.name} is an archive; unpack it and name the model in it")
     raise InputError(f"{path.name}: cannot read files of type {suffix or 'none'!r}; known: {known}")
 
 
