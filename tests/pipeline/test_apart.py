@@ -144,3 +144,16 @@ def test_children_of_the_dead_are_found() -> None:
         child.kill()
     with contextlib.suppress(ProcessLookupError):
         assert family(child.pid) == [child.pid]
+
+
+@pytest.mark.parametrize("suffix", ["stl", "obj"])
+def test_a_file_of_a_gigabyte_of_nothing_is_refused_at_once(tmp_path: Path, suffix: str) -> None:
+    from mam_pipeline.formats.readers import read_mesh
+
+    file = tmp_path / f"a.{suffix}"
+    file.touch()
+    os.truncate(file, 1 << 30)
+    began = time.monotonic()
+    with pytest.raises(InputError):
+        read_mesh(file)
+    assert time.monotonic() - began < 5

@@ -31,7 +31,7 @@ def check_header(file: Path) -> None:
     Raises:
         InputError: it does.
     """
-    checks = {".ply": _check_ply, ".off": _check_off, ".dae": _check_dae}
+    checks = {".ply": _check_ply, ".off": _check_off, ".dae": _check_dae, ".stl": _check_stl}
     check = checks.get(file.suffix.lower())
     if check is not None:
         check(file)
@@ -82,6 +82,18 @@ def _check_off(file: Path) -> None:
         _check_counts(file, vertices, faces)
         if 2 * (vertices + faces) > file.stat().st_size:
             raise InputError(f"{file} is cut short: its header counts {vertices} + {faces} lines")
+
+
+def _check_stl(file: Path) -> None:
+    """A binary STL, which holds zeros near its start, is as long as its count of faces says."""
+    with file.open("rb") as stream:
+        head = stream.read(512)
+    if b"\0" not in head:
+        return
+    count = int.from_bytes(head[80:84], "little")
+    _check_counts(file, 0, count)
+    if file.stat().st_size != 84 + 50 * count:
+        raise InputError(f"{file} is no whole STL file: its header counts {count} faces")
 
 
 def _check_counts(file: Path, vertices: int, faces: int) -> None:

@@ -7,6 +7,7 @@ import warnings
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,8 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """Lines of a text file with their numbers, one at a time; a backslash at the end joins two."""
     held = ""
     with path.open(encoding=_encoding(path), errors="surrogateescape") as file:
-        for number, line in enumerate(file, start=1):
+        whole = partial(file.readline, LIMITS.line + 1)  # a file may be one line without an end
+        for number, line in enumerate(iter(whole, ""), start=1):
             if len(held) + len(line) > LIMITS.line:
                 raise InputError(f"{path}, line {number}: longer than {LIMITS.line >> 20} MiB")
             if line.endswith("\\\n"):

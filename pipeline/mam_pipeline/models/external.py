@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import io
 import json
-import os
+import math
 import shutil
-import signal
 import subprocess
+import time
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,6 +21,7 @@ from typing import Any
 
 from mam_pipeline.backends import Availability
 from mam_pipeline.errors import BackendError
+from mam_pipeline.guarded import Limits, guarded
 from mam_pipeline.models import settings
 from mam_pipeline.secrets import bare_url, masked
 
@@ -61,24 +62,24 @@ def call(variable: str, task: str, request: Mapping[str, Any], inbox: Path, outb
 
 def _as_process(command: list[str], limit: float) -> None:
     name = Path(command[0]).name
-    try:
-        process = subprocess.Popen(
-            command,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-            errors="replace",
-            start_new_session=True,
-        )
-    except OSError as error:
-        raise BackendError(f"{name} cannot be started: {error}") from error
-    try:
-        _, said = process.communicate(timeout=limit)
-    except subprocess.TimeoutExpired as late:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
-        message = f"{name} gave no answer within {limit:g} s (MAM_SIM_TIMEOUT)"
-        raise BackendError(message) from late
+    if shutil.which(command[0]) is None:
+        raise BackendError(f"{name} cannot be started: it is not an executable here")
+    began = time.monotonic()
+    with subprocess.Popen(
+        guarded(command, Limits(limit, math.inf)),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        start_new_session=True,
+    ) as process:
+        try:
+            _, said = process.communicate()
+        except BaseException:  # told to stop: the watcher ends all that the runner started
+            process.terminate()
+            raise
+    if process.returncode == 124 and time.monotonic() - began >= limit:
+        raise BackendError(f"{name} gave no answer within {limit:g} s (MAM_SIM_TIMEOUT)")
     if process.returncode:
         why = masked(said.strip())[-_TAIL:] or "it said nothing"
         if process.returncode in (-9, 137):
