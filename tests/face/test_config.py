@@ -184,7 +184,7 @@ def test_help_shows_what_people_use_and_says_where_the_rest_is(
 ) -> None:
     assert main(["make-env", "--env.reward.reach", "2", "--help"]) == 0
     said = capsys.readouterr().out
-    assert "--height FLOAT" in said and "--robot TEXT" in said
+    assert "--height LENGTH" in said and "--robot TEXT" in said
     assert "--env.reward" not in said and "--closed-fronts" not in said
     assert said.count("│ --") < 30
     assert said.rstrip().endswith("mam-sim make-env --help-all shows all options")

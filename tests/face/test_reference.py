@@ -24,6 +24,6 @@ def test_every_verb_is_on_the_page_of_the_command_line() -> None:
 
 def test_every_key_has_its_default_and_its_meaning() -> None:
     page = generate_reference.config()
-    assert "| `height` |  | Height of the object, metres. |" in page
+    assert "| `height` |  | Height of the object: 55cm, 22in; a bare number is metres. |" in page
     assert "| `solver` | `auto` |" in page and "### env.reward" in page
     assert "| `clip_range` | `0.15` |" in page and "### train, algo: bc" in page

@@ -39,9 +39,11 @@ def test_an_asset_that_no_arm_can_operate_is_told_and_no_success(
     made = Asset(made.folder, replace(made.card, checks={"executability": verdict}))
     rows = [{"joint": "button", "ok": False, "cause": "force", "why": "it is too heavy"}]
     refused = {"ok": False, "joint": None, "robot": "panda", "why": "too heavy", "joints": rows}
-    monkeypatch.setattr("mam_sim.verbs.make_env.make", lambda *_args: made)
+    monkeypatch.setattr("mam_sim.verbs.articulate.make", lambda *_args: made)
     monkeypatch.setattr("mam_envs.trial.try_environment", lambda *_args: refused)
-    command = ["make-env", "button.glb", "--out", str(made.folder)]
+    mesh = tmp_path / "button.glb"
+    mesh.write_bytes(b"")
+    command = ["make-env", str(mesh), "--out", str(made.folder)]
     assert main(command) == 1
     said = capsys.readouterr().out
     assert "env:    none: too heavy" in said and "collect" not in said
@@ -60,14 +62,15 @@ def test_an_asset_that_fails_its_check_is_kept_and_no_success(
     made = Asset(made.folder, replace(made.card, checks={"executability": verdict}))
     tried = {"ok": True, "joint": "button", "robot": "panda", "joints": [
         {"joint": "button", "ok": True, "cause": "", "why": ""}]}  # fmt: skip
-    for verb in ("articulate", "make_env"):
-        monkeypatch.setattr(f"mam_sim.verbs.{verb}.make", lambda *_args: made)
+    monkeypatch.setattr("mam_sim.verbs.articulate.make", lambda *_args: made)
     monkeypatch.setattr("mam_envs.trial.try_environment", lambda *_args: tried)
+    mesh = tmp_path / "button.glb"
+    mesh.write_bytes(b"")
     for verb in ("articulate", "make-env"):
-        assert main([verb, "button.glb", "--out", str(made.folder)]) == 1
+        assert main([verb, str(mesh), "--out", str(made.folder)]) == 1
         said = capsys.readouterr().out
         assert "check:  FAILS (frozen)" in said
     last = said.splitlines()[-1]
     assert last.startswith(f"next:   mam-sim collect {made.folder} --joint button ")
     assert (made.folder / "asset.json").is_file()
-    assert main(["make-env", "button.glb", "--out", str(made.folder), "--asset-ok"]) == 1
+    assert main(["make-env", str(mesh), "--out", str(made.folder), "--asset-ok"]) == 1

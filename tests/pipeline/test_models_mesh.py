@@ -160,7 +160,7 @@ def test_a_learned_shell_is_cut_along_the_panels_of_its_photo(
     [
         ("washing_machine", None, "washer"),
         ("fridge", "toaster oven", "oven"),
-        ("drawer_unit", None, None),  # no kind
+        ("drawer_unit", None, "filingcabinet"),
         (None, None, None),
     ],
 )
