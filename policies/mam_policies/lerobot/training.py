@@ -16,6 +16,7 @@ from typing import Any
 
 import torch
 
+from mam_pipeline.folder_data import policy_folder
 from mam_pipeline.guarded import Limits, guarded
 from mam_pipeline.optional import require
 from mam_policies.lerobot.dataset import IMAGES, REPO_ID
@@ -52,6 +53,7 @@ def train_policy(
     """Run `lerobot-train`, or let it go on from its last checkpoint; returns its policy folder.
 
     Raises:
+        InputError: the checkpoint to go on from wishes something that no policy folder may.
         TrainingError: it ended with an error; the last words are in the message.
     """
     require("LeRobot's training", "lerobot")
@@ -62,6 +64,7 @@ def train_policy(
         return policy
     command = [sys.executable, "-m", "lerobot.scripts.lerobot_train"]
     if step.is_file():
+        policy_folder(policy)
         command += [f"--config_path={policy / 'train_config.json'}", "--resume=true"]
         command += [f"--steps={config.steps}"]
     else:
