@@ -51,6 +51,7 @@ def test_a_mistake_is_answered(
         (tmp_path / name).write_text(content)
     monkeypatch.chdir(tmp_path)
     line, words = MISTAKES[case]
+    code: int | str | None
     try:
         code = main(line.split())
     except SystemExit as stop:
