@@ -42,18 +42,24 @@ def stoppable() -> Iterator[None]:
         return
 
     timers: list[threading.Timer] = []
+    told: list[Stopped] = []
 
     def stop(number: int, _frame: FrameType | None) -> None:
         if not timers:
             timers.append(threading.Timer(GRACE, _end, [128 + number]))
             timers[0].daemon = True
             timers[0].start()
-            raise Stopped(number)
+            told.append(Stopped(number))
+            raise told[0]
 
     wanted = [n for n in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(n) != signal.SIG_IGN]
     before = {n: signal.signal(n, stop) for n in wanted}  # nohup ignores SIGHUP, and so do we
     try:
         yield
+    except Exception as error:
+        if told:  # a library took the exception for a failure of its own, as while it is imported
+            raise told[0] from error
+        raise
     finally:
         folders.clean_up()
         for timer in timers:

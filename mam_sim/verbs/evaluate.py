@@ -110,6 +110,7 @@ class Evaluate(Verb):
 
     def _choice(self) -> tuple[Any, tuple[str, ...]]:
         """The environment, and the assets to try."""
+        from mam_pipeline.folder_data import policy_folder
         from mam_policies.run import EnvChoice, RunInfo, held_out
         from mam_sim.asset_list import asset_folders
 
@@ -123,6 +124,8 @@ class Evaluate(Verb):
             control = "pd_joint_pos" if self.policy is None else self.control
             return EnvChoice(named, self.joint, None, self.robot, control, config=self.env), named
         home = replace(RunInfo.load(self.policy).env, config=self.env)
+        if (self.policy / "policy").is_dir():  # what it wishes is looked at before any episode
+            policy_folder(self.policy / "policy")
         if self.held_out:
             named += held_out(self.policy)
         return home, named or home.assets

@@ -85,5 +85,6 @@ def ask_unusual(
     units = [u for u in LENGTHS.tried if low <= size * LENGTHS.units[u] <= high]
     way = f"--{flag} {value:g}{units[0]}" if units and flag != "scale" else f"correct --{flag}"
     raise UnusualSize(
-        f"{article} {name} of {size:.3g} m? usual is {low:.3g} to {high:.3g} m; {way}, or add --yes"
+        f"{article} {name} of {size:.3g} m at its longest? usual is {low:.3g} to {high:.3g} m; "
+        f"{way}, or add --yes"
     )

@@ -11,7 +11,7 @@ import base64
 import os
 import re
 from dataclasses import dataclass
-from urllib.parse import parse_qsl, quote, quote_plus, unquote, urlencode, urlsplit, urlunsplit
+from urllib.parse import parse_qsl, quote, quote_plus, unquote, urlencode
 
 VARIABLES = ("OPENAI_API_KEY", "FAL_KEY", "TRIPO_API_KEY", "MESHY_API_KEY", "HF_TOKEN")
 """Environment variables that hold secrets."""
@@ -87,26 +87,27 @@ def masked(text: str) -> str:
 def bare_url(text: str) -> str:
     """A URL without user, password, fragment and query (but for what is plain); others as they are.
 
-    What is left out is masked from now on.
+    All before the last @ is a login, also where its password holds a slash or a space, or where the
+    scheme was forgotten. What is left out is masked from now on.
     """
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9+.-]*://\S+", text):
+    scheme, slashes, rest = text.strip().rpartition("://")
+    if not slashes and not re.match(r"[^/@\s]+:[^@]*@", rest):
         return text
-    try:
-        parts = urlsplit(text)
-        pairs = parse_qsl(parts.query, keep_blank_values=True)
-    except ValueError:  # no URL that anything could be sent to
-        return masked(text)
-    login, at, host = parts.netloc.rpartition("@")
+    rest, _, fragment = rest.partition("#")
+    rest, _, query = rest.partition("?")
+    login, at, place = rest.rpartition("@")
     if at:
         _learn(login)
         user, colon, password = login.partition(":")
         _learn(unquote(password if colon else user))
+    pairs = parse_qsl(query, keep_blank_values=True)
     kept = [(name, value) for name, value in pairs if name.lower() in LIMITS.plain]
     for pair in pairs:
         if pair not in kept:
             _learn(pair[1])
-    _learn(parts.fragment)
-    return masked(urlunsplit((parts.scheme, host, parts.path, urlencode(kept), "")))
+    _learn(fragment)
+    shown = f"?{urlencode(kept)}" if kept else ""
+    return masked(f"{scheme}{slashes}{place}{shown}")
 
 
 def _learn(value: str) -> None:

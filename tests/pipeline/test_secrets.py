@@ -156,3 +156,16 @@ def test_a_secret_never_shows() -> None:
 )
 def test_other_texts_stay_as_they_are(text: str) -> None:
     assert bare_url(text) == text
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "canary:canary-w1@host:1/v1?key=canary-w1b",
+        "  http://canary:canary-w2@host:1/v1",
+        "http://canary:canary w3@host:1/v1",
+        "http://canary:canary/w4@host:1/v1#canary-w4b",
+    ],
+)
+def test_a_login_in_a_badly_written_url_is_left_out_too(text: str) -> None:
+    assert bare_url(text).removeprefix("http://") == "host:1/v1"
