@@ -48,7 +48,7 @@ def test_a_size_beyond_three_times_the_usual_range_is_asked_about() -> None:
     with pytest.raises(UnusualSize) as told:
         ask_unusual(55.0, {"height": 55.0}, "cabinet", usual)
     assert str(told.value) == (
-        "a cabinet of 55 m? usual is 0.5 to 2.4 m; --height 55cm, or add --yes"
+        "a cabinet of 55 m at its longest? usual is 0.5 to 2.4 m; --height 55cm, or add --yes"
     )
     with pytest.raises(UnusualSize, match="correct --scale"):
         ask_unusual(0.1, {"scale": 0.001}, "cabinet", usual)
@@ -67,5 +67,5 @@ def test_the_command_asks_before_it_makes_a_cabinet_of_55_metres(
     args = ["articulate", str(mesh), "--out", str(tmp_path / "out"), "--quiet", "--height"]
     assert main([*args, "55"]) == 2
     said = capsys.readouterr().err
-    assert "a cabinet of 55 m? usual is" in said and "--height 55cm, or add --yes" in said
+    assert "a cabinet of 55 m at its longest? usual is" in said and "--height 55cm, or add --yes" in said
     assert not (tmp_path / "out").exists()
