@@ -67,5 +67,8 @@ def test_the_command_asks_before_it_makes_a_cabinet_of_55_metres(
     args = ["articulate", str(mesh), "--out", str(tmp_path / "out"), "--quiet", "--height"]
     assert main([*args, "55"]) == 2
     said = capsys.readouterr().err
-    assert "a cabinet of 55 m at its longest? usual is" in said and "--height 55cm, or add --yes" in said
+    assert (
+        "a cabinet of 55 m at its longest? usual is" in said
+        and "--height 55cm, or add --yes" in said
+    )
     assert not (tmp_path / "out").exists()
