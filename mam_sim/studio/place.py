@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from mam_pipeline import config_file
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.digests import file_digest
 from mam_pipeline.folder_data import asset_settings
+from mam_pipeline.formats.door import Door
 from mam_pipeline.hints import Hints
 from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.run import kind_of
@@ -46,8 +48,21 @@ def place_of(given: Path, config: MakeConfig, out: Path | None = None) -> Place:
     asset = Asset.load(given)
     config = asset_settings(asset.folder, config)
     source = _source_of(asset)
-    hints = config.hints or asset.folder.with_name(f"{asset.card.name}-hints.yaml")
-    return Place(source, out or asset.folder, hints, config)
+    return Place(source, out or asset.folder, config.hints or _hints_of(asset, source), config)
+
+
+def _hints_of(asset: Asset, source: Path | None) -> Path:
+    """The hints file beside the asset, or the one beside its source that it says it was made with.
+
+    The asset's word chooses between these two alone: it names no other file.
+    """
+    beside = asset.folder.with_name(f"{asset.card.name}-hints.yaml")
+    kept = Door(asset.folder).find("stages/config.yaml", asset.folder / "asset.json", asset.folder)
+    if source is None or kept is None:
+        return beside
+    of_source = source.with_name(f"{source.stem}-hints.yaml")
+    said = config_file.read(kept).get("pipeline", {}).get("hints")
+    return of_source if Path(str(said)).name == of_source.name else beside
 
 
 def _source_of(asset: Asset) -> Path | None:
