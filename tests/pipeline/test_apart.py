@@ -65,14 +65,14 @@ def test_the_memory_of_what_a_reader_starts_counts(
 ) -> None:
     """Each of the two stays below the limit; together they do not."""
     used = int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGESIZE")
-    monkeypatch.setattr(apart, "BOUNDS", small(memory=used / 2**30 + 0.5))
+    monkeypatch.setattr(apart, "BOUNDS", small(memory=used / 2**30 + 0.7))
     note = tmp_path / "pid"
     code = f"open({str(note)!r}, 'w').write(str(__import__('os').getpid()))\n"
-    code += "held = b'x' * (350 << 20)\nimport time\ntime.sleep(60)"
+    code += "held = b'x' * (600 << 20)\nimport time\ntime.sleep(60)"
 
     def greedy() -> None:
         with subprocess.Popen([sys.executable, "-c", code], start_new_session=True):
-            held = b"x" * (350 << 20)
+            held = b"x" * (600 << 20)
             time.sleep(60)
             assert held
 

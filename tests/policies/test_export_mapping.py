@@ -101,7 +101,7 @@ def test_foreign_folder_is_left_alone(tmp_path: Path) -> None:
     run, out = _so_run(tmp_path / "run"), tmp_path / "out"
     out.mkdir()
     (out / "thesis.txt").write_text("years of work")
-    with pytest.raises(InputError, match="not empty"):
+    with pytest.raises(ConfigError, match="not empty"):
         export_run(run, out, _filled(tmp_path / "m.yaml"))
     assert (out / "thesis.txt").exists()
 

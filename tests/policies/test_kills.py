@@ -63,6 +63,7 @@ def test_killed_cloning_ends_the_same(drawer: Path, tmp_path: Path) -> None:
     torch.set_num_threads(1)
     straight = tmp_path / "straight"
     (straight / "demos").mkdir(parents=True)
+    (straight / "settings.txt").write_bytes((out / "settings.txt").read_bytes())
     for file in out.glob("demos/*.npz"):
         (straight / "demos" / file.name).write_bytes(file.read_bytes())
     BehaviourCloning().train(info.env, BcConfig(episodes=3, epochs=60), straight)
