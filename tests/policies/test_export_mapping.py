@@ -11,7 +11,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from mam_envs.robots import robot_spec
-from mam_pipeline.errors import ConfigError, HintNeeded, InputError
+from mam_pipeline.errors import ConfigError, HintNeeded
 from mam_policies.lerobot.export import MAPPING, deployment, export_run
 from mam_policies.lerobot.joint_mapping import identity, load_mapping, template
 from mam_policies.lerobot.policy import Converter, quaternion
