@@ -10,7 +10,7 @@ from packaging.utils import canonicalize_name
 
 HOME = "mam-sim"
 EXTRAS = ("sim", "studio", "rl", "lerobot", "arms", "usd", "mujoco", "formats", "batch", "ray",
-          "vlm", "space", "sp4d", "train", "docs", "dev")  # fmt: skip
+          "vlm", "train", "docs", "dev")  # fmt: skip
 """A package that several extras need counts to the first of them."""
 CUDA = ("nvidia-", "cuda-", "triton")
 """What the names of CUDA libraries begin with; PyTorch's CPU wheels bring none of them."""

@@ -30,7 +30,6 @@ EXTRAS = {
     "meshopt": ("formats", "glTF packed by meshoptimizer"),
     "opengl-basisu": ("formats", "KTX2 textures"),
     "openai": ("vlm", "vision-language reasoners"),
-    "gradio_client": ("space", "photo to mesh by a Gradio Space"),
 }
 
 
@@ -225,14 +224,17 @@ def _plugins() -> list[Finding]:
 
 
 def _models() -> list[Finding]:
-    from mam_pipeline.models.catalogue import ENDPOINT, HOSTED, MODELS, SPACE, find
+    from mam_pipeline.backends import IN_MODELS, MODELS_PACKAGE, names
+    from mam_pipeline.models.catalogue import models
 
     out = []
-    for model in (*MODELS, *HOSTED, SPACE, ENDPOINT):
-        found = find(model)
+    for model in models():
+        found = model.look()
         state = f"{found.text}; {model.flag}; licence: {model.licence}"
         fix = "\n".join((*model.commands, f"see {model.page}"))
         out.append(Finding("models", model.name, state, found.ok, fix=fix))
+    if not set(IN_MODELS["reconstructor"]) <= set(names("reconstructor")):
+        out.append(Finding("models", "others", "not installed", False, fix=MODELS_PACKAGE))
     return out
 
 

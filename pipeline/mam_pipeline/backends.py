@@ -19,7 +19,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from mam_pipeline.errors import BackendError, unknown_name
+from mam_pipeline.errors import BackendError, ConfigError, unknown_name
 from mam_pipeline.hints import Hints
 from mam_pipeline.registry import Registry, installed, resolve
 from mam_pipeline.types import Articulation, IntArray, KinematicTree, Mesh, Primitives
@@ -135,25 +135,12 @@ class Solver(Backend, Protocol):
 
 
 BUILTIN: dict[str, dict[str, str]] = {
-    "reconstructor": {
-        "embedded": "mam_pipeline.photo.reconstruct:EmbeddedReconstructor",
-        "hunyuan3d": "mam_pipeline.models.image_to_mesh:HunyuanReconstructor",
-        "triposr": "mam_pipeline.models.image_to_mesh:TripoSrReconstructor",
-        "triposg": "mam_pipeline.models.image_to_mesh:TripoSgReconstructor",
-        "fal": "mam_pipeline.models.hosted:FalReconstructor",
-        "tripo": "mam_pipeline.models.hosted:TripoReconstructor",
-        "meshy": "mam_pipeline.models.hosted:MeshyReconstructor",
-        "space": "mam_pipeline.models.space:SpaceReconstructor",
-    },
-    "segmenter": {
-        "geometric": "mam_pipeline.segment.geometric:GeometricSegmenter",
-        "p3sam": "mam_pipeline.models.p3sam:P3SamSegmenter",
-    },
+    "reconstructor": {"embedded": "mam_pipeline.photo.reconstruct:EmbeddedReconstructor"},
+    "segmenter": {"geometric": "mam_pipeline.segment.geometric:GeometricSegmenter"},
     "prior": {
         "none": "mam_pipeline.prior.none:NoPrior",
         "embedded": "mam_pipeline.prior.embedded:EmbeddedPrior",
-        "sp4d": "mam_pipeline.models.sp4d:Sp4dPrior",
-        "file": "mam_pipeline.models.sp4d:FilePrior",
+        "file": "mam_pipeline.models.file_prior:FilePrior",
     },
     "reasoner": {
         "embedded": "mam_pipeline.parts.embedded:EmbeddedReasoner",
@@ -166,8 +153,17 @@ BUILTIN: dict[str, dict[str, str]] = {
         "lm": "mam_pipeline.joints.solver:PaperLevenbergMarquardtSolver",
         "nelder-mead": "mam_pipeline.joints.solver:PaperNelderMeadSolver",
     },
-    "retexturer": {"hunyuan3d": "mam_pipeline.models.retexture:HunyuanRetexturer"},
+    "retexturer": {},
 }
+MODELS_PACKAGE = "pip install ./plugins/mam_sim_models"
+"""What to type in a clone to get the foundation models and hosted services."""
+IN_MODELS: dict[str, tuple[str, ...]] = {
+    "reconstructor": ("hunyuan3d", "triposr", "triposg", "fal", "tripo", "meshy", "space"),
+    "segmenter": ("p3sam",),
+    "prior": ("sp4d",),
+    "retexturer": ("hunyuan3d",),
+}
+"""The backends that come with that package: named in the error where it is not installed."""
 # What "auto" tries, best first. A model is tried only where the user has set it up; nothing that
 # costs money or sends pictures to a stranger is ever taken without being named.
 PREFERENCE: dict[str, tuple[str, ...]] = {
@@ -212,6 +208,11 @@ def check_name(role: str, name: str) -> None:
     """
     known = ["auto", *names(role)]
     if name not in known:
+        if name in IN_MODELS.get(role, ()):
+            raise ConfigError(
+                f"the {role} {name!r} comes with the package mam-sim-models, which is not "
+                f"installed; in a clone of mam-sim: {MODELS_PACKAGE}"
+            )
         raise unknown_name(role, name, known)
 
 
@@ -230,7 +231,9 @@ def resolved(role: str, name: str = "auto") -> str:
     for candidate in PREFERENCE[role]:
         if candidate in table and resolve(table[candidate]).available().ok:
             return candidate
-    raise BackendError(f"no {role} is available here; run: mam-sim doctor")
+    missing = [candidate for candidate in PREFERENCE[role] if candidate not in table]
+    hint = f"{MODELS_PACKAGE}, and then mam-sim doctor" if missing else "mam-sim doctor"
+    raise BackendError(f"no {role} is available here; run: {hint}")
 
 
 def load(role: str, name: str = "auto") -> tuple[str, Any]:

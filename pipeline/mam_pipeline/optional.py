@@ -23,8 +23,6 @@ EXTRAS: dict[str, str] = {
     "datasets": "lerobot",
     "lerobot": "lerobot",
     "openai": "vlm",
-    "gradio_client": "space",
-    "sklearn": "sp4d",
     "mujoco": "mujoco",
     "pxr": "usd",
     "pyarrow": "batch",

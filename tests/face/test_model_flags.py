@@ -16,7 +16,7 @@ from PIL import Image
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.make_config import EngineConfig, MakeConfig
 from mam_pipeline.models import settings
-from mam_pipeline.models.catalogue import ENDPOINT, HOSTED, MODELS, SPACE, find
+from mam_pipeline.models.catalogue import ENDPOINT, models
 from mam_pipeline.models.settings import ModelConfig
 from mam_sim.asking import ask_upload, with_model
 from mam_sim.bench.config import BenchConfig
@@ -221,20 +221,20 @@ def test_bench_keeps_the_cap_in_one_process(capsys: pytest.CaptureFixture[str]) 
 def test_doctor_tells_how_to_get_each_model(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    for model in (*MODELS, *HOSTED, SPACE, ENDPOINT):
+    for model in models():
         monkeypatch.delenv(model.variable, raising=False)
         assert model.licence and model.commands and (ROOT / model.page).is_file()
     monkeypatch.delenv("OPENAI_API_KEY", raising=False)
-    assert not any(find(model).ok for model in (*MODELS, *HOSTED, SPACE, ENDPOINT))
-    p3sam = MODELS[0]
+    assert not any(model.look().ok for model in models())
+    p3sam = next(model for model in models() if model.name == "P3-SAM")
     monkeypatch.setenv("MAM_SIM_P3SAM", "/nowhere/python run.py")
-    assert "no such executable" in find(p3sam).text
+    assert "no such executable" in p3sam.look().text
     monkeypatch.setenv("MAM_SIM_P3SAM", "python3 /nowhere/run.py")
-    assert "no such file" in find(p3sam).text
+    assert "no such file" in p3sam.look().text
     monkeypatch.setenv("MAM_SIM_P3SAM", "python3")
     monkeypatch.setenv("P3SAM_HOME", str(tmp_path))
-    assert find(p3sam).ok and "version unknown" in find(p3sam).text
+    assert p3sam.look().ok and "version unknown" in p3sam.look().text
     monkeypatch.setenv("MAM_SIM_P3SAM", "http://127.0.0.1:9")
-    assert "does not answer" in find(p3sam).text
+    assert "does not answer" in p3sam.look().text
     monkeypatch.setenv("OPENAI_API_KEY", "sk-secret")
-    assert "sk-secret" not in find(ENDPOINT).text
+    assert "sk-secret" not in ENDPOINT.look().text

@@ -16,12 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from PIL import Image
-
-from mam_pipeline import backends
-from mam_pipeline.errors import BackendError, ConfigError
-from mam_pipeline.models import consent, hosted_caller, settings
-from mam_pipeline.models.hosted import (
+from mam_sim_models import hosted_caller
+from mam_sim_models.hosted import (
     FAL,
     MESHY,
     TRIPO,
@@ -29,8 +25,13 @@ from mam_pipeline.models.hosted import (
     TripoReconstructor,
     picture_to_send,
 )
-from mam_pipeline.models.hosted_task import HostedTask, Service
-from mam_pipeline.models.image_to_mesh import finish
+from mam_sim_models.hosted_task import HostedTask, Service
+from mam_sim_models.image_to_mesh import finish
+from PIL import Image
+
+from mam_pipeline import backends
+from mam_pipeline.errors import BackendError, ConfigError
+from mam_pipeline.models import consent, settings
 from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.secrets import Secret
 
@@ -390,7 +391,7 @@ def test_a_service_is_a_reconstructor(
     stand_in.mesh = whole.export(file_type="glb")
     stand_in.states = list(STATES["tripo"])
     monkeypatch.setattr(TripoReconstructor, "service", replace(TRIPO, base=stand_in.url))
-    monkeypatch.setattr("mam_pipeline.models.hosted.picture_to_send", lambda *_: PICTURE)
+    monkeypatch.setattr("mam_sim_models.hosted.picture_to_send", lambda *_: PICTURE)
     picture = np.full((200, 300, 3), 235, dtype=np.uint8)
     picture[60:150, 100:200] = (120, 60, 30)
     Image.fromarray(picture).save(tmp_path / "photo.png")

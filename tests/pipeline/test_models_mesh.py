@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from mam_sim_models.image_to_mesh import TripoSrReconstructor, ask_server, cut_out
+from mam_sim_models.retexture import adopt
 from PIL import Image
 
 from mam_pipeline.errors import BackendError, ConfigError
 from mam_pipeline.make_config import MakeConfig
-from mam_pipeline.models.image_to_mesh import TripoSrReconstructor, ask_server, cut_out
-from mam_pipeline.models.retexture import adopt, repainted
+from mam_pipeline.models.retexture import repainted
 from mam_pipeline.photo.options import PhotoConfig
 from mam_pipeline.run import _read_photo
 from mam_pipeline.stage_store import StageStore

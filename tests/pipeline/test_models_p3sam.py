@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mam_sim_models import external
+from mam_sim_models.p3sam import P3SamSegmenter, heal
 
 from mam_pipeline import backends
 from mam_pipeline.errors import BackendError
-from mam_pipeline.models import external
-from mam_pipeline.models.p3sam import P3SamSegmenter, heal
 from mam_pipeline.types import Mesh, Primitives
 
 Boxes = tuple[Mesh, Primitives]

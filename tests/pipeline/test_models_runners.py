@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 import requests
 import trimesh
+from mam_sim_models import external
+from mam_sim_models.runners import tripo
 from PIL import Image
 
 from mam_pipeline.errors import BackendError
-from mam_pipeline.models import external
-from mam_pipeline.models.runners import tripo
 
 RUNNERS = Path(tripo.__file__).parent
 

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from mam_sim_models.sp4d import REFERENCE, STEP, Sp4dPrior, prior_from_frames
 
 from mam_pipeline import backends, stage_artefacts
 from mam_pipeline.errors import BackendError, ConfigError
-from mam_pipeline.models.sp4d import REFERENCE, STEP, FilePrior, Sp4dPrior, prior_from_frames
+from mam_pipeline.models.file_prior import FilePrior
 from mam_pipeline.prior.masks import groups, load_masks, prior_from_masks, save_masks
 from mam_pipeline.render import orbit_views as views
 from mam_pipeline.render import pictures

@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 import trimesh
+from mam_sim_models.space import SpaceReconstructor, ask_space, call_of, urls
 from PIL import Image
 
 from mam_pipeline import backends
 from mam_pipeline.errors import BackendError, ConfigError
 from mam_pipeline.models import settings
-from mam_pipeline.models.space import SpaceReconstructor, ask_space, call_of, urls
 
 GLB = trimesh.creation.box().export(file_type="glb")
 Answer = Callable[[str, bytes], tuple[int, str, bytes]]
@@ -199,8 +199,8 @@ def test_a_space_elsewhere_needs_a_yes_and_the_package(
     monkeypatch.setenv("MAM_SIM_MESH_CACHE", str(tmp_path))
     assert "--space OWNER/NAME" in SpaceReconstructor.available().why
     monkeypatch.setenv("MAM_SIM_SPACE", "owner/name")
-    monkeypatch.setattr("mam_pipeline.models.space.has", lambda *_: False)
-    assert "pip install 'mam-sim[space]'" in SpaceReconstructor.available().why
+    monkeypatch.setattr("mam_sim_models.space.has", lambda *_: False)
+    assert "pip install gradio_client" in SpaceReconstructor.available().why
     Image.new("RGB", (64, 64), "brown").save(tmp_path / "photo.png")
     with pytest.raises(ConfigError, match=r"the Space owner/name gets this photo.*--allow-upload"):
         SpaceReconstructor().reconstruct(tmp_path / "photo.png", {})

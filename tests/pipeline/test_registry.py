@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from mam_pipeline import backends
 from mam_pipeline.errors import BackendError, ConfigError
 from mam_pipeline.registry import Registry
 
@@ -36,3 +37,22 @@ def test_errors_name_the_nearest_and_what_cannot_be_imported() -> None:
         COLOURS.load("rad")
     with pytest.raises(BackendError, match="'broken' is registered as no_such_module:X"):
         COLOURS.load("broken")
+
+
+def test_a_backend_of_a_package_that_is_not_installed_names_the_package(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("mam_pipeline.registry.installed", lambda _group: ())
+    for role, known in backends.IN_MODELS.items():
+        for name in known:
+            with pytest.raises(ConfigError, match=r"pip install \./plugins/mam_sim_models"):
+                backends.check_name(role, name)
+    assert backends.resolved("segmenter") == "geometric"
+    with pytest.raises(BackendError, match=r"no retexturer is available here; run: pip install"):
+        backends.resolved("retexturer")
+
+
+def test_the_package_of_models_brings_what_the_core_says() -> None:
+    for role, known in backends.IN_MODELS.items():
+        added = Registry(role, {}).targets()
+        assert {added[name].partition(".")[0] for name in known} == {"mam_sim_models"}

@@ -13,15 +13,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from mam_sim_models import external
+from mam_sim_models.hosted import SERVICES
+from mam_sim_models.hosted_task import HostedTask
+from mam_sim_models.image_to_mesh import HunyuanReconstructor, ask_server
 
 from mam_pipeline import config_file
 from mam_pipeline.errors import BackendError
 from mam_pipeline.make_config import MakeConfig
-from mam_pipeline.models import consent, external, photo_reader, settings
-from mam_pipeline.models.catalogue import ENDPOINT, find
-from mam_pipeline.models.hosted import SERVICES
-from mam_pipeline.models.hosted_task import HostedTask
-from mam_pipeline.models.image_to_mesh import HunyuanReconstructor, ask_server
+from mam_pipeline.models import consent, photo_reader, settings
+from mam_pipeline.models.catalogue import ENDPOINT
 from mam_pipeline.models.retexture import imagined
 from mam_pipeline.models.settings import ModelConfig
 from mam_pipeline.models.transports import OpenAITransport, Question
@@ -79,13 +80,13 @@ def _runner(folder: Path) -> None:
 
 def _space(_folder: Path) -> None:
     pytest.importorskip("gradio_client", reason="the extra of Spaces is not installed")
-    from mam_pipeline.models.space import ask_space
+    from mam_sim_models.space import ask_space
 
     ask_space(settings.text("MAM_SIM_SPACE"), b"png", 0)
 
 
 def _server(_folder: Path) -> None:
-    found = settings.runner(HunyuanReconstructor.variable)
+    found = external.runner(HunyuanReconstructor.variable)
     assert found is not None and found.url is not None
     ask_server(found.url, {})
 
@@ -134,7 +135,7 @@ def test_what_is_kept_and_shown_of_settings_is_bare(echo: str, tmp_path: Path) -
     config = MakeConfig(what="canary-openai_api_key-1", models=ModelConfig(vlm_url=url, space=url))
     config_file.save({"pipeline": config}, tmp_path / "config.yaml")
     text = (tmp_path / "config.yaml").read_text()
-    clean(text, VlmReasoner.options(), find(ENDPOINT).text)
+    clean(text, VlmReasoner.options(), ENDPOINT.look().text)
     assert "https://host:8443/v1?api-version=2" in text
     clean(
         str(HunyuanReconstructor.available()), str(external.availability("MAM_SIM_P3SAM", "", ""))

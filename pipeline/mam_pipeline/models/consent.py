@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlparse
 
-from mam_pipeline.backends import BUILTIN, Registry
+from mam_pipeline.backends import BUILTIN, Registry, check_name
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.folders import write_text
 from mam_pipeline.models import settings
@@ -45,6 +45,7 @@ def offer_of(reconstructor: str) -> Offer | None:
     """
     if reconstructor == "auto":
         return None
+    check_name("reconstructor", reconstructor)
     cls: Any = Registry("reconstructor", BUILTIN["reconstructor"]).load(reconstructor)
     offer: Offer | None = None
     if hasattr(cls, "offer") and cls.available().ok:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import shlex
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -13,46 +12,6 @@ from pathlib import Path
 
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.secrets import Secret, bare_url
-
-DOCS = {
-    "MAM_SIM_P3SAM": "command or http(s) URL of a P3-SAM runner",
-    "MAM_SIM_SP4D": "command or http(s) URL of an SP4D runner",
-    "MAM_SIM_PRIOR_FILE": "folder with kinematic masks written by anybody",
-    "MAM_SIM_HUNYUAN3D": "http(s) URL of a Hunyuan3D-2 or 2.1 server",
-    "MAM_SIM_HUNYUAN3D_TEXTURE": "0 for a server of 2.0 that was started without --enable_tex",
-    "MAM_SIM_TRIPOSR": "command or http(s) URL of a TripoSR runner",
-    "MAM_SIM_TRIPOSG": "command or http(s) URL of a TripoSG runner",
-    "FAL_KEY": "key of fal.ai, for --reconstructor fal",
-    "TRIPO_API_KEY": "key of Tripo, for --reconstructor tripo",
-    "MESHY_API_KEY": "key of Meshy, for --reconstructor meshy",
-    "MAM_SIM_SPACE": "Gradio Space (owner/name or URL) of --reconstructor space",
-    "MAM_SIM_SPACE_API": "its endpoint that makes a mesh of a picture, where several do",
-    "HF_TOKEN": "token of Hugging Face, for a Space that is private or has a quota",
-    "MAM_SIM_HOSTED_MODEL": "model of the hosted reconstructor, as its service names it",
-    "MAM_SIM_HOSTED_PRICE": "US dollars of one mesh, where we do not know them",
-    "MAM_SIM_ALLOW_UPLOAD": "1: photos may be sent to the hosted reconstructor that is named",
-    "MAM_SIM_ALLOW_MODEL": "1: `auto` asks the language model that is configured, without asking",
-    "MAM_SIM_MESH_CACHE": "folder of meshes that were paid (default ~/.cache/mam-sim/meshes)",
-    "MAM_SIM_TIMEOUT": "seconds that one call of an external model may take (default 900)",
-    "MAM_SIM_VLM_MODEL": "name of the vision-language model (default gpt-4o)",
-    "MAM_SIM_VLM_IMAGES": "most images that the endpoint takes in one question (default 16)",
-    "MAM_SIM_VLM_SIMPLE": "pieces up to which parts and motions are one question (default 24)",
-    "MAM_SIM_VLM_ROUNDS": "looks at the moving object, 0 to 2 (default 2)",
-    "MAM_SIM_VLM_PRICE": "US dollars per million tokens in,out where we do not know them",
-    "MAM_SIM_IMAGE_MODEL": "model that makes a picture of words for --retexture",
-    "MAM_SIM_MAX_COST": "US dollars that one run may spend on models (default 1.00)",
-    "MAM_SIM_VLM_CACHE": "folder of answers, by content (default ~/.cache/mam-sim/answers)",
-    "MAM_SIM_QUESTIONS": "folder for the file reasoner's questions and answers",
-    "MAM_SIM_WAIT": "seconds that the file reasoner waits for an answer (default 0)",
-}
-
-
-@dataclass(frozen=True)
-class Runner:
-    """Where a model answers: a URL, or a command to which arguments are appended."""
-
-    url: str | None = None
-    command: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -136,16 +95,6 @@ def content_digest(place: Path | None, name: str) -> str:
     for file in [] if place is None else sorted((place / text(SUBJECT)).rglob(name)):
         digest.update(file.read_bytes())
     return digest.hexdigest()
-
-
-def runner(variable: str) -> Runner | None:
-    """The runner that was set; None where none was."""
-    value = text(variable)
-    if not value:
-        return None
-    if value.startswith(("http://", "https://")):
-        return Runner(url=value.rstrip("/"))
-    return Runner(command=tuple(shlex.split(value)))
 
 
 def number(variable: str, default: float) -> float:

@@ -11,15 +11,16 @@ from scipy.spatial import cKDTree
 from mam_pipeline.backends import Availability
 from mam_pipeline.errors import BackendError
 from mam_pipeline.folders import Scratch
-from mam_pipeline.models import external, settings
+from mam_pipeline.models import settings
 from mam_pipeline.types import IntArray, Mesh, Primitives
+from mam_sim_models import external
 
 VARIABLE = "MAM_SIM_P3SAM"
 LICENCE = "Tencent Hunyuan 3D-Part Community License; not in the EU, the UK and South Korea"
 
 
 class P3SamSegmenter:
-    """Runs P3-SAM through its runner (`mam_pipeline/models/runners/p3sam.py`)."""
+    """Runs P3-SAM through its runner (`mam_sim_models/runners/p3sam.py`)."""
 
     @classmethod
     def available(cls) -> Availability:

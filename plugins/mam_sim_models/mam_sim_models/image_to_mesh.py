@@ -23,9 +23,10 @@ from mam_pipeline.errors import BackendError, HintNeeded, InputError, MamSimErro
 from mam_pipeline.folders import Scratch
 from mam_pipeline.formats.mesh_files import load_mesh
 from mam_pipeline.hints import Hints
-from mam_pipeline.models import external, settings
+from mam_pipeline.models import settings
 from mam_pipeline.photo.fused import body_of, cut_from_photo
 from mam_pipeline.secrets import bare_url, masked
+from mam_sim_models import external
 
 TENCENT = "Tencent community licence: not in the EU, the UK and South Korea, outputs included"
 
@@ -38,7 +39,7 @@ class HunyuanReconstructor:
     @classmethod
     def available(cls) -> Availability:
         """Whether a server is named."""
-        found = settings.runner(cls.variable)
+        found = external.runner(cls.variable)
         if found is None or found.url is None:
             why = f"set {cls.variable} to the server's URL (docs/guides/foundation-models.md)"
             return Availability(False, why, "", TENCENT)
@@ -50,7 +51,7 @@ class HunyuanReconstructor:
         Raises:
             BackendError: unreachable, an error, no end within the time limit, or no GLB.
         """
-        found = settings.runner(self.variable)
+        found = external.runner(self.variable)
         if found is None or found.url is None:
             raise BackendError(f"{self.variable} is not set; see: mam-sim doctor")
         request = {

@@ -17,12 +17,12 @@ from mam_pipeline.errors import BackendError
 from mam_pipeline.folders import Scratch
 from mam_pipeline.models import consent, settings
 from mam_pipeline.models.consent import Offer
-from mam_pipeline.models.hosted import picture_to_send
-from mam_pipeline.models.hosted_caller import Caller, is_url, short
-from mam_pipeline.models.hosted_task import PAGE, keep, kept_places
-from mam_pipeline.models.image_to_mesh import finish, whole_glb
-from mam_pipeline.optional import has, install_command
+from mam_pipeline.optional import has
 from mam_pipeline.secrets import bare_url
+from mam_sim_models.hosted import picture_to_send
+from mam_sim_models.hosted_caller import Caller, is_url, short
+from mam_sim_models.hosted_task import PAGE, keep, kept_places
+from mam_sim_models.image_to_mesh import finish, whole_glb
 
 MESHES = ("model3d", "file", "downloadbutton")  # components that hold a mesh file
 HERE = ("localhost", "127.0.0.1", "::1")
@@ -39,7 +39,7 @@ class SpaceReconstructor:
             why = f"name a Space: --space OWNER/NAME or MAM_SIM_SPACE ({PAGE})"
             return Availability(False, why, "", licence)
         if not has("gradio_client"):
-            why = f"the package gradio_client is not installed: {install_command('gradio_client')}"
+            why = "the package gradio_client is not installed: pip install gradio_client"
             return Availability(False, why, "", licence)
         return Availability(True, "", bare_url(settings.text("MAM_SIM_SPACE")), licence)
 

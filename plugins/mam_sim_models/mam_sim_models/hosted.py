@@ -12,9 +12,9 @@ from PIL import Image
 from mam_pipeline.backends import Availability, Reconstruction
 from mam_pipeline.errors import BackendError
 from mam_pipeline.models.consent import Offer
-from mam_pipeline.models.hosted_caller import Caller, Refused, dig
-from mam_pipeline.models.hosted_task import HostedTask, Service, availability
-from mam_pipeline.models.image_to_mesh import cut_out, finish, png
+from mam_sim_models.hosted_caller import Caller, Refused, dig
+from mam_sim_models.hosted_task import HostedTask, Service, availability
+from mam_sim_models.image_to_mesh import cut_out, finish, png
 
 SIDE = 1024  # pixels of the longer side of what is sent; the models look at less
 

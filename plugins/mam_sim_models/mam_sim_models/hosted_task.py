@@ -19,9 +19,9 @@ from mam_pipeline.errors import BackendError, ConfigError
 from mam_pipeline.folders import new_file, write_text
 from mam_pipeline.models import consent, settings
 from mam_pipeline.models.consent import Offer
-from mam_pipeline.models.hosted_caller import Caller, Fault, Refused, dig, is_url, short
-from mam_pipeline.models.image_to_mesh import whole_glb
 from mam_pipeline.models.ledger import current
+from mam_sim_models.hosted_caller import Caller, Fault, Refused, dig, is_url, short
+from mam_sim_models.image_to_mesh import whole_glb
 
 PAGE = "docs/guides/foundation-models.md"
 _ID = re.compile(r"[\w.:-]{1,200}")

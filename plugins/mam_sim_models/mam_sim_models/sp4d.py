@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from mam_pipeline.backends import Availability, KinematicPrior
-from mam_pipeline.errors import BackendError, ConfigError
+from mam_pipeline.errors import BackendError
 from mam_pipeline.folders import Scratch
-from mam_pipeline.models import external, settings
-from mam_pipeline.optional import require
-from mam_pipeline.prior.masks import load_masks, prior_from_masks
+from mam_pipeline.prior.masks import prior_from_masks
 from mam_pipeline.render import orbit_views as views
 from mam_pipeline.render import pictures
 from mam_pipeline.types import IntArray, Mesh, Primitives
+from mam_sim_models import external
 
 VARIABLE = "MAM_SIM_SP4D"
 LICENCE = "Stability AI Community License: free below US$ 1 M of yearly revenue"
@@ -33,7 +32,7 @@ SMALLEST_IOU = 0.6
 
 
 class Sp4dPrior:
-    """Runs SP4D through its runner (`mam_pipeline/models/runners/sp4d.py`)."""
+    """Runs SP4D through its runner (`mam_sim_models/runners/sp4d.py`)."""
 
     @classmethod
     def available(cls) -> Availability:
@@ -56,42 +55,6 @@ class Sp4dPrior:
             external.call(VARIABLE, "parts", {"frames": "frames", "seed": seed}, inbox, outbox)
             frames = _frames(external.need(outbox, "maps.npz", "SP4D"))
         return prior_from_frames(mesh, primitives, frames, seed)
-
-
-class FilePrior:
-    """Kinematic masks that somebody else made: masks.npz in the folder MAM_SIM_PRIOR_FILE.
-
-    The file holds `masks` (N, H, H) integers with -1 as background, `azimuth` and `elevation` (N,)
-    in degrees for the cameras of `mam_pipeline.render.orbit_views.look`, and may hold their `fov`
-    (radians) and `distance` (diagonals). Every run leaves such a file in stages/2_prior.
-    """
-
-    @classmethod
-    def available(cls) -> Availability:
-        """Whether the folder is named."""
-        there = settings.folder("MAM_SIM_PRIOR_FILE") is not None
-        return Availability(there, "" if there else "set MAM_SIM_PRIOR_FILE to a folder")
-
-    @classmethod
-    def options(cls) -> str:
-        """The masks that are there."""
-        found = settings.content_digest(settings.folder("MAM_SIM_PRIOR_FILE"), "masks.npz")
-        return f"masks {found[:12]}"
-
-    def observe(self, mesh: Mesh, primitives: Primitives, seed: int = 0) -> KinematicPrior:
-        """Read the masks and vote.
-
-        Raises:
-            ConfigError: the file is missing or has another shape.
-        """
-        file = (settings.folder("MAM_SIM_PRIOR_FILE") or Path()) / settings.text(settings.SUBJECT)
-        file = file / "masks.npz"
-        try:
-            kept = load_masks(file)
-        except (OSError, KeyError, ValueError) as error:
-            raise ConfigError(f"{file} holds no kinematic masks: {error}") from error
-        found = prior_from_masks(kept.cast(mesh), kept.masks, primitives, "file")
-        return replace(found, fov=kept.fov)
 
 
 def prior_from_frames(
@@ -159,7 +122,6 @@ def calibrate(mesh: Mesh, silhouettes: NDArray[np.bool_], size: int = 72) -> Cam
 
 def cluster(parts: NDArray[np.uint8], seed: int) -> IntArray:
     """Part maps (T, V, H, W, 3) to labels (T, V, H, W): mean shift in Lab over all maps at once."""
-    require("SP4D", "sklearn")
     from sklearn.cluster import MeanShift
 
     t, v, h, w, _ = parts.shape

@@ -11,11 +11,13 @@ from __future__ import annotations
 import io
 import json
 import math
+import shlex
 import shutil
 import subprocess
 import time
 import zipfile
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,9 +31,27 @@ MAX_ANSWER = 2 << 30
 _TAIL = 1500
 
 
+@dataclass(frozen=True)
+class Runner:
+    """Where a model answers: a URL, or a command to which arguments are appended."""
+
+    url: str | None = None
+    command: tuple[str, ...] = ()
+
+
+def runner(variable: str) -> Runner | None:
+    """The runner that was set; None where none was."""
+    value = settings.text(variable)
+    if not value:
+        return None
+    if value.startswith(("http://", "https://")):
+        return Runner(url=value.rstrip("/"))
+    return Runner(command=tuple(shlex.split(value)))
+
+
 def availability(variable: str, licence: str, page: str) -> Availability:
     """Whether a runner is named and, for a command, can be found."""
-    found = settings.runner(variable)
+    found = runner(variable)
     if found is None:
         return Availability(False, f"set {variable} to its command or URL ({page})", "", licence)
     if found.command and shutil.which(found.command[0]) is None:
@@ -46,7 +66,7 @@ def call(variable: str, task: str, request: Mapping[str, Any], inbox: Path, outb
     Raises:
         BackendError: no runner, a crash, a time-out, an HTTP error, an answer that is no zip.
     """
-    found = settings.runner(variable)
+    found = runner(variable)
     if found is None:
         raise BackendError(f"{variable} is not set; see: mam-sim doctor")
     (inbox / "request.json").write_text(json.dumps({"task": task, **request}, indent=1))

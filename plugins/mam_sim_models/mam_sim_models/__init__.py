@@ -1,0 +1,1 @@
+"""Foundation models and hosted services as backends of mam-sim, found by their entry points."""
