@@ -9,18 +9,20 @@ was wished. Endpoints, keys, folders, hints and commands come from the user alon
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from mam_pipeline import config_file
 from mam_pipeline.edited import (
     STRICT,
     Document,
+    Index,
     Place,
     Range,
     Share,
@@ -31,10 +33,21 @@ from mam_pipeline.edited import (
 from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.formats.door import Door
 from mam_pipeline.make_config import MakeConfig
+from mam_pipeline.optional import require
+
+
+def _stays_below(name: str) -> str:
+    """A name that may become a part of a path."""
+    if ".." in name.split("/"):
+        raise ValueError(f"must not lead upwards, as {name!r} does")
+    return name
+
 
 WEIGHTS = ".safetensors"
 """Suffix of the one kind of file that weights are read from; it holds numbers alone."""
-Name = Annotated[str, Field(pattern=r"^[\w.:-][\w .:/-]{0,199}$")]
+Name = Annotated[
+    str, Field(pattern=r"^[\w.:-][\w .:/-]{0,199}$"), AfterValidator(_stays_below)
+]  # fmt: skip
 Device = Annotated[str, Field(pattern=r"^(cpu|mps|xpu|cuda(:\d{1,2})?)$")]
 Sizes = Annotated[list[Annotated[int, Range(1, 100_000)]], Field(max_length=4)]
 
@@ -128,7 +141,7 @@ MODELS = tuple(f"HuggingFaceTB/SmolVLM2-{size}" for size in (
 """Models of the Hub that a policy may be built on; no folder chooses another."""
 _TEXTS = {
     "type": r"act|diffusion|smolvla|mam_sim|STATE|VISUAL|ENV|ACTION|REWARD|LANGUAGE|revolute|"
-    r"prismatic|continuous|fixed",
+    r"prismatic|continuous|fixed|adamw?|sgd|multi_adam|diffuser|cosine_decay_with_warmup",
     "device": r"cpu|mps|xpu|cuda(:\d{1,2})?",
     "repo_id": r"[\w.-]{1,96}/[\w.-]{1,96}",
     "license": r"[\w.-]{1,60}",
@@ -155,6 +168,10 @@ _TEXTS = {
 """Texts that a policy's config.json may hold, by key; every other text is a wish and refused."""
 _UNUSED = ("optimizer_", "scheduler_")
 """Beginnings of keys that matter to training alone."""
+_SIZE = re.compile("size|dim|heads|horizon|chunk")
+"""Part of the keys whose whole numbers are at least 1."""
+_LEAST = {"num_expert_layers": -1, "prefix_length": -1}
+"""Least whole number by key, where -1 stands for a default; of all others it is 0."""
 _HERE = {"auto", "geometric", "embedded", "none", "init", "lm", "nelder-mead"}
 """Backends that work on this machine alone; what an asset was made with may be used again."""
 
@@ -177,7 +194,8 @@ def file_of(folder: Path, name: str, missing: str = "") -> Path:
     Raises:
         InputError: it is missing, no ordinary file, or a link out of the folder.
     """
-    found = Door(folder).find(name, folder / name, folder)
+    door = Door(folder, "copy it into the folder")
+    found = door.find(name, folder / name, folder)
     if found is None:
         raise InputError(missing or f"{folder} holds no {name}")
     return found
@@ -204,8 +222,8 @@ def policy_folder(folder: Path) -> PolicyFolder:
     Raises:
         InputError: it is no policy, or wishes something that no folder may; the sentence says what.
     """
-    weights = f"model{WEIGHTS}"
-    file_of(folder, weights, f"{folder} holds no policy of LeRobot (no {weights})")
+    model = f"model{WEIGHTS}"
+    weights(folder, model, f"{folder} holds no policy of LeRobot (no {model})")
     document = read(folder, "config.json")
     config = document.values
     if not isinstance(config, dict):
@@ -216,7 +234,7 @@ def policy_folder(folder: Path) -> PolicyFolder:
     _plain(config, (), document)
     if config.get("use_peft"):
         raise document.wrong(("use_peft",), "wishes adapters of another folder; none are read")
-    files = [weights, "config.json"]
+    files = [model, "config.json"]
     for part in ("policy_preprocessor", "policy_postprocessor"):
         files += [f"{part}.json", *_pipeline(folder, f"{part}.json")]
     return PolicyFolder(folder, str(kind), config, tuple(files))
@@ -255,13 +273,34 @@ def _pipeline(folder: Path, name: str) -> Iterator[str]:
             yield _weights(folder, step["state_file"], document, (*place, "state_file"))
 
 
+def weights(folder: Path, name: str, missing: str = "") -> Path:
+    """A file of weights in a folder, whose header says no more than it holds.
+
+    Args:
+        missing: what is said where there is none.
+
+    Raises:
+        InputError: see `file_of`; or it is none, whatever its name.
+        MissingExtra: the package that reads such files is not installed.
+    """
+    file = file_of(folder, name, missing)
+    require("a policy's weights", "safetensors")
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(file, "np"):
+            return file
+    except (SafetensorError, OSError, ValueError) as error:
+        why = " ".join(str(error).split())[:200]
+        raise InputError(f"{file} is no file of weights in safetensors' format: {why}") from error
+
+
 def _weights(folder: Path, name: Any, document: Document, place: Place) -> str:
     """A name of a file of weights that lies in the folder itself."""
     bare = isinstance(name, str) and Path(name).name == name and name.endswith(WEIGHTS)
     if not bare:
         raise document.wrong(place, f"must name a file *{WEIGHTS} beside it, not {shown(name)}")
-    file_of(folder, name)
-    return str(name)
+    return weights(folder, name).name
 
 
 def _known_model(name: str, document: Document, place: Place) -> None:
@@ -271,6 +310,73 @@ def _known_model(name: str, document: Document, place: Place) -> None:
         raise document.wrong(
             place, f"wishes the model {shown(name)}{where}; known are {', '.join(MODELS)}"
         )
+
+
+def training_settings(folder: Path) -> dict[str, Any]:
+    """What training that goes on takes from a checkpoint: policy, optimiser and its schedule.
+
+    Everything else in its train_config.json (data, places, services, packages to import) comes from
+    the command line that goes on.
+
+    Args:
+        folder: the checkpoint's policy folder.
+
+    Raises:
+        InputError: it wishes something that no folder may; the sentence says what.
+    """
+    found = policy_folder(folder)
+    document = read(folder, "train_config.json")
+    if not isinstance(document.values, dict):
+        raise document.wrong((), f"must hold names and values, not {shown(document.values)}")
+    kept = {key: document.values.get(key) for key in ("policy", "optimizer", "scheduler")}
+    for key, value in kept.items():
+        if not isinstance(value, dict) and (key != "scheduler" or value is not None):
+            raise document.wrong((key,), f"must hold names and values, not {shown(value)}")
+        _plain(value, (key,), document)
+    if kept["policy"].get("type") != found.kind:
+        raise document.wrong(("policy", "type"), f"must be {found.kind}, as in config.json")
+    return kept
+
+
+@dataclass(frozen=True)
+class _Column:
+    dtype: Name
+    shape: Sizes
+    names: Any = None
+
+
+@dataclass(frozen=True)
+class DatasetFolder:
+    """meta/info.json of a LeRobot dataset, as far as it decides what is read.
+
+    Attributes:
+        features: columns by name. fps: frames per second.
+    """
+
+    codebase_version: Literal["v3.0"]
+    features: Annotated[dict[Name, _Column], Field(max_length=1000)]
+    data_path: Literal["data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"]
+    video_path: Literal[
+        "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
+    ] | None = None  # fmt: skip
+    fps: Annotated[int, Range(1, 1000)] = 20
+    total_episodes: Index = 0
+    robot_type: Name | None = None
+
+
+def dataset_folder(folder: Path) -> DatasetFolder:
+    """Look through a LeRobot dataset before LeRobot reads it.
+
+    Raises:
+        InputError: it is none, names other files than LeRobot does, or holds what is no file.
+    """
+    missing = f"{folder} is no LeRobot dataset; make one with: mam-sim collect ASSET"
+    found: DatasetFolder = validated(DatasetFolder, read(folder, "meta/info.json", missing))
+    for here, inside, names in os.walk(folder):  # follows no links
+        for path in (Path(here, name) for name in (*inside, *names)):
+            if path.is_symlink() or not path.is_dir():
+                file_of(folder, str(path.relative_to(folder)))
+    return found
 
 
 def _plain(value: Any, place: Place, document: Document) -> None:
@@ -295,9 +401,10 @@ def _plain(value: Any, place: Place, document: Document) -> None:
         if key == "vlm_model_name":
             _known_model(value, document, place)
     elif isinstance(value, int) and not key.startswith(_UNUSED):
+        least = 1 if _SIZE.search(key) else _LEAST.get(key, 0)
         most = LIMITS.layers if "layers" in key else LIMITS.size
-        if abs(value) > most:
-            raise document.wrong(place, f"must be at most {most}, not {shown(value)}")
+        if not isinstance(value, bool) and not least <= value <= most:
+            raise document.wrong(place, f"must be from {least} to {most}, not {shown(value)}")
 
 
 def _may(key: str) -> str:

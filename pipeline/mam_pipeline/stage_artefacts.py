@@ -18,6 +18,7 @@ import yaml
 from PIL import Image
 from pydantic import Field
 
+from mam_pipeline.arrays import Arrays
 from mam_pipeline.backends import KinematicPrior, Reconstruction
 from mam_pipeline.digests import text_digest
 from mam_pipeline.edited import (
@@ -180,8 +181,8 @@ def save_geometry(mesh: Mesh, folder: Path) -> None:
 
 def load_geometry(folder: Path) -> Mesh:
     """Read back what `save_geometry` kept."""
-    with np.load(folder / "mesh.npz") as data:
-        return Mesh(data["vertices"], data["faces"])
+    data = Arrays(folder / "mesh.npz")
+    return Mesh(data["vertices"], data["faces"])
 
 
 def _save_primitives(value: Primitives, path: Path) -> None:
@@ -190,9 +191,9 @@ def _save_primitives(value: Primitives, path: Path) -> None:
 
 
 def _load_primitives(path: Path, _shown: Path) -> Primitives:
-    with np.load(path) as data:
-        fronts = data["fronts"] if "fronts" in data else np.zeros((0, 0), dtype=bool)
-        return Primitives(data["labels"], data["merges"], str(data["method"]), fronts)
+    data = Arrays(path)
+    fronts = data["fronts"] if "fronts" in data else np.zeros((0, 0), dtype=bool)
+    return Primitives(data["labels"], data["merges"], str(data["method"]), fronts)
 
 
 def _save_prior(value: KinematicPrior | None, path: Path) -> None:
@@ -212,18 +213,18 @@ def _save_prior(value: KinematicPrior | None, path: Path) -> None:
 
 
 def _load_prior(path: Path, _shown: Path) -> KinematicPrior | None:
-    with np.load(path) as data:
-        if "mobility" not in data:
-            return None
-        return KinematicPrior(
-            data["mobility"],
-            data["affinity"],
-            data["masks"].astype(np.int64),
-            data["views"],
-            str(data["source"]),
-            labels=data["labels"],
-            fov=float(data["fov"]),
-        )
+    data = Arrays(path)
+    if "mobility" not in data:
+        return None
+    return KinematicPrior(
+        data["mobility"],
+        data["affinity"],
+        data["masks"].astype(np.int64),
+        data["views"],
+        str(data["source"]),
+        labels=data["labels"],
+        fov=float(data["fov"]),
+    )
 
 
 def tree_codec(count: int) -> Codec[KinematicTree]:
@@ -349,9 +350,9 @@ def articulation_codec(mesh: Mesh) -> Codec[Articulation]:
     def load(path: Path, shown: Path) -> Articulation:
         document = read_yaml(path, shown)
         file = validated(JointFile, document)
-        with np.load(path.with_name("links.npz")) as kept:
-            face_link = kept["face_link"]
-            own = [kept[name] for name in kept if name != "face_link"]
+        kept = Arrays(path.with_name("links.npz"))
+        face_link = kept["face_link"]
+        own = [kept[name] for name in kept if name != "face_link"]
         try:
             _check_joints(file, int(face_link.max()) + 1, len(own))
         except Wrong as wrong:
@@ -500,15 +501,15 @@ def save_mesh(mesh: Mesh, path: Path) -> None:
 
 def load_mesh(path: Path) -> Mesh:
     """Read back what `save_mesh` kept."""
-    with np.load(path) as data:
-        materials = []
-        for i, row in enumerate(json.loads(str(data["materials"]))):
-            image = data[f"image_{i}"].tobytes() if f"image_{i}" in data else None
-            row["base_color"] = tuple(row["base_color"])
-            materials.append(Material(**{**row, "image": image}))
-        given = {k: data[k] for k in ("face_material", "face_group", "uv", "colors") if k in data}
-        names = tuple(str(n) for n in data["group_names"])
-        return Mesh(data["vertices"], data["faces"], tuple(materials), group_names=names, **given)
+    data = Arrays(path)
+    materials = []
+    for i, row in enumerate(json.loads(str(data["materials"]))):
+        image = data[f"image_{i}"].tobytes() if f"image_{i}" in data else None
+        row["base_color"] = tuple(row["base_color"])
+        materials.append(Material(**{**row, "image": image}))
+    given = {k: data[k] for k in ("face_material", "face_group", "uv", "colors") if k in data}
+    names = tuple(str(n) for n in data["group_names"])
+    return Mesh(data["vertices"], data["faces"], tuple(materials), group_names=names, **given)
 
 
 def _fields(value: Any) -> dict[str, Any]:

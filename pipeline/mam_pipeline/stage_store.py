@@ -23,7 +23,7 @@ from mam_pipeline.digests import file_digest, text_digest
 from mam_pipeline.edited import (
     read_json,
 )
-from mam_pipeline.errors import ConfigError, InputError, MamSimError
+from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.stage_artefacts import Codec
 
 T = TypeVar("T")
@@ -119,7 +119,7 @@ class StageStore:
         shown = self.shown / name / codec.filename
         try:
             return codec.load(self.folder / name / codec.filename, shown)
-        except MamSimError:
+        except ConfigError:
             raise
         except Exception as error:  # each library fails in its own way at a damaged file
             what = f"{type(error).__name__}: {str(error) or 'damaged'}".splitlines()[0]

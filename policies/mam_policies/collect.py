@@ -22,11 +22,12 @@ import mam_envs
 from mam_envs.config import EnvConfig
 from mam_envs.env import OperateJointEnv
 from mam_pipeline import config_file, folders
+from mam_pipeline.arrays import Arrays
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.claims import COLLECTION, claim_folder, is_ours
 from mam_pipeline.edited import check_ranges
 from mam_pipeline.errors import InputError, NotPhysicalError
-from mam_policies.collection import CollectConfig, Collection, Names, finished, read_claim
+from mam_policies.collection import CollectConfig, Collection, Names, Outcome, finished, read_claim
 from mam_policies.expert import Expert, PlanningError
 from mam_policies.lerobot.dataset import write_dataset
 from mam_policies.run import task_settings
@@ -83,7 +84,7 @@ def collect(
     claim = _Claim(out, {"asset": asset, "collect": config, "env": settings})
     claim.check()
     folders.check_place(out)
-    done = finished(attempts)
+    done = finished(out)
     resumed = len(done)
     said = progress or (lambda _got, _want, _text: None)
     env: Any = None
@@ -96,7 +97,7 @@ def collect(
                 claim.write()
             outcome = _attempt(env, config, config.seed + k, attempts / f"{k:06d}.npz")
             done.append(outcome)
-            text = "success" if outcome["success"] else str(outcome["reason"])
+            text = "success" if outcome.success else outcome.reason
             said(_kept(done, config), config.episodes, text)
         if env is not None:
             _write_names(env, attempts)
@@ -113,8 +114,8 @@ def collect(
     root = write_dataset(found.tracks(), found.names, config.robot, out / "lerobot")
     reasons: dict[str, int] = {}
     for o in done:
-        if not o["success"]:
-            reasons[str(o["reason"])] = reasons.get(str(o["reason"]), 0) + 1
+        if not o.success:
+            reasons[o.reason] = reasons.get(o.reason, 0) + 1
     return Collected(out, len(found.kept), len(done), reasons, h5, root, resumed)
 
 
@@ -152,7 +153,7 @@ class _Claim:
 
     def give_back(self) -> None:
         """Take the claim back where nothing has come of it: no attempt has ended."""
-        if self.fresh and not finished(self.out / "attempts"):
+        if self.fresh and not finished(self.out):
             shutil.rmtree(self.out / "attempts", ignore_errors=True)
             self.file.unlink(missing_ok=True)
             if self.made:
@@ -167,14 +168,14 @@ def _flat(values: dict[str, Any], above: str = "") -> dict[str, Any]:
     return out
 
 
-def _kept(done: list[dict[str, Any]], config: CollectConfig) -> int:
-    return sum(bool(o["success"]) or config.keep_failures for o in done)
+def _kept(done: list[Outcome], config: CollectConfig) -> int:
+    return sum(o.success or config.keep_failures for o in done)
 
 
-def _not_hopeless(done: list[dict[str, Any]], config: CollectConfig) -> None:
-    if len(done) >= 15 and 5 * sum(bool(o["success"]) for o in done) < len(done):
-        reason = next(str(o["reason"]) for o in reversed(done) if not o["success"])
-        good = sum(bool(o["success"]) for o in done)
+def _not_hopeless(done: list[Outcome], config: CollectConfig) -> None:
+    good = sum(o.success for o in done)
+    if len(done) >= 15 and 5 * good < len(done):
+        reason = next(o.reason for o in reversed(done) if not o.success)
         raise NotPhysicalError(
             f"the expert succeeded in {good} of {len(done)} attempts; the last failed because: "
             f"{reason}"
@@ -195,7 +196,7 @@ def _make(asset: str, config: CollectConfig, env_config: EnvConfig) -> Any:
     )
 
 
-def _attempt(env: Any, config: CollectConfig, seed: int, file: Path) -> dict[str, Any]:
+def _attempt(env: Any, config: CollectConfig, seed: int, file: Path) -> Outcome:
     """Run one attempt and write it (npz with the frames, then json with the outcome)."""
     base: OperateJointEnv = env.unwrapped
     expert = Expert(env, noise=config.noise, seed=seed)
@@ -215,7 +216,7 @@ def _attempt(env: Any, config: CollectConfig, seed: int, file: Path) -> dict[str
         with folders.new_file(file) as part:
             np.savez_compressed(part, **arrays)
     folders.write_text(file.with_suffix(".json"), json.dumps(outcome) + "\n")
-    return outcome
+    return Outcome(**outcome)
 
 
 def _run(
@@ -329,26 +330,26 @@ def _write_h5(found: Collection) -> Path:
 
 
 def _fill(group: h5py.Group, npz: Path) -> None:
-    with np.load(npz) as data:
-        count = len(data["actions"])
-        group["actions"] = data["executed"]
-        group["rewards"] = data["rewards"]
-        group["success"] = data["success"]
-        group["terminated"] = data["success"]
-        group["truncated"] = np.arange(count) == count - 1
-        group["obs"] = data["obs/state"]
-        for name in data.files:
-            if name.startswith("env_states/"):
-                group[name] = data[name]
+    data = Arrays(npz)
+    count = len(data["actions"])
+    group["actions"] = data["executed"]
+    group["rewards"] = data["rewards"]
+    group["success"] = data["success"]
+    group["terminated"] = data["success"]
+    group["truncated"] = np.arange(count) == count - 1
+    group["obs"] = data["obs/state"]
+    for name in data:
+        if name.startswith("env_states/"):
+            group[name] = data[name]
 
 
-def _episode(i: int, outcome: dict[str, Any]) -> dict[str, Any]:
+def _episode(i: int, outcome: Outcome) -> dict[str, Any]:
     return {
         "episode_id": i,
-        "episode_seed": outcome["seed"],
+        "episode_seed": outcome.seed,
         "control_mode": "pd_joint_pos",
-        "elapsed_steps": outcome["steps"],
-        "reset_kwargs": {"options": {}, "seed": outcome["seed"]},
-        "success": bool(outcome["success"]),
-        "fail": not outcome["success"],
+        "elapsed_steps": outcome.steps,
+        "reset_kwargs": {"options": {}, "seed": outcome.seed},
+        "success": outcome.success,
+        "fail": not outcome.success,
     }

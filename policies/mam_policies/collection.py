@@ -7,7 +7,6 @@ attempts/names.json     names of the entries of the vectors
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +17,8 @@ from numpy.typing import NDArray
 
 from mam_envs.config import EnvConfig
 from mam_pipeline import config_file, folder_data
-from mam_pipeline.edited import Range, Seed, validated
+from mam_pipeline.arrays import Arrays
+from mam_pipeline.edited import STRICT, Finite, Index, Range, Seed, Text, Word, validated
 from mam_pipeline.errors import InputError
 from mam_policies.run import task_settings
 
@@ -41,6 +41,21 @@ class Track:
     images: dict[str, NDArray[np.uint8]]
     success: bool
     task: str
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How an attempt ended, in words, and how far the joint was open then."""
+
+    __pydantic_config__ = STRICT
+    seed: Index
+    success: bool
+    steps: Index
+    joint: Word
+    task: Text
+    reason: Text
+    plans: Index = 0
+    open_fraction: Finite = 0.0
 
 
 @dataclass(frozen=True)
@@ -104,7 +119,7 @@ class Collection:
     asset: str
     config: CollectConfig
     env_config: EnvConfig
-    outcomes: list[dict[str, Any]]
+    outcomes: list[Outcome]
 
     @staticmethod
     def load(folder: Path) -> Collection:
@@ -113,26 +128,26 @@ class Collection:
         Raises:
             InputError: there is no collection.
         """
-        file = folder / "collect.json"
-        if not file.is_file() or not (folder / "attempts" / "names.json").is_file():
-            raise InputError(f"{folder} holds no collection; make one with: mam-sim collect")
+        missing = f"{folder} holds no collection; make one with: mam-sim collect"
+        file = folder_data.file_of(folder, "collect.json", missing)
+        folder_data.file_of(folder, "attempts/names.json", missing)
         data = read_claim(file)
         config = config_file.fill(CollectConfig(), data["collect"], file)
         settings = config_file.fill(task_settings(config.task), data["env"], file)
-        outcomes = finished(folder / "attempts")
+        outcomes = finished(folder)
         return Collection(folder, str(data["asset"]), config, settings, outcomes)
 
     @property
     def names(self) -> Names:
         """Names of the vectors' entries."""
-        names: Names = validated(Names, folder_data.read(self.folder / "attempts", "names.json"))
+        names: Names = validated(Names, folder_data.read(self.folder, "attempts/names.json"))
         return names
 
     @property
     def kept(self) -> list[int]:
         """Numbers of the attempts that are in the data."""
         config = self.config
-        kept = [k for k, o in enumerate(self.outcomes) if o["success"] or config.keep_failures]
+        kept = [k for k, o in enumerate(self.outcomes) if o.success or config.keep_failures]
         return kept[: config.episodes]
 
     def tracks(self) -> Iterator[tuple[Track, NDArray[np.float32]]]:
@@ -140,27 +155,40 @@ class Collection:
         names = self.names
         state, hidden = len(names.state), len(names.environment)
         for k in self.kept:
-            with np.load(self.folder / "attempts" / f"{k:06d}.npz") as data:
-                obs, count = data["obs/state"], len(data["actions"])
-                images = {n[7:]: data[n][:count] for n in data.files if n.startswith("images/")}
-                # the flat state begins with qpos and ends with the privileged entries
-                track = Track(
-                    state=obs[:count, :state],
-                    action=data["targets"].astype(np.float32),
-                    environment=obs[:count, obs.shape[1] - hidden :],
-                    images=images,
-                    success=bool(self.outcomes[k]["success"]),
-                    task=str(self.outcomes[k]["task"]),
-                )
-                yield track, data["rewards"].astype(np.float32)
+            data = Arrays(folder_data.file_of(self.folder, f"attempts/{k:06d}.npz"))
+            targets = data.numbers("targets", None, len(names.action))
+            count = len(targets)
+            obs = data.numbers("obs/state", None, None)[:count]
+            if len(obs) < count or obs.shape[1] < state + hidden:
+                raise InputError(f"{data.file}: obs/state must have {count} rows for {names}")
+            images = {n[7:]: _pictures(data, n)[:count] for n in data if n.startswith("images/")}
+            # the flat state begins with qpos and ends with the privileged entries
+            track = Track(
+                state=obs[:, :state],
+                action=targets.astype(np.float32),
+                environment=obs[:, obs.shape[1] - hidden :],
+                images=images,
+                success=self.outcomes[k].success,
+                task=self.outcomes[k].task,
+            )
+            yield track, data.numbers("rewards", count).astype(np.float32)
 
 
-def finished(attempts: Path) -> list[dict[str, Any]]:
-    """Outcomes of the attempts that were finished before, in order, without gaps."""
-    out: list[dict[str, Any]] = []
-    while (file := attempts / f"{len(out):06d}.json").is_file():
-        try:
-            out.append(json.loads(file.read_text(encoding="utf-8")))
-        except ValueError as error:
-            raise InputError(f"{file} is damaged ({error}); delete it and run again") from error
+def _pictures(data: Arrays, name: str) -> NDArray[np.uint8]:
+    """A camera's pictures (T, H, W, 3)."""
+    found = data.numbers(name, None, None, None, 3)
+    if found.dtype != np.uint8:
+        raise InputError(f"{data.file}: {name} must be pictures of bytes, not of {found.dtype}")
+    return found
+
+
+def finished(folder: Path) -> list[Outcome]:
+    """Outcomes of a collection's attempts that are finished, in order, without gaps.
+
+    Raises:
+        InputError: one is none; the sentence names the file.
+    """
+    out: list[Outcome] = []
+    while (name := f"attempts/{len(out):06d}.json") and (folder / name).exists():
+        out.append(validated(Outcome, folder_data.read(folder, name)))
     return out

@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline import folders
+from mam_pipeline.arrays import Arrays
+from mam_pipeline.errors import InputError
 from mam_policies.expert import Expert, PlanningError
 from mam_policies.run import TrainingError, flat
 from mam_policies.settings import DemonstrationConfig
@@ -142,8 +144,15 @@ def save(file: Path, found: Demonstration | str) -> None:
 
 
 def load(file: Path) -> Demonstration | str:
-    """What `save` wrote."""
-    with np.load(file) as data:
-        if not data["obs"].size:
-            return str(data["reason"])
-        return Demonstration(data["obs"], data["actions"], bool(data["success"]))
+    """What `save` wrote.
+
+    Raises:
+        InputError: it is something else.
+    """
+    data = Arrays(file)
+    if not data["obs"].size:
+        return str(data["reason"])[:1000]
+    obs, actions = data.numbers("obs", None, None), data.numbers("actions", None, None)
+    if len(obs) != len(actions):
+        raise InputError(f"{file} holds {len(obs)} observations for {len(actions)} actions")
+    return Demonstration(obs, actions, bool(data.numbers("success")))

@@ -17,7 +17,7 @@ from safetensors.torch import load_file, save_file
 from mam_pipeline import folders
 from mam_pipeline.edited import STRICT, Index, Range, parse_json, validated
 from mam_pipeline.errors import InputError
-from mam_pipeline.folder_data import file_of
+from mam_pipeline.folder_data import weights
 
 Width = Annotated[int, Range(1, 100_000)]
 Row = Annotated[tuple[Index, ...], Field(max_length=100_000)]
@@ -147,7 +147,7 @@ class MlpPolicy(torch.nn.Module):
             InputError: missing, or not such a file.
         """
         name = "policy.safetensors"
-        file = file_of(folder, name, f"{folder} holds no {name}; has its training ended?")
+        file = weights(folder, name, f"{folder} holds no {name}; has its training ended?")
         try:
             with safe_open(file, "pt") as opened:
                 said = (opened.metadata() or {})["sizes"]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import gc
 import json
 import math
+import os
 import re
 import shutil
 from collections.abc import Iterator
@@ -37,6 +38,7 @@ from mam_pipeline.edited import (
     validated,
 )
 from mam_pipeline.errors import ConfigError, MamSimError
+from mam_policies.settings import ALGORITHMS
 
 ENV_ID = "mam_envs:OperateJoint-v1"
 SCHEMA = 1
@@ -127,12 +129,13 @@ class RunInfo:
 
         Raises:
             InputError: no run there, of another schema, or with something that no run has.
-            ConfigError: a robot, task or setting that is not known here.
+            ConfigError: an algorithm, robot, task or setting that is not known here.
         """
         where = Path(folder)
         missing = f"{folder} is no run (no run.json); make one with: mam-sim train"
         document = folder_data.read(where, "run.json", missing)
         told: _RunFile = validated(_RunFile, document)
+        ALGORITHMS.check(told.algo)
         task = told.env.get("task")
         if task is not None and not isinstance(task, str):
             raise document.wrong(("env", "task"), f"must be text, not {shown(task)}")
@@ -187,11 +190,17 @@ def _check_choice(choice: EnvChoice, document: Document) -> None:
     if not 1 <= len(choice.assets) <= MOST_ASSETS:
         raise document.wrong(("env", "assets"), f"must be 1 to {MOST_ASSETS} asset folders")
     for i, name in enumerate(choice.assets):
-        if not name or "\0" in name or len(name) > 4096:
-            raise document.wrong(("env", "assets", i), "must name an asset folder")
+        if not name or "\0" in name or len(name) > 4096 or _is_no_folder(name):
+            text = f"must name an asset folder, which {shown(name)} is not"
+            raise document.wrong(("env", "assets", i), text)
     if not re.fullmatch(r"pd_[a-z_]{1,60}", choice.control_mode):
         said = shown(choice.control_mode)
         raise document.wrong(("env", "control_mode"), f"must be pd_joint_pos or alike, not {said}")
+
+
+def _is_no_folder(name: str) -> bool:
+    """Whether something else than a folder (a device, a pipe, a file) has that name."""
+    return os.path.exists(name) and not os.path.isdir(name)
 
 
 def task_settings(task: str | None) -> EnvConfig:

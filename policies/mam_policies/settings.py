@@ -1,4 +1,4 @@
-"""Settings of the learning algorithms and of the demonstrations that they learn from."""
+"""Names of the learning algorithms, their settings, and those of the demonstrations for them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,20 @@ from typing import Annotated, Any
 
 from mam_pipeline.edited import Range, Seed
 from mam_pipeline.errors import ConfigError
+from mam_pipeline.registry import Registry
+
+ALGORITHMS = Registry(
+    "algorithm",
+    {
+        "bc": "mam_policies.algorithms.bc:BehaviourCloning",
+        "bc_rgb": "mam_policies.algorithms.bc_rgb:CameraCloning",
+        "ppo": "mam_policies.algorithms.ppo:Ppo",
+        "sac": "mam_policies.algorithms.sac:Sac",
+        "act": "mam_policies.algorithms.lerobot_policies:Act",
+        "diffusion": "mam_policies.algorithms.lerobot_policies:Diffusion",
+        "smolvla": "mam_policies.algorithms.lerobot_policies:SmolVla",
+    },
+)
 
 
 @dataclass(frozen=True, kw_only=True)

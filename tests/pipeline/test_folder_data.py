@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import copy
 import json
+import os
+import pickle
 import random
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,13 @@ from hypothesis import strategies as st
 
 from mam_pipeline import config_file
 from mam_pipeline.errors import ConfigError, InputError, MamSimError
-from mam_pipeline.folder_data import asset_settings, policy_folder
+from mam_pipeline.folder_data import (
+    asset_settings,
+    dataset_folder,
+    policy_folder,
+    training_settings,
+    weights,
+)
 from mam_pipeline.make_config import EngineConfig, MakeConfig
 from mam_pipeline.models.settings import ModelConfig
 from tests.pipeline.test_fuzz import changed, ours, replaced, usual
@@ -45,14 +52,15 @@ AFTER: dict[str, Any] = {
     "name": "policy_postprocessor",
     "steps": [{"registry_name": "unnormalizer_processor", "config": NORMAL}],
 }
-Edit = Callable[[dict[str, Any]], Any]
+NO_WEIGHTS = (2).to_bytes(8, "little") + b"{}"
+"""A file of weights that holds none."""
 
 
 def written(folder: Path, **files: Any) -> Path:
     """A policy folder; `files` by name without suffix go in place of the usual ones."""
     folder.mkdir(exist_ok=True)
     for name in ("model", "before"):
-        (folder / f"{name}.safetensors").write_bytes(b"")
+        (folder / f"{name}.safetensors").write_bytes(NO_WEIGHTS)
     usual = {"config": CONFIG, "policy_preprocessor": BEFORE, "policy_postprocessor": AFTER}
     for name, content in {**usual, **files}.items():
         data = content if isinstance(content, bytes) else json.dumps(content).encode()
@@ -132,8 +140,11 @@ CONFIG_FAIL: dict[str, tuple[Any, str]] = {
     "target": ({**CONFIG, "_target_": "os.system"}, "os.system"),
     "activation": ({**CONFIG, "feedforward_activation": "eval"}, "eval"),
     "normal": ({**CONFIG, "normalization_mapping": {"STATE": "__import__"}}, "__import__"),
-    "huge": ({**CONFIG, "dim_model": 10**12}, "at most"),
-    "layers": ({**CONFIG, "n_encoder_layers": 10**5}, "at most"),
+    "huge": ({**CONFIG, "dim_model": 10**12}, "from 1 to 100000"),
+    "negative": ({**CONFIG, "chunk_size": -5}, "from 1 to 100000, not -5"),
+    "no size": ({**CONFIG, "n_heads": 0}, "from 1 to"),
+    "layers": ({**CONFIG, "n_encoder_layers": 10**5}, "from 0 to 128"),
+    "negative layers": ({**CONFIG, "n_encoder_layers": -1}, "from 0 to 128"),
     "a list": ([CONFIG], "names and values"),
     "null": (None, "names and values"),
     "nan": (b'{"type": "act", "dropout": NaN}', "NaN"),
@@ -159,6 +170,106 @@ def test_a_folder_that_is_named_as_a_known_model_fail(
     (tmp_path / name).mkdir(parents=True)
     with pytest.raises(InputError, match="a folder here has that name"):
         policy_folder(policy)
+
+
+ONE = b'{"a": {"dtype": "F32", "shape": [1], "data_offsets": [0, 4]}}'
+HUGE = ONE.replace(b"[1]", b"[99999, 99999]").replace(b"[0, 4]", b"[0, 39999200004]")
+WEIGHTS_FAIL = {
+    "nothing": b"", "a pickle": pickle.dumps([1, 2, 3]), "a program": b"import os\n" * 9,
+    "a header of 2^64-1": (2**64 - 1).to_bytes(8, "little") + ONE,
+    "a header beyond the file": (10**6).to_bytes(8, "little") + ONE,
+    "less than it says": len(ONE).to_bytes(8, "little") + ONE + bytes(3),
+    "more than it says": len(ONE).to_bytes(8, "little") + ONE + bytes(5),
+    "a huge tensor": len(HUGE).to_bytes(8, "little") + HUGE + bytes(4),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WEIGHTS_FAIL)
+@pytest.mark.parametrize("name", ["model.safetensors", "before.safetensors"])
+def test_weights_fail(name: str, case: str, tmp_path: Path) -> None:
+    policy = written(tmp_path / "policy")
+    (policy / name).write_bytes(WEIGHTS_FAIL[case])
+    with pytest.raises(InputError, match=f"{name} is no file of weights"):
+        policy_folder(policy)
+
+
+def test_weights_pass(tmp_path: Path) -> None:
+    (tmp_path / "a.safetensors").write_bytes(len(ONE).to_bytes(8, "little") + ONE + bytes(4))
+    assert weights(tmp_path, "a.safetensors") == tmp_path / "a.safetensors"
+
+
+TRAINED: dict[str, Any] = {
+    "policy": CONFIG, "scheduler": None, "output_dir": "/elsewhere",
+    "optimizer": {"type": "adamw", "lr": 1e-5, "betas": [0.9, 0.999]},
+    "dataset": {"repo_id": "evil/data", "root": "/elsewhere"}, "wandb": {"enable": True},
+    "env": {"type": "gym_manipulator", "discover_packages_path": "evil.package"},
+}  # fmt: skip
+
+
+def test_training_that_goes_on_pass(tmp_path: Path) -> None:
+    """Where to read, write and send comes from the command line that goes on alone."""
+    kept = training_settings(written(tmp_path / "policy", train_config=TRAINED))
+    assert kept == {k: TRAINED[k] for k in ("policy", "optimizer", "scheduler")}
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    ({"policy": {**CONFIG, "type": "diffusion"}}, "must be act"),
+    ({"policy": {**CONFIG, "pretrained_path": "evil/model"}}, "evil/model"),
+    ({"policy": {**CONFIG, "_target_": "os.system"}}, "os.system"), ({"policy": None}, "names and"),
+    ({"optimizer": {"type": "evil.Optimizer"}}, "evil.Optimizer"),
+    ({"optimizer": [1]}, "names and values"), ({"scheduler": {"type": "os.system"}}, "os.system"),
+])  # fmt: skip
+def test_training_that_goes_on_fail(change: dict[str, Any], words: str, tmp_path: Path) -> None:
+    policy = written(tmp_path / "policy", train_config={**TRAINED, **change})
+    with pytest.raises(InputError, match=words):
+        training_settings(policy)
+
+
+INFO: dict[str, Any] = {
+    "codebase_version": "v3.0", "fps": 20, "total_episodes": 1, "chunks_size": 1000,
+    "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet", "video_path": None,
+    "features": {"action": {"dtype": "float32", "shape": [8], "names": None}},
+}  # fmt: skip
+
+
+def dataset(folder: Path, info: Any) -> Path:
+    (folder / "meta").mkdir(parents=True, exist_ok=True)
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
+    return folder
+
+
+def test_dataset_pass(tmp_path: Path) -> None:
+    assert dataset_folder(dataset(tmp_path, INFO)).features["action"].shape == [8]
+
+
+DATASET_FAIL: dict[str, Any] = {
+    "a list": [], "null": None, "version": {**INFO, "codebase_version": "v2.1"},
+    "path elsewhere": {**INFO, "data_path": "/elsewhere/{chunk_index}"},
+    "path upwards": {**INFO, "data_path": "../{chunk_index}"},
+    "path of an attribute": {**INFO, "video_path": "{video_key.__class__}"},
+    "name upwards": {**INFO, "features": {"a/../../x": INFO["features"]["action"]}},
+    "shape": {**INFO, "features": {"a": {"dtype": "float32", "shape": [10**12]}}},
+    "shape below 1": {**INFO, "features": {"a": {"dtype": "float32", "shape": [-5]}}},
+    "features a list": {**INFO, "features": ["a"]}, "frames": {**INFO, "fps": 0},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", DATASET_FAIL)
+def test_dataset_fail(case: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError):
+        dataset_folder(dataset(tmp_path, DATASET_FAIL[case]))
+
+
+def test_a_dataset_that_holds_no_files_fail(tmp_path: Path) -> None:
+    (dataset(tmp_path / "data", INFO) / "data").mkdir()
+    pipe = tmp_path / "data" / "data" / "file-000.parquet"
+    os.mkfifo(pipe)
+    with pytest.raises(InputError, match="no ordinary file"):
+        dataset_folder(tmp_path / "data")
+    pipe.unlink()
+    pipe.symlink_to(tmp_path)
+    with pytest.raises(InputError, match="outside its folder"):
+        dataset_folder(tmp_path / "data")
 
 
 @pytest.mark.parametrize("name", ["model.safetensors", "config.json", "before.safetensors",

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import json
+import os
 import random
+import shutil
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import given
@@ -53,7 +58,10 @@ RUN_FAIL: dict[str, Any] = {
     "nan": b'{"schema": NaN}', "twice": b'{"schema": 1, "schema": 1}', "huge": b" " * (33 << 20),
     "no environment": {"env": None}, "environment a list": {"env": []},
     "environment text": {"env": "panda"}, "schema": {"schema": 2}, "schema text": {"schema": "1"},
-    "no algorithm": {"algo": None}, "algorithm a list": {"algo": ["bc"]},
+    "no algorithm": {"algo": None}, "algorithm elsewhere": {"algo": "../x"},
+    "algorithm of a module": {"algo": "os:system"}, "a device": env(assets=["/dev/zero"]),
+    "a file as asset": env(assets=[__file__]),
+     "algorithm a list": {"algo": ["bc"]},
     "observation a number": {"observation": 3}, "observation null": {"observation": None},
     "a short row": {"observation": [["a", 0]]}, "a row of text": {"observation": ["abcd"]},
     "a row backwards": {"observation": [["a", 5, 2, False]]},
@@ -93,8 +101,9 @@ def test_run_json_that_is_no_file_fail(tmp_path: Path) -> None:
     folder = saved(tmp_path / "run")
     (folder / "run.json").rename(tmp_path / "elsewhere")
     (folder / "run.json").symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(InputError, match="outside its folder"):
+    with pytest.raises(InputError, match="outside its folder") as caught:
         RunInfo.load(folder)
+    assert "--allow-outside" not in str(caught.value)  # eval and export have no such flag
     (folder / "run.json").unlink()
     (folder / "run.json").mkdir()
     with pytest.raises(InputError, match="no ordinary file"):
@@ -192,12 +201,32 @@ def collected(folder: Path, claim: bytes, names: bytes) -> Path:
 
 CLAIM, NAMES = (
     b'{"collect": {}, "env": {}, "asset": "a"}',
-    b'{"state": ["q"], "action": [], "environment": []}',
+    b'{"state": ["q"], "action": ["q"], "environment": []}',
 )
+OUTCOME: dict[str, Any] = {
+    "seed": 0, "success": True, "steps": 2, "joint": "j", "task": "open", "reason": ""
+}  # fmt: skip
+FRAMES: dict[str, Any] = {
+    "targets": np.zeros((2, 1)), "obs/state": np.zeros((3, 4)), "rewards": np.zeros(2),
+    "images/front": np.zeros((3, 4, 4, 3), np.uint8),
+}  # fmt: skip
+
+
+def attempted(folder: Path, outcome: Any = OUTCOME, **frames: Any) -> Path:
+    """A collection of one attempt; `frames` go in place of the usual ones."""
+    collected(folder, CLAIM, NAMES)
+    data = outcome if isinstance(outcome, bytes) else json.dumps(outcome).encode()
+    (folder / "attempts" / "000000.json").write_bytes(data)
+    np.savez_compressed(folder / "attempts" / "000000.npz", **{**FRAMES, **frames})
+    return folder
 
 
 def test_collection_pass(tmp_path: Path) -> None:
-    assert Collection.load(collected(tmp_path / "c", CLAIM, NAMES)).names == Names(("q",), (), ())
+    found = Collection.load(attempted(tmp_path / "c"))
+    assert found.names == Names(("q",), ("q",), ())
+    ((track, rewards),) = found.tracks()
+    assert track.state.shape == (2, 1) and track.images["front"].shape == (2, 4, 4, 3)
+    assert track.success and len(rewards) == 2
 
 
 @pytest.mark.parametrize(("claim", "names"), [
@@ -209,3 +238,60 @@ def test_collection_fail(claim: bytes, names: bytes, tmp_path: Path) -> None:
     with pytest.raises(MamSimError) as caught:
         print(Collection.load(collected(tmp_path / "c", claim, names)).names)
     assert caught.value.exit_code == 2
+
+
+ATTEMPT_FAIL: dict[str, Any] = {
+    "a list": {"outcome": []}, "null": {"outcome": None}, "text": {"outcome": b"hello"},
+    "deep": {"outcome": b"[" * 100_000}, "not UTF-8": {"outcome": b"\xff"},
+    "success text": {"outcome": {**OUTCOME, "success": "yes"}},
+    "seed text": {"outcome": {**OUTCOME, "seed": "0"}},
+    "no task": {"outcome": {k: v for k, v in OUTCOME.items() if k != "task"}},
+    "another key": {"outcome": {**OUTCOME, "hook": "os:system"}},
+    "a program": {"targets": np.array([[len]], dtype=object)},
+    "words": {"targets": np.array([["a"], ["b"]])}, "one number": {"targets": np.zeros(())},
+    "nan": {"targets": np.full((2, 1), np.nan)}, "wide": {"targets": np.zeros((2, 9))},
+    "few states": {"obs/state": np.zeros((1, 4))}, "no states": {"obs/state": np.zeros((3, 0))},
+    "rewards": {"rewards": np.zeros((5, 5))}, "pictures": {"images/front": np.zeros((3, 4, 4, 3))},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", ATTEMPT_FAIL)
+def test_attempt_fail(case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = attempted(tmp_path / "c", **ATTEMPT_FAIL[case])
+    with pytest.raises(InputError, match="000000"):
+        list(Collection.load(folder).tracks())
+    assert main(["export", str(folder), "--out", str(tmp_path / "out"), "--quiet"]) == 2
+    said = capsys.readouterr().err
+    assert said.count("mam-sim: ") == 1 and "Traceback" not in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_attempt_that_claims_more_than_it_holds_fail(tmp_path: Path) -> None:
+    folder = attempted(tmp_path / "c")
+    file = folder / "attempts" / "000000.npz"
+    head = io.BytesIO()
+    shape = {"descr": "<f8", "fortran_order": False, "shape": (10**12, 1)}
+    np.lib.format.write_array_header_1_0(head, shape)
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("targets.npy", head.getvalue())
+    with pytest.raises(InputError, match="claims 1000000000000 entries"):
+        list(Collection.load(folder).tracks())
+    file.unlink()
+    os.mkfifo(file)
+    with pytest.raises(InputError, match="no ordinary file"):
+        list(Collection.load(folder).tracks())
+
+
+@usual
+@given(seed=st.integers(0, 2**32))
+def test_a_collection_of_any_values(seed: int, tmp_path_factory: pytest.TempPathFactory) -> None:
+    rng, folder = random.Random(seed), tmp_path_factory.getbasetemp() / "fuzz_collection"
+    shutil.rmtree(folder, ignore_errors=True)
+    attempted(folder)
+    file = folder / rng.choice(["collect.json", *(f"attempts/{n}" for n in (
+        "names.json", "000000.json", "000000.npz"))])  # fmt: skip
+    data = file.read_bytes()
+    if file.suffix == ".json" and rng.random() < 0.5:
+        data = json.dumps(replaced(json.loads(data), rng)).encode()
+    file.write_bytes(changed(data, rng))
+    ours(lambda: list(Collection.load(folder).tracks()))

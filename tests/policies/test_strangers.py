@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import pickle
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
@@ -18,8 +21,9 @@ from mam_policies.algorithms.sb3_zip import algorithm_of, load_sb3
 from mam_policies.demonstrations import Demonstration
 from mam_policies.evaluate import evaluate_zip
 from mam_policies.mlp import MlpPolicy
-from mam_policies.run import EnvChoice
+from mam_policies.run import EnvChoice, RunInfo
 from mam_sim.cli import main as mam_sim
+from tests.pipeline.test_folder_data import BEFORE, written
 
 
 class Poison:
@@ -51,7 +55,7 @@ def test_poisoned_checkpoints_are_refused(tmp_path: Path) -> None:
 
 def test_poisoned_weights_are_refused(tmp_path: Path) -> None:
     torch.save(Poison(tmp_path / "mark"), tmp_path / "policy.safetensors")
-    with pytest.raises(InputError, match="not a policy"):
+    with pytest.raises(InputError, match="no file of weights"):
         MlpPolicy.load(tmp_path)
     assert not (tmp_path / "mark").exists()
 
@@ -83,3 +87,45 @@ def test_other_files_are_named(tmp_path: Path) -> None:
     file.write_bytes(b"no zip")
     with pytest.raises(InputError, match="no zip of stable-baselines3"):
         algorithm_of(file)
+
+
+def _stranger(folder: Path, asset: Path, mark: Path, **run: object) -> Path:
+    """A run of LeRobot's act whose files wish to run a program that makes `mark`."""
+    choice = EnvChoice((str(asset),), max_steps=20)
+    RunInfo("act", choice, [("agent/qpos", 0, 9, False)], 8, 7).save(folder)
+    file = folder / "run.json"
+    file.write_text(json.dumps({**json.loads(file.read_text()), **run}))
+    program = [sys.executable, "-c", f"open({str(mark)!r}, 'w')"]
+    step = {"class": "subprocess.Popen", "config": {"args": program}}
+    wish = {"type": "gym_manipulator", "discover_packages_path": "foreign"}
+    (folder / "foreign.py").write_text(f"open({str(mark)!r}, 'w')\n")
+    written(
+        folder / "policy", policy_preprocessor={**BEFORE, "steps": [step]},
+        train_config={"env": wish, "policy": {"type": "foreign", "_target_": "foreign.main"}},
+    )  # fmt: skip
+    return folder
+
+
+@pytest.mark.parametrize(("run", "words"), [
+    ({}, "wishes 'subprocess.Popen' to be run; a policy folder may name: "),
+    ({"algo": "../x"}, "no algorithm named '../x'"),
+    ({"env": {"assets": ["/dev/zero"]}}, "must name an asset folder, which '/dev/zero' is not"),
+])  # fmt: skip
+@pytest.mark.parametrize("verb", ["eval", "export"])
+def test_a_stranger_s_run_does_nothing(
+    verb: str, run: dict[str, object], words: str, drawer: Path, tmp_path: Path
+) -> None:
+    """The command line itself: one sentence, status 2, and no file anywhere that was not there."""
+    folder, mark = tmp_path / "run", tmp_path / "mark"
+    folder.mkdir()
+    _stranger(folder, drawer, mark, **run)
+    before = sorted(tmp_path.rglob("*"))
+    more = ["--out", str(tmp_path / "out.json" if verb == "eval" else tmp_path / "out")]
+    done = subprocess.run(
+        [sys.executable, "-m", "mam_sim.cli", verb, str(folder), *more, "--quiet"],
+        capture_output=True, text=True, timeout=120, cwd=folder,
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+    )  # fmt: skip
+    said = [line for line in done.stderr.splitlines() if line.startswith("mam-sim: ")]
+    assert done.returncode == 2 and len(said) == 1 and words in said[0], done.stderr
+    assert not mark.exists() and sorted(tmp_path.rglob("*")) == before

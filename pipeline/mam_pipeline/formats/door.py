@@ -57,9 +57,14 @@ class Door:
 
     Attributes:
         root: the folder; what leads out of it is refused, unless `outside_allowed` holds.
+        advice: what the user can do where that happens.
     """
 
     root: Path
+    advice: str = (
+        "copy it into the folder, or, if the file is your own, add --allow-outside to check, "
+        "view, articulate or make-env"
+    )
 
     def find(self, name: str, by: Path, folder: Path | None = None) -> Path | None:
         """The ordinary file that `name` means in the file `by`; None where there is none.
@@ -84,9 +89,8 @@ class Door:
             return option
         if outside:
             raise Outside(
-                f"{by} names {name!r}, which lies outside its folder and is not opened; copy it "
-                "into the folder, or, if the file is your own, add --allow-outside to check, "
-                "view, articulate or make-env"
+                f"{by} names {name!r}, which lies outside its folder and is not opened; "
+                f"{self.advice}"
             )
         return None
 

@@ -13,9 +13,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
 
-from mam_pipeline.registry import Registry
 from mam_policies import settings
-from mam_policies.settings import check_least
+from mam_policies.settings import ALGORITHMS, check_least
 
 __all__ = ["ALGORITHMS", "Actor", "Algorithm", "OnProgress", "algorithm", "check_least",
            "settings_of"]  # fmt: skip
@@ -25,19 +24,6 @@ if TYPE_CHECKING:  # torch is not needed to list names
     from numpy.typing import NDArray
 
     from mam_policies.run import EnvChoice, RunInfo
-
-ALGORITHMS = Registry(
-    "algorithm",
-    {
-        "bc": "mam_policies.algorithms.bc:BehaviourCloning",
-        "bc_rgb": "mam_policies.algorithms.bc_rgb:CameraCloning",
-        "ppo": "mam_policies.algorithms.ppo:Ppo",
-        "sac": "mam_policies.algorithms.sac:Sac",
-        "act": "mam_policies.algorithms.lerobot_policies:Act",
-        "diffusion": "mam_policies.algorithms.lerobot_policies:Diffusion",
-        "smolvla": "mam_policies.algorithms.lerobot_policies:SmolVla",
-    },
-)
 
 SETTINGS: dict[str, type[Any]] = {
     "bc": settings.BcConfig,

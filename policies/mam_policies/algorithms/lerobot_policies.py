@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline import folders
+from mam_pipeline.arrays import Arrays
 from mam_pipeline.errors import BackendError, ConfigError
 from mam_pipeline.folder_data import file_of
 from mam_policies.algorithms import Algorithm, OnProgress
@@ -201,11 +202,11 @@ def _with_rounds(out: Path, rounds: int) -> Path:
         yield from read_tracks(source)
         for k in range(1, rounds + 1):
             for file in sorted((out / f"round_{k}").glob("[0-9]*[0-9].npz")):
-                with np.load(file) as data:
-                    if "action" in data:
-                        rewards = np.zeros(len(data["action"]), dtype=np.float32)
-                        success = bool(data["success"][-1])
-                        yield track_of(data, success, task), rewards
+                data = Arrays(file)
+                if "action" in data:
+                    rewards = np.zeros(len(data["action"]), dtype=np.float32)
+                    success = bool(data.numbers("success", len(rewards))[-1])
+                    yield track_of(data, success, task), rewards
 
     return write_dataset(everything(), names, str(source.meta.robot_type), out / f"data_{rounds}")
 

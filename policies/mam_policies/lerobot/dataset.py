@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mam_pipeline import folders
 from mam_pipeline.errors import InputError
+from mam_pipeline.folder_data import dataset_folder
 from mam_pipeline.optional import require
 from mam_policies.collection import Names, Track
 
@@ -152,6 +153,5 @@ def load_dataset(root: Path) -> Any:
     offline()
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
-    if not (root / "meta" / "info.json").is_file():
-        raise InputError(f"{root} is no LeRobot dataset; make one with: mam-sim collect ASSET")
+    dataset_folder(root)
     return LeRobotDataset(REPO_ID, root=root)

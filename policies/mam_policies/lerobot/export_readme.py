@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from mam_pipeline.folder_data import dataset_folder
 from mam_policies.lerobot.dataset import FPS, IMAGES, REPO_ID
 from mam_policies.lerobot.joint_mapping import JointMapping
 from mam_policies.lerobot.policy import PERCEIVED
@@ -84,9 +85,9 @@ def write_dataset_readme(
     """Write README.md of a dataset in `folder`/dataset, which will lie in `out`/dataset."""
     from mam_policies.lerobot.training import LeRobotTraining, training_arguments
 
-    info = json.loads((folder / "dataset" / "meta" / "info.json").read_text())
+    info = dataset_folder(folder / "dataset")
     own = ("observation.", "action", "next.")
-    rows = {k: v for k, v in info["features"].items() if k.startswith(own)}
+    rows = {k: v for k, v in info.features.items() if k.startswith(own)}
     cameras = any(name.startswith(IMAGES) for name in rows)
     act = LeRobotTraining(
         "--policy.type=act", 100_000, 8, 1000, cameras, False,
@@ -94,16 +95,16 @@ def write_dataset_readme(
     )  # fmt: skip
     words = training_arguments(out / "dataset", rows, act, Path("act"))
     table = [
-        (name, " x ".join(map(str, row["shape"])) if name.startswith(IMAGES) else
-         ", ".join(f"`{n}`" for n in row["names"] or [row["dtype"]]))
+        (name, " x ".join(map(str, row.shape)) if name.startswith(IMAGES) else
+         ", ".join(f"`{n}`" for n in row.names or [row.dtype]))
         for name, row in rows.items()
     ]  # fmt: skip
     _write(
         "dataset.md.j2",
         folder,
         {
-            "task": task, "episodes": info["total_episodes"], "robot": robot,
-            "fps": info["fps"], "lerobot": metadata.version("lerobot"), "repo_id": REPO_ID,
+            "task": task, "episodes": info.total_episodes, "robot": robot,
+            "fps": info.fps, "lerobot": metadata.version("lerobot"), "repo_id": REPO_ID,
             "root": out / "dataset", "features": table, "cameras": cameras,
             "units": _units(joints),
             "train": " \\\n  ".join(["lerobot-train", *map(shlex.quote, words)]),

@@ -9,14 +9,16 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from mam_pipeline.folder_data import policy_folder
+from mam_pipeline import folder_data, folders
+from mam_pipeline.claims import not_a_link
+from mam_pipeline.edited import STRICT, Index, validated
 from mam_pipeline.guarded import Limits, guarded
 from mam_pipeline.optional import require
 from mam_policies.lerobot.dataset import IMAGES, REPO_ID
@@ -44,6 +46,18 @@ class LeRobotTraining:
     more: tuple[str, ...] = ()
 
 
+RESUMED = "resumed.json"
+"""Beside a checkpoint's train_config.json: what of it training goes on with."""
+
+
+@dataclass(frozen=True)
+class _Step:
+    """training_step.json: steps that are done."""
+
+    __pydantic_config__ = STRICT
+    step: Index
+
+
 def train_policy(
     dataset: Path,
     config: LeRobotTraining,
@@ -60,17 +74,25 @@ def train_policy(
     last = folder / "checkpoints" / "last"
     policy = last / "pretrained_model"
     step = last / "training_state" / "training_step.json"
-    if step.is_file() and int(json.loads(step.read_text())["step"]) >= config.steps:
-        return policy
+    for place in (folder, folder / "checkpoints"):
+        not_a_link(place)  # it is written to, and old checkpoints in it are deleted
+    resumes = step.is_file()
+    if resumes:
+        done: _Step = validated(_Step, folder_data.read(folder, str(step.relative_to(folder))))
+        kept = folder_data.training_settings(policy)
+        if done.step >= config.steps:
+            return policy
+    features = folder_data.dataset_folder(dataset).features
     command = [sys.executable, "-m", "lerobot.scripts.lerobot_train"]
-    if step.is_file():
-        policy_folder(policy)
-        command += [f"--config_path={policy / 'train_config.json'}", "--resume=true"]
-        command += [f"--steps={config.steps}"]
+    arguments = training_arguments(dataset, features, config, folder)
+    if resumes:
+        kept["policy"]["push_to_hub"] = False
+        folders.write_text(policy / RESUMED, json.dumps(kept))
+        command += [f"--config_path={policy / RESUMED}", "--resume=true"]
+        arguments = [a for a in arguments if not a.startswith("--policy.")]
     else:
         shutil.rmtree(folder, ignore_errors=True)
-        features = json.loads((dataset / "meta" / "info.json").read_text())["features"]
-        command += training_arguments(dataset, features, config, folder)
+    command += arguments
     folder.parent.mkdir(parents=True, exist_ok=True)
     said: list[str] = []
     around = {k: v for k, v in os.environ.items() if k != "HF_HUB_OFFLINE" or not config.download}
@@ -108,12 +130,12 @@ def _keep_last(checkpoints: Path) -> None:
 
 
 def training_arguments(
-    dataset: Path, features: dict[str, Any], config: LeRobotTraining, folder: Path
+    dataset: Path, features: Mapping[str, Any], config: LeRobotTraining, folder: Path
 ) -> list[str]:
-    """Arguments of lerobot-train for a dataset with these features (of its meta/info.json)."""
+    """Arguments of lerobot-train for a dataset with these features."""
     seen: dict[str, dict[str, Any]] = {}
     for name, feature in features.items():
-        shape = list(feature["shape"])
+        shape = list(feature.shape)
         if name == "observation.state":
             seen[name] = {"type": "STATE", "shape": shape}
         elif name.startswith(IMAGES) and config.cameras:

@@ -25,7 +25,7 @@ from mam_envs.scene.background import random_pattern
 from mam_pipeline import folders
 from mam_pipeline.edited import STRICT, Range, parse_json, validated
 from mam_pipeline.errors import InputError
-from mam_pipeline.folder_data import file_of
+from mam_pipeline.folder_data import weights
 from mam_pipeline.photo import efficientnet
 
 STRIDE = 16
@@ -134,7 +134,7 @@ class SightNetwork(nn.Module):
         Raises:
             InputError: missing, or not such a file.
         """
-        file = file_of(folder, FILE, f"{folder} holds no {FILE}; has its training ended?")
+        file = weights(folder, FILE, f"{folder} holds no {FILE}; has its training ended?")
         try:
             with safe_open(file, "pt") as opened:
                 said = (opened.metadata() or {})["sizes"]

@@ -15,6 +15,7 @@ from mam_envs.placement.base import object_pose
 from mam_envs.scene.background import kept_of
 from mam_envs.scene.layout import Layout
 from mam_pipeline import folders
+from mam_pipeline.arrays import Arrays
 from mam_pipeline.types import FloatArray
 from mam_policies.demonstrations import seed_of
 from mam_policies.expert import Expert, PlanningError
@@ -55,8 +56,7 @@ def pictures(
             found: dict[str, Any] = _episode(env, every, noise, seed_of(seed, 500_000 + episode))
             with folders.new_file(file) as part:
                 np.savez_compressed(part, **found)
-        with np.load(file) as data:
-            rows.append({key: data[key] for key in data.files})
+        rows.append(dict(Arrays(file)))
         got += len(rows[-1]["target"])
         episode += 1
         told(min(1.0, got / count), f"{got} pictures")
