@@ -16,12 +16,12 @@ import numpy as np
 import trimesh
 import tyro
 from common import save
+from mam_sim_paper.initialise import initialise, paper_part
+from mam_sim_paper.optimise import minimise, residuals, states_of
 
 from mam_pipeline.geometry.motion import Motion
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import thin_out, unit
-from mam_pipeline.joints.optimise import minimise, residuals, states_of
-from mam_pipeline.joints.paper import initialise, paper_part
 from mam_pipeline.types import Articulation, FloatArray, Joint
 from mam_world import make_object
 

@@ -15,7 +15,7 @@ case "${1:-dev}" in
 esac
 
 stamp=.venv/.mam-sim-setup
-digest=$(cat pyproject.toml plugins/*/pyproject.toml constraints.txt scripts/setup.sh scripts/system_packages.sh | sha256sum | cut -d' ' -f1)
+digest=$(cat pyproject.toml plugins/*/pyproject.toml benchmarks/paper/pyproject.toml constraints.txt scripts/setup.sh scripts/system_packages.sh | sha256sum | cut -d' ' -f1)
 if [ -f "$stamp" ] && [ -x .venv/bin/python ]; then
   case "$(cat "$stamp")" in "$digest dev" | "$digest $level") exit 0 ;; esac
 fi
@@ -58,7 +58,7 @@ elif ! install --extra-index-url "$MAM_SIM_TORCH_INDEX" -c constraints.txt torch
   install -c constraints.txt torch torchvision
 fi
 install -c constraints.txt -e ".[$extras]"
-[ $level = demo ] || install --no-deps -e plugins/lerobot_policy_mam_sim -e plugins/lerobot_robot_mam_sim -e plugins/mam_sim_models
+[ $level = demo ] || install --no-deps -e plugins/lerobot_policy_mam_sim -e plugins/lerobot_robot_mam_sim -e plugins/mam_sim_models -e benchmarks/paper
 # opencv-python (asked for by sapien) and opencv-python-headless (by lerobot) own the same cv2 folder:
 # keep the headless one alone, which needs no display library.
 if .venv/bin/python -m pip show -q opencv-python 2>/dev/null; then

@@ -224,7 +224,7 @@ def _plugins() -> list[Finding]:
 
 
 def _models() -> list[Finding]:
-    from mam_pipeline.backends import IN_MODELS, MODELS_PACKAGE, names
+    from mam_pipeline.backends import PACKAGES, names
     from mam_pipeline.models.catalogue import models
 
     out = []
@@ -233,8 +233,10 @@ def _models() -> list[Finding]:
         state = f"{found.text}; {model.flag}; licence: {model.licence}"
         fix = "\n".join((*model.commands, f"see {model.page}"))
         out.append(Finding("models", model.name, state, found.ok, fix=fix))
-    if not set(IN_MODELS["reconstructor"]) <= set(names("reconstructor")):
-        out.append(Finding("models", "others", "not installed", False, fix=MODELS_PACKAGE))
+    for package, roles in PACKAGES.items():
+        if not all(set(known) <= set(names(role)) for role, known in roles.items()):
+            fix = f"pip install ./{package} (in a clone)"
+            out.append(Finding("models", package, "not installed", False, fix=fix))
     return out
 
 

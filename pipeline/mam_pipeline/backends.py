@@ -147,23 +147,19 @@ BUILTIN: dict[str, dict[str, str]] = {
         "vlm": "mam_pipeline.models.vlm:VlmReasoner",
         "file": "mam_pipeline.models.vlm:FileReasoner",
     },
-    "solver": {
-        "embedded": "mam_pipeline.joints.solver:EmbeddedSolver",
-        "init": "mam_pipeline.joints.solver:PaperInitSolver",
-        "lm": "mam_pipeline.joints.solver:PaperLevenbergMarquardtSolver",
-        "nelder-mead": "mam_pipeline.joints.solver:PaperNelderMeadSolver",
-    },
+    "solver": {"embedded": "mam_pipeline.joints.solver:EmbeddedSolver"},
     "retexturer": {},
 }
-MODELS_PACKAGE = "pip install ./plugins/mam_sim_models"
-"""What to type in a clone to get the foundation models and hosted services."""
-IN_MODELS: dict[str, tuple[str, ...]] = {
-    "reconstructor": ("hunyuan3d", "triposr", "triposg", "fal", "tripo", "meshy", "space"),
-    "segmenter": ("p3sam",),
-    "prior": ("sp4d",),
-    "retexturer": ("hunyuan3d",),
+PACKAGES: dict[str, dict[str, tuple[str, ...]]] = {
+    "plugins/mam_sim_models": {
+        "reconstructor": ("hunyuan3d", "triposr", "triposg", "fal", "tripo", "meshy", "space"),
+        "segmenter": ("p3sam",),
+        "prior": ("sp4d",),
+        "retexturer": ("hunyuan3d",),
+    },
+    "benchmarks/paper": {"solver": ("init", "lm", "nelder-mead")},
 }
-"""The backends that come with that package: named in the error where it is not installed."""
+"""Our own packages beside the core, by folder: what they bring, for the error without them."""
 # What "auto" tries, best first. A model is tried only where the user has set it up; nothing that
 # costs money or sends pictures to a stranger is ever taken without being named.
 PREFERENCE: dict[str, tuple[str, ...]] = {
@@ -200,6 +196,11 @@ class Maker:
     edited: bool = False
 
 
+def package_of(role: str, name: str) -> str:
+    """The folder of our package that brings a backend; "" where none of them does."""
+    return next((p for p, roles in PACKAGES.items() if name in roles.get(role, ())), "")
+
+
 def check_name(role: str, name: str) -> None:
     """Refuse a name that no backend of a role has; nothing is imported.
 
@@ -208,10 +209,11 @@ def check_name(role: str, name: str) -> None:
     """
     known = ["auto", *names(role)]
     if name not in known:
-        if name in IN_MODELS.get(role, ()):
+        package = package_of(role, name)
+        if package:
             raise ConfigError(
-                f"the {role} {name!r} comes with the package mam-sim-models, which is not "
-                f"installed; in a clone of mam-sim: {MODELS_PACKAGE}"
+                f"the {role} {name!r} comes with a package that is not installed; in a clone of "
+                f"mam-sim: pip install ./{package}"
             )
         raise unknown_name(role, name, known)
 
@@ -231,8 +233,8 @@ def resolved(role: str, name: str = "auto") -> str:
     for candidate in PREFERENCE[role]:
         if candidate in table and resolve(table[candidate]).available().ok:
             return candidate
-    missing = [candidate for candidate in PREFERENCE[role] if candidate not in table]
-    hint = f"{MODELS_PACKAGE}, and then mam-sim doctor" if missing else "mam-sim doctor"
+    missing = [package_of(role, c) for c in PREFERENCE[role] if c not in table]
+    hint = f"pip install ./{missing[0]}, and then mam-sim doctor" if missing else "mam-sim doctor"
     raise BackendError(f"no {role} is available here; run: {hint}")
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from mam_sim_paper.initialise import hinge_line, paper_part, ransac_circle, slide_axis, spin_line
+from mam_sim_paper.optimise import minimise, pack, residuals, unpack
 
 from mam_pipeline.geometry.boxes import angle_between
-from mam_pipeline.joints.optimise import minimise, pack, residuals, unpack
-from mam_pipeline.joints.paper import hinge_line, paper_part, ransac_circle, slide_axis, spin_line
 from mam_pipeline.types import FloatArray, Mesh
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from mam_sim_paper.solver import paper_limits
 from scipy.spatial.transform import Rotation
 
 from mam_pipeline import backends
@@ -22,7 +23,7 @@ from mam_pipeline.joints.estimate import (
     faces_around,
     topological_order,
 )
-from mam_pipeline.joints.limits import Surroundings, embedded_limits, paper_limits
+from mam_pipeline.joints.limits import Surroundings, embedded_limits
 from mam_pipeline.joints.solver import EmbeddedSolver
 from mam_pipeline.joints.straight import straightened
 from mam_pipeline.parts.settle import settled

@@ -39,20 +39,26 @@ def test_errors_name_the_nearest_and_what_cannot_be_imported() -> None:
         COLOURS.load("broken")
 
 
-def test_a_backend_of_a_package_that_is_not_installed_names_the_package(
-    monkeypatch: pytest.MonkeyPatch,
+OURS = [
+    (package, role, name)
+    for package, roles in backends.PACKAGES.items() for role, known in roles.items()
+    for name in known
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("package", "role", "name"), OURS)
+def test_our_other_packages_bring_what_the_core_says(
+    package: str, role: str, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    assert Registry(role, {}).load(name).__module__.startswith("mam_sim_")
     monkeypatch.setattr("mam_pipeline.registry.installed", lambda _group: ())
-    for role, known in backends.IN_MODELS.items():
-        for name in known:
-            with pytest.raises(ConfigError, match=r"pip install \./plugins/mam_sim_models"):
-                backends.check_name(role, name)
+    said = rf"{role} '{name}' comes with .* pip install \./{package}"
+    with pytest.raises(ConfigError, match=said):
+        backends.check_name(role, name)
+
+
+def test_auto_does_without_our_other_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mam_pipeline.registry.installed", lambda _group: ())
     assert backends.resolved("segmenter") == "geometric"
     with pytest.raises(BackendError, match=r"no retexturer is available here; run: pip install"):
         backends.resolved("retexturer")
-
-
-def test_the_package_of_models_brings_what_the_core_says() -> None:
-    for role, known in backends.IN_MODELS.items():
-        added = Registry(role, {}).targets()
-        assert {added[name].partition(".")[0] for name in known} == {"mam_sim_models"}

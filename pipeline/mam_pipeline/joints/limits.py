@@ -1,9 +1,7 @@
 """Joint limits from collision, contact loss and what such joints usually do (paper section 3.4).
 
-Two rules. The paper's: turn both ways up to 180 degrees to the first collision; push in to the
-first collision, pull out until contact is lost. Ours: open towards the freer side only, stop before
-the part enters anything by the check's own rule and sweep, and no farther than such joints usually
-go.
+A joint opens towards the freer side only, stops before the part enters anything by the check's own
+rule and sweep, and goes no farther than such joints usually do.
 """
 
 from __future__ import annotations
@@ -210,29 +208,6 @@ def travel(
     return Travel(strict, lost, values, found.depth, found.blocked)
 
 
-def paper_limits(
-    scene: SweepScene, subtype: JointSubtype, axis: FloatArray, origin: FloatArray
-) -> Limits:
-    """The paper's rule: first collision both ways; slides end outwards at contact loss."""
-    if subtype == "slide":
-        extent = float(np.ptp(scene.points @ unit(axis)))
-        out = travel(scene, "prismatic", axis, origin, 1.2 * extent)
-        back = travel(scene, "prismatic", axis, origin, -1.2 * extent)
-        upper = min(out.strict, out.contact)
-        lower = -min(back.strict, back.contact)
-        return Limits("prismatic", lower, upper, 0.0, upper, "paper", _evidence(out, back))
-    out = travel(scene, "revolute", axis, origin, np.pi)
-    back = travel(scene, "revolute", axis, origin, -np.pi)
-    if out.strict >= np.pi and back.strict >= np.pi:
-        return Limits(
-            "continuous", -np.inf, np.inf, 0.0, 0.0, "endless",
-            _evidence(out, back),
-        )  # fmt: skip
-    return Limits(
-        "revolute", -back.strict, out.strict, 0.0, out.strict, "paper", _evidence(out, back)
-    )
-
-
 def embedded_limits(
     around: Surroundings, subtype: JointSubtype, axis: FloatArray, origin: FloatArray,
     *, alone: Callable[[], Surroundings] | None = None, given: tuple[float, float] | None = None,
@@ -294,7 +269,7 @@ def _open_way(
     if slide and own < RANGES.guided * cap:
         out = replace(out, contact=np.inf)
     upper, rule = _stop(around, motion, axis, origin, out, cap)
-    evidence = {**_evidence(out, None), "cap": cap}
+    evidence = {**range_evidence(out, None), "cap": cap}
     if slide and assumed and rule == "usual":
         rule, evidence["assumed"] = "depth", f"assumed: {assumed}"
     lower = 0.0
@@ -339,10 +314,10 @@ def _endless(around: Surroundings, axis: FloatArray, origin: FloatArray) -> Limi
             return None
     out = travel(around.scene, "revolute", axis, origin, np.pi, steps=24)
     return Limits("continuous", -np.inf, np.inf, 0.0, 0.0, "endless",
-                  _evidence(out, None))  # fmt: skip
+                  range_evidence(out, None))  # fmt: skip
 
 
-def _evidence(out: Travel, back: Travel | None) -> dict[str, Any]:
+def range_evidence(out: Travel, back: Travel | None) -> dict[str, Any]:
     """Plain curves for the report."""
     keep = slice(None, None, 3)
     found: dict[str, Any] = {

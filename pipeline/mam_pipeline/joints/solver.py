@@ -13,19 +13,13 @@ import numpy as np
 
 from mam_pipeline.backends import Availability
 from mam_pipeline.dormant import awake, hosts
-from mam_pipeline.geometry.frames import ObjectFrame
 from mam_pipeline.geometry.sampling import unit
-from mam_pipeline.geometry.sweep import SweepScene
 from mam_pipeline.joints.estimate import (
     JointEstimator,
     PartFaces,
-    contact_evidence,
     topological_order,
-    user_candidate,
 )
-from mam_pipeline.joints.limits import Limits, Surroundings, embedded_limits, paper_limits
-from mam_pipeline.joints.optimise import Method, refine
-from mam_pipeline.joints.paper import initialise, paper_part
+from mam_pipeline.joints.limits import Limits
 from mam_pipeline.joints.ranker import WEIGHTS
 from mam_pipeline.joints.straight import turned_joint
 from mam_pipeline.joints.twins import with_alike_ranges
@@ -119,101 +113,24 @@ class EmbeddedSolver:
         node = tree.nodes[index]
         found = estimator.estimate(tree, index)
         if found is None:
-            return _fixed_joint(estimator.mesh, node, index, estimator.faces(tree, index))
+            return fixed_joint(estimator.mesh, node, index, estimator.faces(tree, index))
         evidence = {
             "solver": "embedded",
             "contact": dict(found.contact),
             "candidates": [_plain(c) for c in found.candidates[:SHOWN]],
             "chosen": found.rank,
-            "limits": _limits_evidence(found.limits, node),
+            "limits": limits_evidence(found.limits, node),
         }
         confidence = node.confidence * found.sure
         chosen = found.chosen
-        return _joint(node, index, chosen.axis, chosen.origin, found.limits, confidence, evidence)
+        return joint_of(node, index, chosen.axis, chosen.origin, found.limits, confidence, evidence)
 
 
-class PaperInitSolver(EmbeddedSolver):
-    """The paper's initialisation (eq. 2-8) and limits, without its optimisation."""
-
-    method: Method | None = None
-
-    def _alike(
-        self, estimator: JointEstimator, tree: KinematicTree, joints: list[Joint]
-    ) -> list[Joint]:
-        return joints
-
-    @classmethod
-    def weights(cls) -> list[Traversable]:
-        """None: the paper's formulas have learned nothing."""
-        return []
-
-    def _joint(self, estimator: JointEstimator, tree: KinematicTree, index: int) -> Joint:
-        mesh, node, seed = estimator.mesh, tree.nodes[index], estimator.seed
-        faces = estimator.faces(tree, index)
-        if node.subtype == "fixed" or not len(faces.moving) or not len(faces.static):
-            return _fixed_joint(mesh, node, index, faces)
-        user = user_candidate(node)
-        part = paper_part(mesh, faces.moving, faces.parent, seed=seed)
-        first = initialise(part, node.subtype, seed)
-        axis, origin = (first.axis, first.origin) if user is None else (user.axis, user.origin)
-        evidence: dict[str, Any] = {
-            "solver": self.method or "init", "initial": dict(first.evidence),
-        }  # fmt: skip
-        scene = SweepScene(mesh, faces.moving, faces.static, static_samples=1500, seed=seed)
-        if user is None:
-            axis = opening_sign(scene, node, axis, origin, estimator.frame) * axis
-        if self.method is not None and user is None:
-            contact = part.contact * part.unit + part.center
-            motion = "prismatic" if node.subtype == "slide" else "revolute"
-            done = refine(scene, motion, axis, origin, self.method, contact)  # type: ignore[arg-type]
-            axis, origin = done.axis, done.origin
-            evidence["optimisation"] = {
-                "method": self.method, "accepted": done.accepted, "why": done.why,
-                "loss_before": done.loss_before, "loss_after": done.loss_after,
-                "curve": list(done.curve),
-            }  # fmt: skip
-        if node.limits is None:
-            limits = paper_limits(scene, node.subtype, axis, origin)
-        else:
-            around = Surroundings.of(mesh, faces.moving, faces.static, seed)
-            limits = embedded_limits(around, node.subtype, axis, origin, given=node.limits)
-        evidence["contact"] = contact_evidence(scene)
-        evidence["limits"] = _limits_evidence(limits, node)
-        return _joint(node, index, axis, origin, limits, node.confidence, evidence)
-
-
-class PaperLevenbergMarquardtSolver(PaperInitSolver):
-    """The paper with the optimiser its method section names."""
-
-    method = "lm"
-
-
-class PaperNelderMeadSolver(PaperInitSolver):
-    """The paper with the optimiser its implementation section names."""
-
-    method = "nelder-mead"
-
-
-def opening_sign(
-    scene: SweepScene, node: PartNode, axis: FloatArray, origin: FloatArray, frame: ObjectFrame
-) -> float:
-    """+1 or -1: the direction in which the part moves more freely, outwards in case of a tie."""
-    slide = node.subtype == "slide"
-    reach = 0.6 * float(np.ptp(scene.points @ unit(axis))) if slide else np.pi / 2
-    values = reach * np.array([0.25, 0.5, 0.75, 1.0])
-    motion = "prismatic" if slide else "revolute"
-    plus = scene.sweep(motion, axis, origin, values).blocked.mean()  # type: ignore[arg-type]
-    minus = scene.sweep(motion, axis, origin, -values).blocked.mean()  # type: ignore[arg-type]
-    middle = 0.5 * (frame.low + frame.high) @ frame.axes
-    swing = axis if slide else np.cross(axis, scene.center - origin)
-    outward = float(np.sign(swing @ (scene.center - middle)))
-    return 1.0 if minus - plus + 0.01 * outward >= 0 else -1.0
-
-
-def _joint(
+def joint_of(
     node: PartNode, index: int, axis: FloatArray, origin: FloatArray, limits: Limits,
     confidence: float, evidence: dict[str, Any],
 ) -> Joint:  # fmt: skip
+    """The joint of a node with a line and a range that were found."""
     subtype = "slide" if limits.type == "prismatic" else node.subtype
     return Joint(
         f"{node.name}_joint", limits.type, subtype, node.parent, index, unit(axis),
@@ -231,7 +148,8 @@ def _link(node: PartNode, primitives: Primitives) -> Link:
     return Link(node.name, node.kind, faces, node.primitives)
 
 
-def _fixed_joint(mesh: Mesh, node: PartNode, index: int, faces: PartFaces) -> Joint:
+def fixed_joint(mesh: Mesh, node: PartNode, index: int, faces: PartFaces) -> Joint:
+    """The joint of a node that does not move, at the middle of its box."""
     used = mesh.vertices[np.unique(mesh.faces[faces.own])] if len(faces.own) else np.zeros((1, 3))
     return Joint(
         f"{node.name}_joint", "fixed", "fixed", node.parent, index, np.array([0.0, 0.0, 1.0]),
@@ -256,7 +174,7 @@ def _ranking(c: JointCandidate) -> dict[str, float]:
     return {k: round(float(v), 4) for k, v in said.items() if v is not None}
 
 
-def _limits_evidence(limits: Limits, node: PartNode) -> dict[str, Any]:
+def limits_evidence(limits: Limits, node: PartNode) -> dict[str, Any]:
     """How the range came about, for the report."""
     said = {"rule": limits.rule, "by": node.provenance, **limits.evidence, "share": limits.share}
     if limits.sibling_at is not None:
