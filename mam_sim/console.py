@@ -19,6 +19,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from mam_pipeline.secrets import masked
+
 STAGES = {
     "read": "reading the mesh",
     "photo": "reconstructing the photo",
@@ -44,7 +46,7 @@ class Screen:
     def say(self, text: str = "") -> None:
         """A line of result."""
         if not self.quiet:
-            self.out.print(text, markup=False)
+            self.out.print(masked(text), markup=False)
 
     def table(self, table: Any) -> None:
         """A table of rich."""
@@ -53,7 +55,7 @@ class Screen:
 
     def json(self, value: Any) -> None:
         """The result as JSON on stdout."""
-        sys.stdout.write(json.dumps(value, indent=1, default=str) + "\n")
+        sys.stdout.write(masked(json.dumps(value, indent=1, default=str)) + "\n")
 
     @contextmanager
     def stages(self, names: list[str]) -> Iterator[StageBar]:

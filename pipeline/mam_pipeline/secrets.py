@@ -11,7 +11,7 @@ import base64
 import os
 import re
 from dataclasses import dataclass
-from urllib.parse import parse_qsl, quote, quote_plus, unquote, urlencode
+from urllib.parse import parse_qsl, quote, unquote, urlencode
 
 VARIABLES = ("OPENAI_API_KEY", "FAL_KEY", "TRIPO_API_KEY", "MESHY_API_KEY", "HF_TOKEN")
 """Environment variables that hold secrets."""
@@ -23,17 +23,29 @@ class SecretLimits:
 
     Attributes:
         shortest: characters of a secret that is masked; shorter ones would take words apart.
+        part: characters of a piece of a longer secret that is masked by itself.
         shown: what stands in a secret's place.
         plain: query parameters of a URL that are kept; every other may be a key.
     """
 
     shortest: int = 4
+    part: int = 8
     shown: str = "***"
     plain: tuple[str, ...] = ("api-version", "version", "model")
 
 
 LIMITS = SecretLimits()
-_known: set[str] = set()
+_short: set[str] = set()
+_parts: set[str] = set()
+_UNIT = re.compile(
+    r"""%(?:25)*(?P<percent>[0-9a-f]{2})      # %2F, %252F
+    | \\+u(?P<u>[0-9a-f]{4}) | \\+x(?P<x>[0-9a-f]{2})
+    | &\#x(?P<hex>[0-9a-f]{1,6}); | &\#(?P<number>[0-9]{1,7});
+    | (?P<nothing> (?: \\+(?![ux\\])[nrt]? | [\s"'+] )+ )  # between the lines of a text that was broken
+    | .""",
+    re.I | re.X | re.S,
+)
+"""One character as it may be written in an answer, a URL, a log or a page."""
 
 
 class Secret:
@@ -76,12 +88,41 @@ def from_environment(variable: str) -> Secret:
 
 
 def masked(text: str) -> str:
-    """A text without the secrets that are known, whole, quoted as in URLs, or as basic logins."""
+    """A text without the secrets that are known, however they are written in it.
+
+    Also pieces of them go: of a secret that was cut off, broken over lines, written in capitals or
+    encoded as in a URL, in JSON or in HTML.
+    """
     for variable in VARIABLES:
         _learn(os.environ.get(variable, "").strip())
-    for value in sorted(_known, key=len, reverse=True):
+    for value in sorted(_short, key=len, reverse=True):
         text = text.replace(value, LIMITS.shown)
-    return text
+    if not _parts:
+        return text
+    letters, places = _plain(text)
+    out, end = "", 0
+    for i in range(len(letters) - LIMITS.part + 1):
+        if letters[i : i + LIMITS.part] in _parts:
+            begin, last = places[i][0], places[i + LIMITS.part - 1][1]
+            if begin >= end:
+                out += text[end:begin] + LIMITS.shown
+            end = last
+    return out + text[end:]
+
+
+def _plain(text: str) -> tuple[str, list[tuple[int, int]]]:
+    """The characters that a text means, in small letters, and where each stands in it."""
+    letters, places = "", []
+    for found in _UNIT.finditer(text):
+        kind = found.lastgroup
+        if kind == "nothing":
+            continue
+        code = 0 if kind is None else int(found[kind], 10 if kind == "number" else 16)
+        letter = found[0] if kind is None else chr(code) if code < 0x110000 else "?"
+        if not letter.isspace() and letter not in "\"'+\\":
+            letters += letter.lower()[0]
+            places.append(found.span())
+    return letters, places
 
 
 def bare_url(text: str) -> str:
@@ -111,7 +152,11 @@ def bare_url(text: str) -> str:
 
 
 def _learn(value: str) -> None:
-    """Mask a text from now on, in all the forms in which it is written."""
-    if len(value) >= LIMITS.shortest:
-        _known.update((value, quote(value, safe=""), quote(value), quote_plus(value)))
-        _known.add(base64.b64encode(unquote(value).encode()).decode())
+    """Mask a text from now on, also as a basic login holds it."""
+    if len(value) < LIMITS.shortest:
+        return
+    for form in (value, unquote(value), base64.b64encode(unquote(value).encode()).decode()):
+        letters = _plain(form)[0]
+        if len(letters) < LIMITS.part:
+            _short.update((form, form.upper(), quote(form, safe=""), quote(form)))
+        _parts.update(letters[i : i + LIMITS.part] for i in range(len(letters) - LIMITS.part + 1))

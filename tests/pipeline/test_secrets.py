@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import logging
 import pickle
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -28,9 +31,23 @@ from mam_pipeline.models.settings import ModelConfig
 from mam_pipeline.models.transports import OpenAITransport, Question
 from mam_pipeline.models.vlm import VlmReasoner
 from mam_pipeline.secrets import VARIABLES, Secret, bare_url, masked
+from mam_world.dataset import write_dataset
 
-KEYS = {name: f"canary-{name.lower()}-1" for name in VARIABLES}
+KEYS = {name: f"canary-Qx{n}-vZ7/kW+pL{n}" for n, name in enumerate(VARIABLES)}
 LOGIN, QUERY = "canary-user:canary-pass", "canary-query"
+ASKED: list[str] = []
+STATUS = 400
+WAYS: dict[str, Callable[[str], str]] = {
+    "whole": str, "capitals": str.upper, "cut": lambda k: k[: len(k) // 2],
+    "cut in front": lambda k: k[len(k) // 2 :], "over lines": "\n    ".join,
+    "in JSON over lines": "\\n".join, "percent": lambda k: "".join(f"%{ord(c):02x}" for c in k),
+    "twice percent": lambda k: "".join(f"%25{ord(c):02X}" for c in k),
+    "JSON": lambda k: "".join(f"\\u{ord(c):04x}" for c in k),
+    "HTML": lambda k: "".join(f"&#{ord(c)};" for c in k),
+    "HTML's other": lambda k: "".join(f"&#x{ord(c):x};" for c in k),
+    "base64": lambda k: base64.b64encode(k.encode()).decode(),
+}  # fmt: skip
+"""How an endpoint may write a key that it repeats."""
 QUESTION = Question("q", "system", "text", lambda: (), {"type": "object"})
 
 
@@ -41,11 +58,17 @@ def echo(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[str]:
     class Handler(BaseHTTPRequestHandler):
         def _do(self) -> None:
             self.rfile.read(int(self.headers.get("Content-Length") or 0))
-            said = f"wrong: {self.path} {dict(self.headers)} {KEYS} {LOGIN} {QUERY}"
-            body = json.dumps(
-                {"error": {"message": said}, "message": said, "text": said, "detail": said}
-            ).encode()
-            self.send_response(400)
+            said = f"wrong: {self.path} {dict(self.headers)} {KEYS} {LOGIN} {QUERY} "
+            said += " ".join(write(KEYS["OPENAI_API_KEY"]) for write in WAYS.values())
+            ASKED.append(self.path)
+            answer: dict[str, Any] = {"error": {"message": said}}
+            if STATUS == 200:
+                told = {"role": "assistant", "content": json.dumps({"name": said})}
+                choice = {"index": 0, "finish_reason": "stop", "message": told}
+                answer = {"id": said, "object": "x", "model": said, "choices": [choice]}
+            answer |= {"message": said, "text": said, "detail": said}
+            body = json.dumps(answer).encode()
+            self.send_response(STATUS)
             self.send_header("Content-Type", "application/json")
             self.send_header("Content-Length", str(len(body)))
             self.end_headers()
@@ -102,9 +125,40 @@ ADAPTERS: dict[str, Callable[[Path], Any]] = {
 
 
 def clean(*texts: str) -> None:
-    """Fail where a canary is in a text."""
+    """Fail where a canary is in a text, or the user's key in any way of writing it."""
     for text in texts:
-        assert "canary" not in text.lower().replace("openai_api_key", "")
+        assert "canary" not in text.lower()
+        for way, write in WAYS.items():
+            assert write(KEYS["OPENAI_API_KEY"]) not in text, way
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_key_is_masked_however_it_is_written(way: str) -> None:
+    key = Secret("sk-Qw7/eRt9+uIopAs").reveal()
+    said = masked(f"wrong key: {WAYS[way](key)}, see the manual")
+    assert said.startswith("wrong key: ***") and said.endswith(", see the manual")
+    assert len(said) < 48
+
+
+@pytest.mark.parametrize("status", [400, 200])
+def test_the_command_line_shows_and_writes_no_key(
+    status: int, echo: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What an endpoint repeats, in an error or as its answer: all that is printed and written."""
+    monkeypatch.setattr(f"{__name__}.STATUS", status)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    write_dataset("box_slider", 1, 3, tmp_path / "made", False, False, 1)
+    mesh = next((tmp_path / "made").rglob("*.glb"))
+    done = subprocess.run(
+        [sys.executable, "-m", "mam_sim.cli", "articulate", str(mesh), "--reasoner", "vlm",
+         "--vlm-url", f"http://{LOGIN}@{echo.removeprefix('http://')}/v1?key={QUERY}",
+         "--yes", "--out", str(tmp_path / "out")],
+        capture_output=True, text=True, timeout=300, cwd=tmp_path,
+    )  # fmt: skip
+    assert ASKED and "Traceback" not in done.stderr
+    assert "***" in done.stderr + done.stdout or status == 200
+    clean(done.stdout, done.stderr)
+    clean(*(f.read_bytes().decode("latin-1") for f in tmp_path.rglob("*") if f.is_file()))
 
 
 @pytest.mark.parametrize("name", [*ADAPTERS, *(s.name for s in SERVICES)])
@@ -132,7 +186,7 @@ def test_a_key_that_is_repeated_in_an_error_is_masked(
 
 def test_what_is_kept_and_shown_of_settings_is_bare(echo: str, tmp_path: Path) -> None:
     url = f"https://{LOGIN}@host:8443/v1?api-version=2&key={QUERY}#canary-part"
-    config = MakeConfig(what="canary-openai_api_key-1", models=ModelConfig(vlm_url=url, space=url))
+    config = MakeConfig(what=KEYS["OPENAI_API_KEY"], models=ModelConfig(vlm_url=url, space=url))
     config_file.save({"pipeline": config}, tmp_path / "config.yaml")
     text = (tmp_path / "config.yaml").read_text()
     clean(text, VlmReasoner.options(), ENDPOINT.look().text)
