@@ -10,6 +10,7 @@ from typing import Literal, get_args
 
 from mam_pipeline.asset.card import Asset, AssetCard
 from mam_pipeline.check.report import REASONS
+from mam_pipeline.claims import REVIEW, claim_file
 from mam_pipeline.errors import InputError, MamSimError
 from mam_pipeline.folders import write_text
 from mam_pipeline.formats.suffixes import MESHES, PHOTOS
@@ -48,9 +49,10 @@ class Review:
         """Find the objects, and go on where the CSV in the folder stops.
 
         Raises:
-            InputError: nothing in the folder can be opened, or its CSV is another's.
+            InputError: nothing in the folder can be opened. ConfigError: its CSV is another's.
         """
         self.folder = folder
+        claim_file(folder / FILE, REVIEW, flag="")
         known = {entry.path: entry for entry in self._read()}
         found = [_doubted(folder, path) for path in _objects(folder)]
         if not found:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.read import read_asset
+from mam_pipeline.claims import HINTS, claim_file
 from mam_pipeline.dormant import ALL, index_of, woken
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.evidence.spec import stated_groups
@@ -299,6 +300,8 @@ class Session:
         """Write the hints file; returns its path."""
         if self.why_fixed:
             raise ConfigError(self.why_fixed)
+        if self._saved is None:  # none was there when the object was opened
+            claim_file(self.place.hints, HINTS, flag="--hints")
         save_hints(self.state.hints, self.place.hints)
         self._saved = self.state.hints
         return self.place.hints

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 from tyro.conf import Positional
 
+from mam_pipeline.claims import SETUP, claim_folder
 from mam_pipeline.edited import Range
 from mam_sim.console import Screen
 from mam_sim.options import Verb
@@ -45,6 +46,7 @@ class Calibrate(Verb):
         """Calibrate, or write the set-up; print residuals and what comes next."""
         from mam_policies.deployment.setup import Twin, write_setup
 
+        claim_folder(self.setup, SETUP, flag="--setup")
         screen = Screen(self.quiet or self.json)
         twin = Twin.load(self.run_folder)
         if self.init:

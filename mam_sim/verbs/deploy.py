@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from tyro.conf import OmitArgPrefixes, Positional
 
+from mam_pipeline.claims import PICTURE, claim_file
 from mam_pipeline.edited import Range
 from mam_pipeline.errors import NotPhysicalError
 from mam_policies.deployment.safety import SafetyConfig
@@ -54,13 +55,14 @@ class Deploy(Verb):
         from mam_policies.deployment.setup import ROBOT
         from mam_sim.asking import ask
 
+        strip = self.setup / "rehearsal.png"
+        claim_file(strip, PICTURE, flag="")
         hold = self.hold_key == "always"
         if self.hold_key == "real":
             hold = robot_type(self.robot or self.setup / ROBOT) != "mam_sim"
         key = HeldKey() if hold and not self.dry_run else None
         screen = Screen(self.quiet or self.json)
         attempts: list[Any] = []
-        strip = self.setup / "rehearsal.png"
         with open_pilot(
             self.run_folder, self.setup, self.robot, self.safety, self.nominal
         ) as pilot:

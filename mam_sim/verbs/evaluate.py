@@ -13,7 +13,7 @@ from tyro.conf import Positional
 
 from mam_envs.config import EnvConfig
 from mam_pipeline import folders
-from mam_pipeline.claims import EVALUATION, claim_file
+from mam_pipeline.claims import EVALUATION, FILM, claim_file
 from mam_pipeline.edited import Range
 from mam_pipeline.errors import ConfigError, MamSimError
 from mam_pipeline.folders import Scratch
@@ -76,6 +76,8 @@ class Evaluate(Verb):
     def run(self) -> int:
         """Evaluate on every asset, a line for each."""
         claim_file(self.out, EVALUATION)
+        if self.video:
+            claim_file(self._film(), FILM, flag="")
         screen = Screen(self.quiet or self.json)
         home, named = self._choice()
         if self.truth is not None and len(named) != 1:

@@ -37,7 +37,7 @@ class Perceive(Verb):
 
         screen = Screen(self.quiet or self.json)
         out = self.out or self.setup / "perceived.png"
-        claim_file(self.out, PICTURE)
+        claim_file(out, PICTURE)
         with open_pilot(self.run_folder, self.setup, self.robot, nominal=self.nominal) as pilot:
             seen = pilot.find()
             picture = pilot.perceiver.overlay(pilot.picture())

@@ -23,7 +23,7 @@ from mam_pipeline.edited import LIMITS, parse_yaml
 from mam_pipeline.errors import ConfigError
 
 PNG_MARK = "mam-sim"
-"""`Software` of the pictures that we write over; HTML pages have it as their generator."""
+"""`Software` of the pictures that we write over; pages have it as generator, films as comment."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,11 @@ EVALUATION = Kind("result of eval", ".json", ("results", "total"))
 HINTS = Kind("hints file", ".yaml", ("schema",))
 PAGE = Kind("page of mam-sim", ".html")
 PICTURE = Kind("picture of mam-sim", ".png")
+FILM = Kind("film of mam-sim", ".mp4")
+REVIEW = Kind("review of the studio", ".csv", ("path", "doubt", "why", "decision"))
+EPISODES = Kind("log of mam-sim's episodes", ".jsonl", ("seed", "success"))
+FILM_MARK = ("-metadata", f"comment={PNG_MARK}")
+"""Arguments of ffmpeg by which `is_ours` knows a film."""
 
 
 def claim_folder(out: Path, *kinds: Kind, flag: str = "--out") -> None:
@@ -105,6 +110,9 @@ def claim_entries(out: Path, what: str, ours: Callable[[str], bool], flag: str =
 def claim_file(file: Path | None, *kinds: Kind, flag: str = "--out") -> None:
     """Refuse a file that exists and is no earlier result of one of the kinds; None is no file.
 
+    Args:
+        flag: that names the file; empty where none does.
+
     Raises:
         ConfigError: it is something else: another file, a folder, a device.
     """
@@ -114,16 +122,16 @@ def claim_file(file: Path | None, *kinds: Kind, flag: str = "--out") -> None:
         mode = file.lstat().st_mode
     except (FileNotFoundError, NotADirectoryError):
         return
+    away = "move it elsewhere"
+    way = f"name another file with {flag}" if flag else away
     if file.is_dir():
-        raise ConfigError(f"{file} is a folder; {flag} names a file")
+        raise ConfigError(f"{file} is a folder; {f'{flag} names a file' if flag else away}")
     if stat.S_ISLNK(mode):
         return  # the result takes the link's place, and what it leads to stays
     if not stat.S_ISREG(mode):
-        raise ConfigError(f"{file} is no ordinary file; name another with {flag}")
+        raise ConfigError(f"{file} is no ordinary file; {way}")
     if file.stat().st_size and not any(is_ours(file, kind) for kind in kinds):
-        raise ConfigError(
-            f"{file} exists and is no {kinds[0].said}; it is kept: name another file with {flag}"
-        )
+        raise ConfigError(f"{file} exists and is no {kinds[0].said}; it is kept: {way}")
 
 
 def mark_export(folder: Path, kind: str, source: Path) -> None:
@@ -164,6 +172,8 @@ def is_ours(file: Path, kind: Kind) -> bool:
         return f'name="generator" content="{PNG_MARK}"'.encode() in data[: 1 << 12]
     if kind.file == ".png":
         return data.startswith(b"\x89PNG") and f"Software\0{PNG_MARK}".encode() in data[: 1 << 12]
+    if kind.file == ".mp4":
+        return data[4:8] == b"ftyp" and PNG_MARK.encode() in data
     if kind.file == "settings.txt":
         return data.startswith(b'{"assets"')
     return suffix == Path(f"x{kind.file}").suffix and holds(data, suffix, kind.keys)

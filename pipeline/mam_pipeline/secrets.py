@@ -41,7 +41,7 @@ _UNIT = re.compile(
     r"""%(?:25)*(?P<percent>[0-9a-f]{2})      # %2F, %252F
     | \\+u(?P<u>[0-9a-f]{4}) | \\+x(?P<x>[0-9a-f]{2})
     | &\#x(?P<hex>[0-9a-f]{1,6}); | &\#(?P<number>[0-9]{1,7});
-    | (?P<nothing> (?: \\+(?![ux\\])[nrt]? | [\s"'+] )+ )  # between the lines of a text that was broken
+    | (?P<nothing> (?: \\+(?![ux\\])[nrt]? | [\s"'+] )+ )  # between broken lines
     | .""",
     re.I | re.X | re.S,
 )

@@ -13,6 +13,7 @@ import numpy as np
 from mani_skill.utils import common
 
 from mam_envs.config import EnvConfig, SuccessConfig
+from mam_envs.scene.video import write_video
 from mam_policies.algorithms import Actor, algorithm
 from mam_policies.expert import Expert, PlanningError
 from mam_policies.run import EnvChoice, RunInfo, few_objects
@@ -256,24 +257,18 @@ def _first(value: Any) -> float:
 
 def write_grid(episodes: list[list[np.ndarray]], path: Path, fps: int = 10) -> None:
     """Episodes side by side (three a row) as one MP4; shorter ones stay on their last frame."""
-    import imageio.v2 as imageio
-
     shown = [e for e in episodes if e]
     if not shown:
         return
-    length, columns = max(map(len, shown)), min(3, len(shown))
-    blank = np.zeros_like(shown[0][0])
-    path.parent.mkdir(parents=True, exist_ok=True)
-    writer: Any = imageio.get_writer(path, fps=fps, macro_block_size=1)
-    with writer:
-        for t in range(length):
-            tiles = [e[min(t, len(e) - 1)] for e in shown]
-            tiles += [blank] * (-len(tiles) % columns)
-            rows = [
-                np.concatenate(tiles[i : i + columns], axis=1)
-                for i in range(0, len(tiles), columns)
-            ]
-            writer.append_data(np.concatenate(rows, axis=0).astype(np.uint8))
+    columns, blank = min(3, len(shown)), np.zeros_like(shown[0][0])
+
+    def grid(t: int) -> np.ndarray:
+        tiles = [e[min(t, len(e) - 1)] for e in shown]
+        tiles += [blank] * (-len(tiles) % columns)
+        rows = [np.concatenate(tiles[i : i + columns], 1) for i in range(0, len(tiles), columns)]
+        return np.concatenate(rows).astype(np.uint8)
+
+    write_video([grid(t) for t in range(max(map(len, shown)))], path, fps)
 
 
 def plain(evaluation: Evaluation) -> dict[str, Any]:

@@ -6,8 +6,10 @@ import json
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from mam_envs.scene.video import write_strip, write_video
 from mam_pipeline import claims
 from mam_pipeline.errors import ConfigError
 from mam_sim.cli import main
@@ -25,6 +27,7 @@ FOLDERS = {
     "export": ["export", "asset", "--to", "mjcf", "--out", "OUT"],
     "view": ["view", "asset", "--out", "OUT"],
     "bench-photo": ["bench-photo", "--count", "1", "--save-photos", "OUT"],
+    "calibrate": ["calibrate", "run", "--setup", "OUT"],
 }
 """A command line of every verb that fills a folder."""
 FILES = {
@@ -38,6 +41,13 @@ FILES = {
     "annotate": ["annotate", "photo.jpg", "--no-browser", "--out", "FILE.yaml"],
 }
 """A command line of every verb that writes a file."""
+NAMED = {
+    "perceived.png": ["perceive", "run", "--setup", "."],
+    "rehearsal.png": ["deploy", "run", "--setup", "."],
+    "evaluation.mp4": ["eval", "--expert", "--asset", "asset", "--video"],
+    "review.csv": ["studio", ".", "--no-open"],
+}
+"""A command line of every verb that writes a file whose name no flag chooses."""
 THEIRS = {".json": "{}", ".html": "<p>mine", ".yaml": "mine: 1", ".png": "mine"}
 
 
@@ -102,6 +112,22 @@ def test_a_stranger_s_file_is_left_as_it_is(
     assert "is kept: name another file with" in refused(capsys, [*words, f"mine{suffix}"])
     assert "is no ordinary file" in refused(capsys, [*words, f"pipe{suffix}"])
     assert (place / f"mine{suffix}").read_bytes() == before
+
+
+@pytest.mark.parametrize("name", sorted(NAMED))
+def test_a_stranger_s_file_of_our_name_is_left_as_it_is(
+    name: str, place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (place / name).write_bytes(b"mine")
+    assert "is kept: " in refused(capsys, NAMED[name])
+    assert (place / name).read_bytes() == b"mine"
+
+
+def test_a_film_and_a_strip_are_known_again(tmp_path: Path) -> None:
+    frames = [np.full((16, 16, 3), k, np.uint8) for k in range(4)]
+    for _ in range(2):
+        claims.claim_file(write_video(frames, tmp_path / "a.mp4"), claims.FILM)
+        claims.claim_file(write_strip(frames, tmp_path / "a.png"), claims.PICTURE)
 
 
 def test_a_result_takes_the_place_of_one_of_its_kind(

@@ -55,6 +55,16 @@ def test_edits_make_the_asset_that_articulate_makes_of_the_saved_hints(
     session.place.hints.unlink()
 
 
+def test_hints_are_not_saved_over_another_file(session: Session) -> None:
+    session.place.hints.write_text("a note of mine\n")  # it came while the object was open
+    with pytest.raises(ConfigError, match="is kept: name another file with --hints"):
+        session.save()
+    assert session.place.hints.read_text() == "a note of mine\n"
+    session.place.hints.unlink()
+    assert session.save() == session.save() == session.place.hints
+    session.place.hints.unlink()
+
+
 def test_faces_are_cut_off_a_piece_and_articulate_cuts_the_same(
     cabinet: Path, session: Session, tmp_path: Path
 ) -> None:
@@ -218,7 +228,7 @@ def test_a_folder_is_reviewed_in_order_of_doubt_and_goes_on_where_it_stopped(
     again.decide(0, "mend", "", 2.0)
     assert Review(tmp_path).entries[0].seconds == 5.2
     (tmp_path / "review.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(InputError, match="is not a review"):
+    with pytest.raises(ConfigError, match="is no review of the studio"):
         Review(tmp_path)
     (tmp_path / "none").mkdir()
     with pytest.raises(InputError, match="holds no asset"):

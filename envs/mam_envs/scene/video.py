@@ -12,8 +12,11 @@ import trimesh
 import yourdfpy
 from mani_skill.utils import common
 from numpy.typing import NDArray
+from PIL import Image
 
 from mam_envs.scene.layout import Layout
+from mam_pipeline import folders
+from mam_pipeline.claims import FILM_MARK, png_mark
 from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.formats.door_resolver import DoorResolver
 from mam_pipeline.formats.urdf.geometry import resolve, shape_triangles
@@ -29,21 +32,25 @@ def write_video(frames: Sequence[Frame], path: Path, fps: int = 20) -> Path:
     import imageio.v2 as imageio
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    writer: Any = imageio.get_writer(path, fps=fps, codec="libx264", quality=8, macro_block_size=1)
-    with writer as out:
-        for frame in frames:
-            h, w = frame.shape[0] // 2 * 2, frame.shape[1] // 2 * 2
-            out.append_data(np.ascontiguousarray(frame[:h, :w]))
+    with folders.new_file(path) as part:
+        writer: Any = imageio.get_writer(
+            part, fps=fps, codec="libx264", quality=8, macro_block_size=1,
+            output_params=[*FILM_MARK],
+        )  # fmt: skip
+        with writer as out:
+            for frame in frames:
+                h, w = frame.shape[0] // 2 * 2, frame.shape[1] // 2 * 2
+                out.append_data(np.ascontiguousarray(frame[:h, :w]))
     return path
 
 
 def write_strip(frames: Sequence[Frame], path: Path, count: int = 4) -> Path:
     """Write evenly chosen frames side by side as one PNG."""
-    import imageio.v2 as imageio
-
     chosen = [frames[i] for i in np.linspace(0, len(frames) - 1, count).round().astype(int)]
     path.parent.mkdir(parents=True, exist_ok=True)
-    imageio.imwrite(path, np.concatenate(chosen, axis=1))
+    with folders.new_file(path) as part:
+        picture = Image.fromarray(np.concatenate(chosen, axis=1))
+        picture.save(part, format="PNG", pnginfo=png_mark())
     return path
 
 

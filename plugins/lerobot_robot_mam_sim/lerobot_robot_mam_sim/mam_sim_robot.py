@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from lerobot_robot_mam_sim.config_mam_sim_robot import MamSimRobotConfig
 from lerobot_robot_mam_sim.simulated_camera import SimulatedCamera
+from mam_pipeline.claims import EPISODES, claim_file, not_a_link
 from mam_policies.lerobot.policy import PERCEIVED
 from mam_policies.lerobot.robot_interface import Faults, RobotInterface
 from mam_policies.run import EnvChoice
@@ -88,7 +89,13 @@ class MamSimRobot(Robot):
         return True
 
     def connect(self, calibrate: bool = True) -> None:
-        """Start the first episode."""
+        """Start the first episode.
+
+        Raises:
+            ConfigError: the log is a file of somebody else.
+        """
+        if self.config.log:
+            claim_file(not_a_link(Path(self.config.log)), EPISODES, flag="the robot's log")
         self._connected = True
         self._begin()
 
@@ -140,5 +147,5 @@ class MamSimRobot(Robot):
 
     def _finish(self) -> None:
         if self.config.log and self.interface.outcome.steps:
-            with Path(self.config.log).open("a", encoding="utf-8") as file:
+            with not_a_link(Path(self.config.log)).open("a", encoding="utf-8") as file:
                 file.write(json.dumps(asdict(self.interface.outcome)) + "\n")

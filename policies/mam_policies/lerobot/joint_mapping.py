@@ -18,6 +18,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from mam_pipeline import folders
 from mam_pipeline.edited import read_yaml
 from mam_pipeline.errors import ConfigError, HintNeeded, unknown_name
 
@@ -103,7 +104,7 @@ class JointMapping:
         head = "# Joint mapping: sim = sign * real + offset; percent: closed at 0, open at 100.\n"
         for name, value in (spread or {}).items():
             head += f"# {name}: offset known to +- {value:.4f} rad\n"
-        file.write_text(head + yaml.safe_dump(self.plain(), sort_keys=False), encoding="utf-8")
+        folders.write_text(file, head + yaml.safe_dump(self.plain(), sort_keys=False))
 
 
 def identity(robot: str, joints: Mapping[str, str]) -> JointMapping:
