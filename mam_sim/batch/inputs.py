@@ -15,7 +15,7 @@ from mam_pipeline.digests import file_digest
 from mam_pipeline.errors import InputError, disk_error
 from mam_pipeline.formats.door import Door, named_by
 from mam_pipeline.formats.mjcf_files import files_of_mjcf, is_mjcf
-from mam_pipeline.formats.suffixes import MESHES, PHOTOS
+from mam_pipeline.formats.suffixes import PHOTOS, mesh_suffixes
 
 LISTS = (".txt", ".lst")
 SIMULATED = (".urdf",)
@@ -237,7 +237,7 @@ def _walk(folder: Path, seen: _Seen, pictures: bool = True, deep: int = 1) -> It
     if urdfs:
         yield from urdfs
         return
-    meshes = [p for p in files if p.suffix.lower() in MESHES]
+    meshes = [p for p in files if p.suffix.lower() in mesh_suffixes()]
     yield from meshes
     pictures = pictures and not meshes
     if pictures:

@@ -26,7 +26,7 @@ from mam_pipeline.errors import (
     disk_is_full,
 )
 from mam_pipeline.formats.mjcf_files import is_mjcf
-from mam_pipeline.formats.suffixes import MESHES, PHOTOS
+from mam_pipeline.formats.suffixes import PHOTOS, mesh_suffixes
 from mam_pipeline.guarded import Ending, Limits
 from mam_sim.batch.inputs import content_digest
 from mam_sim.forkserver import run_all
@@ -92,7 +92,7 @@ def robot_file(path: Path) -> Path:
     if not path.is_file():
         raise InputError(f"{path} is no ordinary file; name an asset folder, a URDF or an MJCF")
     if path.name != "asset.json" and path.suffix.lower() not in (".urdf", ".xml", ".mjcf"):
-        if path.suffix.lower() in (*MESHES, *PHOTOS):
+        if path.suffix.lower() in (*mesh_suffixes(), *PHOTOS):
             Asset.card_of(path)  # refuses it, and says what makes an asset of it
         raise InputError(f"{path} is no asset folder, URDF or MJCF file")
     return path

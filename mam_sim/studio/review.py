@@ -13,7 +13,7 @@ from mam_pipeline.check.report import REASONS
 from mam_pipeline.claims import REVIEW, claim_file
 from mam_pipeline.errors import InputError, MamSimError
 from mam_pipeline.folders import write_text
-from mam_pipeline.formats.suffixes import MESHES, PHOTOS
+from mam_pipeline.formats.suffixes import PHOTOS, mesh_suffixes
 
 Decision = Literal["", "accept", "mend", "reject"]
 DECISIONS: tuple[Decision, ...] = get_args(Decision)[1:]
@@ -134,7 +134,7 @@ def _objects(folder: Path) -> list[Path]:
             made.add(str(Asset.load(path).card.source.get("path")))
         except MamSimError:
             continue  # it is listed, and says itself what is wrong with it
-    suffixes = {*MESHES, *PHOTOS, ".urdf"}
+    suffixes = {*mesh_suffixes(), *PHOTOS, ".urdf"}
     files = (p for p in sorted(folder.iterdir()) if p.suffix.lower() in suffixes)
     return [*assets, *(p for p in files if p.is_file() and p.name not in made)]
 

@@ -24,7 +24,7 @@ from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.evidence.spec import NOTHING, KinematicSpec
 from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.formats.placement import Decision
-from mam_pipeline.formats.suffixes import MESHES, PHOTOS
+from mam_pipeline.formats.suffixes import PHOTOS, mesh_suffixes
 from mam_pipeline.geometry.front import front_of, moved
 from mam_pipeline.geometry.stand_in import restored, stand_in
 from mam_pipeline.hints import Hints, load_hints
@@ -76,13 +76,13 @@ def kind_of(path: Path) -> str:
         raise InputError(f"no such file: {path}")
     suffix = path.suffix.lower()
     for kind, suffixes in (
-        ("mesh", MESHES),
+        ("mesh", mesh_suffixes()),
         ("photo", PHOTOS),
         ("urdf", (".urdf", ".xml")),
     ):
         if suffix in suffixes:
             return kind
-    known = ", ".join((*PHOTOS[:3], *MESHES, ".urdf"))
+    known = ", ".join((*PHOTOS[:3], *mesh_suffixes(), ".urdf"))
     if suffix in (".zip", ".gz", ".tar", ".7z", ".rar"):
         raise InputError(f"{path.name} is an archive; unpack it and name the model in it")
     raise InputError(f"{path.name}: cannot read files of type {suffix or 'none'!r}; known: {known}")

@@ -14,13 +14,18 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+import trimesh
 
 import mam_envs
 from mam_envs.robots import ROBOTS, robot_spec
 from mam_envs.tasks import TASKS, task_class
 from mam_pipeline import backends
-from mam_pipeline.errors import ConfigError
+from mam_pipeline.errors import ConfigError, InputError
+from mam_pipeline.formats.mesh_files import load_mesh
+from mam_pipeline.formats.readers import reader_of
+from mam_pipeline.formats.suffixes import mesh_suffixes
 from mam_pipeline.make_config import EngineConfig
+from mam_pipeline.run import kind_of
 from mam_pipeline.stages import articulate_mesh
 from mam_policies.algorithms import algorithm
 from mam_policies.evaluate import evaluate_run
@@ -123,7 +128,20 @@ def test_its_algorithm_learns_from_the_expert(drawer: Path, tmp_path: Path) -> N
     assert found.successes >= 2
 
 
-@pytest.mark.parametrize("page", ["robot", "task", "algorithm", "segmenter"])
+def test_its_reader_reads_its_files_in_a_process_of_its_own(tmp_path: Path) -> None:
+    file = tmp_path / "box.TRI"
+    box = trimesh.creation.box((900, 500, 700))
+    np.savetxt(file, box.triangles.reshape(-1, 9))
+    got = load_mesh(file)
+    assert kind_of(file) == "mesh" and len(got.mesh.faces) == 12
+    assert np.ptp(got.mesh.bounds, axis=0) == pytest.approx([0.9, 0.5, 0.7])
+    file.write_text("1 2 3\nfour\n")
+    with pytest.raises(InputError, match=r"box\.TRI is no list of triangles"):
+        load_mesh(file)
+    assert mesh_suffixes()[-1] == ".tri" and reader_of(".tri").apart(file)  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("page", ["robot", "task", "algorithm", "segmenter", "reader"])
 def test_the_documents_show_its_code(page: str) -> None:
     text = (ROOT / "docs" / "extend" / f"{page}.md").read_text(encoding="utf-8")
     shown = re.findall(r'```\w+ title="(examples/plugin/[^"]+)"\n(.*?)```', text, flags=re.S)

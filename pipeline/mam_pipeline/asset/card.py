@@ -31,7 +31,7 @@ from mam_pipeline.edited import (
 )
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.door import Door
-from mam_pipeline.formats.suffixes import MESHES, PHOTOS
+from mam_pipeline.formats.suffixes import PHOTOS, mesh_suffixes
 from mam_pipeline.formats.urdf.admit import admitted
 from mam_pipeline.thresholds import MAX_LINKS
 from mam_pipeline.types import (
@@ -229,7 +229,7 @@ class Asset:
         if folder.name == "asset.json":
             folder = folder.parent
         file = folder / "asset.json"
-        for kind, suffixes in (("mesh", MESHES), ("photo", PHOTOS)):
+        for kind, suffixes in (("mesh", mesh_suffixes()), ("photo", PHOTOS)):
             if folder.is_file() and folder.suffix.lower() in suffixes:
                 raise InputError(f"{path} is a {kind}, not an asset; run: mam-sim make-env {path}")
         door = Door(folder)

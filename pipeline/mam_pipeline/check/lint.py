@@ -14,7 +14,7 @@ from mam_pipeline.check.report import Finding
 from mam_pipeline.errors import InputError, MamSimError
 from mam_pipeline.formats.door import Door, Outside
 from mam_pipeline.formats.mesh_files import read_file
-from mam_pipeline.formats.suffixes import MESHES
+from mam_pipeline.formats.suffixes import mesh_suffixes
 from mam_pipeline.formats.urdf.admit import refused
 from mam_pipeline.formats.xml_file import Doctype, parse_xml
 
@@ -252,7 +252,7 @@ class Linter:
         if self.bytes > limits.MAX_MESH_BYTES or self.faces > limits.MAX_FACES:
             self._say("too_large", where, "its meshes are larger than a check will read")
             return False
-        if file.suffix.lower() not in MESHES:
+        if file.suffix.lower() not in mesh_suffixes():
             self._say("mesh_unreadable", where, f"{name!r} is of an unknown format")
             return False
         try:

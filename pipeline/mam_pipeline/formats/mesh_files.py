@@ -61,7 +61,7 @@ def load_mesh(
     scale: float | None = None,
     usual: tuple[float, float, float] | None = None,
 ) -> LoadedMesh:
-    """Read a mesh file (see `MESHES`) into the asset frame.
+    """Read a mesh file (see `mesh_suffixes`) into the asset frame.
 
     Vertices are neither welded nor reordered, texture coordinates and image bytes stay as they
     are; per-node groups become `Mesh.face_group`.

@@ -1,18 +1,18 @@
-"""Which reader reads which mesh files: one table, by suffix."""
+"""Which reader reads which mesh files: one table, by suffix, to which other packages add."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
-from mam_pipeline.errors import InputError
+from mam_pipeline.errors import BackendError, InputError
 from mam_pipeline.formats.apart import apart
 from mam_pipeline.formats.door import is_file
 from mam_pipeline.formats.soup import LIMITS, FileContent, checked
-from mam_pipeline.formats.suffixes import STEP, USD
+from mam_pipeline.formats.suffixes import READER, STEP, USD, mesh_suffixes
+from mam_pipeline.registry import Registry, resolve
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ _GLTF = Reader(f"{_FORMATS}.gltf:read_gltf", _packed)
 _PLAIN = Reader(f"{_FORMATS}.plain:read_plain", _never)
 _USD = Reader(f"{_FORMATS}.usd:read_usd")
 _STEP = Reader(f"{_FORMATS}.step:read_step")
-READERS: Mapping[str, Reader] = {
+BUILTIN: Mapping[str, Reader] = {
     ".glb": _GLTF,
     ".gltf": _GLTF,
     ".obj": Reader(f"{_FORMATS}.obj:read_obj", _never),
@@ -59,6 +59,16 @@ READERS: Mapping[str, Reader] = {
 }
 
 
+def reader_of(suffix: str) -> Reader | None:
+    """Who reads files of a suffix; another package's reader always works in a process of its own.
+
+    None where nobody does.
+    """
+    added = Registry("reader", {}, READER).targets()
+    target = {f".{name.lower()}": target for name, target in added.items()}.get(suffix)
+    return BUILTIN.get(suffix) or (None if target is None else Reader(target))
+
+
 def read_mesh(file: Path, root: Path | None = None) -> FileContent:
     """What is in a mesh file, in its own frame and unit.
 
@@ -67,21 +77,23 @@ def read_mesh(file: Path, root: Path | None = None) -> FileContent:
 
     Raises:
         InputError: no such file, no mesh, or reading it takes too much.
-        MissingExtra: the package that reads such files is not installed.
+        BackendError: the package that reads such files is not installed, or broken.
     """
     if not is_file(file):
         what = "no mesh file" if file.exists() else "no file"
-        raise InputError(f"{what} at {file}; one is needed ({', '.join(READERS)})")
-    reader = READERS.get(file.suffix.lower())
+        raise InputError(f"{what} at {file}; one is needed ({', '.join(mesh_suffixes())})")
+    reader = reader_of(file.suffix.lower())
     if reader is None:
-        raise InputError(f"{file} is not a mesh file known here ({', '.join(READERS)})")
+        raise InputError(f"{file} is not a mesh file known here ({', '.join(mesh_suffixes())})")
     size = file.stat().st_size
     if size == 0:
         raise InputError(f"{file} is empty")
     if size > LIMITS.bytes:
         raise InputError(f"{file} has {size >> 20} MiB; the most is {LIMITS.bytes >> 20} MiB")
-    module, _, name = reader.function.partition(":")
-    read = getattr(import_module(module), name)
+    try:
+        read = resolve(reader.function)
+    except (ImportError, AttributeError) as error:
+        raise BackendError(f"the reader of {file.suffix} cannot be imported: {error}") from error
     if not reader.apart(file):
         return _sound(read(file, root), file)
     return apart(lambda: _sound(read(file, root), file), file, file.suffix[1:].upper())
