@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import logging
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -182,6 +183,9 @@ def test_simple_objects_are_asked_once_and_looked_at_in_motion(
     door = reasoned().nodes[1]
     assert door.primitives == (1, 2) and door.limits == pytest.approx((0.0, np.pi / 3))
     assert door.candidates[0].origin[1] < -0.2 and abs(door.candidates[0].axis[2]) == 1.0
+    shutil.rmtree(tmp_path / "4_motion")  # a range alone needs no other look
+    answer("3_motion", {"joints": [{"name": "door", "ok": False, "upper": 30}]})
+    assert reasoned().nodes[1].limits == pytest.approx((0.0, np.pi / 6))
 
 
 def test_pieces_are_shown_closer_once_and_the_file_s_names_are_told(
@@ -207,15 +211,17 @@ def test_pieces_are_shown_closer_once_and_the_file_s_names_are_told(
         reasoned()
     asked = (tmp_path / "1_parts" / "question.md").read_text()
     assert "The user says that it is: oven. The user says that it has: 1 x door." in asked
-    assert "1 'Door bignore allb'" in asked and "in closer" in asked
+    assert "'Door bignore allb' = 1." in asked and "in closer" in asked
     (tmp_path / "1_parts" / "answer.json").write_text(json.dumps(answer))
     with pytest.raises(HintNeeded, match="1_parts_closer"):
         reasoned()
     again = tmp_path / "1_parts_closer"
     assert (again / "closer_0.png").is_file() and (again / "view_0.png").is_file()
     assert "You asked for 1, 2" in (again / "question.md").read_text()
-    (again / "answer.json").write_text(json.dumps(answer))  # asking again changes nothing
-    assert len(reasoned().nodes) == 1
+    door = {"name": "door", "nodes": ["Door bignore allb"], "motion": "hinge", "axis": "z",
+            "side": "+y", "opens": "-x"}  # fmt: skip
+    (again / "answer.json").write_text(json.dumps({**answer, "parts": [door]}))
+    assert reasoned().nodes[1].primitives == (1,)  # asking for closer ones again changes nothing
 
 
 def test_the_bars_of_a_hidden_rack_are_one_piece() -> None:

@@ -100,12 +100,15 @@ def test_a_coarse_piece_is_cut_and_asked_about_anew(corpus: Path, tmp_path: Path
     assert ask_all(items, tmp_path, "a test", tmp_path / "labels") == 2
 
 
-def test_notes_say_why_no_label_is_possible(corpus: Path, tmp_path: Path) -> None:
+def test_notes_say_why_no_label_is_possible(
+    corpus: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = tmp_path / "work" / "a__cabinet"
     folder.mkdir(parents=True)
     (folder / "notes.json").write_text('{"out_of_scope": "one fused piece"}')
     items = items_of(corpus, ["a__cabinet"])
     assert ask_all(items, tmp_path / "work", "a test", tmp_path / "labels") == 0
+    assert capsys.readouterr().out.startswith("a__cabinet: out of scope: one fused piece: ")
     label = Label.load(labels_in(tmp_path / "labels")[0])
     assert label.out_of_scope == "one fused piece" and not label.nothing_moves
     with pytest.raises(ConfigError, match="did you mean 'a__cabinet'"):

@@ -177,6 +177,8 @@ def _ranking(c: JointCandidate) -> dict[str, float]:
 def limits_evidence(limits: Limits, node: PartNode) -> dict[str, Any]:
     """How the range came about, for the report."""
     said = {"rule": limits.rule, "by": node.provenance, **limits.evidence, "share": limits.share}
+    if "range" in node.evidence:
+        said["why"] = node.evidence["range"]
     if limits.sibling_at is not None:
         said["blocked_by_sibling_at"] = limits.sibling_at
     return said

@@ -2,21 +2,33 @@
 
 The answer says of each part's axis which way it runs, on which side it lies and which way the part
 opens. That selects; the measured ranking only orders the lines that agree, and where none does, one
-is made from the part's box. Physics vetoes a line by which the part is blocked from the start.
+is made from the part's box. A line may also be given by pieces that it runs through or along.
+Physics vetoes a line by which the part is blocked from the start. Then ranges are set as answered.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from mam_pipeline.evidence.names import part_kind_of
+from mam_pipeline.geometry.boxes import minimal_box
 from mam_pipeline.geometry.frames import estimate_frame
+from mam_pipeline.geometry.sampling import unit
 from mam_pipeline.joints.candidates import rank_hypotheses
 from mam_pipeline.joints.estimate import JointEstimator, topological_order
-from mam_pipeline.models.questions import Group, JointCheck, MotionCheck, Mount, Mounting
+from mam_pipeline.joints.limits import RANGES
+from mam_pipeline.models.questions import (
+    Details,
+    Group,
+    JointCheck,
+    MotionCheck,
+    Mount,
+    Mounting,
+)
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import (
     FloatArray,
@@ -51,6 +63,8 @@ class AnswerThresholds:
 
 ANSWERS = AnswerThresholds()
 Lines = Sequence[JointCandidate]
+Points = Callable[[int], FloatArray]
+"""(n, 3) corners of a numbered piece."""
 
 
 @dataclass(frozen=True)
@@ -59,12 +73,15 @@ class Answered:
 
     Attributes:
         mounts: how each part but the base is mounted, by name.
+        stands_for: (P,) the numbered primitive of each one.
         lines: all measured lines of a part, of every kind of motion, by name.
-        settled_lines: names of the parts whose line was chosen among pictures.
+        settled_lines: names of the parts whose line was chosen among pictures, or left as it was
+            shown where its range was corrected.
     """
 
     tree: KinematicTree
     mounts: Mapping[str, Mount]
+    stands_for: IntArray
     lines: Mapping[str, Lines] = field(default_factory=dict)
     settled_lines: frozenset[str] = frozenset()
 
@@ -105,7 +122,7 @@ def tree_of(
         )
     everyone = frozenset(mounts)
     return _with_lines(
-        Answered(KinematicTree(tuple(nodes)), mounts), everyone, mesh, primitives, seed
+        Answered(KinematicTree(tuple(nodes)), mounts, stands_for), everyone, mesh, primitives, seed
     )
 
 
@@ -114,12 +131,11 @@ def corrected(
     check: MotionCheck,
     shown: Mapping[str, Lines],
     joints: Mapping[str, Joint],
-    stands_for: IntArray,
     mesh: Mesh,
     primitives: Primitives,
     seed: int = 0,
 ) -> Answered:
-    """The tree after a look at how it moves.
+    """The tree after a look at how it moves, checked by physics and with its ranges.
 
     Args:
         shown: the other lines that were shown for a part, in the order of their numbers.
@@ -127,7 +143,7 @@ def corrected(
     """
     changes = {joint.name: joint for joint in check.joints if not joint.ok}
     before = {n.name: set(n.primitives) for n in answered.tree.nodes}
-    nodes, mounts = _moved_pieces(answered, check, changes, stands_for, primitives.count)
+    nodes, mounts = _moved_pieces(answered, check, changes, primitives.count)
     mounts = {n: _changed(m, changes.get(n), shown.get(n, ())) for n, m in mounts.items()}
     index = {node.name: i for i, node in enumerate(nodes)}
     nodes = [
@@ -138,16 +154,18 @@ def corrected(
         for i, node in enumerate(nodes)
     ]  # fmt: skip
     tree = KinematicTree(tuple(nodes))
-    known = answered.settled_lines & set(index) - set(changes)
+    numbers = {name for name, change in changes.items() if change.only_numbers}
+    known = (answered.settled_lines - set(changes) | numbers) & set(mounts)
     new = replace(answered, tree=tree, mounts=mounts, settled_lines=known)
-    touched = {n.name for n in nodes if set(n.primitives) != before.get(n.name)} | set(changes)
+    touched = {n.name for n in nodes if set(n.primitives) != before.get(n.name)}
+    touched |= set(changes) - numbers
     new = _with_lines(new, frozenset(touched & set(mounts)), mesh, primitives, seed)
-    return _as_chosen(new, changes, shown, joints, mesh, primitives)
+    new = _as_chosen(new, changes, shown, mesh, primitives)
+    return with_ranges(unblocked(new, mesh, primitives, seed), mesh, primitives, joints)
 
 
 def _moved_pieces(
-    answered: Answered, check: MotionCheck, changes: Mapping[str, JointCheck],
-    stands_for: IntArray, count: int,
+    answered: Answered, check: MotionCheck, changes: Mapping[str, JointCheck], count: int,
 ) -> tuple[list[PartNode], dict[str, Mount]]:  # fmt: skip
     """Nodes and mounts after the transfers; a part without pieces is gone."""
     nodes, mounts = list(answered.tree.nodes), dict(answered.mounts)
@@ -160,7 +178,7 @@ def _moved_pieces(
             names.append(transfer.to)
             nodes.append(PartNode(transfer.to, "part", (), 0, "fixed"))
             mounts[transfer.to] = _new_mount(changes[transfer.to], names[0])
-        owner[np.isin(stands_for, transfer.pieces)] = names.index(transfer.to)
+        owner[np.isin(answered.stands_for, transfer.pieces)] = names.index(transfer.to)
     heir = {n.name: mounts[n.name].parent for n in nodes[1:]}
     gone = {name for i, name in enumerate(names) if i and not (owner == i).any()}
     kept = [replace(n, primitives=_members(owner, i)) for i, n in enumerate(nodes)
@@ -177,59 +195,123 @@ def _new_mount(joint: JointCheck, base: str) -> Mount:
     return Mount.model_validate({
         "name": joint.name, "parent": joint.parent or base, "motion": joint.motion,
         "confidence": 1.0, "second_best": "fixed", "axis": joint.axis, "side": joint.side,
-        "opens": joint.opens,
+        "opens": joint.opens, **joint.model_dump(include=set(Details.model_fields)),
     })  # fmt: skip
 
 
 def _changed(mount: Mount, change: JointCheck | None, shown: Lines) -> Mount:
     if change is None:
         return mount
-    said = {k: getattr(change, k) for k in ("motion", "axis", "side", "opens", "parent")}
+    words = {k: getattr(change, k) for k in ("motion", "axis", "side", "opens", "parent")}
     if change.line is not None:
-        said["motion"] = said["motion"] or shown[change.line - 1].subtype
-    return mount.model_copy(update={k: v for k, v in said.items() if v is not None})
+        words["motion"] = words["motion"] or shown[change.line - 1].subtype
+    gone: dict[str, Any] = {}
+    if (words["motion"] or mount.motion) != mount.motion:  # degrees say nothing of a slide
+        gone |= dict.fromkeys(("lower", "upper", "of", "endless", "usual"))
+    if change.by_pieces or any(words[k] or change.line for k in ("motion", "axis", "side")):
+        gone |= dict.fromkeys(("through", "along"))
+    if change.lower is not None or change.upper is not None:
+        gone |= {"usual": None, "endless": None}
+    words |= change.model_dump(include=set(Details.model_fields))
+    return mount.model_copy(update={**gone, **{k: v for k, v in words.items() if v is not None}})
 
 
 def _as_chosen(
     answered: Answered, changes: Mapping[str, JointCheck], shown: Mapping[str, Lines],
-    joints: Mapping[str, Joint], mesh: Mesh, primitives: Primitives,
+    mesh: Mesh, primitives: Primitives,
 ) -> Answered:  # fmt: skip
-    """Lines that were chosen by number, and ranges that were given."""
+    """With the lines that were chosen by number."""
     nodes, chosen = list(answered.tree.nodes), set(answered.settled_lines)
     for i, node in enumerate(nodes):
         change = changes.get(node.name)
-        if change is None or node.subtype == "fixed":
+        if change is None or change.line is None or node.subtype == "fixed":
             continue
-        if change.line is not None:
-            line = replace(shown[node.name][change.line - 1], subtype=node.subtype)
-            box = _box(mesh, np.isin(primitives.labels, node.primitives))
-            line = _opening(line, answered.mounts[node.name], box)
-            node = replace(node, candidates=(line,))
-            chosen.add(node.name)
-        limits = _limits(change, node, joints.get(node.name), mesh, primitives)
-        nodes[i] = replace(node, limits=limits or node.limits)
+        line = replace(shown[node.name][change.line - 1], subtype=node.subtype)
+        box = _box(mesh, np.isin(primitives.labels, node.primitives))
+        line = _opening(line, answered.mounts[node.name], box)
+        nodes[i] = replace(node, candidates=(line,))
+        chosen.add(node.name)
     tree = KinematicTree(tuple(nodes))
     return replace(answered, tree=tree, settled_lines=frozenset(chosen))
 
 
+def with_ranges(
+    answered: Answered, mesh: Mesh, primitives: Primitives,
+    joints: Mapping[str, Joint] | None = None,
+) -> Answered:  # fmt: skip
+    """The tree with the ranges that were answered; what turns without end as usual does so here.
+
+    Args:
+        joints: as they were shown, by the part's name: the other end where one is answered.
+    """
+    nodes = list(answered.tree.nodes)
+    for i, node in enumerate(nodes):
+        if i == 0 or node.subtype == "fixed" or not node.candidates:
+            continue
+        mount, axis = answered.mounts[node.name], node.candidates[0].axis
+        evidence = {k: v for k, v in node.evidence.items() if k != "range"}
+        if mount.usual:
+            depth = extent(mesh, primitives, nodes[node.parent], axis)
+            limits, why = usual_range(node.kind, node.name, node.subtype, depth)
+            evidence["range"] = f"{why}, as answered, whatever overlaps on the way"
+        elif mount.endless or (mount.endless is None and _endless_as_usual(node, mount)):
+            limits = -np.inf, np.inf
+        else:
+            carrier = nodes[node.parent] if mount.of == "carrier" else node
+            scale = extent(mesh, primitives, carrier, axis) / 100.0
+            if node.subtype != "slide":
+                scale = float(np.pi / 180.0)
+            limits = _limits(mount, node, scale, (joints or {}).get(node.name))
+        nodes[i] = replace(node, limits=limits, evidence=evidence)
+    return replace(answered, tree=KinematicTree(tuple(nodes)))
+
+
+def usual_range(
+    kind: str, name: str, subtype: str, depth: float
+) -> tuple[tuple[float, float], str]:
+    """How far a part of some kind usually goes, radians or metres, and that in words.
+
+    Args:
+        depth: of what carries it, along the way it slides, metres.
+    """
+    known = part_kind_of(kind) or part_kind_of(name)
+    if known is not None and known.moves == subtype and known.travel is not None:
+        middle = sum(known.travel) / 2.0
+        far = middle * depth if subtype == "slide" else float(np.radians(middle))
+        return (0.0, far), f"as usual for a {known.kind}"
+    if subtype == "spin":
+        return (-np.inf, np.inf), "without end, as usual"
+    return (0.0, RANGES.slide * depth if subtype == "slide" else RANGES.hinge), "as usual"
+
+
+def extent(mesh: Mesh, primitives: Primitives, node: PartNode, axis: FloatArray) -> float:
+    """How long a part is along an axis, metres."""
+    return float(np.ptp(_corners(mesh, np.isin(primitives.labels, node.primitives)) @ axis))
+
+
+def _endless_as_usual(node: PartNode, mount: Mount) -> bool:
+    """Whether parts of that kind turn without end, and the answer gives no range."""
+    known = part_kind_of(node.kind) or part_kind_of(node.name)
+    usual = known is not None and known.moves == "spin" and known.travel is None
+    return usual and node.subtype == "spin" and mount.lower is None and mount.upper is None
+
+
 def _limits(
-    change: JointCheck, node: PartNode, joint: Joint | None, mesh: Mesh, primitives: Primitives
+    mount: Mount, node: PartNode, scale: float, joint: Joint | None
 ) -> tuple[float, float] | None:
-    """The range that was answered, radians or metres; None where none was."""
-    if change.endless and node.subtype != "slide":
-        return -np.inf, np.inf
-    if change.lower is None and change.upper is None:
+    """The range that was answered in numbers, radians or metres; None where none was.
+
+    Args:
+        scale: of the answer's numbers.
+    """
+    if mount.lower is None and mount.upper is None:
         return None
-    if node.subtype == "slide":
-        points = mesh.vertices[mesh.faces[np.isin(primitives.labels, node.primitives)].reshape(-1)]
-        unit = float(np.ptp(points @ node.candidates[0].axis)) / 100.0
-    else:
-        unit = float(np.pi / 180.0)
     same = joint is not None and (joint.type == "prismatic") == (node.subtype == "slide")
     known = (joint.lower, joint.upper) if same and joint is not None else (0.0, 0.0)
-    lower = known[0] if change.lower is None else change.lower * unit
-    upper = known[1] if change.upper is None else change.upper * unit
-    lower = min(lower if np.isfinite(lower) else 0.0, upper)
+    known = known if np.isfinite(known).all() else (0.0, 0.0)
+    lower = known[0] if mount.lower is None else mount.lower * scale
+    upper = known[1] if mount.upper is None else mount.upper * scale
+    lower = min(lower, upper)
     return None if upper - lower < 1e-6 else (lower, upper)
 
 
@@ -237,9 +319,14 @@ def _members(owner: IntArray, index: int) -> tuple[int, ...]:
     return tuple(int(p) for p in np.flatnonzero(owner == index))
 
 
+def _corners(mesh: Mesh, faces: Any) -> FloatArray:
+    """(n, 3) corners of some faces."""
+    return np.asarray(mesh.vertices[mesh.faces[faces].reshape(-1)])
+
+
 def _box(mesh: Mesh, faces: Any) -> FloatArray:
     """(2, 3) corners of the box around some faces."""
-    points = mesh.vertices[mesh.faces[faces].reshape(-1)]
+    points = _corners(mesh, faces)
     return np.stack([points.min(axis=0), points.max(axis=0)])
 
 
@@ -253,6 +340,7 @@ def _with_lines(
     for i, node in enumerate(tree.nodes):
         owner[list(node.primitives)] = i
     face_node = owner[primitives.labels]
+    shown = answered.stands_for[primitives.labels]
     out = list(tree.nodes)
     for i, node in enumerate(tree.nodes[1:], start=1):
         group = carried(tree, i)
@@ -270,28 +358,34 @@ def _with_lines(
             fused=primitives.is_fused,
         )  # fmt: skip
         meant = meant_lines(
-            lines[node.name], answered.mounts[node.name], _box(mesh, face_node == i)
-        )
-        out[i] = replace(node, candidates=tuple(meant[: ANSWERS.kept]))
+            lines[node.name], answered.mounts[node.name], _box(mesh, face_node == i),
+            lambda piece: _corners(mesh, shown == piece),
+        )  # fmt: skip
+        out[i] = replace(node, candidates=tuple(meant[: ANSWERS.kept]), limits=None)
     return replace(answered, tree=KinematicTree(tuple(out)), lines=lines)
 
 
-def meant_lines(lines: Lines, mount: Mount, box: FloatArray) -> list[JointCandidate]:
+def meant_lines(
+    lines: Lines, mount: Mount, box: FloatArray, points: Points | None = None
+) -> list[JointCandidate]:
     """The lines that an answer means, the one that was measured best first.
 
-    The answered direction and side select. Where no measured line agrees with both, the line is
-    made from the part's box; where the direction is "other" and none lies on that side, the
-    measurement decides.
+    A line that is given by pieces is taken as it is. Else the answered direction and side select.
+    Where no measured line agrees with both, the line is made from the part's box; where the
+    direction is "other" and none lies on that side, the measurement decides.
 
     Args:
         lines: with log probabilities as scores. box: (2, 3) of the part alone, asset frame.
+        points: of a piece, for lines that are given by pieces.
     """
     kinds = ("slide",) if mount.motion == "slide" else ("hinge", "spin")
-    own = [line for line in lines if line.subtype in kinds]
+    own = sorted((line for line in lines if line.subtype in kinds), key=lambda c: -c.score)
+    if points is not None and mount.by_pieces:
+        return [_opening(_line_of_pieces(mount, points, own), mount, box)]
     meant = [line for line in own if _agrees(line, mount, box)]
     if not meant and mount.axis != "other":
         meant = [line_of_box(mount, box)]
-    meant = sorted(meant or own, key=lambda c: -c.score)
+    meant = meant or own
     among = float(np.sum([c.within_kind or 0.0 for c in meant]))
     return [
         replace(
@@ -300,6 +394,33 @@ def meant_lines(lines: Lines, mount: Mount, box: FloatArray) -> list[JointCandid
         )
         for line in meant
     ]  # fmt: skip
+
+
+def _line_of_pieces(mount: Mount, points: Points, measured: Lines) -> JointCandidate:
+    """The line through the middle of one piece or of two, or along the longest edge of one.
+
+    Args:
+        measured: best first; their direction is taken where no other is given.
+    """
+    first = points(mount.by_pieces[0])
+    origin = (first.min(axis=0) + first.max(axis=0)) / 2
+    if mount.along is not None:
+        box = minimal_box(first)
+        longest = int(np.argmax(box.half))
+        axis, origin = box.axes[longest], box.center
+        towards = box.axes @ direction(mount.side)
+        towards[longest] = 0.0
+        if np.abs(towards).max() > ANSWERS.aside:
+            k = int(np.argmax(np.abs(towards)))
+            origin = origin + np.sign(towards[k]) * box.half[k] * box.axes[k]
+    elif len(mount.by_pieces) == 2:
+        second = points(mount.by_pieces[1])
+        axis = (second.min(axis=0) + second.max(axis=0)) / 2 - origin
+    elif mount.axis != "other" or not measured:
+        axis = np.eye(3)["xyz".find(mount.axis) if mount.axis != "other" else 2]
+    else:
+        axis = measured[0].axis
+    return JointCandidate(mount.motion, unit(axis), origin, 0.0, {"made_from_the_answer": 1.0})
 
 
 def line_of_box(mount: Mount, box: FloatArray) -> JointCandidate:

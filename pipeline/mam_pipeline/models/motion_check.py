@@ -17,7 +17,7 @@ from PIL import Image, ImageDraw
 from mam_pipeline.joints.estimate import ESTIMATE, same_joint
 from mam_pipeline.models import album as albums
 from mam_pipeline.models import questions
-from mam_pipeline.models.answers import Lines
+from mam_pipeline.models.answers import Lines, usual_range
 from mam_pipeline.models.transports import Labelled, Question
 from mam_pipeline.render import orbit_views as views
 from mam_pipeline.render import pictures
@@ -44,7 +44,9 @@ class MotionPictures:
 
     Attributes:
         size: pixels a side of one picture of a sheet.
-        a_sheet: joints on one sheet.
+        a_sheet: joints on one sheet. few: of more joints than these, half as many are on one.
+        blocked: share of the usual way below which what blocks it may be a flaw of the mesh, so
+            that the usual range is offered (20 degrees of a door's quarter turn).
         first_look: pixels a side of the views among which the two that are shown are chosen.
         apart: degrees at least between those two.
         most: joints that are shown; of more, the first of each that move alike are shown.
@@ -55,6 +57,8 @@ class MotionPictures:
 
     size: int = 320
     a_sheet: int = 4
+    few: int = 6
+    blocked: float = 0.23
     first_look: int = 96
     apart: float = 50.0
     most: int = 24
@@ -70,30 +74,35 @@ BASE, OTHER, MOVING, CARRIED, LINE = (
 
 
 def motion_question(
-    album: albums.Album, articulation: Articulation, lines: Mapping[str, Lines], turn: int
-) -> Question:
+    album: albums.Album, articulation: Articulation, lines: Mapping[str, Lines], turn: int,
+    ranges: Mapping[str, str],
+) -> Question:  # fmt: skip
     """Ask whether the joints of an articulation move as they should.
 
     Args:
         lines: the other lines to show of a part, by its name. turn: 3 for the third question.
+        ranges: why a part has its range where it is not a measured one, by its name.
     """
     base, joints = articulation.links[0].name, moving_joints(articulation)
     told = [
-        verdict(articulation, joint, len(lines.get(_part(articulation, joint), ())))
+        verdict(articulation, joint, len(lines.get(name, ())), ranges.get(name, ""))
         for joint in joints
+        for name in [_part(articulation, joint)]
     ]
     text = questions.MOVED.format(
         base=base,
         lines=questions.OTHER_LINES if any(lines.values()) else "",
+        words=questions.LINES,
+        ranges=questions.RANGES,
         joints="\n".join(told),
     )
-    subject = [articulation.face_link.tobytes().hex(), *(_in_words(j) for j in joints)]
+    subject = [articulation.face_link.tobytes().hex(), *(_about(j) for j in joints)]
     return Question(
         f"{turn}_motion",
         questions.SYSTEM,
         text,
         partial(_drawn, album, articulation, lines),
-        questions.MotionCheck.model_json_schema(),
+        questions.schema_of(questions.MotionCheck),
         subject=hashlib.sha256("|".join(subject).encode()).hexdigest()[:16],
     )
 
@@ -124,8 +133,12 @@ def in_doubt(joint: Joint) -> bool:
     return chosen or joint.confidence < NEEDS_REVIEW
 
 
-def verdict(articulation: Articulation, joint: Joint, others: int = 0) -> str:
-    """One line of what was made and what physics found of it."""
+def verdict(articulation: Articulation, joint: Joint, others: int = 0, why: str = "") -> str:
+    """One line of what was made and what physics found of it.
+
+    Args:
+        others: how many other lines are shown. why: it has its range, if that was not measured.
+    """
     name, parent = _part(articulation, joint), articulation.links[joint.parent].name
     slide = joint.type == "prismatic"
     letter = "xyz"[int(np.argmax(np.abs(joint.axis)))]
@@ -144,10 +157,12 @@ def verdict(articulation: Articulation, joint: Joint, others: int = 0) -> str:
         "contact_loss": "beyond that it leaves its guide",
         "endless": "free all round",
         "token": "blocked from the start: it cannot move along this line",
-        "given": "as you said",
+        "given": why or "as you said",
     }.get(joint.basis.rule, "")
     if joint.basis.rule == "collision" and joint.basis.share < 0.95:
         rule += f", after {100 * joint.basis.share:.0f} % of the usual way"
+    if joint.basis.rule in ("collision", "token") and joint.basis.share < SHOW.blocked:
+        rule += f"; {_offer(articulation, joint)} (usual: true takes it, if an overlap is a flaw)"
     if joint.basis.after_another:
         rule += "; only after another part has moved"
     where = f"along {skew}{letter}" if slide else f"about {skew}{letter}"
@@ -155,15 +170,31 @@ def verdict(articulation: Articulation, joint: Joint, others: int = 0) -> str:
     return f"{name}, on {parent}: {MOTIONS[joint.type]} {where}, {how}; {rule}{shown}"
 
 
+def _offer(articulation: Articulation, joint: Joint) -> str:
+    """The usual range of such a part, in words."""
+    link = articulation.links[joint.child]
+    depth = float(np.ptp(_points(articulation, [joint.parent]) @ joint.axis))
+    (lower, upper), why = usual_range(link.kind, link.name, joint.subtype, depth)
+    return why if not np.isfinite(upper) else f"{why} it goes {_way(joint, upper - lower)}"
+
+
+def _way(joint: Joint, value: float) -> str:
+    """A value of a joint in degrees or centimetres."""
+    slide = joint.type == "prismatic"
+    return f"{100.0 * value:.3g} cm" if slide else f"{np.degrees(value):.0f} deg"
+
+
 def motion_sheets(
     articulation: Articulation, joints: Sequence[Joint] | None = None
 ) -> list[Picture]:
-    """Sheets of up to SHOW.a_sheet joints, each alone in three states from two sides."""
+    """Sheets of a few joints, each alone in three states from two sides."""
     chosen = moving_joints(articulation) if joints is None else joints
     blocks = [_block(articulation, joint) for joint in chosen]
+    few = len(blocks) <= SHOW.few
+    most = SHOW.a_sheet if few else SHOW.a_sheet // 2
     return [
-        pictures.sheet(blocks[k : k + SHOW.a_sheet], 1 if len(blocks) < 3 else 2)
-        for k in range(0, len(blocks), SHOW.a_sheet)
+        pictures.sheet(blocks[k : k + most], 2 if few and len(blocks) > 2 else 1)
+        for k in range(0, len(blocks), most)
     ]
 
 
@@ -184,13 +215,10 @@ def _part(articulation: Articulation, joint: Joint) -> str:
     return articulation.links[joint.child].name
 
 
-def _in_words(joint: Joint) -> str:
-    """The joint as roughly as a look tells: what a kept answer belongs to."""
+def _about(joint: Joint) -> str:
+    """What a kept answer belongs to: the motion as roughly as a look tells, not how far it goes."""
     letter = int(np.argmax(np.abs(joint.axis)))
-    ends = "endless"
-    if joint.type == "revolute":
-        ends = f"{np.degrees(joint.upper - joint.lower) / 30:.0f}"
-    return f"{joint.name} {joint.type} {'xyz'[letter]} {ends}"
+    return f"{joint.name} {MOTIONS[joint.type]} {'xyz'[letter]}"
 
 
 def _values(joint: Joint) -> list[float]:
@@ -264,7 +292,7 @@ def _block(articulation: Articulation, joint: Joint) -> Picture:
     directions = _best_views(articulation, joint, swept)
     colors, label = _colors(articulation, joint), articulation.face_link
     columns = []
-    states = ("at rest", "turned 45", "turned 90")
+    states = ("at rest", "turned", "turned")
     if joint.type != "continuous":
         states = ("closed", "half", "open")
     ends = _line_ends(joint.axis, joint.origin, joint.type == "prismatic", swept[0])
@@ -274,7 +302,7 @@ def _block(articulation: Articulation, joint: Joint) -> Picture:
         for k, view in enumerate(_look(mesh, directions, around)):
             picture = pictures.paint(view, label, colors)
             where = albums.direction_name(view.azimuth, view.elevation)
-            text = f"{name}: {state}" if k == 0 else where
+            text = f"{name}: {state}, {_way(joint, value)}" if k == 0 else where
             column.append(_annotated(picture, view, ends, text))
         columns.append(np.concatenate(column))
     out = np.concatenate(columns, axis=1)

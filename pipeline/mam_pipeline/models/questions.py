@@ -7,8 +7,8 @@ numbers are primitive ids; nothing else is accepted.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Literal
+from collections.abc import Collection, Mapping, Sequence
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -20,6 +20,9 @@ Motion = Literal["fixed", "hinge", "spin", "slide"]
 Letter = Literal["x", "y", "z", "other"]
 Side = Literal["-x", "+x", "-y", "+y", "-z", "+z", "middle"]
 Way = Literal["-x", "+x", "-y", "+y", "-z", "+z", "either"]
+Pieces = Annotated[list[int], Field(max_length=400)]
+Nodes = Annotated[list[Annotated[str, Field(max_length=40)]], Field(max_length=40)]
+Reach = Annotated[float, Field(ge=-720, le=720)]
 
 SYSTEM = (
     "You analyse a 3D object for a robot simulator: which rigid parts it has and how they move. "
@@ -37,12 +40,16 @@ GROUPING = (
     "shows all pieces pulled away from the middle.{closer}\n{told}"
     "Where each piece lies and ends, in percent of the longest side, and what it touches:\n{facts}"
 )
+NODES = (
+    "Where a node that the file names is a whole as it moves, put its name into nodes: it stands "
+    "for its pieces, but those that you give to another part by number. "
+)
 SAME_PART = (
     "A handle, its screws and the front it sits on are one part; so are a drawer's front and its "
     "box, a wheel and its hub, a knob and its pointer. Mirrored or repeated pieces that are not "
     "joined to each other (two knobs, three drawers) are parts of their own. Do not split what is "
-    "rigid, do not join what moves apart. Name the parts in lower case with underscores; kind is "
-    "the general word (door, drawer, lid, knob, button, lever, wheel, handle, panel, body)."
+    "rigid, do not join what moves apart. {nodes}Name the parts in lower case with underscores; "
+    "kind is the general word (door, drawer, lid, knob, button, lever, wheel, handle, panel, body)."
 )
 MEASURED = (
     " 'measured' repeats those views, in the same order and smaller, coloured by a measurement "
@@ -76,7 +83,26 @@ MOUNTED = (
     "where that line lies, seen from the middle of the part (for a door hinged at its -y edge: "
     "-y; for a knob or a slide: middle). Hinges sit away from the handle and towards what holds "
     "the part. opens: the direction in which the part starts to move when it is opened, pulled "
-    "out or pressed as usual (for a hinge: its free end; for a spin: either)."
+    "out or pressed as usual (for a hinge: its free end; for a spin: either).\n"
+    "What is only lifted or pulled off (a cork, a loose lid, a cap) slides the way it comes off. "
+    "What turns about two axes (a gimbal, a universal joint) is two parts in a row where a piece "
+    "lies between that carries the outer one; where none does, give the axis that matters more. "
+    "What moves in the real object moves here too where its hinge, axle or rail is missing in the "
+    "mesh: give the line where that would be.\n{lines}{ranges}"
+)
+LINES = (
+    "Where a line is better said by pieces, give (else null) through: one piece, through whose "
+    "middle it runs along the axis, or two, from the middle of one to that of the other, where it "
+    "is inclined; or along: a piece along whose longest edge it runs (of its edges the one on that "
+    "side, or its middle). "
+)
+RANGES = (
+    "Where you know more of the range than that it is as usual, give (else null) lower and upper: "
+    "from how it stands in the pictures of the object, in degrees, or for a slide in percent of "
+    "the part's length along the way it slides (of: carrier, of the length of what carries it); "
+    "positive opens. endless: it turns without end, as wheels, propellers, blades and knobs do "
+    "unless you say false. usual: true takes the usual range of such a part, even where the mesh "
+    "overlaps on the way."
 )
 MOVED = (
     "From your answer the joints below were made. Each sheet shows some of them, a joint in two "
@@ -89,10 +115,8 @@ MOVED = (
     "{joints}\n"
     "Give each joint: ok true, or ok false with what is to be changed and null for the rest: "
     "motion (fixed: it does not move by itself), axis, side and opens as before, parent, or line: "
-    "the number of another line that is shown for it. lower and upper: the range from how it "
-    "stands in the pictures of the object, in degrees, or for a slide in percent of the part's "
-    "length along the way it slides; positive opens; endless: it turns without end. transfers: "
-    "pieces, by their numbers in 'pieces', that belong to another part (or to the base, "
+    "the number of another line that is shown for it. {words}{ranges}\n"
+    "transfers: pieces, by their numbers in 'pieces', that belong to another part (or to the base, "
     "{base}); a new name makes a part of its own, whose joint you give under joints."
 )
 CHALLENGE = (
@@ -112,14 +136,64 @@ OTHER_LINES = (
 )
 
 
+class Details(BaseModel):
+    """What may be said of a motion beside its axis and side; None says nothing.
+
+    Attributes:
+        through: a piece through whose middle the line runs, or two that it joins.
+        along: a piece along whose longest edge it runs.
+        lower, upper: range from the pose of the file, degrees, or percent of a length for a slide.
+        of: whose length that is, along the way; the part's own if None.
+        endless: whether it turns without end. usual: whether the usual range of such a part is
+            taken, whatever overlaps.
+    """
+
+    model_config = ConfigDict(extra="forbid")
+    through: Annotated[list[int], Field(min_length=1, max_length=2)] | None = None
+    along: int | None = None
+    lower: Reach | None = None
+    upper: Reach | None = None
+    of: Literal["part", "carrier"] | None = None
+    endless: bool | None = None
+    usual: bool | None = None
+
+    @property
+    def by_pieces(self) -> tuple[int, ...]:
+        """The pieces by which the line is given."""
+        return (*(self.through or ()), *(() if self.along is None else (self.along,)))
+
+    def faults(self, name: str, ids: set[int]) -> list[str]:
+        """What is wrong with them, in words; `ids` are the numbers of the pieces shown."""
+        out = []
+        if strange := sorted(set(self.by_pieces) - ids):
+            out.append(f"the line of {name} runs by pieces {strange}, which are not shown")
+        if self.through is not None and self.along is not None:
+            out.append(f"the line of {name} runs through or along, not both")
+        if self.through is not None and len(set(self.through)) < len(self.through):
+            out.append(f"the line of {name} runs through one piece or two different ones")
+        if self.lower is not None and self.upper is not None and self.lower >= self.upper:
+            out.append(f"upper of {name} must be above its lower")
+        return out
+
+
+def schema_of(shape: type[BaseModel]) -> dict[str, Any]:
+    """The JSON schema of an answer, with what may be left out last."""
+    schema = shape.model_json_schema()
+    for thing in (schema, *schema.get("$defs", {}).values()):
+        rows = thing.get("properties", {}).items()
+        thing["properties"] = dict(sorted(rows, key=lambda row: row[0] in Details.model_fields))
+    return schema
+
+
 class Group(BaseModel):
-    """A rigid part: its pieces."""
+    """A rigid part: its pieces, and nodes of the file that stand for theirs."""
 
     model_config = ConfigDict(extra="forbid")
     name: Name
     kind: Name
     is_base: bool
-    pieces: Annotated[list[int], Field(max_length=400)]
+    pieces: Pieces
+    nodes: Nodes = []
     confidence: Probability
 
 
@@ -130,6 +204,10 @@ class Grouping(BaseModel):
     parts: Annotated[list[Group], Field(min_length=1, max_length=120)]
     closer: Closer = []
 
+    def with_nodes(self, nodes: Mapping[str, Sequence[int]]) -> Grouping:
+        """With the pieces of the named nodes."""
+        return self.model_copy(update={"parts": _with_nodes(self.parts, nodes)})
+
     def complete(self, ids: set[int]) -> Grouping:
         """With all pieces that are left in the base, if that names none; `ids` are those shown."""
         used = {p for group in self.parts for p in group.pieces}
@@ -139,10 +217,9 @@ class Grouping(BaseModel):
         )
 
 
-class Mount(BaseModel):
+class Mount(Details):
     """How one part is mounted."""
 
-    model_config = ConfigDict(extra="forbid")
     name: Name
     parent: Name
     motion: Motion
@@ -160,13 +237,13 @@ class Mounting(BaseModel):
     mounts: Annotated[list[Mount], Field(max_length=120)]
 
 
-class MountedPart(BaseModel):
+class MountedPart(Details):
     """A part that moves, and how: both questions in one. Without a parent it is on the base."""
 
-    model_config = ConfigDict(extra="forbid")
     name: Name
     kind: Name = "part"
-    pieces: Annotated[list[int], Field(min_length=1, max_length=400)]
+    pieces: Pieces = []
+    nodes: Nodes = []
     parent: Name | None = None
     motion: Motion
     axis: Letter
@@ -184,6 +261,10 @@ class MountedParts(BaseModel):
     parts: Annotated[list[MountedPart], Field(max_length=120)]
     closer: Closer = []
 
+    def with_nodes(self, nodes: Mapping[str, Sequence[int]]) -> MountedParts:
+        """With the pieces of the named nodes."""
+        return self.model_copy(update={"parts": _with_nodes(self.parts, nodes)})
+
     def grouping(self, ids: set[int]) -> Grouping:
         """The parts as an answer to the first of two questions; `ids` are all numbers shown."""
         left = sorted(ids - {p for part in self.parts for p in part.pieces})
@@ -196,16 +277,15 @@ class MountedParts(BaseModel):
 
     def mounting(self) -> Mounting:
         """Their mounts as an answer to the second."""
-        rows = [p.model_dump(exclude={"kind", "pieces"}) for p in self.parts]
+        rows = [p.model_dump(exclude={"kind", "pieces", "nodes"}) for p in self.parts]
         return Mounting(
             mounts=[Mount(**{**row, "parent": row["parent"] or self.base}) for row in rows]
         )
 
 
-class JointCheck(BaseModel):
+class JointCheck(Details):
     """What is to be changed of one joint; None leaves it as it is."""
 
-    model_config = ConfigDict(extra="forbid")
     name: Name
     ok: bool
     motion: Motion | None = None
@@ -214,9 +294,12 @@ class JointCheck(BaseModel):
     opens: Way | None = None
     parent: Name | None = None
     line: Annotated[int, Field(ge=1, le=9)] | None = None
-    lower: Annotated[float, Field(ge=-720, le=720)] | None = None
-    upper: Annotated[float, Field(ge=-720, le=720)] | None = None
-    endless: bool | None = None
+
+    @property
+    def only_numbers(self) -> bool:
+        """Whether what it changes is the range alone."""
+        said = (self.motion, self.axis, self.side, self.opens, self.parent, self.line)
+        return not self.by_pieces and all(word is None for word in said)
 
 
 class Transfer(BaseModel):
@@ -238,6 +321,30 @@ class MotionCheck(BaseModel):
     def all_right(self) -> bool:
         """Whether nothing is to be changed."""
         return not self.transfers and all(joint.ok for joint in self.joints)
+
+    @property
+    def only_numbers(self) -> bool:
+        """Whether ranges alone are to be changed: no part, line, side or kind of motion."""
+        return not self.transfers and all(j.ok or j.only_numbers for j in self.joints)
+
+
+Part = TypeVar("Part", Group, MountedPart)
+
+
+def _with_nodes(parts: Sequence[Part], nodes: Mapping[str, Sequence[int]]) -> list[Part]:
+    """Parts with the pieces of their nodes, but those that a part has by number."""
+    own = {p for part in parts for p in part.pieces}
+    out = []
+    for part in parts:
+        more = {p for name in part.nodes for p in nodes.get(name, ())} - own
+        out.append(part.model_copy(update={"pieces": [*part.pieces, *sorted(more)]}))
+    return out
+
+
+def faults_of_nodes(answer: Grouping | MountedParts, nodes: Collection[str]) -> str:
+    """Names in an answer that no node of the file has, in words."""
+    unknown = sorted({name for part in answer.parts for name in part.nodes} - set(nodes))
+    return f"the file names no nodes {unknown}; it names {sorted(nodes)}" if unknown else ""
 
 
 def faults_of_check(
@@ -263,8 +370,7 @@ def faults_of_check(
             faults.append(f"no line {joint.line} is shown for {joint.name}")
         if joint.parent is not None and joint.parent not in names:
             faults.append(f"parent {joint.parent} of {joint.name} is no part")
-        if None not in (joint.lower, joint.upper) and joint.lower >= joint.upper:  # type: ignore[operator]
-            faults.append(f"upper of {joint.name} must be above its lower")
+        faults += joint.faults(joint.name, ids)
     for name in sorted(new):
         own = next((joint for joint in answer.joints if joint.name == name), None)
         if own is None or None in (own.motion, own.axis, own.side, own.opens):
@@ -280,7 +386,7 @@ def faults_of_parts(answer: MountedParts, ids: set[int]) -> str:
     if not grouping.parts[0].pieces:
         faults.append("no piece is left for the base")
     names = [group.name for group in grouping.parts]
-    faults.append(faults_of_mounting(answer.mounting(), names, answer.base))
+    faults.append(faults_of_mounting(answer.mounting(), names, answer.base, ids))
     return "; ".join(fault for fault in faults if fault)
 
 
@@ -309,8 +415,14 @@ def faults_of_grouping(answer: Grouping, ids: set[int]) -> str:
     return "; ".join(faults)
 
 
-def faults_of_mounting(answer: Mounting, names: list[str], base: str) -> str:
-    """What is wrong with a mounting, in words; "" when it is a tree over all parts."""
+def faults_of_mounting(
+    answer: Mounting, names: list[str], base: str, ids: Collection[int] = ()
+) -> str:
+    """What is wrong with a mounting, in words; "" when it is a tree over all parts.
+
+    Args:
+        ids: numbers of the pieces that are shown with the question.
+    """
     faults = []
     given = [m.name for m in answer.mounts]
     wanted = set(names) - {base}
@@ -323,6 +435,8 @@ def faults_of_mounting(answer: Mounting, names: list[str], base: str) -> str:
     parents = {m.name: m.parent for m in answer.mounts}
     if strange := sorted(set(parents.values()) - set(names)):
         faults.append(f"parents {strange} are no parts")
+    for mount in answer.mounts:
+        faults += mount.faults(mount.name, set(ids))
     return "; ".join([*faults, *_loops(parents)])
 
 

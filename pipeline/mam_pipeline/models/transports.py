@@ -288,10 +288,13 @@ class FileTransport:
         self.ledger.questions += 1
         return answer_file.read_text(encoding="utf-8")
 
+    def most_pictures(self, question: Question) -> int:
+        """How many pictures are written with a question; more are combined."""
+        return max(1, int(settings.number("MAM_SIM_VLM_IMAGES", LIMITS.sizes[0])))
+
     def _write(self, place: Path, question: Question) -> None:
         place.mkdir(parents=True, exist_ok=True)
-        images = max(1, int(settings.number("MAM_SIM_VLM_IMAGES", 16)))
-        for label, picture in fewer(question.draw(), images):
+        for label, picture in fewer(question.draw(), self.most_pictures(question)):
             (place / f"{label}.png").write_bytes(pictures.png(picture))
         (place / "schema.json").write_text(json.dumps(question.schema, indent=1))
         (place / "subject.txt").write_text(question.subject + "\n")

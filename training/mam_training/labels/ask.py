@@ -21,7 +21,7 @@ from mam_pipeline.geometry.stand_in import restored, stand_in
 from mam_pipeline.joints.solver import EmbeddedSolver
 from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.models import settings
-from mam_pipeline.models.transports import FileTransport
+from mam_pipeline.models.transports import FileTransport, Question
 from mam_pipeline.models.vlm import ask_for_tree
 from mam_pipeline.run import Source, read_source
 from mam_pipeline.stages import Stages
@@ -32,7 +32,15 @@ from mam_training.labels.label import Label, label_parts, notes_of
 ONE_QUESTION = 90
 """Pieces up to which parts and motions are asked at once: labels are looked at in motion anyway."""
 SHEETS = 3
-"""Pictures into which those of a question are put."""
+"""Pictures into which those of a first question are put; motions are shown as large as they are."""
+
+
+class LabelTransport(FileTransport):
+    """Questions in a folder, with few sheets to open."""
+
+    def most_pictures(self, question: Question) -> int:
+        """See FileTransport."""
+        return SHEETS if question.name.startswith("1_") else super().most_pictures(question)
 
 
 @dataclass(frozen=True)
@@ -84,6 +92,7 @@ def ask(item: Item, work: Path, by: str, labels: Path) -> str:
     """Put the next question about one object, or write its label; says what was done.
 
     Raises:
+        HintNeeded: an answer is awaited.
         MamSimError: the file cannot be read, or an answer cannot be used.
     """
     notes = notes_of(work / item.id)
@@ -96,13 +105,9 @@ def ask(item: Item, work: Path, by: str, labels: Path) -> str:
         given = {
             settings.SUBJECT: item.id,
             "MAM_SIM_VLM_SIMPLE": str(ONE_QUESTION),
-            "MAM_SIM_VLM_IMAGES": str(SHEETS),
         }
         with settings.given(given):
-            try:
-                tree = ask_for_tree(FileTransport(work), mesh, primitives, None, spec=read.spec)
-            except HintNeeded as waiting:
-                return f"{item.id}: {waiting}"
+            tree = ask_for_tree(LabelTransport(work), mesh, primitives, None, spec=read.spec)
         articulation = _solved(mesh, primitives, tree)
         if articulation is not None and made is not None:
             articulation = restored(articulation, read.mesh, made)
@@ -120,7 +125,9 @@ def ask(item: Item, work: Path, by: str, labels: Path) -> str:
         out_of_scope=notes.get("out_of_scope"), notes=notes.get("notes", ""),
     )  # fmt: skip
     label.save(out)
-    return f"{item.id}: labelled, {len(parts)} parts that move: {out}"
+    if label.out_of_scope:
+        return f"out of scope: {label.out_of_scope}: {out}"
+    return f"labelled, {len(parts)} parts that move: {out}"
 
 
 def ask_all(items: Sequence[Item], work: Path, by: str, labels: Path) -> int:
@@ -128,12 +135,12 @@ def ask_all(items: Sequence[Item], work: Path, by: str, labels: Path) -> int:
     code = 0
     for item in items:
         try:
-            said = ask(item, work, by, labels)
+            done = ask(item, work, by, labels)
+        except HintNeeded as waiting:
+            done, code = str(waiting), code or 3
         except MamSimError as error:
-            said, code = f"{item.id}: {error}", 2
-        print(said, flush=True)
-        if ": labelled" not in said and code != 2:
-            code = 3
+            done, code = str(error), 2
+        print(f"{item.id}: {done}", flush=True)
     return code
 
 
