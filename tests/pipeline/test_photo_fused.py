@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from mam_sim_models.fused import BODY, align_to_box, cut_from_photo, cut_panels
+from mam_sim_models.split import split_mesh
 
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.geometry.fuse import fuse_mesh
 from mam_pipeline.hints import Hints
 from mam_pipeline.parts.hints import along_nodes, part_primitives
 from mam_pipeline.photo.build import BodySpec, CellSpec, HandleSpec, build_object
-from mam_pipeline.photo.fused import BODY, align_to_box, cut_from_photo, cut_panels
-from mam_pipeline.photo.split import split_mesh
 from mam_pipeline.types import Mesh, Primitives
 
 QUARTER = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # a turn about Z

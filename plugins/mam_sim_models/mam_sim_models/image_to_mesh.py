@@ -24,9 +24,9 @@ from mam_pipeline.folders import Scratch
 from mam_pipeline.formats.mesh_files import load_mesh
 from mam_pipeline.hints import Hints
 from mam_pipeline.models import settings
-from mam_pipeline.photo.fused import body_of, cut_from_photo
 from mam_pipeline.secrets import bare_url, masked
 from mam_sim_models import external
+from mam_sim_models.fused import body_of, cut_from_photo
 
 TENCENT = "Tencent community licence: not in the EU, the UK and South Korea, outputs included"
 

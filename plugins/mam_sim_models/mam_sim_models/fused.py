@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.hints import HintBox, HintJoint, HintPart, Hints
-from mam_pipeline.photo.split import split_mesh
 from mam_pipeline.types import FloatArray, Mesh
+from mam_sim_models.split import split_mesh
 
 BODY = "learned_body"
 SLAB = 0.018  # metres behind a panel's face that go with it
