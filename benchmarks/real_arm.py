@@ -15,11 +15,11 @@ from typing import Any
 import torch
 import tyro
 from common import load, save
+from mam_sim_arm.pilot import calibrate_setup, open_pilot
+from mam_sim_arm.robot_file import open_robot
+from mam_sim_arm.setup import ROBOT, Twin, guess_mapping, write_setup
 
 from mam_pipeline.errors import MamSimError
-from mam_policies.deployment.pilot import calibrate_setup, open_pilot
-from mam_policies.deployment.robot_file import open_robot
-from mam_policies.deployment.setup import ROBOT, Twin, guess_mapping, write_setup
 from mam_policies.evaluate import HELD_OUT
 from mam_policies.run import few_objects
 from mam_policies.wilson import wilson

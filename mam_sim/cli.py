@@ -26,15 +26,24 @@ VERBS: dict[str, tuple[str, str]] = {
     "eval": ("mam_sim.verbs.evaluate:Evaluate", "task success of a policy, with intervals"),
     "rank": ("mam_sim.verbs.rank:Rank", "does a robot succeed on assets, ours or anybody's URDF"),
     "export": ("mam_sim.verbs.export:Export", "dataset or policy to LeRobot, asset to MJCF or USD"),
-    "calibrate": ("mam_sim.verbs.calibrate:Calibrate", "joint mapping and camera of a real arm"),
-    "perceive": ("mam_sim.verbs.perceive:Perceive", "object, joint and handle by a real camera"),
-    "deploy": ("mam_sim.verbs.deploy:Deploy", "a policy on a calibrated arm, inside limits"),
+    "calibrate": (
+        "mam_sim_arm.verbs.calibrate:Calibrate",
+        "joints and camera of a real arm",
+    ),
+    "perceive": (
+        "mam_sim_arm.verbs.perceive:Perceive",
+        "object and handle by a real camera",
+    ),
+    "deploy": ("mam_sim_arm.verbs.deploy:Deploy", "a policy on a calibrated arm, inside limits"),
     "view": ("mam_sim.verbs.view:View", "pictures or a video of an asset moving its joints"),
     "studio": ("mam_sim.verbs.studio:Studio", "look at an object, and put right what is wrong"),
     "annotate": ("mam_sim.verbs.annotate:Annotate", "mark corners, panels and handles on a photo"),
     "bench-photo": ("mam_sim.verbs.bench_photo:BenchPhoto", "score the photo reconstructor"),
     "doctor": ("mam_sim.verbs.doctor:Doctor", "what is installed, what is active, and the fixes"),
 }
+
+ARM = "mam_sim_arm"
+"""The package of the verbs for real arms; it is installed by plugins/lerobot_robot_mam_sim."""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -100,9 +109,23 @@ def _refused(error: MamSimError) -> int:
 
 
 def verb_class(verb: str) -> type[Verb]:
-    """The dataclass of a verb's options."""
+    """The dataclass of a verb's options.
+
+    Raises:
+        BackendError: the verb is of a package that is not installed.
+    """
     module, _, name = VERBS[verb][0].partition(":")
-    found: type[Verb] = getattr(importlib.import_module(module), name)
+    try:
+        found: type[Verb] = getattr(importlib.import_module(module), name)
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != ARM:
+            raise
+        from mam_pipeline.errors import BackendError
+
+        raise BackendError(
+            f"mam-sim {verb} comes with a package that is not installed; in a clone of mam-sim: "
+            "pip install ./plugins/lerobot_robot_mam_sim"
+        ) from error
     return found
 
 

@@ -14,13 +14,24 @@ from mam_pipeline.asset.card import AssetCard
 from mam_pipeline.errors import ConfigError
 from mam_policies.run import EnvChoice, RunInfo
 from mam_sim.api import make_env
-from mam_sim.cli import VERBS, main
+from mam_sim.cli import ARM, VERBS, main
 
 
 def test_every_verb_exists() -> None:
     for target, _ in VERBS.values():
         module, _, name = target.partition(":")
         assert callable(getattr(importlib.import_module(module), name))
+
+
+def test_a_verb_of_a_package_that_is_not_installed_names_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for module in [m for m in sys.modules if m.partition(".")[0] == ARM]:
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setitem(sys.modules, ARM, None)
+    for verb in ("calibrate", "perceive", "deploy"):
+        assert main([verb, "--help"]) == 2
+        assert "pip install ./plugins/lerobot_robot_mam_sim" in capsys.readouterr().err
 
 
 def test_unknown_verb_names_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,27 +12,27 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mam_sim_arm.calibration import CalibrationError, View, calibrate
+from mam_sim_arm.camera import CameraModel, look_at, pinhole
+from mam_sim_arm.held_key import HeldKey
+from mam_sim_arm.perception import Perceiver
+from mam_sim_arm.poses import board_poses
+from mam_sim_arm.recording import solved_mapping
+from mam_sim_arm.rollout import Pilot
+from mam_sim_arm.safety import Guard, SafetyConfig, StoppedForSafety
+from mam_sim_arm.setup import guess_mapping
+from mam_sim_arm.targets import (
+    board_for,
+    load_markers,
+    save_markers,
+    suggest_markers,
+)
 from scipy.spatial.transform import Rotation
 
 from mam_envs.config import EnvConfig
 from mam_envs.robots import robot_spec
 from mam_envs.scene.layout import Layout, arrange
 from mam_pipeline.errors import ConfigError
-from mam_policies.deployment.calibration import CalibrationError, View, calibrate
-from mam_policies.deployment.camera import CameraModel, look_at, pinhole
-from mam_policies.deployment.held_key import HeldKey
-from mam_policies.deployment.perception import Perceiver
-from mam_policies.deployment.poses import board_poses
-from mam_policies.deployment.recording import solved_mapping
-from mam_policies.deployment.rollout import Pilot
-from mam_policies.deployment.safety import Guard, SafetyConfig, StoppedForSafety
-from mam_policies.deployment.setup import guess_mapping
-from mam_policies.deployment.targets import (
-    board_for,
-    load_markers,
-    save_markers,
-    suggest_markers,
-)
 
 
 def layout_of(asset: Path) -> Layout:
@@ -96,7 +96,7 @@ def test_a_gripper_s_stops_give_its_range() -> None:
 
 def calibrate_nothing(spec):  # type: ignore[no-untyped-def]
     """A calibration that changes nothing."""
-    from mam_policies.deployment.calibration import Calibration
+    from mam_sim_arm.calibration import Calibration
 
     n, camera = len(spec.arm), pinhole("front", (64, 48), 50.0, np.eye(4))
     return Calibration(np.ones(n), np.zeros(n), np.zeros(n), camera, np.eye(4))

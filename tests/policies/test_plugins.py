@@ -44,7 +44,8 @@ def _metadata(wheel: zipfile.ZipFile) -> Message:
 def test_the_wheel_is_whole(name: str, tmp_path: Path) -> None:
     pytest.importorskip("lerobot")
     wheel = _wheel(name, tmp_path)
-    modules = {f"{name}/{p.name}" for p in (PLUGINS / name / name).glob("*.py")}
+    files = (p.relative_to(PLUGINS / name) for p in (PLUGINS / name).rglob("*.py"))
+    modules = {p.as_posix() for p in files if p.parts[0] != "build"}
     assert modules | {f"{name}/py.typed"} <= set(wheel.namelist())
 
     said = _metadata(wheel)

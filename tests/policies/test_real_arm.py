@@ -44,7 +44,7 @@ def test_calibrate_perceive_deploy(
 
     hold = ["deploy", *words, "--yes", "--hold-key", "always"]
     assert main(hold) == 2 and "needs a terminal" in capsys.readouterr().err
-    monkeypatch.setattr("mam_policies.deployment.held_key.HeldKey", _Held)
+    monkeypatch.setattr("mam_sim_arm.held_key.HeldKey", _Held)
     assert main(hold) == 1 and "let go" in capsys.readouterr().err
     stopped = json.loads((setup / "episodes.jsonl").read_text().splitlines()[-1])
     assert not stopped["success"] and stopped["steps"] < 60

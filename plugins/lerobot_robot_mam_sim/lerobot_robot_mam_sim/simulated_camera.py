@@ -12,12 +12,12 @@ from typing import Any
 
 import cv2
 import numpy as np
+from mam_sim_arm.camera import CameraModel
+from mam_sim_arm.targets import Picture, board_for, load_markers
 from mani_skill.utils import common
 from scipy.spatial.transform import Rotation
 
 from mam_pipeline.types import FloatArray
-from mam_policies.deployment.camera import CameraModel
-from mam_policies.deployment.targets import Picture, board_for, load_markers
 
 GROUND, ARM, NOISE, QUIET = 150, 205, 3.0, 0.25
 """Grey of the ground and of the arm, noise (grey levels), and a target's white rim (share)."""

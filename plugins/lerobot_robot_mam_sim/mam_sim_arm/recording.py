@@ -12,9 +12,9 @@ import numpy as np
 from mam_envs.robots import RobotSpec
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import FloatArray
-from mam_policies.deployment.calibration import Calibration, View
-from mam_policies.deployment.targets import Board
 from mam_policies.lerobot.joint_mapping import UNITS, JointMapping, MotorMap
+from mam_sim_arm.calibration import Calibration, View
+from mam_sim_arm.targets import Board
 
 Say = Callable[[str], None]
 RATE = 20.0

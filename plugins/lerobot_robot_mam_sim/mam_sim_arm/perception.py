@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from mam_envs.object_model import ObjectModel
 from mam_pipeline.types import FloatArray
-from mam_policies.deployment.camera import CameraModel
-from mam_policies.deployment.targets import Marker, Picture, detect_tags
+from mam_sim_arm.camera import CameraModel
+from mam_sim_arm.targets import Marker, Picture, detect_tags
 
 CORNER, LEVEL = 0.5, 0.01
 """Standard deviations: of a tag's corner, pixels; of the object's height, metres."""

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from mam_envs.robots import RobotSpec
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.types import FloatArray
-from mam_policies.deployment.camera import CameraModel
-from mam_policies.deployment.targets import Board
+from mam_sim_arm.camera import CameraModel
+from mam_sim_arm.targets import Board
 
 SLANT = 0.55
 """Least cosine between the board's normal and the view."""

@@ -11,9 +11,9 @@ from tyro.conf import OmitArgPrefixes, Positional
 from mam_pipeline.claims import PICTURE, claim_file
 from mam_pipeline.edited import Range
 from mam_pipeline.errors import NotPhysicalError
-from mam_policies.deployment.safety import SafetyConfig
 from mam_sim.console import Screen
 from mam_sim.options import Verb
+from mam_sim_arm.safety import SafetyConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,12 +48,12 @@ class Deploy(Verb):
 
     def run(self) -> int:
         """Rehearse, run, and say how far the joint went."""
-        from mam_policies.deployment.held_key import HeldKey
-        from mam_policies.deployment.pilot import open_pilot
-        from mam_policies.deployment.robot_file import robot_type
-        from mam_policies.deployment.rollout import rehearse
-        from mam_policies.deployment.setup import ROBOT
         from mam_sim.asking import ask
+        from mam_sim_arm.held_key import HeldKey
+        from mam_sim_arm.pilot import open_pilot
+        from mam_sim_arm.robot_file import robot_type
+        from mam_sim_arm.rollout import rehearse
+        from mam_sim_arm.setup import ROBOT
 
         strip = self.setup / "rehearsal.png"
         claim_file(strip, PICTURE, flag="")

@@ -12,11 +12,11 @@ import numpy as np
 
 from mam_pipeline.errors import HintNeeded
 from mam_pipeline.types import FloatArray
-from mam_policies.deployment.perception import Perceiver, Seen
-from mam_policies.deployment.recording import Arm
-from mam_policies.deployment.safety import Guard, StoppedForSafety
-from mam_policies.deployment.targets import Picture
 from mam_policies.lerobot.policy import Converter
+from mam_sim_arm.perception import Perceiver, Seen
+from mam_sim_arm.recording import Arm
+from mam_sim_arm.safety import Guard, StoppedForSafety
+from mam_sim_arm.targets import Picture
 
 
 @dataclass(frozen=True)

@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from mam_policies.deployment.calibration import Calibration, calibrate
-from mam_policies.deployment.camera import CameraModel
-from mam_policies.deployment.poses import board_poses
-from mam_policies.deployment.recording import Arm, record_gripper, record_views, solved_mapping
-from mam_policies.deployment.robot_file import open_robot, robot_type
-from mam_policies.deployment.rollout import Pilot
-from mam_policies.deployment.safety import Guard, SafetyConfig
-from mam_policies.deployment.setup import CAMERA, MAPPING, NOMINAL, ROBOT, Twin, guess_mapping
-from mam_policies.deployment.targets import board_for
 from mam_policies.lerobot.joint_mapping import JointMapping
+from mam_sim_arm.calibration import Calibration, calibrate
+from mam_sim_arm.camera import CameraModel
+from mam_sim_arm.poses import board_poses
+from mam_sim_arm.recording import Arm, record_gripper, record_views, solved_mapping
+from mam_sim_arm.robot_file import open_robot, robot_type
+from mam_sim_arm.rollout import Pilot
+from mam_sim_arm.safety import Guard, SafetyConfig
+from mam_sim_arm.setup import CAMERA, MAPPING, NOMINAL, ROBOT, Twin, guess_mapping
+from mam_sim_arm.targets import board_for
 
 
 def calibrate_setup(

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from mam_envs.kinematics import Chain
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.types import FloatArray
-from mam_policies.deployment.camera import CameraModel
+from mam_sim_arm.camera import CameraModel
 
 FITS, TRIES = 5.0, 12
 """Pixels off, root mean square, within which signs are right; how many of them are tried."""

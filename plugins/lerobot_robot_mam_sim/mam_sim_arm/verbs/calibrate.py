@@ -44,7 +44,7 @@ class Calibrate(Verb):
 
     def run(self) -> int:
         """Calibrate, or write the set-up; print residuals and what comes next."""
-        from mam_policies.deployment.setup import Twin, write_setup
+        from mam_sim_arm.setup import Twin, write_setup
 
         claim_folder(self.setup, SETUP, flag="--setup")
         screen = Screen(self.quiet or self.json)
@@ -62,11 +62,11 @@ class Calibrate(Verb):
         return self._calibrate(twin, screen)
 
     def _calibrate(self, twin: Any, screen: Screen) -> int:
-        from mam_policies.deployment.camera import CameraModel
-        from mam_policies.deployment.pilot import calibrate_setup
-        from mam_policies.deployment.robot_file import open_robot, robot_type
-        from mam_policies.deployment.setup import CAMERA, MAPPING, NOMINAL, ROBOT, guess_mapping
         from mam_sim.asking import ask
+        from mam_sim_arm.camera import CameraModel
+        from mam_sim_arm.pilot import calibrate_setup
+        from mam_sim_arm.robot_file import open_robot, robot_type
+        from mam_sim_arm.setup import CAMERA, MAPPING, NOMINAL, ROBOT, guess_mapping
 
         spec, file = twin.spec, self.robot or self.setup / ROBOT
         kind = robot_type(file)

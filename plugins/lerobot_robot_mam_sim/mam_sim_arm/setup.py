@@ -23,14 +23,6 @@ from mam_envs.scene.layout import Layout
 from mam_pipeline import folders
 from mam_pipeline.claims import SETUP, claim_folder
 from mam_pipeline.types import FloatArray
-from mam_policies.deployment.camera import CameraModel, look_at, pinhole
-from mam_policies.deployment.perception import Perceiver
-from mam_policies.deployment.targets import (
-    board_for,
-    load_markers,
-    save_markers,
-    suggest_markers,
-)
 from mam_policies.lerobot.export import deployment
 from mam_policies.lerobot.joint_mapping import (
     SO_ARMS,
@@ -43,6 +35,14 @@ from mam_policies.lerobot.joint_mapping import (
 from mam_policies.lerobot.policy import Converter, Deployment
 from mam_policies.mlp import MlpPolicy
 from mam_policies.run import EnvChoice, RunInfo
+from mam_sim_arm.camera import CameraModel, look_at, pinhole
+from mam_sim_arm.perception import Perceiver
+from mam_sim_arm.targets import (
+    board_for,
+    load_markers,
+    save_markers,
+    suggest_markers,
+)
 
 ROBOT, NOMINAL, CAMERA = "robot.yaml", "nominal_camera.yaml", "camera.yaml"
 MARKERS, MAPPING = "markers.yaml", "joint_mapping.yaml"

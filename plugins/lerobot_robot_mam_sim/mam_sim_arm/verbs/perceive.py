@@ -33,7 +33,7 @@ class Perceive(Verb):
         """Look; print what is believed."""
         from mam_pipeline import folders
         from mam_pipeline.claims import PICTURE, claim_file, png_mark
-        from mam_policies.deployment.pilot import open_pilot
+        from mam_sim_arm.pilot import open_pilot
 
         screen = Screen(self.quiet or self.json)
         out = self.out or self.setup / "perceived.png"

@@ -1,0 +1,1 @@
+"""One module per command-line verb; heavy imports happen inside the verb."""
