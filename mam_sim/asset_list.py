@@ -9,6 +9,7 @@ import numpy as np
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import ConfigError
+from mam_pipeline.formats.door import entries, is_file
 
 
 def asset_folders(paths: Sequence[Path]) -> list[Path]:
@@ -21,7 +22,7 @@ def asset_folders(paths: Sequence[Path]) -> list[Path]:
     for path in paths:
         inside = []
         if path.is_dir() and not (path / "asset.json").is_file():
-            inside = sorted(p.parent for p in path.glob("*/asset.json"))
+            inside = [p for p in entries(path) if is_file(p / "asset.json")]
         for folder in inside or [Asset.card_of(path).folder]:
             out[folder.resolve()] = None
     return list(out)

@@ -14,7 +14,7 @@ from types import FrameType
 from mam_pipeline import folders
 from mam_pipeline.guarded import kill_family
 
-GRACE = 1.5
+GRACE = 1.2
 """Seconds in which the exception must have ended the process; then it is ended."""
 LATER = 0.2
 """Seconds more after which a process that does not even end itself is killed."""

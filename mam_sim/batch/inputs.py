@@ -13,7 +13,7 @@ from pathlib import Path
 
 from mam_pipeline.digests import file_digest
 from mam_pipeline.errors import InputError, disk_error
-from mam_pipeline.formats.door import Door, named_by
+from mam_pipeline.formats.door import WALK, Door, named_by
 from mam_pipeline.formats.mjcf_files import files_of_mjcf, is_mjcf
 from mam_pipeline.formats.suffixes import PHOTOS, mesh_suffixes
 
@@ -43,21 +43,6 @@ class Input:
         """Of its folder: the same for the same content, whatever else is in the batch."""
         label = re.sub(r"[^\w.-]+", "_", self.label).strip("._") or "object"
         return f"{label[:80]}-{self.sha256[:8]}"
-
-
-@dataclass(frozen=True)
-class WalkLimits:
-    """How far inputs are looked for.
-
-    Attributes:
-        entries: of all folders together. deep: folders that may stand above another.
-    """
-
-    entries: int = 200_000
-    deep: int = 100
-
-
-WALK = WalkLimits()
 
 
 @dataclass

@@ -168,10 +168,7 @@ class Target:
             for part in PARTS:
                 self.files.makedirs(self.path(part), exist_ok=True)
         if self.local:
-            import shutil
-
-            for left in Path(self.path("assets")).glob(".*.partial-*"):
-                shutil.rmtree(left, ignore_errors=True)
+            folders.sweep_inside(Path(self.path("assets")))
 
     @contextmanager
     def _told(self) -> Iterator[None]:

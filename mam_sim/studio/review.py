@@ -13,6 +13,7 @@ from mam_pipeline.check.report import REASONS
 from mam_pipeline.claims import REVIEW, claim_file
 from mam_pipeline.errors import InputError, MamSimError
 from mam_pipeline.folders import write_text
+from mam_pipeline.formats.door import entries, is_file
 from mam_pipeline.formats.suffixes import PHOTOS, mesh_suffixes
 
 Decision = Literal["", "accept", "mend", "reject"]
@@ -127,7 +128,8 @@ def _decision(text: str) -> Decision:
 
 def _objects(folder: Path) -> list[Path]:
     """Assets of a folder, and files from which no asset beside them was made."""
-    assets = sorted(p.parent for p in folder.glob("*/asset.json"))
+    inside = entries(folder)
+    assets = [p for p in inside if is_file(p / "asset.json")]
     made = set()
     for path in assets:
         try:
@@ -135,7 +137,7 @@ def _objects(folder: Path) -> list[Path]:
         except MamSimError:
             continue  # it is listed, and says itself what is wrong with it
     suffixes = {*mesh_suffixes(), *PHOTOS, ".urdf"}
-    files = (p for p in sorted(folder.iterdir()) if p.suffix.lower() in suffixes)
+    files = (p for p in inside if p.suffix.lower() in suffixes)
     return [*assets, *(p for p in files if p.is_file() and p.name not in made)]
 
 

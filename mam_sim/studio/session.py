@@ -300,7 +300,9 @@ class Session:
         """Write the hints file; returns its path."""
         if self.why_fixed:
             raise ConfigError(self.why_fixed)
-        if self._saved is None:  # none was there when the object was opened
+        try:
+            load_hints(self.place.hints)  # an earlier one, which this takes the place of
+        except ConfigError:
             claim_file(self.place.hints, HINTS, flag="--hints")
         save_hints(self.state.hints, self.place.hints)
         self._saved = self.state.hints

@@ -15,6 +15,7 @@ from mam_pipeline.asset.mjcf import export_mjcf
 from mam_pipeline.check.model import CheckModel
 from mam_pipeline.check.report import REASONS
 from mam_pipeline.errors import ConfigError
+from mam_pipeline.formats.door import Door, is_file
 from mam_pipeline.geometry.surface import hull_of
 from mam_pipeline.types import Mesh
 from mam_sim.console import STAGES
@@ -145,11 +146,11 @@ def collision_pieces(asset: Asset) -> dict[str, Sequence[Mesh]]:
 
 
 def zipped(folder: Path) -> bytes:
-    """An asset folder as one file, without the stages."""
-    buffer = io.BytesIO()
+    """An asset folder as one file, without the stages and what links lead to elsewhere."""
+    buffer, door = io.BytesIO(), Door(folder)
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(folder.rglob("*")):
             inside = path.relative_to(folder)
-            if path.is_file() and inside.parts[0] != "stages":
+            if is_file(path) and door.holds(path) and inside.parts[0] != "stages":
                 archive.write(path, Path(folder.name) / inside)
     return buffer.getvalue()

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass
 from importlib import metadata
 from importlib.util import find_spec
 
+from mam_pipeline.guarded import Limits, guarded
 from mam_pipeline.optional import has
 from mam_sim.console import Screen
 from mam_sim.options import Verb
@@ -155,13 +156,8 @@ def vulkan_problem() -> str | None:
     """None where SAPIEN can make a camera; else why not. Tried in a process of its own."""
     if not has("sapien"):
         return "SAPIEN is not installed"
-    code = "import sapien; sapien.render.RenderMaterial()"
-    try:
-        done = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, timeout=60
-        )
-    except subprocess.TimeoutExpired:
-        return "no answer from the Vulkan driver within 60 s"
+    command = [sys.executable, "-c", "import sapien; sapien.render.RenderMaterial()"]
+    done = subprocess.run(guarded(command, Limits(60)), capture_output=True, text=True)
     if done.returncode == 0:
         return None
     lines = [line for line in done.stderr.splitlines() if line.strip()]

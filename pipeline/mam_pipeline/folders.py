@@ -1,10 +1,10 @@
 """Files and folders that appear whole or not at all, and what is done with the rest.
 
-Everything is written under a name of its own beside its place, `.NAME.partial-PID`, and renamed
+Everything is written under a name of its own beside its place, `.NAME.partial-PID-...`, and renamed
 when it is whole. What a killed process left is swept by the next one that writes to the same
 place; what a stopped process has under construction goes with `clean_up`. A `Scratch` folder lies
-where temporary files do, and is locked as long as its process lives: the next one removes those
-without a lock.
+where temporary files do. Folders are locked as long as their process lives, so that the next one
+removes those without a lock, whatever number its process has and had.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import re
 import shutil
 import stat
 import tempfile
+import time
 import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -26,6 +27,8 @@ from pathlib import Path
 
 _LONGEST = 180
 """Bytes of a name that is kept in the name of its partial file; file systems allow 255."""
+_CLOCK = 2.0
+"""Seconds by which the times of files and processes may differ."""
 _FULL = 1 << 20
 """Bytes: a disk with less is full."""
 _building: set[Path] = set()
@@ -147,15 +150,17 @@ def work_folder(out: Path) -> Iterator[Path]:
     made = _missing(out.parent)
     work = _beside(out, "partial")
     _begin(work)
+    lock = None
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         sweep(out)
-        shutil.rmtree(work, ignore_errors=True)
         work.mkdir()
+        lock = _locked(work)
         with _full_disk_said(work):
             yield work
     finally:
         shutil.rmtree(work, ignore_errors=True)
+        _unlock(lock)
         _done(work)
         for folder in made:
             with suppress(OSError):  # something is in it
@@ -216,15 +221,18 @@ def put_in_place(new: Path, out: Path) -> None:
     out = out.absolute()
     out.parent.mkdir(parents=True, exist_ok=True)
     old = _beside(out, "old")
+    lock = _locked(out)
     try:
         if out.exists():
             out.rename(old)
         new.rename(out)
+        shutil.rmtree(old, ignore_errors=True)
     except BaseException:
         if old.exists() and not out.exists():
             old.rename(out)
         raise
-    shutil.rmtree(old, ignore_errors=True)
+    finally:
+        _unlock(lock)
 
 
 @contextmanager
@@ -258,23 +266,39 @@ def as_text(name: str) -> str:
 def sweep(out: Path) -> None:
     """Remove what dead processes left beside `out`; what one had moved aside comes back."""
     name, suffix = re.escape(_stem(out)), re.escape(out.suffix)
-    pattern = re.compile(rf"\.{name}\.(partial|old)-(\d+)(?:{suffix})?")
-    try:
-        names = os.listdir(out.parent)
-    except OSError:
-        return
-    for name in names:
-        found = pattern.fullmatch(name)
-        path = out.parent / name
-        if found is None or path in _building or _alive(int(found[2])):
+    for path, found in _left(out.parent, name, suffix):
+        if not path.is_dir() or path.is_symlink():
+            if not _written_by(int(found["pid"]), path):
+                with suppress(OSError):
+                    path.unlink()
             continue
-        if found[1] == "old" and not out.exists():
+        lock = _locked(path)
+        if lock is None:  # its process lives
+            continue
+        if found["kind"] == "old" and not out.exists():
             path.rename(out)
-        elif path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path, ignore_errors=True)
         else:
-            with suppress(OSError):
-                path.unlink()
+            shutil.rmtree(path, ignore_errors=True)
+        _unlock(lock)
+
+
+def sweep_inside(folder: Path) -> None:
+    """Sweep beside every name in a folder of which something was left."""
+    for name in {found["of"] for _, found in _left(folder, ".+", ".*")}:
+        sweep(folder / name)
+
+
+def _left(folder: Path, name: str, suffix: str) -> list[tuple[Path, re.Match[str]]]:
+    """What other processes left, by patterns, and what its name tells."""
+    pattern = re.compile(
+        rf"\.(?P<of>{name})\.(?P<kind>partial|old)-(?P<pid>\d+)(?:-[0-9a-f]+)?(?:{suffix})?"
+    )
+    try:
+        names = os.listdir(folder)
+    except OSError:
+        return []
+    found = [(folder / n, m) for n in names if (m := pattern.fullmatch(n))]
+    return [row for row in found if row[0] not in _building]
 
 
 def clean_up() -> None:
@@ -299,7 +323,7 @@ def remove_if_empty(folder: Path) -> None:
 
 
 def _beside(out: Path, kind: str) -> Path:
-    return out.parent / f".{_stem(out)}.{kind}-{os.getpid()}"
+    return out.parent / f".{_stem(out)}.{kind}-{os.getpid()}-{os.urandom(4).hex()}"
 
 
 def _stem(out: Path) -> str:
@@ -319,17 +343,19 @@ def _missing(folder: Path) -> list[Path]:
     return out
 
 
-def _alive(pid: int) -> bool:
-    """Whether another process of this number runs."""
-    if pid == os.getpid():
-        return False
+def _unlock(lock: int | None) -> None:
+    if lock is not None:
+        os.close(lock)
+
+
+def _written_by(pid: int, file: Path) -> bool:
+    """Whether the process that has this number now may be writing a file: it is the older one."""
     try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
+        words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        age = time.clock_gettime(time.CLOCK_BOOTTIME) - int(words[19]) / os.sysconf("SC_CLK_TCK")
+        return time.time() - file.lstat().st_ctime < age + _CLOCK
+    except (OSError, IndexError, ValueError):  # one of the two is gone
         return False
-    except (PermissionError, OverflowError):
-        return True
-    return True
 
 
 @contextmanager

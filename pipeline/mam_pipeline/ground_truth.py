@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.formats.door import entries, is_file
 from mam_pipeline.formats.urdf.geometry import link_triangles
 from mam_pipeline.formats.urdf.tree import UrdfTree
 from mam_pipeline.geometry.surface import Triangles, concatenate
@@ -59,10 +60,12 @@ def list_objects(dataset: str | Path) -> list[tuple[str, str, Path]]:
     if not root.is_dir():
         raise InputError(f"no dataset folder at {root}")
     categories = _categories(root / "MANIFEST.csv")
-    found = {p.stem if p.stem != "object" else root.name: p for p in sorted(root.glob("*.urdf"))}
-    for folder in sorted(p for p in root.iterdir() if p.is_dir()):
-        usual = [folder / "object.urdf", folder / "mobility.urdf", *sorted(folder.glob("*.urdf"))]
-        urdf = next((p for p in usual if p.is_file()), None)
+    inside = entries(root)
+    urdfs = [p for p in inside if p.suffix == ".urdf" and p.is_file()]
+    found = {p.stem if p.stem != "object" else root.name: p for p in urdfs}
+    for folder in (p for p in inside if p.is_dir()):
+        usual = [folder / "object.urdf", folder / "mobility.urdf", *entries(folder, "*.urdf")]
+        urdf = next((p for p in usual if is_file(p)), None)
         if urdf is not None:
             found[folder.name] = urdf
     if not found:
@@ -106,7 +109,7 @@ def read_object(
 
 
 def _categories(manifest: Path) -> dict[str, str]:
-    if not manifest.is_file():
+    if not is_file(manifest):
         return {}
     with manifest.open(newline="", encoding="utf-8") as stream:
         rows = [row for row in csv.DictReader(stream) if "id" in row]

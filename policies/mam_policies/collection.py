@@ -97,8 +97,9 @@ class CollectConfig:
 def read_claim(file: Path) -> dict[str, Any]:
     """collect.json; `cameras` was called `video` in version 0.1."""
     data = config_file.read(file)
-    if not all(isinstance(data.get(key), dict) for key in ("collect", "env")):
-        raise InputError(f"{file} is none of mam-sim collect: it lacks collect and env")
+    kinds = {"asset": str, "collect": dict, "env": dict}
+    if not all(isinstance(data.get(key), kind) for key, kind in kinds.items()):
+        raise InputError(f"{file} is none of mam-sim collect: it lacks {', '.join(kinds)}")
     asked = dict(data["collect"])
     if "video" in asked:
         asked["cameras"] = asked.pop("video")
@@ -135,7 +136,7 @@ class Collection:
         config = config_file.fill(CollectConfig(), data["collect"], file)
         settings = config_file.fill(task_settings(config.task), data["env"], file)
         outcomes = finished(folder)
-        return Collection(folder, str(data["asset"]), config, settings, outcomes)
+        return Collection(folder, data["asset"], config, settings, outcomes)
 
     @property
     def names(self) -> Names:

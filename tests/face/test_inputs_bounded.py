@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import io
 import os
 import socket
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.formats.door import WalkLimits, entries
 from mam_sim.batch import inputs
 from mam_sim.batch.inputs import find_inputs
 from mam_sim.cli import main
+from mam_sim.studio.trying import zipped
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
@@ -62,7 +66,7 @@ def test_lists_that_name_each_other_twice_are_read_once(tmp_path: Path) -> None:
 def test_a_folder_that_leads_to_too_much_is_refused(
     looped: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(inputs, "WALK", inputs.WalkLimits(entries=7))
+    monkeypatch.setattr(inputs, "WALK", WalkLimits(entries=7))
     assert len(find_inputs([str(looped)])) == 2  # seven entries in all
     (looped / "one_more").touch()
     with pytest.raises(InputError, match="more than 7 entries"):
@@ -120,3 +124,41 @@ def test_what_is_no_ordinary_file_is_refused_by_every_verb(
     said = capsys.readouterr().err.strip().splitlines()
     assert said[-1].startswith("mam-sim: ") and "odd" in said[-1]
     assert not (tmp_path / "out").exists()
+
+
+FOLDERS: dict[str, tuple[str, ...]] = {
+    "bench": ("bench", "odd"), "rank": ("rank", "odd"), "train": ("train", "odd", "--out", "out"),
+    "eval": ("eval", "--expert", "--asset", "odd"), "view": ("view", "odd", "--html"),
+    "studio": ("studio", "odd", "--no-open"), "batch": ("batch", "odd", "--out", "out"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("verb", FOLDERS)
+def test_a_folder_that_holds_no_ordinary_file_is_refused_by_every_verb(
+    verb: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("MANIFEST.csv", "a.urdf", "a.glb", "a/object.urdf", "a/asset.json", "asset.json"):
+        (tmp_path / "odd" / name).parent.mkdir(parents=True, exist_ok=True)
+        os.mkfifo(tmp_path / "odd" / name)
+    (tmp_path / "odd" / "loop").symlink_to(".")
+    assert main([*FOLDERS[verb]]) == 2
+    said = capsys.readouterr().err.strip().splitlines()
+    assert said[-1].startswith("mam-sim: ") and "odd" in said[-1]
+
+
+def test_an_entry_of_a_folder_is_found_once(looped: Path) -> None:
+    os.mkfifo(looped / "pipe")
+    (looped / "b.obj").symlink_to("a.obj")
+    (looped / "gone").symlink_to("nothing")
+    assert [p.name for p in entries(looped)] == ["a.obj", "below", "one"]
+    assert [p.name for p in entries(looped, "*.obj")] == ["a.obj"]
+
+
+def test_a_zipped_asset_holds_nothing_from_elsewhere(tmp_path: Path) -> None:
+    (tmp_path / "a" / "visual").mkdir(parents=True)
+    (tmp_path / "key").write_text("of mine")
+    (tmp_path / "a" / "asset.json").write_text("{}")
+    (tmp_path / "a" / "visual" / "key").symlink_to(tmp_path / "key")
+    with zipfile.ZipFile(io.BytesIO(zipped(tmp_path / "a"))) as archive:
+        assert archive.namelist() == ["a/asset.json"]

@@ -56,7 +56,7 @@ def test_edits_make_the_asset_that_articulate_makes_of_the_saved_hints(
 
 
 def test_hints_are_not_saved_over_another_file(session: Session) -> None:
-    session.place.hints.write_text("a note of mine\n")  # it came while the object was open
+    session.place.hints.write_text("a note of mine\n")
     with pytest.raises(ConfigError, match="is kept: name another file with --hints"):
         session.save()
     assert session.place.hints.read_text() == "a note of mine\n"

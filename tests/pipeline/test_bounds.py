@@ -127,6 +127,7 @@ HOSTILE: dict[str, tuple[Callable[[], str], str]] = {
     "many.ply": (lambda: PLY.format(vertices=10**12, faces=2), "cut short"),
     "below.ply": (lambda: PLY.format(vertices=-4, faces=2), "no element"),
     "text.ply": (lambda: PLY.format(vertices="four", faces=2), "no element"),
+    "many.stl": (lambda: "solid\n" + "vertex\n" * 9_100_000, "simplify it"),
     "many.off": (lambda: "OFF\n4000000000 1 0\n0 0 0\n", "simplify it"),
     "unit_text.dae": (lambda: collada("centimetre"), "no length"),
     "unit_zero.dae": (lambda: collada("0"), "no length"),

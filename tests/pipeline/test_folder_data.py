@@ -260,6 +260,18 @@ def test_dataset_fail(case: str, tmp_path: Path) -> None:
         dataset_folder(dataset(tmp_path, DATASET_FAIL[case]))
 
 
+@usual
+@given(seed=st.integers(0, 2**32))
+def test_a_dataset_of_any_values(seed: int, tmp_path_factory: pytest.TempPathFactory) -> None:
+    rng = random.Random(seed)
+    folder = dataset(tmp_path_factory.getbasetemp() / "fuzz_dataset", replaced(INFO, rng))
+    file = folder / "meta" / "info.json"
+    if rng.random() < 0.5:
+        file.write_bytes(changed(file.read_bytes(), rng))
+    found = ours(lambda: dataset_folder(folder))
+    assert found is None or all(".." not in name.split("/") for name in found.features)
+
+
 def test_a_dataset_that_holds_no_files_fail(tmp_path: Path) -> None:
     (dataset(tmp_path / "data", INFO) / "data").mkdir()
     pipe = tmp_path / "data" / "data" / "file-000.parquet"

@@ -85,11 +85,14 @@ def _check_off(file: Path) -> None:
 
 
 def _check_stl(file: Path) -> None:
-    """A binary STL, which holds zeros near its start, is as long as its count of faces says."""
+    """A binary STL, which holds zeros near its start, is as long as its count of faces says; of a
+    text the faces are counted."""
     with file.open("rb") as stream:
         head = stream.read(512)
-    if b"\0" not in head:
-        return
+        if b"\0" not in head:
+            chunks = iter(lambda: stream.read(HEADER_BYTES), b"")
+            _check_counts(file, 0, sum(c.lower().count(b"vertex") for c in chunks) // 3)
+            return
     count = int.from_bytes(head[80:84], "little")
     _check_counts(file, 0, count)
     if file.stat().st_size != 84 + 50 * count:

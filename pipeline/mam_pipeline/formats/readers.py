@@ -23,34 +23,40 @@ class Reader:
         function: "module:name" of `read(path, root)`, which gives a FileContent; root is the
             folder whose files the file may name.
         apart: whether a file is read in a process of its own. Not where our own code counts all
-            that a file claims before it does any work: a URDF may name a hundred meshes, and a
-            process costs 30 ms.
+            that a file claims before it does any work, and the file is small: a URDF may name a
+            hundred meshes, and a process costs 30 ms.
     """
 
     function: str
     apart: Callable[[Path], bool] = lambda _: True
 
 
-def _never(_: Path) -> bool:
-    return False
+LARGE = 64 << 20
+"""Bytes of a file that may keep a reader busy for long, or take gigabytes."""
+
+
+def _large(file: Path) -> bool:
+    return file.stat().st_size > LARGE
 
 
 def _packed(file: Path) -> bool:
-    """Whether a glTF file holds what native code unpacks: Draco, meshopt, Basis Universal."""
+    """Whether a glTF file holds what native code unpacks (Draco, meshopt, Basis), or is large."""
+    if _large(file):
+        return True
     with file.open("rb") as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
         return any(data.find(word) >= 0 for word in (b"_draco_", b"_meshopt_", b"_basisu"))
 
 
 _FORMATS = "mam_pipeline.formats"
 _GLTF = Reader(f"{_FORMATS}.gltf:read_gltf", _packed)
-_PLAIN = Reader(f"{_FORMATS}.plain:read_plain", _never)
+_PLAIN = Reader(f"{_FORMATS}.plain:read_plain", _large)
 _USD = Reader(f"{_FORMATS}.usd:read_usd")
 _STEP = Reader(f"{_FORMATS}.step:read_step")
 BUILTIN: Mapping[str, Reader] = {
     ".glb": _GLTF,
     ".gltf": _GLTF,
-    ".obj": Reader(f"{_FORMATS}.obj:read_obj", _never),
-    ".dae": Reader(f"{_FORMATS}.collada:read_collada", _never),
+    ".obj": Reader(f"{_FORMATS}.obj:read_obj", _large),
+    ".dae": Reader(f"{_FORMATS}.collada:read_collada", _large),
     ".3mf": Reader(f"{_FORMATS}.threemf:read_3mf"),
     ".fbx": Reader(f"{_FORMATS}.fbx:read_fbx"),
     **{suffix: _PLAIN for suffix in (".ply", ".stl", ".off")},

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import argparse
 import io
+import os
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -21,6 +23,14 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 MOST = 1 << 30  # bytes that come in, packed or unpacked
+WITH_US = """
+import ctypes, os, signal, sys
+ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG: it ends with the server
+try:
+    os.execvp(sys.argv[1], sys.argv[1:])
+except OSError as error:
+    sys.exit(f"{sys.argv[1]} cannot be started: {error}")
+"""
 TAIL = 1500  # letters of what a failed command said
 
 
@@ -71,16 +81,23 @@ class Handler(BaseHTTPRequestHandler):
 
     def _run(self, command: list[str]) -> None:
         try:
-            done = subprocess.run(
-                command, capture_output=True, text=True, errors="replace", timeout=self.time_limit
-            )
+            running = subprocess.Popen(
+                [sys.executable, "-c", WITH_US, *command], stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, errors="replace",
+                start_new_session=True,
+            )  # fmt: skip
+            _, said = running.communicate(timeout=self.time_limit)
         except subprocess.TimeoutExpired as late:
             raise Refused(504, f"no end within {self.time_limit:g} s") from late
         except OSError as error:
             raise Refused(500, f"{command[0]} cannot be started: {error}") from error
-        if done.returncode:
-            said = done.stderr.strip()[-TAIL:] or "it said nothing"
-            raise Refused(500, f"status {done.returncode}: {said}")
+        finally:
+            with suppress(ProcessLookupError, UnboundLocalError):
+                os.killpg(running.pid, signal.SIGKILL)  # and what it left running
+        if running.returncode:
+            raise Refused(
+                500, f"status {running.returncode}: {said.strip()[-TAIL:] or 'it said nothing'}"
+            )
 
 
 def unpack(data: bytes, folder: Path) -> None:
