@@ -58,6 +58,14 @@ def _reasons() -> str:
     return "\n".join(["| code | meaning |", "|---|---|", *rows])
 
 
+def _repairs() -> str:
+    from mam_pipeline.mend import REPAIRS
+
+    asked = " (only with `--only` or `--profile`)"
+    rows = [f"| `{code}` | {r.text}{asked if r.asked else ''} |" for code, r in REPAIRS.items()]
+    return "\n".join(rows)
+
+
 def _thresholds() -> str:
     from mam_pipeline.thresholds import Thresholds
 
@@ -87,6 +95,7 @@ MAKERS: dict[str, Callable[..., str]] = {
     "cli": generate_reference.cli,
     "config": generate_reference.config,
     "reasons": _reasons,
+    "repairs": _repairs,
     "thresholds": _thresholds,
     "category_count": _category_count,
 }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import fnmatch
 import hashlib
 import os
@@ -13,14 +12,12 @@ from pathlib import Path
 
 from mam_pipeline.digests import file_digest
 from mam_pipeline.errors import InputError, disk_error
-from mam_pipeline.formats.door import WALK, Door, named_by
-from mam_pipeline.formats.mjcf_files import files_of_mjcf, is_mjcf
+from mam_pipeline.formats.door import WALK
+from mam_pipeline.formats.files import files_of
 from mam_pipeline.formats.suffixes import PHOTOS, mesh_suffixes
 
 LISTS = (".txt", ".lst")
 SIMULATED = (".urdf",)
-MESH_OF = re.compile(rb"""filename\s*=\s*["']([^"']+)""")
-"""How a URDF names its meshes."""
 
 
 @dataclass(frozen=True)
@@ -238,28 +235,3 @@ def content_digest(path: Path) -> str:
     for file in files_of(path):
         digest.update(file_digest(file).encode())
     return digest.hexdigest()
-
-
-def files_of(path: Path) -> list[Path]:
-    """A file, and those in its folder that it names, directly or by way of another one."""
-    if path.suffix.lower() == ".xml" and is_mjcf(path):
-        with contextlib.suppress(InputError):
-            return files_of_mjcf(path)
-        return [path]
-    door, waiting, found = Door(path.parent), [path], dict[Path, None]()
-    while waiting:
-        file = waiting.pop(0)
-        if file in found:
-            continue
-        found[file] = None
-        for name in _named(file):
-            with contextlib.suppress(InputError):  # the reader will refuse it, and say why
-                named = door.find(name, file)
-                waiting += [] if named is None else [named]
-    return list(found)
-
-
-def _named(file: Path) -> list[str]:
-    if file.suffix.lower() in (".urdf", ".xml"):
-        return [m.decode("utf-8", "replace") for m in MESH_OF.findall(file.read_bytes())]
-    return named_by(file)

@@ -17,9 +17,9 @@ from scipy.spatial.transform import Rotation
 from mam_pipeline.asset.card import Asset, AssetCard, CardGrasp, CardJoint, CardPart
 from mam_pipeline.asset.grasps import find_grasps
 from mam_pipeline.errors import InputError
+from mam_pipeline.formats.files import files_of
 from mam_pipeline.formats.urdf.admit import admitted
 from mam_pipeline.formats.urdf.read import read_urdf
-from mam_sim.batch.inputs import files_of
 
 
 def foreign_asset(urdf: Path, out: Path) -> Asset:

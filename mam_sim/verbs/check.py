@@ -13,7 +13,6 @@ from tyro.conf import Positional
 
 from mam_pipeline import folders
 from mam_pipeline.claims import CHECKED, PICTURE, claim_file
-from mam_pipeline.errors import ConfigError
 from mam_sim.options import Verb
 
 if TYPE_CHECKING:
@@ -40,8 +39,6 @@ class Check(Verb):
     profile: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
     """Say instead what a simulator would refuse or ignore of the file: sapien, mujoco, pybullet,
     isaac, newton or gazebo; nothing is driven."""
-    fix: bool = False
-    """With --profile: write a mended copy, NAME_PROFILE.urdf, beside the URDF."""
 
     def run(self) -> int:
         """Check, and print or write the report."""
@@ -49,19 +46,13 @@ class Check(Verb):
 
         claim_file(self.out, CHECKED)
         claim_file(self.picture, PICTURE, flag="--picture")
-        if self.fix and self.profile is None:
-            raise ConfigError("--fix needs --profile NAME: what is mended depends on the simulator")
         if self.profile is not None:
-            report = check_profile(
-                self.asset, self.profile, fix=self.fix, allow_outside=self.allow_outside
-            )
+            report = check_profile(self.asset, self.profile, allow_outside=self.allow_outside)
         else:
             report = check_asset(
                 self.asset, drive=self.drive, picture=self.picture,
                 allow_outside=self.allow_outside,
             )  # fmt: skip
-        if report.fixed is not None:
-            print(f"mended copy: {report.fixed}, beside the URDF", file=sys.stderr)
         text = json.dumps(report.as_dict(), indent=1)
         if self.out is not None:
             self.out.parent.mkdir(parents=True, exist_ok=True)

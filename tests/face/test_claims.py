@@ -21,6 +21,7 @@ FOLDERS = {
     "make-env": ["make-env", "a.urdf", "--out", "OUT"],
     "batch": ["batch", "a.urdf", "--out", "OUT"],
     "rank": ["rank", "a.urdf", "--out", "OUT"],
+    "mend": ["mend", "a.urdf", "--out", "OUT"],
     "generate": ["generate", "--category", "box_slider", "--out", "OUT"],
     "collect": ["collect", "asset", "--out", "OUT"],
     "train": ["train", "asset", "--out", "OUT"],

@@ -1,4 +1,4 @@
-"""What a profile says of a URDF is what its simulator does, and what it mends is mended."""
+"""What a profile says of a URDF is what its simulator does, and what is mended for it is."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.check.check import check_asset, check_profile
 from mam_pipeline.check.profiles import PROFILES, ProfileName
 from mam_pipeline.errors import ConfigError, InputError
+from mam_pipeline.mend import Order, mend
 from mam_pipeline.types import Articulation, Joint, Link, Mesh
 
 GOOD = """<robot name="r">
@@ -26,7 +27,8 @@ GOOD = """<robot name="r">
   <inertial><origin xyz="0 0 0" rpy="0 0 0"/><mass value="1"/>
    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.015" iyz="0" izz="0.02"/></inertial></link>
  <joint name="hinge" type="revolute"><parent link="body"/><child link="door"/>
-  <axis xyz="0 0 1"/><limit lower="0" upper="1.5" effort="10" velocity="1"/></joint>
+  <axis xyz="0 0 1"/><limit lower="0" upper="1.5" effort="10" velocity="1"/>
+  <dynamics damping="0.1"/></joint>
 </robot>"""
 
 
@@ -113,19 +115,19 @@ def test_mujoco_refuses_an_impossible_inertia_and_takes_the_mended_file(tmp_path
     urdf = written(tmp_path, HEAVY)
     with pytest.raises(ValueError, match="inertia must satisfy"):
         mujoco.MjModel.from_xml_path(str(urdf))
-    report = check_profile(urdf, "mujoco", fix=True)
-    assert report.fixed is not None and report.passed
-    model = mujoco.MjModel.from_xml_path(str(urdf.parent / report.fixed))
+    found = mend(urdf, tmp_path / "out", Order(("bad_inertia",), "mujoco", drive=False))
+    assert check_profile(found.urdf, "mujoco").passed
+    model = mujoco.MjModel.from_xml_path(found.urdf)
     assert model.njnt == 1 and urdf.read_text().count("0.09") == 1  # the source is not touched
 
 
 def test_a_turned_inertial_frame_goes_into_the_tensor(tmp_path: Path) -> None:
     yourdfpy: Any = pytest.importorskip("yourdfpy")
     urdf = written(tmp_path, TURNED)
-    report = check_profile(urdf, "newton", fix=True)
-    assert report.passed and report.fixed is not None
+    found = mend(urdf, tmp_path / "out", Order(("inertial_turned",), "newton", drive=False))
+    assert check_profile(found.urdf, "newton").passed
     tensors = []
-    for file in (urdf, urdf.parent / report.fixed):
+    for file in (urdf, found.urdf):
         link = yourdfpy.URDF.load(str(file), load_meshes=False).robot.links[1]
         turn = link.inertial.origin[:3, :3]
         tensors.append(turn @ link.inertial.inertia @ turn.T)
@@ -134,9 +136,9 @@ def test_a_turned_inertial_frame_goes_into_the_tensor(tmp_path: Path) -> None:
 
 def test_names_are_mended_everywhere(tmp_path: Path) -> None:
     urdf = written(tmp_path, MIMIC, ("door", "2nd door"), ("hinge", "hinge-1"))
-    report = check_profile(urdf, "isaac", fix=True)
-    assert report.passed and report.fixed is not None
-    text = (urdf.parent / report.fixed).read_text()
+    found = mend(urdf, tmp_path / "out", Order(("name_invalid",), "isaac", drive=False))
+    assert check_profile(found.urdf, "isaac").passed
+    text = Path(found.urdf).read_text()
     assert '<child link="link_2nd_door"' in text and '<parent link="link_2nd_door"' in text
     assert '<mimic joint="hinge_1"' in text and '<joint name="hinge_1"' in text
 
@@ -161,9 +163,6 @@ def test_the_verb_takes_a_profile(tmp_path: Path, capsys: pytest.CaptureFixture[
     urdf = str(written(tmp_path, (' effort="10" velocity="1"', "")))
     assert main(["check", urdf, "--profile", "mujoco"]) == 1
     assert "effort_missing: hinge" in capsys.readouterr().out
-    assert main(["check", urdf, "--profile", "mujoco", "--fix"]) == 0
-    assert "mended copy: r_mujoco.urdf" in capsys.readouterr().err
-    assert main(["check", urdf, "--fix"]) == 2
 
 
 MJCF = """<mujoco><compiler meshdir="."/><asset><mesh name="box" file="box.obj"/></asset><worldbody>
@@ -190,8 +189,6 @@ def test_an_mjcf_is_looked_at_as_it_is(tmp_path: Path) -> None:
     assert endless.passed and [f.code for f in endless.findings] == ["bad_limits"]
     assert check_profile(mjcf(tmp_path, '"door"', '"2nd"'), "isaac").reasons == ("name_invalid",)
     assert check_profile(mjcf(tmp_path, "<geom", "<gem"), "mujoco").reasons == ("file_unreadable",)
-    with pytest.raises(ConfigError, match="--fix mends URDF"):
-        check_profile(mjcf(tmp_path), "mujoco", fix=True)
     with pytest.raises(InputError, match="add --profile"):
         check_asset(file)
 

@@ -37,7 +37,7 @@ def shape_around(chunk: Chunk, margin: float) -> CollisionShape:
         pose = np.eye(4)
         pose[:3, 3] = box.center
         return CollisionShape("sphere", pose=pose, size=np.array([radius - margin, 0.0, 0.0]))
-    vertices = _few_points(hull[0])
+    vertices = few_points(hull[0])
     middle = (vertices.max(axis=0) + vertices.min(axis=0)) / 2
     if len(vertices) < len(hull[0]):
         vertices = middle + (vertices - middle) * _balance(vertices, hull[0], middle)
@@ -81,7 +81,7 @@ def shape_inside(points: FloatArray) -> CollisionShape:
     box = minimal_box(points, 20)
     if found is None or hull_volume(points) > 0.999 * box.volume:
         return box_shape(box, 0.0)
-    few = hull_of(_few_points(found[0]))
+    few = hull_of(few_points(found[0]))
     if few is None:
         return box_shape(box, 0.0)
     return CollisionShape("convex", vertices=few[0], faces=few[1])
@@ -135,7 +135,7 @@ def _cylinder(box: Box, volume: float, margin: float) -> CollisionShape | None:
     return None
 
 
-def _few_points(vertices: FloatArray) -> FloatArray:
+def few_points(vertices: FloatArray) -> FloatArray:
     """Few of a hull's vertices: the extreme ones in evenly spread directions."""
     if len(vertices) <= MAX_HULL_POINTS // 2:
         return vertices

@@ -54,7 +54,7 @@ def write_visuals(articulation: Articulation, folder: Path, format: VisualFormat
     """
     out = Visuals()
     origins = link_origins(articulation)
-    pictures = _Pictures(folder / "visual")
+    pictures = Pictures(folder / "visual")
     taken: set[str] = set()
     for i, link in enumerate(articulation.links):
         out.files[link.name], out.handles[link.name] = [], []
@@ -83,7 +83,7 @@ def write_visuals(articulation: Articulation, folder: Path, format: VisualFormat
     return out
 
 
-class _Pictures:
+class Pictures:
     """Texture files of one folder; the same bytes are written once."""
 
     def __init__(self, folder: Path) -> None:

@@ -20,13 +20,12 @@ from mam_pipeline.asset.grasps import find_grasps
 from mam_pipeline.asset.inertia import link_inertials
 from mam_pipeline.asset.visuals import VisualFormat, write_visuals
 from mam_pipeline.errors import NotPhysicalError
-from mam_pipeline.formats.urdf.write import link_origins, urdf_text
+from mam_pipeline.formats.urdf.write import hull_text, link_origins, urdf_text
 from mam_pipeline.geometry.stand_in import lightened
 from mam_pipeline.types import (
     Articulation,
     CollisionShape,
     DormantPart,
-    FloatArray,
     Inertial,
     Joint,
 )
@@ -167,15 +166,9 @@ def _write_collision(
             file = ""
             if shape.kind == "convex":
                 file = f"collision/{link.name}_{k:02d}.obj"
-                _write_hull(shape, origins[i], folder / file)
+                (folder / file).write_text(hull_text(shape, origins[i]), encoding="ascii")
             out[link.name].append((shape, file))
     return out
-
-
-def _write_hull(shape: CollisionShape, origin: FloatArray, path: Path) -> None:
-    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in (shape.vertices - origin).tolist()]
-    lines += [f"f {a} {b} {c}" for a, b, c in (shape.faces + 1).tolist()]
-    path.write_text("\n".join(lines) + "\n", encoding="ascii")
 
 
 def _card(

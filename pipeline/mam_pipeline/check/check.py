@@ -9,15 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from mam_pipeline import folders
 from mam_pipeline.asset.card import Asset, AssetCard
 from mam_pipeline.check.lint import Linter, lint
 from mam_pipeline.check.mjcf_usd import file_findings, format_of
 from mam_pipeline.check.model import CheckModel
-from mam_pipeline.check.profiles import fixed_urdf, profile_findings
+from mam_pipeline.check.profiles import profile_findings
 from mam_pipeline.check.report import CLAUSES, CheckReport, Finding, JointReport
 from mam_pipeline.check.sweep import JointSweep, sweep_joint
-from mam_pipeline.errors import ConfigError, InputError, MamSimError
+from mam_pipeline.errors import InputError, MamSimError
 from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.optional import has, install_command
 from mam_pipeline.thresholds import MAX_SWEEP, THRESHOLDS, Thresholds
@@ -67,9 +66,7 @@ def check_asset(
         return _run(str(path), target, drive, picture, thresholds, only)
 
 
-def check_profile(
-    path: str | Path, profile: str, *, fix: bool = False, allow_outside: bool = False
-) -> CheckReport:
+def check_profile(path: str | Path, profile: str, *, allow_outside: bool = False) -> CheckReport:
     """What one simulator would refuse or ignore of an asset, a URDF, an MJCF or a USD file.
 
     Nothing is driven.
@@ -77,44 +74,28 @@ def check_profile(
     Args:
         path: as for `check_asset`.
         profile: a name of `mam_pipeline.check.profiles.PROFILES`.
-        fix: write a mended copy, NAME_PROFILE.urdf, beside the URDF, whose mesh paths are relative;
-            the report is then about the copy, and `fixed` names it.
         allow_outside: let the URDF name files outside its folder.
 
     Raises:
         InputError: there is nothing to check at `path`.
-        ConfigError: no such profile, or `fix` for another file than a URDF.
+        ConfigError: no such profile.
     """
     with outside_allowed(allow_outside):
-        if Path(path).is_file() and (kind := format_of(Path(path))) is not None:
-            if fix:
-                raise ConfigError(f"--fix mends URDF files, and {path} is {kind}")
+        if Path(path).is_file() and format_of(Path(path)) is not None:
             findings = file_findings(Path(path), profile)
             clauses: dict[str, bool | None] = dict.fromkeys(CLAUSES)
             clauses["lint"] = passed = not any(not f.warning for f in findings)
             return CheckReport(str(path), passed, clauses, (), tuple(findings))
-        return _profile(str(path), _locate(Path(path)), profile, fix)
+        return _profile(str(path), _locate(Path(path)), profile)
 
 
-def _profile(path: str, target: _Target, profile: str, fix: bool) -> CheckReport:
+def _profile(path: str, target: _Target, profile: str) -> CheckReport:
     linter = Linter(target.urdf)
     linter.run()
-    findings = profile_findings(linter, profile)
-    fixed = None
-    if fix and linter.links:
-        text, done = fixed_urdf(linter, profile)
-        if done:
-            copy = target.urdf.with_name(f"{target.urdf.stem}_{profile}.urdf")
-            linter.door.may_write(copy)
-            folders.write_text(copy, text)
-            fixed, linter = copy.name, Linter(copy)
-            linter.run()
-            findings = [Finding("fixed", "robot", what, warning=True) for what in done]
-            findings += profile_findings(linter, profile)
-    findings = linter.findings + findings
+    findings = linter.findings + profile_findings(linter, profile)
     clauses: dict[str, bool | None] = dict.fromkeys(CLAUSES)
     clauses["lint"] = not any(not f.warning for f in findings)
-    return CheckReport(path, bool(clauses["lint"]), clauses, (), tuple(findings), fixed=fixed)
+    return CheckReport(path, bool(clauses["lint"]), clauses, (), tuple(findings))
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,8 @@ from mam_pipeline import thresholds as limits
 from mam_pipeline.asset.card import AssetCard, unlike
 from mam_pipeline.check.report import Finding
 from mam_pipeline.errors import InputError, MamSimError
-from mam_pipeline.formats.door import Door, Outside
+from mam_pipeline.formats.door import Door, Outside, lost_names
+from mam_pipeline.formats.files import files_of
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.suffixes import mesh_suffixes
 from mam_pipeline.formats.urdf.admit import refused
@@ -20,6 +22,28 @@ from mam_pipeline.formats.xml_file import Doctype, parse_xml
 
 MOVING = ("revolute", "continuous", "prismatic")
 KNOWN = (*MOVING, "fixed")
+
+
+@dataclass(frozen=True)
+class LintRules:
+    """What is told of numbers that no reader refuses.
+
+    Attributes:
+        unit: by how much an axis may be longer or shorter than 1.
+        radians: largest end of a range in radians; a whole number beyond it is one of degrees.
+    """
+
+    unit: float = 1e-3
+    radians: float = 8.0
+
+
+RULES = LintRules()
+
+
+def in_degrees(lower: float, upper: float) -> bool:
+    """Whether ends of a revolute joint are whole numbers too large for radians."""
+    whole = all(abs(v - round(v)) < 1e-6 for v in (lower, upper))
+    return whole and max(abs(lower), abs(upper)) > RULES.radians
 
 
 def lint(urdf: Path, card: AssetCard | None = None) -> list[Finding]:
@@ -136,14 +160,21 @@ class Linter:
             axis = self._numbers(axis_element.get("xyz") or "1 0 0", 3, name)
             if axis is not None and np.linalg.norm(axis) < 1e-3:
                 self._say("bad_joint", name, "its axis is zero (loaders silently take x)")
+            elif axis is not None and abs(np.linalg.norm(axis) - 1.0) > RULES.unit:
+                text = f"its axis has length {np.linalg.norm(axis):.4g}: some loaders scale by it"
+                self._say("axis_length", name, text, warning=True)
         if kind != "continuous":
             self._limit(joint, name)
-        dynamics = joint.find("dynamics")
-        if dynamics is not None:
-            for key in ("damping", "friction"):
-                value = self._numbers(dynamics.get(key) or "0", 1, name)
-                if value is not None and value[0] < 0:
-                    self._say("bad_joint", name, f"its {key} is negative")
+        dynamics, resists = joint.find("dynamics"), False
+        for key in ("damping", "friction"):
+            told = "0" if dynamics is None else dynamics.get(key) or "0"
+            value = self._numbers(told, 1, name)
+            if value is not None and value[0] < 0:
+                self._say("bad_joint", name, f"its {key} is negative")
+            resists |= value is not None and value[0] != 0
+        if not resists and joint.find("mimic") is None:
+            text = "it has neither friction nor damping: it swings on for ever"
+            self._say("no_friction", name, text, warning=True)
 
     def _mimic(self, joint: ET.Element, name: str) -> None:
         mimic = joint.find("mimic")
@@ -174,6 +205,11 @@ class Linter:
         lower, upper = (float(v[0]) for v in values if v is not None)
         if upper < lower:
             self._say("bad_limits", name, f"lower {lower:.4g} is above upper {upper:.4g}")
+        elif joint.get("type") == "revolute" and in_degrees(lower, upper):
+            text = (
+                f"{lower:g} to {upper:g} rad are {(upper - lower) / math.tau:.0f} turns; degrees?"
+            )
+            self._say("limits_degrees", name, text, warning=True)
         elif upper - lower < 1e-6:
             self._say("bad_limits", name, f"its range is empty ({lower:.4g} to {upper:.4g})")
 
@@ -245,6 +281,9 @@ class Linter:
         if file is None:
             self._say("mesh_missing", where, f"{name!r} does not exist")
             return False
+        if "://" in name or name.startswith("/"):
+            text = f"{name!r} is found from this folder, and nowhere else"
+            self._say("mesh_path", where, text, warning=True)
         if file in self.read:
             return self.read[file] > 0
         self.read[file] = 0
@@ -263,6 +302,10 @@ class Linter:
         if not all(np.isfinite(p.vertices).all() for p in pieces):
             self._say("not_finite", where, f"{name!r} has vertices that are NaN or infinite")
             return False
+        for by in files_of(file, self.door.root):
+            for lost in lost_names(by):
+                text = f"{by.name} names {lost!r}, which does not exist under that name"
+                self._say("texture_missing", where, text, warning=True)
         self.read[file] = sum(len(p.faces) for p in pieces)
         self.faces += self.read[file]
         return True

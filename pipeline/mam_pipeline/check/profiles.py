@@ -1,4 +1,4 @@
-"""What one simulator would refuse or ignore of a URDF, and what of that can be mended safely.
+"""What one simulator would refuse or ignore of a URDF.
 
 Assets of ours were opened in SAPIEN 3.0, MuJoCo 4.0, PyBullet 3.2 and urdf-usd-converter 0.3,
 through which Isaac Sim and Newton read URDF (docs/results/conformance.md). Not every rule was tried
@@ -88,7 +88,7 @@ PROFILES: dict[str, Profile] = {
 CONCAVE_SHARE = 0.8
 """A collision mesh that fills less than this share of its convex hull becomes another shape."""
 DEFAULT_EFFORT, DEFAULT_VELOCITY = 100.0, 2.0
-"""N or N m, m/s or rad/s: what `fix` writes where a joint has none, as our own assets do."""
+"""N or N m, m/s or rad/s: what `mend` writes where a joint has none, as our own assets do."""
 
 
 def profile_findings(linter: Linter, name: str) -> list[Finding]:
@@ -131,11 +131,11 @@ def _links(linter: Linter, profile: Profile) -> Iterator[Finding]:
                 text = "a link without <inertial> is dropped, and its joint with it"
                 yield Finding("inertial_missing", name, text)
             continue
-        tensor = _tensor(inertial)
-        if tensor is not None and profile.possible_inertia and _lack(tensor) > 0.0:
+        tensor = tensor_of(inertial)
+        if tensor is not None and profile.possible_inertia and lack(tensor) > 0.0:
             text = "its inertia breaks the triangle inequality, and the file is refused"
             yield Finding("inertia_impossible", name, text)
-        if not profile.turned_inertia and _turn(inertial) is not None:
+        if not profile.turned_inertia and turn_of(inertial) is not None:
             text = "the rotation of its inertial frame is ignored"
             yield Finding("inertial_turned", name, text)
 
@@ -230,109 +230,33 @@ def _mesh(
         yield Finding("hull_points", where, text, warning=True)
 
 
-def fixed_urdf(linter: Linter, name: str) -> tuple[str, list[str]]:
-    """The URDF with what can be mended without changing the object, and what was done in words.
-
-    Names become identifiers, rotations of inertial frames go into the tensor, an inertia that
-    breaks the triangle inequality grows by the least that mends it, missing effort and velocity
-    are set. Meshes are left alone.
-
-    Args:
-        linter: one that has run and found a tree.
-        name: of the profile.
-    """
-    profile, root = PROFILES[name], ET.fromstring(linter.urdf.read_bytes())
-    done: list[str] = []
-    if profile.identifiers:
-        done += _rename(root)
-    for link in root.findall("link"):
-        inertial = link.find("inertial")
-        tensor = None if inertial is None else _tensor(inertial)
-        if inertial is None or tensor is None:
-            continue
-        where, turn, lack = link.get("name"), _turn(inertial), _lack(tensor)
-        before = len(done)
-        if not profile.turned_inertia and turn is not None:
-            tensor = turn @ tensor @ turn.T
-            done.append(f"{where}: the inertial frame's rotation is in the tensor now")
-            origin = inertial.find("origin")
-            assert origin is not None
-            origin.set("rpy", "0 0 0")
-        if profile.possible_inertia and lack > 0.0:
-            values, axes = np.linalg.eigh(tensor)
-            values[:2] += 0.5001 * lack
-            tensor = axes @ np.diag(values) @ axes.T
-            done.append(f"{where}: its inertia grew to one that a body can have")
-        element = inertial.find("inertia")
-        if element is not None and len(done) > before:
-            for key, (i, k) in _ENTRIES.items():
-                element.set(key, repr(float(tensor[i, k])))
-    for joint in root.findall("joint"):
-        if not profile.needs_effort or joint.get("type") not in MOVING:
-            continue
-        limit = joint.find("limit")
-        if limit is None:
-            limit = ET.SubElement(joint, "limit")
-        for key, value in (("effort", DEFAULT_EFFORT), ("velocity", DEFAULT_VELOCITY)):
-            if not _positive(limit.get(key)):
-                limit.set(key, repr(value))
-                done.append(f"{joint.get('name')}: {key} {value:g}")
-    return '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n", done
-
-
-def _rename(root: ET.Element) -> list[str]:
-    """Make link and joint names identifiers, everywhere they are named; returns what was done."""
-    done = []
-    for tag in ("link", "joint"):
-        elements = [e for e in root.findall(tag) if e.get("name")]
-        taken = {str(e.get("name")) for e in elements}
-        for element in elements:
-            old = str(element.get("name"))
-            if is_identifier(old):
-                continue
-            base = re.sub(r"\W", "_", old, flags=re.ASCII)
-            base = base if is_identifier(base) else f"{tag}_{base}"
-            new, k = base, 1
-            while new in taken:
-                new, k = f"{base}_{k}", k + 1
-            taken.add(new)
-            element.set("name", new)
-            for other in root.iter():
-                # <parent link=…>, <child link=…>, <mimic joint=…>; <joint name=…> of transmissions
-                if other.get(tag) == old:
-                    other.set(tag, new)
-                if other is not element and other.tag == tag and other.get("name") == old:
-                    other.set("name", new)
-            done.append(f"{tag} {old!r} is {new!r} now")
-    return done
-
-
-_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2),
+ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2),
             "izz": (2, 2)}  # fmt: skip
+"""Attributes of <inertia>, by row and column of the tensor."""
 
 
-def _tensor(inertial: ET.Element) -> np.ndarray | None:
+def tensor_of(inertial: ET.Element) -> np.ndarray | None:
     """(3, 3) inertia as written; None if it is missing or not finite."""
     element = inertial.find("inertia")
     if element is None:
         return None
     out = np.zeros((3, 3))
     try:
-        for key, (i, k) in _ENTRIES.items():
+        for key, (i, k) in ENTRIES.items():
             out[i, k] = out[k, i] = float(element.get(key) or 0)
     except ValueError:
         return None
     return out if np.isfinite(out).all() else None
 
 
-def _lack(tensor: np.ndarray) -> float:
+def lack(tensor: np.ndarray) -> float:
     """By how much the largest moment exceeds the sum of the others; 0 within rounding."""
     low, middle, high = np.linalg.eigvalsh(tensor)
     lack = float(high - low - middle)
     return lack if lack > 1e-9 * high else 0.0
 
 
-def _turn(inertial: ET.Element) -> np.ndarray | None:
+def turn_of(inertial: ET.Element) -> np.ndarray | None:
     """(3, 3) rotation of an inertial frame, None if it is not turned."""
     origin = inertial.find("origin")
     rpy = [float(w) for w in ((origin is not None and origin.get("rpy")) or "0 0 0").split()]

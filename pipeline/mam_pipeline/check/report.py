@@ -12,6 +12,9 @@ REASONS: dict[str, str] = {
     "bad_tree": "links and joints form no single tree",
     "bad_joint": "a joint's type, axis or origin is unusable",
     "bad_limits": "a joint's limits are missing, reversed, empty or not finite",
+    "limits_degrees": "a revolute joint's limits are whole numbers of many turns (a warning)",
+    "axis_length": "an axis is no unit vector, and some loaders scale by it (a warning)",
+    "no_friction": "a joint has neither friction nor damping (a warning)",
     "bad_inertia": "a mass or inertia is zero, not finite, not positive definite or impossible",
     "no_inertia": "a moving link has no inertial element",
     "no_collision": "a moving link has no collision shape",
@@ -19,6 +22,8 @@ REASONS: dict[str, str] = {
     "no_surface": "no link has a surface",
     "mesh_missing": "a mesh file does not exist",
     "mesh_outside": "a file that the URDF or a mesh names lies outside the URDF's folder",
+    "mesh_path": "a file is named by package://, file:// or an absolute path (a warning)",
+    "texture_missing": "a picture or material file of a mesh does not exist (a warning)",
     "card_differs": "asset.json says of the URDF what the URDF does not say",
     "mesh_unreadable": "a mesh file cannot be read",
     "too_large": "more links, shapes, faces or bytes than a check will read",
@@ -55,7 +60,6 @@ REASONS: dict[str, str] = {
     "file_unreadable": "MuJoCo or OpenUSD does not read the file",
     "usd_metadata": "a USD file leaves its unit, its up axis or its default prim open",
     "articulation_root": "a USD file has no articulation root, or several",
-    "fixed": "mended in the copy",
 }
 CLAUSES = ("lint", "loads", "base", "reach", "penetration", "contact", "stable", "hold", "return")
 
@@ -110,7 +114,6 @@ class CheckReport:
     findings: tuple[Finding, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
     picture: str | None = None
-    fixed: str | None = None
 
     @property
     def driven(self) -> bool:

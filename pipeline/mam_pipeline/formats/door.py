@@ -23,6 +23,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.formats.suffixes import PHOTOS
 
 _ALLOWED: ContextVar[bool] = ContextVar("allowed", default=False)
 _TEXTURES = re.compile(rb"^[ \t]*(?:map_\w+|bump|disp|decal|refl|norm)[ \t]+(.+)$", re.I | re.M)
@@ -64,7 +65,7 @@ class Door:
     root: Path
     advice: str = (
         "copy it into the folder, or, if the file is your own, add --allow-outside to check, "
-        "view, articulate or make-env"
+        "view, articulate, make-env or mend"
     )
 
     def find(self, name: str, by: Path, folder: Path | None = None) -> Path | None:
@@ -212,6 +213,22 @@ def named_by(file: Path) -> list[str]:
     """Names of the files that a mesh file says belong to it: materials, pictures, buffers."""
     names = _NAMES.get(file.suffix.lower())
     return [] if names is None else names(file)
+
+
+def lost_names(file: Path) -> list[str]:
+    """Names of materials and pictures in a mesh file of which no file has the exact name.
+
+    Of an MTL line with options, such as "-s 1 1 1 wood.png", the last word counts.
+    """
+    suffix, out = file.suffix.lower(), []
+    names = _lines(_TEXTURES, file.read_bytes()) if suffix == ".mtl" else named_by(file)
+    for name in names:
+        words = name.split() if suffix == ".mtl" and name.startswith("-") else [name]
+        told = words[-1] if words else ""
+        drawn = suffix != ".dae" or Path(told).suffix.lower() in (*PHOTOS, ".tga", ".dds")
+        if told and drawn and not is_file(file.parent / told):
+            out.append(told)
+    return list(dict.fromkeys(out))
 
 
 def _obj_names(file: Path) -> list[str]:

@@ -43,7 +43,9 @@ class Search:
         colors: what is in the names of pictures that show a surface's colour.
     """
 
-    meshes: tuple[str, ...] = ("meshes", "mesh", "visual", "visuals", "source", "geometry")
+    meshes: tuple[str, ...] = (
+        "meshes", "mesh", "visual", "visuals", "source", "geometry", "collision",
+    )  # fmt: skip
     beside: tuple[str, ...] = ("materials", "textures")
     folders: tuple[str, ...] = (
         "", "textures", "materials/textures", "texture", "tex", "maps", "images", "materials",

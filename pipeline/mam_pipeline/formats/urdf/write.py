@@ -48,7 +48,7 @@ def urdf_text(
             ET.SubElement(visual, "origin", xyz="0 0 0", rpy="0 0 0")
             ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=path)
         for shape, path in collisions.get(link.name, ()):
-            _collision(element, shape, path, origins[i])
+            collision_element(element, shape, path, origins[i])
     for joint in articulation.joints:
         _joint(robot, articulation, joint, origins)
     ET.indent(robot, " ")
@@ -70,7 +70,14 @@ def _inertial(element: ET.Element, body: Inertial, origin: FloatArray) -> None:
     ET.SubElement(inertial, "inertia", {k: numbers([v]) for k, v in entries.items()})
 
 
-def _collision(element: ET.Element, shape: CollisionShape, path: str, origin: FloatArray) -> None:
+def collision_element(
+    element: ET.Element, shape: CollisionShape, path: str, origin: FloatArray
+) -> ET.Element:
+    """Add a piece to a link whose frame stands unturned at `origin` in that of the piece.
+
+    Args:
+        path: of the mesh file of a convex piece, which is in the link frame; else "".
+    """
     collision = ET.SubElement(element, "collision")
     xyz, rpy = shape.pose[:3, 3] - origin, np.zeros(3)
     if shape.kind == "convex":
@@ -89,6 +96,14 @@ def _collision(element: ET.Element, shape: CollisionShape, path: str, origin: Fl
         ET.SubElement(geometry, "sphere", radius=numbers(shape.size[:1]))
     else:
         ET.SubElement(geometry, "mesh", filename=path)
+    return collision
+
+
+def hull_text(shape: CollisionShape, origin: FloatArray) -> str:
+    """The OBJ file of a convex piece in the frame of a link that stands at `origin`."""
+    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in (shape.vertices - origin).tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (shape.faces + 1).tolist()]
+    return "\n".join(lines) + "\n"
 
 
 def _joint(

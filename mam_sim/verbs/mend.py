@@ -1,0 +1,122 @@
+"""`mam-sim mend`: anybody's URDF or MJCF repaired by the reasons of the check, line by line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from tyro.conf import Positional
+
+from mam_pipeline.claims import MENDED, claim_entries, claim_folder
+from mam_pipeline.edited import Count, Positive
+from mam_pipeline.errors import ConfigError
+from mam_sim.console import Screen
+from mam_sim.options import Verb
+
+if TYPE_CHECKING:
+    from mam_pipeline.mend import Change, Mended
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mend(Verb):
+    """Repair what `check` finds, where that leaves the object what it is; a line for each change.
+
+    Exit status 0 when every mended file passes the check, 1 when something is left, 2 when a file
+    cannot be read.
+    """
+
+    files: Positional[tuple[str, ...]]
+    """URDF or MJCF files, folders of URDFs, quoted patterns, or a list (.txt) of these."""
+    out: Path | None = None
+    """Folder for the mended copy and mend.json; of several files, for a folder each."""
+    only: tuple[str, ...] = ()
+    """Mend these reasons alone (their codes are those of `check`)."""
+    profile: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    """Mend also what this simulator would refuse or ignore: sapien, mujoco, pybullet, isaac, newton
+    or gazebo."""
+    dry_run: bool = False
+    """Say what would be changed, and write nothing."""
+    allow_outside: bool = False
+    """Let files of your own name others outside their folder; they are copied."""
+    drive: bool = True
+    """Drive the joints in the simulator too."""
+    jobs: Count = 1
+    """Files at once, each in a process of its own."""
+    time_limit: Positive = 600.0
+    """Seconds after which a file is given up."""
+    memory_limit: Positive = 8.0
+    """Gigabytes of memory at which a file is given up."""
+    json: bool = False
+    """Print the result as JSON."""
+
+    def run(self) -> int:
+        """Mend; print the changes and what is left."""
+        from mam_pipeline.folders import Scratch
+        from mam_pipeline.guarded import Limits
+        from mam_pipeline.mend import Order
+        from mam_sim.mending import Task, found_files, mended
+
+        if (self.out is None) != self.dry_run:
+            raise ConfigError("mend needs --out DIR, or --dry-run, which writes nothing")
+        order = Order(self.only, self.profile, self.drive, self.allow_outside)
+        order.check()
+        items = found_files(self.files)
+        screen = Screen(self.quiet or self.json)
+        several = len(items) > 1
+        names = {item.name for item in items}
+        if self.out is not None and several:
+            claim_entries(self.out, "result of mend", lambda name: name in names)
+        with Scratch() as scratch:
+            limits, tasks = Limits(self.time_limit, self.memory_limit), list[Task]()
+            for item in items:
+                place = None if self.out is None else self.out.absolute()
+                place = place / item.name if place is not None and several else place
+                if place is not None:
+                    claim_folder(place, MENDED)
+                result = Path(scratch) / f"{len(tasks)}.json"
+                tasks.append(Task(item, place, order, result, limits))
+            results = []
+            for found in mended(tasks, self.jobs):
+                results.append(found)
+                _print(screen, found)
+        if self.json:
+            screen.json([f.as_dict() for f in results])
+        read = [f for f in results if not f.fault]
+        if several:
+            before, now = (sum(getattr(f, k) for f in read) for k in ("before", "passed"))
+            screen.say(f"{len(results)} files: {before} passed before, {now} pass now")
+        if len(read) < len(results):
+            return 2
+        return 0 if all(f.passed for f in read) else 1
+
+
+def _print(screen: Screen, found: Mended) -> None:
+    """The verdict before and after, the changes, and what is left."""
+    if found.fault:
+        screen.say(f"{found.source}: cannot be mended: {found.fault}")
+        return
+    words = {True: "passes", False: "fails"}
+    why = f" ({', '.join(found.reasons_before)})" if found.reasons_before else ""
+    count = f"{len(found.changes)} change{'' if len(found.changes) == 1 else 's'}"
+    screen.say(f"{found.source}: {words[found.before]}{why}; {count}; now it {words[found.passed]}")
+    for line in lines(found.changes):
+        screen.say(f"  {line}")
+    for line in found.left:
+        screen.say(f"  left: {line}")
+    if found.urdf:
+        screen.say(f"written: {found.urdf}")
+
+
+def lines(changes: Sequence[Change]) -> list[str]:
+    """A line for each change; equal ones of several places are one."""
+    groups: dict[Change, list[str]] = {}
+    for change in changes:
+        groups.setdefault(replace(change, where=""), []).append(change.where)
+    out = []
+    for change, places in groups.items():
+        where = places[0] if len(places) == 1 else f"{places[0]} and {len(places) - 1} more"
+        out.append(replace(change, where=where).line())
+    return out

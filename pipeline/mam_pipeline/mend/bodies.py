@@ -1,0 +1,347 @@
+"""Repairs of bodies: mass and inertia, and convex pieces that collide."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import yourdfpy
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from mam_pipeline.asset.collision import collision_shapes
+from mam_pipeline.asset.decompose import Chunk, hull_volume
+from mam_pipeline.asset.inertia import KIND_MATERIALS, MIN_MASS, link_inertials
+from mam_pipeline.asset.shapes import few_points, shape_around
+from mam_pipeline.check.model import CheckModel
+from mam_pipeline.check.profiles import ENTRIES, PROFILES, lack, tensor_of, turn_of
+from mam_pipeline.errors import MamSimError
+from mam_pipeline.formats.urdf.geometry import shape_triangles
+from mam_pipeline.formats.urdf.read import read_bodies
+from mam_pipeline.formats.urdf.tree import UrdfTree
+from mam_pipeline.formats.urdf.write import collision_element, hull_text, numbers
+from mam_pipeline.geometry.stand_in import lightened
+from mam_pipeline.geometry.surface import hull_of
+from mam_pipeline.mend.work import Work, attribute, child, number, short
+from mam_pipeline.types import Articulation, CollisionShape, FloatArray, Inertial, Link, Mesh
+
+
+@dataclass(frozen=True)
+class BodyRules:
+    """How bodies are mended.
+
+    Attributes:
+        ball: metres: radius of what stands for a body of which nothing is seen.
+        growth: share of the largest moment by which the others may grow together.
+    """
+
+    ball: float = 0.02
+    growth: float = 0.5
+
+
+RULES = BodyRules()
+
+
+def inertia(work: Work, reason: str = "bad_inertia") -> None:
+    """Mass properties from the surface of a link and what such things are made of.
+
+    A mass that is one is kept; a tensor that breaks the triangle inequality by little grows.
+    """
+    inertials = None
+    for name, link in _moved(work):
+        element = link.find("inertial")
+        mass = number(attribute(element, "mass", "value")) if element is not None else None
+        mass = mass if mass is not None and mass > 0 else None
+        tensor = None if element is None else tensor_of(element)
+        good = tensor is not None and np.linalg.eigvalsh(tensor)[0] > 0
+        if mass is not None and tensor is not None and good and lack(tensor) <= 0.0:
+            continue
+        before = "no inertial" if element is None else (
+            f"mass {attribute(element, 'mass', 'value') or 'none'}, "
+            f"moments {'none' if tensor is None else short(np.linalg.eigvalsh(tensor))}"
+        )  # fmt: skip
+        if element is not None and mass is not None and tensor is not None and good:
+            after = _grown(element, tensor)
+            if after is not None:
+                why = "the least growth to moments that a body can have"
+                work.change(reason, name, before, after, why)
+                continue
+        if (element is None) != (reason in ("no_inertia", "inertial_missing")):
+            continue
+        inertials = _measured(work) if inertials is None else inertials
+        found = inertials.get(name)
+        if found is None:
+            own = MIN_MASS if mass is None else mass
+            made = Inertial(own, np.zeros(3), np.eye(3) * 0.4 * own * RULES.ball**2)
+            why = f"nothing of it is seen: a ball of {100 * RULES.ball:g} cm"
+        else:
+            made = found if mass is None else replace(
+                found, mass=mass, inertia=found.inertia * mass / found.mass)  # fmt: skip
+            why = f"of its surface, {found.material}"
+            why = why if mass is None else "its mass, spread as its surface is"
+        _write_inertial(link, made)
+        after = f"mass {made.mass:.4g}, moments {short(np.linalg.eigvalsh(made.inertia))}"
+        work.change(reason, name, before, after, why)
+
+
+def _moved(work: Work) -> Iterator[tuple[str, ET.Element]]:
+    """Links that some joint moves, or that are fixed to one that is."""
+    holds = {attribute(j, "child", "link"): j for j in work.joints.values()}
+    for name, link in work.links.items():
+        at, seen = name, set[str]()
+        while at in holds and holds[at].get("type") == "fixed" and at not in seen:
+            seen.add(at)
+            at = attribute(holds[at], "parent", "link")
+        if at in holds:
+            yield name, link
+
+
+def _grown(element: ET.Element, tensor: FloatArray) -> str | None:
+    """Grow a tensor to one that a body can have; None where it is too far from one."""
+    values, axes = np.linalg.eigh(tensor)
+    missing = values[2] - values[0] - values[1]
+    if missing > RULES.growth * values[2]:
+        return None
+    values[:2] += 0.5001 * missing
+    _write_tensor(element, axes @ np.diag(values) @ axes.T)
+    return f"moments {short(np.sort(values))}"
+
+
+def _measured(work: Work) -> dict[str, Inertial]:
+    """Mass properties of every link that shows a surface, in its own frame."""
+    work.save()
+    try:
+        mesh, tree = read_bodies(work.urdf).mesh, UrdfTree.read(work.urdf)
+    except MamSimError:
+        return {}
+    assert mesh.face_group is not None
+    links = tuple(Link(n, _kind(n), np.flatnonzero(mesh.face_group == i))
+                  for i, n in enumerate(mesh.group_names))  # fmt: skip
+    out = {}
+    for link, body in zip(links, link_inertials(lightened(Articulation(mesh, links, ())))):
+        frame = tree.frames[link.name]
+        turn, place = frame[:3, :3], frame[:3, 3]
+        out[link.name] = replace(
+            body, center=turn.T @ (body.center - place), inertia=turn.T @ body.inertia @ turn
+        )
+    return out
+
+
+def _kind(name: str) -> str:
+    """What a name says that the link is made of."""
+    words = re.split(r"[^a-z]+", name.lower())
+    return next((w for w in words if w in KIND_MATERIALS), "body")
+
+
+def _write_inertial(link: ET.Element, body: Inertial) -> None:
+    for old in link.findall("inertial"):
+        link.remove(old)
+    element = ET.Element("inertial")
+    link.insert(0, element)
+    ET.SubElement(element, "origin", xyz=numbers(body.center), rpy="0 0 0")
+    ET.SubElement(element, "mass", value=numbers([body.mass]))
+    _write_tensor(element, body.inertia)
+
+
+def _write_tensor(element: ET.Element, tensor: FloatArray) -> None:
+    target = child(element, "inertia")
+    for key, (i, k) in ENTRIES.items():
+        target.set(key, numbers([tensor[i, k]]))
+
+
+def straight_inertial(work: Work, reason: str = "inertial_turned") -> None:
+    """Inertial frames that are not turned: the rotation goes into the tensor."""
+    for name, link in work.links.items():
+        element = link.find("inertial")
+        turn = None if element is None else turn_of(element)
+        tensor = None if element is None else tensor_of(element)
+        if element is None or turn is None or tensor is None:
+            continue
+        before = attribute(element, "origin", "rpy")
+        child(element, "origin").set("rpy", "0 0 0")
+        _write_tensor(element, turn @ tensor @ turn.T)
+        why = "the same body: the rotation is in the tensor, where all read it"
+        work.change(reason, name, f"rpy {before}", "rpy 0 0 0", why)
+
+
+def body_inertials(work: Work, model: CheckModel) -> list[Inertial]:
+    """Mass properties of every body of the model by the URDF's own inertials, root frame."""
+    tree = UrdfTree.read(work.urdf)
+    index = {link.name: i for i, link in enumerate(model.articulation.links)}
+    parts: list[list[Inertial]] = [[] for _ in index]
+    for link in tree.robot.links:
+        owner = tree.body_of(link.name, index) if link.name in tree.frames else None
+        own = link.inertial
+        if owner is None or own is None or not own.mass or own.inertia is None:
+            continue
+        frame = tree.frames[link.name] @ (np.eye(4) if own.origin is None else own.origin)
+        turned = frame[:3, :3] @ own.inertia @ frame[:3, :3].T
+        parts[index[owner]].append(Inertial(own.mass, frame[:3, 3], turned))
+    return [_together(some) for some in parts]
+
+
+def _together(parts: list[Inertial]) -> Inertial:
+    mass = sum(p.mass for p in parts)
+    if mass <= 0.0:
+        return Inertial(MIN_MASS, np.zeros(3), np.eye(3) * MIN_MASS * 1e-4)
+    center = sum((p.mass * p.center for p in parts), np.zeros(3)) / mass
+    tensor = np.zeros((3, 3))
+    for p in parts:
+        r = p.center - center
+        tensor += p.inertia + p.mass * (r @ r * np.eye(3) - np.outer(r, r))
+    return Inertial(mass, center, tensor)
+
+
+def rebuild(
+    work: Work,
+    reason: str,
+    wanted: set[str] | None = None,
+    why: str = "from what is seen of it",
+) -> None:
+    """Convex pieces of bodies, made anew from what is seen of them.
+
+    Args:
+        wanted: names of bodies of the model; None for all.
+    """
+    model = work.model()
+    if model is None:
+        return
+    light = lightened(model.articulation)
+    skip = frozenset(k.name for k in light.links if wanted is not None and k.name not in wanted)
+    made = collision_shapes(light, skip=skip)
+    tree = UrdfTree.read(work.urdf)
+    index = {link.name: i for i, link in enumerate(light.links)}
+    for name, shapes in made.items():
+        if not shapes:
+            continue
+        members = [n for n in tree.frames if tree.body_of(n, index) == name]
+        before = 0
+        for member in members:
+            for old in work.links[member].findall("collision"):
+                work.links[member].remove(old)
+                before += 1
+        back = np.linalg.inv(tree.frames[name])
+        _write_pieces(work, work.links[name], name, [_moved_shape(s, back) for s in shapes])
+        after = f"{len(shapes)} convex pieces"
+        work.change(reason, name, f"{before} collision shapes", after, why)
+
+
+def _moved_shape(shape: CollisionShape, pose: FloatArray) -> CollisionShape:
+    points = shape.vertices @ pose[:3, :3].T + pose[:3, 3]
+    own = shape.pose if shape.kind == "convex" else pose @ shape.pose
+    return replace(shape, pose=own, vertices=points)
+
+
+def _write_pieces(
+    work: Work, link: ET.Element, name: str, shapes: list[CollisionShape],
+    origin: ET.Element | None = None,
+) -> None:  # fmt: skip
+    """Add pieces to a link: in its frame, or in that of the element whose `origin` is given."""
+    stem = re.sub(r"\W", "_", name, flags=re.ASCII)
+    for shape in shapes:
+        file, k = "", 0
+        if shape.kind == "convex":
+            while not file or (work.folder / file).exists():
+                file, k = f"collision/{stem}_{k:02d}.obj", k + 1
+            (work.folder / "collision").mkdir(exist_ok=True)
+            (work.folder / file).write_text(hull_text(shape, np.zeros(3)), encoding="ascii")
+        element = collision_element(link, shape, file, np.zeros(3))
+        if origin is not None and shape.kind == "convex":
+            element.remove(child(element, "origin"))
+            element.insert(0, origin)
+
+
+def no_collision(work: Work, reason: str = "no_collision") -> None:
+    """Pieces for bodies that move and show a surface but collide with nothing."""
+    model = work.model()
+    if model is None:
+        return
+    bare = {link.name for link, hulls in zip(model.articulation.links, model.hulls)
+            if not hulls and len(link.faces)}  # fmt: skip
+    if bare:
+        rebuild(work, reason, bare)
+
+
+def fewer_points(work: Work, reason: str = "hull_points") -> None:
+    """Convex hulls of few points in place of those that a GPU refuses."""
+    most = min(p.max_hull_points for p in PROFILES.values() if p.max_hull_points)
+    for name, element, (points, _faces) in list(_collision_points(work)):
+        hull = hull_of(points)
+        if hull is None or len(hull[0]) <= most:
+            continue
+        chunk = Chunk(hull[0], hull[1], 0.0, hull_volume(hull[0]))
+        shape = _as_hull(shape_around(chunk, 0.0), chunk)
+        _exchange(work, name, element, [shape])
+        away = max(_beyond(points, shape.vertices), _beyond(shape.vertices, points))
+        why = (
+            f"a GPU takes {most} points of a hull; its surface moves by {1e3 * away:.2g} mm at most"
+        )
+        after = f"{len(shape.vertices)} points"
+        work.change(reason, name, f"{len(hull[0])} points", after, why)
+
+
+def _beyond(points: FloatArray, corners: FloatArray) -> float:
+    """How far any of points (n, 3) lies outside the hull of corners (m, 3), metres, at most."""
+    planes = ConvexHull(corners).equations
+    return max(float((points @ planes[:, :3].T + planes[:, 3]).max()), 0.0)
+
+
+def _as_hull(shape: CollisionShape, chunk: Chunk) -> CollisionShape:
+    """The piece as a hull: the element's own origin stays."""
+    if shape.kind == "convex":
+        return shape
+    found = hull_of(few_points(chunk.vertices))
+    assert found is not None
+    return CollisionShape("convex", vertices=found[0], faces=found[1])
+
+
+def concave(work: Work, reason: str = "concave_collision") -> None:
+    """Convex pieces in place of a concave mesh, which would collide as its hull."""
+    for name, element, (vertices, faces) in list(_collision_points(work)):
+        hull = hull_of(vertices)
+        if hull is None:
+            continue
+        whole = Articulation(
+            Mesh(vertices, faces), (Link(name, "body", np.arange(len(faces))),), ()
+        )
+        shapes = collision_shapes(lightened(whole))[name]
+        if len(shapes) < 2:
+            continue
+        link = work.links[name]
+        origin = element.find("origin")
+        pose = np.eye(4) if origin is None else _pose(origin)
+        link.remove(element)
+        _write_pieces(work, link, name, [_moved_shape(s, pose) for s in shapes])
+        why = "a mesh collides as its convex hull, which filled its hollow"
+        work.change(reason, name, "1 concave mesh", f"{len(shapes)} pieces", why)
+
+
+def _pose(origin: ET.Element) -> FloatArray:
+    pose = np.eye(4)
+    pose[:3, 3] = [float(w) for w in (origin.get("xyz") or "0 0 0").split()]
+    angles = [float(w) for w in (origin.get("rpy") or "0 0 0").split()]
+    pose[:3, :3] = Rotation.from_euler("xyz", angles).as_matrix()
+    return pose
+
+
+def _collision_points(
+    work: Work,
+) -> Iterator[tuple[str, ET.Element, tuple[FloatArray, np.ndarray]]]:
+    """(link, element, triangles in the element's frame, scale applied) of collision meshes."""
+    for name, kind, element, mesh in work.meshes():
+        if kind == "collision":
+            scale = [float(w) for w in (mesh.get("scale") or "1 1 1").split()]
+            shape = yourdfpy.Mesh(filename=mesh.get("filename") or "", scale=scale)
+            found = shape_triangles(yourdfpy.Geometry(mesh=shape), work.folder)
+            if found is not None:
+                yield name, element, found
+
+
+def _exchange(work: Work, name: str, element: ET.Element, shapes: list[CollisionShape]) -> None:
+    """Pieces in the place of a collision element, in its own frame."""
+    link = work.links[name]
+    link.remove(element)
+    _write_pieces(work, link, name, shapes, element.find("origin"))

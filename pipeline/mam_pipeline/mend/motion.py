@@ -1,0 +1,156 @@
+"""Repairs of what a joint does on its way: ranges that run into something or out of their guide."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mam_pipeline.check.model import CheckModel
+from mam_pipeline.check.report import JointReport
+from mam_pipeline.check.shorten import KEPT
+from mam_pipeline.check.sweep import sweep_joint
+from mam_pipeline.mend.bodies import rebuild
+from mam_pipeline.mend.joints import around_of
+from mam_pipeline.mend.work import Work, child
+from mam_pipeline.thresholds import THRESHOLDS
+from mam_pipeline.types import Joint
+
+
+@dataclass(frozen=True)
+class MotionRules:
+    """When a range is changed.
+
+    Attributes:
+        least: share of a range that must be left; a joint that is cut to less is another one.
+        wrong: a way whose free share is below this, where the other way is free, has a wrong sign.
+        free: share of the other way that must be free for that.
+        steps: halvings in the search for where a slide loses contact.
+    """
+
+    least: float = 0.5
+    wrong: float = 0.25
+    free: float = 0.9
+    steps: int = 6
+
+
+RULES = MotionRules()
+
+
+def _failing(work: Work, *reasons: str) -> list[tuple[CheckModel, Joint, JointReport]]:
+    model = work.model()
+    if model is None or work.report is None:
+        return []
+    named = {j.name: j for j in model.articulation.joints}
+    return [(model, named[r.name], r) for r in work.report.joints
+            if r.name in named and set(reasons) & set(r.reasons)]  # fmt: skip
+
+
+def _ends(work: Work, reason: str, joint: Joint, lower: float, upper: float, why: str) -> None:
+    limit = child(work.joints[joint.name], "limit")
+    limit.set("lower", f"{lower:.6g}")
+    limit.set("upper", f"{upper:.6g}")
+    before, after = (f"{a:.4g} .. {b:.4g}" for a, b in ((joint.lower, joint.upper), (lower, upper)))
+    work.change(reason, joint.name, before, after, why)
+
+
+def clear_way(work: Work, reason: str = "penetration") -> None:
+    """Ranges that end before the part runs into something, or that open the other way."""
+    for model, joint, _report in _failing(work, reason):
+        if joint.type == "continuous" or joint.coupling is not None:
+            continue
+        around = around_of(model, joint)
+        if around is None:
+            continue
+        motion = "prismatic" if joint.type == "prismatic" else "revolute"
+
+        def free(end: float) -> float:
+            return around.free(motion, joint.axis, joint.origin, end)[0] if end else 0.0  # noqa: B023
+
+        low, high = free(joint.lower), free(joint.upper)
+        span = joint.upper - joint.lower
+        share = (high - low) / span
+        if share < RULES.wrong and min(abs(joint.lower), abs(joint.upper)) < 0.05 * span:
+            other_low, other_high = free(-joint.upper), free(-joint.lower)
+            if (other_high - other_low) / span >= RULES.free:
+                why = "the sign: this way it runs into something at once, the other way it is free"
+                _ends(work, reason, joint, -joint.upper, -joint.lower, why)
+                continue
+        if joint.lower <= 0.0 <= joint.upper and RULES.least <= share < 1.0:
+            why = f"{share:.0%} of its range is free; beyond it the part is inside another"
+            _ends(work, reason, joint, low, high, why)
+
+
+def in_guide(work: Work, reason: str = "detached") -> None:
+    """Slides that end before they lose contact or leave their channel."""
+    for model, joint, _report in _failing(work, reason):
+        if joint.coupling is not None or not joint.lower <= 0.0 <= joint.upper:
+            continue
+        low, high = RULES.least, 1.0
+        for _ in range(RULES.steps):
+            share = (low + high) / 2
+            tried = replace(joint, lower=share * joint.lower, upper=share * joint.upper)
+            gap = sweep_joint(model, tried).gap
+            low, high = (low, share) if gap and gap > THRESHOLDS.gap_share else (share, high)
+        if low > RULES.least:
+            why = f"beyond {low:.0%} of its range it has left what it slides in"
+            _ends(work, reason, joint, low * joint.lower, low * joint.upper, why)
+
+
+def pieces(work: Work, reason: str = "cavity_filled") -> None:
+    """Convex pieces that leave hollows open, where a hull fills them or two overlap at rest."""
+    if work.report is None:
+        return
+    bodies = {f.where for f in work.report.findings if f.code == "collision_off"}
+    rebuild(
+        work, reason, bodies if reason == "collision_off" else None, "cut so that hollows stay open"
+    )
+
+
+def driven_way(work: Work, reason: str = "frozen") -> None:
+    """Ranges that end where the simulator could drive the part."""
+    for _model, joint, report in _failing(work, reason, "no_return"):
+        share = KEPT * min(report.reached or 0.0, 1.0)
+        free = joint.coupling is None and joint.lower <= 0.0 <= joint.upper
+        if joint.type != "continuous" and free and RULES.least <= share < KEPT:
+            why = f"a drive comes to {share / KEPT:.0%} of it, where its pieces wedge"
+            _ends(work, reason, joint, share * joint.lower, share * joint.upper, why)
+
+
+def exclusions(work: Work, reason: str = "frozen") -> None:
+    """Pairs of bodies whose pieces overlap at rest, named as not colliding in an SRDF file.
+
+    Parent and child are left out by simulators themselves.
+    """
+    model = work.model()
+    if model is None:
+        return
+    joints, links = model.articulation.joints, model.articulation.links
+    known = {(j.parent, j.child) for j in joints}
+    lines = []
+    for i in range(len(links)):
+        for k in range(i + 1, len(links)):
+            if (i, k) in known or not _overlap(model, i, k):
+                continue
+            a, b = links[i].name, links[k].name
+            lines.append(f' <disable_collisions link1="{a}" link2="{b}" reason="Default"/>')
+            why = "their pieces are inside each other at rest, and would push the joints"
+            work.change(reason, f"{a}, {b}", "collide", "named in the SRDF as not colliding", why)
+    if lines:
+        text = "\n".join([f'<robot name="{work.root.get("name")}">', *lines, "</robot>", ""])
+        work.urdf.with_suffix(".srdf").write_text(text, encoding="utf-8")
+
+
+def _overlap(model: CheckModel, i: int, k: int) -> bool:
+    """Whether points of a piece of one body lie deep in a piece of the other, at rest."""
+    deep = THRESHOLDS.penetration_share * model.articulation.mesh.diagonal
+    for a in model.hulls[i]:
+        for b in model.hulls[k]:
+            far = np.maximum(a.points.min(0) - b.points.max(0), b.points.min(0) - a.points.max(0))
+            if far.max() > -deep:
+                continue
+            middle = [(p.points.mean(0) + p.points) / 2 for p in (a, b)]
+            points = np.concatenate([a.points, b.points, *middle])
+            if (np.minimum(a.depth(points), b.depth(points)) > deep).any():
+                return True
+    return False
