@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import ConvexHull
 
 from mam_pipeline.asset.clearance import keep_apart
 from mam_pipeline.asset.collision import _Space, _with_plates, collision_shapes, outside
+from mam_pipeline.asset.decompose import half
 from mam_pipeline.asset.shapes import MAX_HULL_POINTS
 from mam_pipeline.geometry.sampling import sample_surface
-from mam_pipeline.geometry.surface import Component
+from mam_pipeline.geometry.surface import Component, triangle_areas
 from mam_pipeline.types import Articulation, CollisionShape, Joint, Link, Mesh
 
 
@@ -209,3 +211,42 @@ def test_a_plate_does_not_stand_out_of_its_link() -> None:
     for shape in shapes:
         low, high = as_mesh(shape).bounds
         assert (low > -0.015).all() and (high < [1.015, 1.015, 0.015]).all()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_half_of_a_surface_leaves_it(seed: int) -> None:
+    """However near to the plane vertices lie, a cut edge ends within its triangle."""
+    rng = np.random.default_rng(seed)
+    vertices, faces = rng.normal(size=(60, 3)), rng.integers(0, 60, (100, 3))
+    direction = rng.normal(size=3)
+    direction /= np.linalg.norm(direction)
+    near = rng.random(60) < 0.6
+    away = rng.normal(size=60) * 10.0 ** rng.integers(-12, -7, 60)
+    onto = vertices @ direction - 0.1 - away
+    vertices[near] -= np.outer(onto, direction)[near]
+    area = 0.0
+    for side in (1.0, -1.0):
+        points, cut = half(vertices, faces, side * direction, side * 0.1)
+        assert (points.min(axis=0) >= vertices.min(axis=0) - 1e-9).all()
+        assert (points.max(axis=0) <= vertices.max(axis=0) + 1e-9).all()
+        assert (points[cut] @ (side * direction) >= side * 0.1 - 1e-9).all()
+        area += float(triangle_areas(points[cut]).sum())
+    assert area == pytest.approx(float(triangle_areas(vertices[faces]).sum()), rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_piece_leaves_its_part(seed: int) -> None:
+    """Boards whose faces lie beside each other by rounding alone."""
+    rng = np.random.default_rng(seed)
+    turn = trimesh.transformations.random_rotation_matrix(rng.random(3))
+    boards = [
+        trimesh.creation.box(bounds=np.sort(rng.random((2, 3)).round(1) + [[0], [0.05]], axis=0))
+        for _ in range(6)
+    ]
+    whole: Any = trimesh.util.concatenate(boards).apply_transform(turn)
+    whole.vertices += rng.normal(size=whole.vertices.shape) * 10.0 ** rng.integers(-10, -7)
+    body = single(whole)
+    planes = ConvexHull(whole.vertices).equations
+    for shape in collision_shapes(body)["a"]:
+        beyond = as_mesh(shape).vertices @ planes[:, :3].T + planes[:, 3]
+        assert beyond.max() < 0.01 * body.mesh.diagonal

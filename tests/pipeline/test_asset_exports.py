@@ -88,6 +88,13 @@ def test_mjcf_has_the_same_poses_and_masses(asset: Asset) -> None:
         assert {n: data.joint(n).qpos[0] for n in wanted} == pytest.approx(wanted)
 
 
+def test_mjcf_can_be_drawn_before_a_sky(asset: Asset, tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_path(str(export_mjcf(asset, tmp_path / "object.xml")))
+    assert model.vis.global_.offheight >= 600 and model.vis.global_.offwidth >= 800
+    assert mujoco.mjtTexture.mjTEXTURE_SKYBOX in model.tex_type and model.nlight
+
+
 @pytest.mark.parametrize("format", ["obj", "glb"])
 def test_mjcf_shows_every_face_and_texture(tmp_path: Path, format: Literal["obj", "glb"]) -> None:
     """A flat sheet, a JPEG and three materials on one link come through, from either format."""

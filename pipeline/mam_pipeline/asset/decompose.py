@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
-from trimesh.intersections import slice_faces_plane
 
 from mam_pipeline.geometry.boxes import minimal_box
 from mam_pipeline.geometry.surface import hull_of
@@ -161,12 +160,41 @@ def _best_cut(chunk: Chunk) -> list[tuple[FloatArray, IntArray]] | None:
     direction, level = best
     halves = []
     for side in (1.0, -1.0):
-        vertices, faces, _ = slice_faces_plane(
-            chunk.vertices, chunk.faces, side * direction, level * direction
-        )
+        vertices, faces = half(chunk.vertices, chunk.faces, side * direction, side * level)
         if len(faces) and np.ptp(vertices[np.unique(faces)] @ direction) > _SLIVER * box.half.max():
-            halves.append((np.asarray(vertices), np.asarray(faces, dtype=np.int64)))
+            halves.append((vertices, faces))
     return halves or None
+
+
+def half(
+    vertices: FloatArray, faces: IntArray, direction: FloatArray, level: float
+) -> tuple[FloatArray, IntArray]:
+    """The part of a surface where direction . x >= level; no vertex leaves its triangle.
+
+    An edge is cut only where its ends lie on either side, at a share between 0 and 1. (trimesh's
+    slice takes ends within 1e-8 of the plane for ends on it, and extrapolates edges beside it.)
+    """
+    signed = vertices @ direction - level
+    inside = signed[faces] >= 0.0
+    count = inside.sum(axis=1)
+    points, out = [vertices], [faces[count == 3]]
+    total = len(vertices)
+    for kept in (1, 2):
+        rows = np.flatnonzero(count == kept)
+        # first the corner that is alone on its side, then the others in their order
+        lone = np.argmax(inside[rows] == (kept == 1), axis=1)
+        a, b, c = (faces[rows, (lone + k) % 3] for k in range(3))
+        cut = []
+        for other in (b, c):
+            share = (signed[a] / (signed[a] - signed[other]))[:, None]
+            points.append(vertices[a] * (1.0 - share) + vertices[other] * share)
+            cut.append(total + np.arange(len(rows)))
+            total += len(rows)
+        if kept == 1:
+            out.append(np.stack([a, cut[0], cut[1]], axis=1))
+        else:
+            out += [np.stack([cut[0], b, c], axis=1), np.stack([cut[0], c, cut[1]], axis=1)]
+    return np.concatenate(points), np.concatenate(out).astype(np.int64)
 
 
 def merge(chunks: Sequence[Chunk], tolerance: float) -> list[Chunk]:

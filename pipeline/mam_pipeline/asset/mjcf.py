@@ -35,6 +35,8 @@ VISUAL_GROUP, COLLISION_GROUP = 2, 3
 """Geom groups that MuJoCo's own models use: its viewer shows the first and hides the second."""
 TIMESTEP = 0.002
 """Seconds; MuJoCo's default."""
+OFFSCREEN = 1920, 1080
+"""Pixels: the largest picture that `mujoco.Renderer` draws of an export."""
 
 
 def export_mjcf(asset: Asset, path: str | Path | None = None) -> Path:
@@ -42,8 +44,8 @@ def export_mjcf(asset: Asset, path: str | Path | None = None) -> Path:
 
     Bodies, masses, joint frames, ranges, damping and friction are those of the URDF, read by
     MuJoCo. Added are materials with their textures (PNG, the one format of MuJoCo), geom groups,
-    lights, a camera, keyframes `closed` and `open`, and contact excludes between parent and child,
-    which SAPIEN leaves out too. The base is fixed.
+    lights, a sky, a camera, keyframes `closed` and `open`, and contact excludes between parent and
+    child, which SAPIEN leaves out too. The base is fixed.
 
     Args:
         asset: the folder. path: of the XML; default ASSET/object.xml.
@@ -236,11 +238,17 @@ class _Files:
 
 
 def _light(spec: Any, asset: Asset) -> None:
-    """A light over the viewer's shoulder and a camera that sees the front from the right."""
+    """Light over the viewer's shoulder, a sky, and a camera that sees the front from the right."""
+    import mujoco
+
     low, high = np.asarray(asset.card.bounds, dtype=float)
     middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
     spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
     spec.visual.headlight.diffuse = [0.35, 0.35, 0.35]
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = OFFSCREEN
+    sky = spec.add_texture(name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX)
+    sky.builtin, sky.width, sky.height = mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, 256, 1536
+    sky.rgb1, sky.rgb2 = [0.75, 0.83, 0.92], [0.95, 0.95, 0.95]
     sun = np.array([-1.0, -0.6, 1.8])
     light = spec.worldbody.add_light(name="sun", pos=middle + 2 * size * sun, dir=-sun)
     light.type, light.diffuse = 1, [0.6, 0.6, 0.6]  # 1: directional
