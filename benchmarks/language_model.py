@@ -1,39 +1,87 @@
 """Recorded answers of a language model, scored offline beside the embedded reasoner.
 
     python benchmarks/language_model.py DATASET [--answers ARCHIVE ...] [--out FILE.json]
+    python benchmarks/language_model.py ../shared/bench/dev --rows      # and the README's rows
 
 An archive holds one folder per object: what was answered from the pictures alone, the pieces that
-were shown (pieces.npz), and by `subject.txt` what each answer is about. Both reasoners get those
-pieces, the same prior and the same solver. Where the object moves otherwise than it did when it was
-looked at, that look no longer counts, and the table says for how many objects that is so.
+were shown (pieces.npz), and by `subject.txt` what each answer is about. Its about.json says who
+answered, what was known, and how many pictures a question had. Both reasoners get those pieces, the
+same prior and the same solver. Where the object moves otherwise than it did when it was looked at,
+that look no longer counts, and the table says for how many objects that is so.
 `python -m mam_training.labels pack` makes an archive of a folder of questions.
+
+An answer tells nothing of what fewer pictures would have shown. A table by their number needs the
+questions put again, each number into an archive (`--vlm-images`); each archive is a row here.
 """
 
 from __future__ import annotations
 
+import json
+import sys
 import tempfile
+import time
 import zipfile
-from collections.abc import Sequence
-from dataclasses import asdict, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
+import code_state
+import engine_table
 import numpy as np
+import results_page
 import tyro
 from common import ROOT, save
 from tyro.conf import Positional
 
+from mam_pipeline.asset.interiors import add_interiors
 from mam_pipeline.backends import KinematicPrior
 from mam_pipeline.errors import BackendError, HintNeeded, MamSimError
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.make_config import EngineConfig
-from mam_pipeline.metrics import Scores, score
+from mam_pipeline.metrics import score
 from mam_pipeline.models import settings
 from mam_pipeline.stages import Stages
 from mam_pipeline.types import KinematicTree, Primitives
+from mam_pipeline.weights import noting
+from mam_sim.bench.runner import Record, execute
+from mam_sim.bench.table import Row, models_of, summarise
 
 ANSWERS = ROOT / "tests" / "pipeline" / "answers.zip"
-LABELS = {"file": "recorded answers", "embedded": "embedded"}
-COLUMNS = ("miou", "count", "type_error", "axis", "pivot")
+EMBEDDED = "the embedded reasoner"
+COLUMNS = ("miou", "count", "type_error", "axis", "pivot", "executable")
+PATHS = (
+    "pipeline/mam_pipeline", ":!pipeline/mam_pipeline/photo", "mam_sim/bench",
+    "benchmarks/language_model.py", "tests/pipeline/answers.zip",
+)  # fmt: skip
+"""What the rows depend on: the questions and the pictures, too."""
+
+
+@dataclass(frozen=True)
+class Archive:
+    """Recorded answers, unpacked.
+
+    Attributes:
+        folder: one folder per object. by: who answered, and what was known.
+    """
+
+    folder: Path
+    by: str
+
+    @staticmethod
+    def of(file: Path, folder: Path) -> Archive:
+        """Unpack an archive.
+
+        Raises:
+            SystemExit: it does not say who answered.
+        """
+        with zipfile.ZipFile(file) as packed:
+            if "about.json" not in packed.namelist():
+                sys.exit(f"{file} has no about.json, so nobody knows who answered; pack it again")
+            about = json.loads(packed.read("about.json"))
+            packed.extractall(folder)
+        shown = about.get("pictures")
+        return Archive(folder, about["by"] + (f", {shown} pictures" if shown else ""))
 
 
 def replayed(
@@ -57,42 +105,70 @@ def replayed(
     raise AssertionError("unreachable")
 
 
-def compare(
-    folder: Path, truth: GroundTruth, prior: str, embedded: bool
-) -> tuple[dict[str, Scores], bool]:
-    """Scores of one object by each reasoner, and whether the answers are about today's pictures.
+def judged(
+    folder: Path, truth: GroundTruth, prior: str, reasoner: str, run: bool
+) -> tuple[Record, bool]:
+    """One object by one reasoner, and whether the answers are about today's pictures.
 
     Args:
-        folder: its answers and pieces. embedded: whether the embedded reasoner is scored, too.
+        folder: its answers and pieces. reasoner: file or embedded.
+        run: write the asset and test it in the simulator.
     """
     with np.load(folder / "pieces.npz") as data:
         merges = data["merges"] if "merges" in data else np.zeros((0, 2), dtype=np.int64)
         primitives = Primitives(data["labels"].astype(np.int64), merges)
-    out, current = {}, True
-    for reasoner in ("file", "embedded") if embedded else ("file",):
-        engine = Stages(EngineConfig("geometric", prior, reasoner, "embedded"))
+    engine = Stages(EngineConfig("geometric", prior, reasoner, "embedded"))
+    current, answer, why, began = True, None, "", time.perf_counter()
+    with noting() as rooms:
         try:
             found = engine.observe(truth.mesh, primitives)
             if reasoner == "file":
                 tree, current = replayed(engine, folder, truth, primitives, found)
             else:
                 tree = engine.reason(truth.mesh, primitives, found)
-            still = all(node.subtype == "fixed" for node in tree.nodes)
-            answer = None if still else engine.solve(truth.mesh, primitives, tree)
-            out[reasoner] = score(answer, truth)
+            if any(node.subtype != "fixed" for node in tree.nodes):
+                answer, _ = add_interiors(engine.solve(truth.mesh, primitives, tree))
         except MamSimError as error:
-            print(f"{truth.id}, {reasoner}: {error}")
-            out[reasoner] = score(None, truth)
-    return out, current
+            why = str(error)
+            print(f"{truth.id}, {reasoner}: {why}")
+    seconds = time.perf_counter() - began
+    passed, reasons = (None, ()) if not run else (False, ("no_joint",))
+    if run and answer is not None:
+        passed, reasons = execute(answer, truth.id)
+    record = Record(
+        id=truth.id, category=truth.category, key="", status="error" if why else "ok", why=why,
+        scores=score(answer, truth), seconds=seconds, stages={}, faces=len(truth.mesh.faces),
+        primitives=primitives.count, bound=None, executable=passed, reasons=reasons,
+        weights=tuple(sorted(rooms)),
+    )  # fmt: skip
+    return record, current
 
 
-def line(name: str, scores: Sequence[Scores]) -> str:
+def line(name: str, records: Sequence[Record]) -> str:
     """One Markdown row of means; pivot over the objects that have one."""
-    cells = []
-    for column in COLUMNS:
-        known = [v for s in scores if (v := getattr(s, column)) is not None]
-        cells.append(f"{np.mean(known):.2f}" if known else "")
-    return f"| {name} | {len(scores)} | {' | '.join(cells)} |"
+    total: Row = summarise(name, records)
+    values = [getattr(total, column) for column in COLUMNS]
+    cells = ["" if value is None else f"{value:.2f}" for value in values]
+    return f"| {name} | {len(records)} | {' | '.join(cells)} |"
+
+
+def write_rows(found: Mapping[str, Sequence[Record]], dataset: str, command: str) -> None:
+    """Put a row for each reasoner into the engine's table, and the table into the README."""
+    table = results_page.load(engine_table.TABLE)
+    source = Path(dataset).name
+    for k, (by, records) in enumerate(found.items()):
+        name = f"of the {engine_table.NAMES.get(source, source)}, read by {by}"
+        wanted = engine_table.Wanted(f"{source}-read-{k}", name, source, shipped=True, readme=True)
+        measured = engine_table.Measured(tuple(records), models_of(records, dataset), command)
+        row: dict[str, Any] = engine_table.row_of(wanted, measured, code_state.head())
+        row["paths"] = list(PATHS)
+        if by != EMBEDDED:
+            row["values"]["s"] = None  # nobody waited for an answer
+        engine_table.put(table, row, wanted.id)
+    text = json.dumps(table, indent=1, ensure_ascii=False) + "\n"
+    (results_page.RESULTS / f"{engine_table.TABLE}.json").write_text(text, encoding="utf-8")
+    text = results_page.README.read_text(encoding="utf-8")
+    results_page.README.write_text(results_page.readme(text), encoding="utf-8")
 
 
 def main(
@@ -101,37 +177,49 @@ def main(
     answers: tuple[Path, ...] = (ANSWERS,),
     prior: str = "embedded",
     embedded: bool = True,
+    simulate: bool = True,
+    only: tuple[str, ...] = (),
+    rows: bool = False,
     out: Path | None = None,
 ) -> None:
     """Score every object that has answers and print the table.
 
     Args:
         dataset: folder of ground-truth URDFs. answers: archives. prior: of both reasoners.
-        embedded: score the embedded reasoner, too. out: JSON file for the scores.
+        embedded: score the embedded reasoner, too. only: some objects.
+        simulate: write each asset and test it in the simulator.
+        rows: write the rows of the README. out: JSON file for the scores.
     """
-    rows: dict[str, dict[str, Scores]] = {}
-    past = []
+    if rows and (changed := code_state.changes(PATHS)):
+        sys.exit(f"a row names a commit, and {changed[0]} differs from it; commit first")
+    found: dict[str, list[Record]] = {}
+    past: list[str] = []
     with tempfile.TemporaryDirectory() as scratch:
-        place = Path(scratch)
-        for archive in answers:
-            with zipfile.ZipFile(archive) as packed:
-                packed.extractall(place)
+        known = [Archive.of(file, Path(scratch) / str(k)) for k, file in enumerate(answers)]
         print(f"| object, reasoner | n | {' | '.join(COLUMNS)} |\n|---|---|{'---|' * len(COLUMNS)}")
         for name, category, urdf in list_objects(dataset):
-            if not (place / name / "pieces.npz").is_file():
+            asked = [a for a in known if (a.folder / name / "pieces.npz").is_file()]
+            if not asked or (only and name not in only):
                 continue
             truth = read_object(urdf, name, category)
-            rows[name], current = compare(place / name, truth, prior, embedded)
-            past += [] if current else [name]
-            for reasoner, scores in rows[name].items():
-                print(line(f"{name}, {LABELS[reasoner]}", [scores]), flush=True)
-    for reasoner in rows and next(iter(rows.values())):
-        print(line(f"**all, {LABELS[reasoner]}**", [r[reasoner] for r in rows.values()]))
+            runs = [(a.by, a.folder, "file") for a in asked]
+            runs += [(EMBEDDED, asked[0].folder, "embedded")] if embedded else []
+            for by, folder, reasoner in runs:
+                record, current = judged(folder / name, truth, prior, reasoner, simulate)
+                past += [] if current else [name]
+                found.setdefault(by, []).append(record)
+                print(line(f"{name}, {by}", [record]), flush=True)
+    for by, records in found.items():
+        print(line(f"**all, {by}**", records))
     if past:
         print(f"\nmove otherwise than they did when they were looked at: {', '.join(past)}")
+    if rows:
+        flags = "" if answers == (ANSWERS,) else " --answers ARCHIVE"
+        shown = f"python benchmarks/language_model.py {Path(dataset).name.upper()}{flags} --rows"
+        write_rows(found, dataset, shown)
     plain = {
-        name: {k: asdict(replace(s, joints=())) for k, s in row.items()}
-        for name, row in rows.items()
+        by: {r.id: asdict(replace(r.scores, joints=())) for r in records}
+        for by, records in found.items()
     }
     save(out, plain)
 

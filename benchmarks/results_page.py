@@ -115,6 +115,8 @@ def faults(text: str) -> Iterator[tuple[bool, str]]:
         for row in readme_rows(table):
             found, name = state(table, row), f"README.md, row {row['name']!r}"
             commit = row["commit"]
+            if row["command"].startswith("python"):
+                again = row["command"]
             if found is State.OLDER:
                 yield True, f"{name}: its code changed since {commit}; measure it: {again}"
             elif found is State.UNKNOWN:

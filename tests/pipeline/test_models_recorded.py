@@ -22,7 +22,7 @@ from mam_pipeline.types import KinematicTree, Primitives
 
 ARCHIVE = Path(__file__).resolve().parent / "answers.zip"
 with zipfile.ZipFile(ARCHIVE) as archive:
-    OBJECTS = sorted({name.split("/")[0] for name in archive.namelist()})
+    OBJECTS = json.loads(archive.read("about.json"))["objects"]
 FEW = ("furniture_sim__microwave0", "iai_maps__apt_cabinet10", "metaworld__coffeemachine")
 
 

@@ -96,7 +96,7 @@ def motion_question(
         ranges=questions.RANGES,
         joints="\n".join(told),
     )
-    subject = [articulation.face_link.tobytes().hex(), *(_about(j) for j in joints)]
+    subject = [articulation.face_link.tobytes().hex(), *(_in_words(j) for j in joints)]
     return Question(
         f"{turn}_motion",
         questions.SYSTEM,
@@ -215,10 +215,13 @@ def _part(articulation: Articulation, joint: Joint) -> str:
     return articulation.links[joint.child].name
 
 
-def _about(joint: Joint) -> str:
-    """What a kept answer belongs to: the motion as roughly as a look tells, not how far it goes."""
+def _in_words(joint: Joint) -> str:
+    """The joint as roughly as a look tells: what a kept answer belongs to."""
     letter = int(np.argmax(np.abs(joint.axis)))
-    return f"{joint.name} {MOTIONS[joint.type]} {'xyz'[letter]}"
+    ends = "endless"
+    if joint.type == "revolute":
+        ends = f"{np.degrees(joint.upper - joint.lower) / 30:.0f}"
+    return f"{joint.name} {joint.type} {'xyz'[letter]} {ends}"
 
 
 def _values(joint: Joint) -> list[float]:

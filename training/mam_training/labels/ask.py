@@ -148,12 +148,14 @@ def pack(work: Path, archive: Path, by: str) -> int:
     """The answers of a folder of questions as one archive, without the pictures; how many objects.
 
     Kept of each object are its answers, what each is about, and the pieces that were shown. In
-    `about.json` stands who answered.
+    `about.json` stands who answered, and how many pictures a first question had at most.
     """
     kept = ("answer.json", "subject.txt", "pieces.npz", "notes.json")
     objects = sorted(p for p in work.iterdir() if any(p.glob("*/answer.json")))
+    shown = max((len(list(p.glob("1_*[!0-9]/*.png"))) for p in objects), default=0)
+    about = {"by": by, "pictures": shown, "objects": [p.name for p in objects]}
     with folders.new_file(archive) as place, zipfile.ZipFile(place, "w", zipfile.ZIP_LZMA) as out:
-        out.writestr("about.json", json.dumps({"by": by, "objects": [p.name for p in objects]}))
+        out.writestr("about.json", json.dumps(about))
         for folder in objects:
             for file in sorted(folder.rglob("*")):
                 if file.name in kept:
