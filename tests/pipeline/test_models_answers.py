@@ -109,6 +109,20 @@ def test_a_node_of_the_file_stands_for_its_pieces() -> None:
     assert "door has no pieces" in questions.faults_of_parts(answer, {0, 1, 2, 3})
 
 
+def test_an_endpoint_of_strict_schemas_may_repeat_what_stays() -> None:
+    door = {"parent": "body", "confidence": 1.0, "second_best": "fixed", "name": "door", **HINGE}
+    words = {**dict.fromkeys(questions.Details.model_fields), "name": "door", "ok": False,
+             "parent": "body", "line": None, **HINGE, "upper": 60}  # fmt: skip
+    mounts = {"door": Mount.model_validate(door)}
+    check = questions.MotionCheck.model_validate({"joints": [words], "transfers": []})
+    assert not check.only_numbers and check.beside(mounts).only_numbers
+    words["side"] = "+y"
+    check = questions.MotionCheck.model_validate({"joints": [words], "transfers": []})
+    assert check.beside(mounts).joints[0].model_dump(exclude_none=True) == {
+        "name": "door", "ok": False, "side": "+y", "upper": 60.0,
+    }  # fmt: skip
+
+
 def test_what_may_be_left_out_stands_last_in_the_schema() -> None:
     part = questions.schema_of(MountedParts)["$defs"]["MountedPart"]["properties"]
     assert list(part)[:3] == ["name", "kind", "pieces"] and list(part)[-1] == "usual"

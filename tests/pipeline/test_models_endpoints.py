@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -120,7 +121,7 @@ def reasoned(
     boxes: tuple[Mesh, Primitives],
 ) -> Callable[[Stand], tuple[KinematicTree, Ledger, list[Plain]]]:  # fmt: skip
     openai = pytest.importorskip("openai", reason="the vlm extra is not installed")
-    monkeypatch.setattr(album, "SIZE", 96)
+    monkeypatch.setattr(album, "ALBUM", replace(album.ALBUM, size=96))
     monkeypatch.setattr(openai._base_client, "INITIAL_RETRY_DELAY", 0.01)
     monkeypatch.setattr(openai._base_client, "MAX_RETRY_DELAY", 0.02)
     monkeypatch.setenv("OPENAI_API_KEY", "sk-secret-of-the-user")

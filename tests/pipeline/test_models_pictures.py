@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -89,7 +90,7 @@ def test_specks_are_asked_about_through_their_neighbour(boxes: Boxes) -> None:
 def test_too_many_pieces_are_cut_to_a_readable_number(
     crowd: Boxes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(album, "MOST_IDS", 10)
+    monkeypatch.setattr(album, "ALBUM", replace(album.ALBUM, most_ids=10))
     made = album.cast(*crowd)
     assert len(made.ids) == 10 and set(made.stands_for) == set(made.ids)
 

@@ -39,7 +39,9 @@ Plain = dict[str, Any]
 
 @pytest.fixture(autouse=True)
 def _small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(album, "SIZE", 96)  # large ones are looked at in test_models_pictures
+    monkeypatch.setattr(
+        album, "ALBUM", replace(album.ALBUM, size=96)
+    )  # large ones are looked at in test_models_pictures
     monkeypatch.setenv("MAM_SIM_VLM_SIMPLE", "0")  # two questions, and no look at the motion
     monkeypatch.setenv("MAM_SIM_VLM_ROUNDS", "0")
 

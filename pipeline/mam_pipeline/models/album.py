@@ -22,18 +22,38 @@ from mam_pipeline.render import pictures
 from mam_pipeline.render.pictures import Picture
 from mam_pipeline.types import FloatArray, IntArray, Mesh, Primitives
 
-SIZE = 512  # pixels a side of a picture
-FIRST_LOOK = 256  # pixels a side of the views that decide what is numbered
-TWO = (views.CORNERS[0], views.CORNERS[2])
-MOST_IDS = 90
-CLOSE_UPS = 3  # enlarged pictures that one answer can ask for
-THIN = 0.03  # of the diagonal, the second longest side of a hidden piece that may join others
-WIDE = 0.2  # of the diagonal, the second longest side of a rack: what is narrower are rails
-NEAR = 0.01  # of the diagonal, within which thin hidden pieces are one thing, as the bars of a rack
-PLAIN_SIGHT = 150 / 512**2  # of its best view, with which a piece counts as seen from outside
-SMALL = 0.004  # of its best view, below which a piece may need a closer look
-BARELY = 25 / 512**2  # of one view, over all pictures, below which a piece gets no number
 
+@dataclass(frozen=True)
+class AlbumLimits:
+    """What is numbered, and how large it is shown.
+
+    Attributes:
+        size: pixels a side of a picture.
+        first_look: pixels a side of the views that decide what is numbered.
+        most_ids: pieces that get a number.
+        close_ups: enlarged pictures that one answer can ask for.
+        thin: diagonals: second longest side of a hidden piece that may join others.
+        wide: diagonals: second longest side of a rack; what is narrower are rails.
+        near: diagonals within which thin hidden pieces are one thing, as the bars of a rack.
+        plain_sight: share of its best view with which a piece counts as seen from outside.
+        small: share of its best view below which a piece may need a closer look.
+        barely: share of one view, over all pictures, below which a piece gets no number.
+    """
+
+    size: int = 512
+    first_look: int = 256
+    most_ids: int = 90
+    close_ups: int = 3
+    thin: float = 0.03
+    wide: float = 0.2
+    near: float = 0.01
+    plain_sight: float = 150 / 512**2
+    small: float = 0.004
+    barely: float = 25 / 512**2
+
+
+ALBUM = AlbumLimits()
+TWO = (views.CORNERS[0], views.CORNERS[2])
 Labelled = tuple[tuple[str, Picture], ...]
 
 
@@ -43,7 +63,7 @@ class Album:
 
     Attributes:
         stands_for: (P,) the numbered primitive that stands for each one in the pictures: hidden
-            specks are asked about through their nearest neighbour, and at most MOST_IDS are shown.
+            specks are asked about through their nearest neighbour, and so is what is too many.
         hidden: numbered primitives that no outside view shows well.
         crowds: groups of small pieces close together, each with the view that shows it best.
     """
@@ -67,13 +87,13 @@ class Album:
     @cached_property
     def outside(self) -> list[views.View]:
         """Ten views from the corners, the sides, above and below."""
-        return views.look(self.mesh, size=SIZE, tight=True)
+        return views.look(self.mesh, size=ALBUM.size, tight=True)
 
     @cached_property
     def apart(self) -> list[views.View]:
         """Two views of the pieces pulled apart."""
         loose = pictures.exploded(self.mesh, self.primitives.labels)
-        return views.look(loose, TWO, SIZE, tight=True)
+        return views.look(loose, TWO, ALBUM.size, tight=True)
 
     @cached_property
     def inside(self) -> list[views.View]:
@@ -81,29 +101,29 @@ class Album:
         if not self.hidden:
             return []
         shown = np.isin(self.labels, self.hidden)
-        return views.look(self.mesh, TWO, SIZE, tight=True, only=shown)
+        return views.look(self.mesh, TWO, ALBUM.size, tight=True, only=shown)
 
 
 def cast(mesh: Mesh, primitives: Primitives) -> Album:
     """Look at the object from all sides and pulled apart, in small, to see what can be seen."""
-    outside = views.look(mesh, size=FIRST_LOOK, tight=True)
+    outside = views.look(mesh, size=ALBUM.first_look, tight=True)
     loose = pictures.exploded(mesh, primitives.labels)
-    apart = views.look(loose, TWO, FIRST_LOOK, tight=True)
+    apart = views.look(loose, TWO, ALBUM.first_look, tight=True)
     seen = _seen((*outside, *apart), primitives)
-    lost = np.flatnonzero(seen < BARELY * FIRST_LOOK**2)
+    lost = np.flatnonzero(seen < ALBUM.barely * ALBUM.first_look**2)
     if len(lost):  # what is in the middle of a closed body is not freed by pulling apart
         only = np.isin(primitives.labels, lost)
-        seen += _seen(views.look(mesh, TWO, FIRST_LOOK, tight=True, only=only), primitives)
+        seen += _seen(views.look(mesh, TWO, ALBUM.first_look, tight=True, only=only), primitives)
     stands_for = _representatives(mesh, primitives, seen)
     labels = stands_for[primitives.labels]
-    counts = np.stack([_pixels(v, labels, primitives.count) for v in outside]) / FIRST_LOOK**2
+    counts = np.stack([_pixels(v, labels, primitives.count) for v in outside]) / ALBUM.first_look**2
     stands_for = _racks(mesh, stands_for, primitives, counts.max(axis=0))
     labels = stands_for[primitives.labels]
-    counts = np.stack([_pixels(v, labels, primitives.count) for v in outside]) / FIRST_LOOK**2
+    counts = np.stack([_pixels(v, labels, primitives.count) for v in outside]) / ALBUM.first_look**2
     ids = np.unique(stands_for)
     best = counts.max(axis=0)
-    hidden = tuple(int(i) for i in ids[best[ids] < PLAIN_SIGHT])
-    small = ids[(best[ids] >= PLAIN_SIGHT) & (best[ids] < SMALL)]
+    hidden = tuple(int(i) for i in ids[best[ids] < ALBUM.plain_sight])
+    small = ids[(best[ids] >= ALBUM.plain_sight) & (best[ids] < ALBUM.small)]
     crowds = tuple(
         (int(counts[:, group].sum(axis=1).argmax()), tuple(int(i) for i in group))
         for group in _close_together(mesh, labels, small)[:2]
@@ -119,15 +139,15 @@ def _racks(mesh: Mesh, stands_for: IntArray, primitives: Primitives, best: Float
     labels = stands_for[primitives.labels]
     thin = []
     for i in np.unique(stands_for):
-        if best[i] >= PLAIN_SIGHT:
+        if best[i] >= ALBUM.plain_sight:
             continue
         sides = np.sort(np.ptp(mesh.vertices[mesh.faces[labels == i].reshape(-1)], axis=0))
-        if sides[1] < THIN * mesh.diagonal:
+        if sides[1] < ALBUM.thin * mesh.diagonal:
             thin.append(int(i))
     if len(thin) < 3:
         return stands_for
     faces = np.flatnonzero(np.isin(labels, thin))
-    near = _touching(mesh.submesh(faces), labels[faces], NEAR)
+    near = _touching(mesh.submesh(faces), labels[faces], ALBUM.near)
     out, left = stands_for.copy(), set(thin)
     while left:
         group, open_ = {min(left)}, [min(left)]
@@ -139,7 +159,7 @@ def _racks(mesh: Mesh, stands_for: IntArray, primitives: Primitives, best: Float
         sides = np.sort(
             np.ptp(mesh.vertices[mesh.faces[np.isin(labels, list(group))].reshape(-1)], 0)
         )
-        if len(group) >= 3 and sides[1] > WIDE * mesh.diagonal:
+        if len(group) >= 3 and sides[1] > ALBUM.wide * mesh.diagonal:
             out[np.isin(stands_for, sorted(group))] = min(group)
     return out
 
@@ -179,7 +199,7 @@ def of_parts(album: Album, part: IntArray) -> Labelled:
     labels = part[album.primitives.labels]
     tags = [int(i) for i in np.unique(part)]
     loose = pictures.exploded(album.mesh, labels)
-    apart = views.look(loose, TWO, SIZE, tight=True)
+    apart = views.look(loose, TWO, ALBUM.size, tight=True)
     return (
         ("object", whole(album)),
         *_outside(album, labels, colors, tags),
@@ -244,13 +264,13 @@ def _outside(album: Album, labels: IntArray, colors: Picture, tags: Sequence[int
 
 
 def close_groups(album: Album, wanted: Sequence[int]) -> list[tuple[int, ...]]:
-    """Pieces that somebody asks to see closer, in at most CLOSE_UPS groups that lie together."""
+    """Pieces that somebody asks to see closer, in a few groups that lie together."""
     labels = album.labels
     boxes = [album.mesh.vertices[album.mesh.faces[labels == i].reshape(-1)] for i in wanted]
     middles = np.stack([(b.min(axis=0) + b.max(axis=0)) / 2 for b in boxes])
     if len(wanted) == 1:
         return [tuple(wanted)]
-    group = fcluster(linkage(middles, "complete"), CLOSE_UPS, "maxclust")
+    group = fcluster(linkage(middles, "complete"), ALBUM.close_ups, "maxclust")
     return [tuple(int(wanted[k]) for k in np.flatnonzero(group == g)) for g in np.unique(group)]
 
 
@@ -274,7 +294,7 @@ def _enlarged(
     out = []
     for k, (index, group) in enumerate(found):
         where = [views.AROUND[index]]
-        view = views.look(album.mesh, where, SIZE, focus=np.isin(labels, group))[0]
+        view = views.look(album.mesh, where, ALBUM.size, focus=np.isin(labels, group))[0]
         out.append((f"{name}_{k}", pictures.paint(view, labels, colors, group)))
     return tuple(out)
 
@@ -308,8 +328,8 @@ def _seen(cast: Sequence[views.View], primitives: Primitives) -> IntArray:
 
 
 def _representatives(mesh: Mesh, primitives: Primitives, pixels: IntArray) -> IntArray:
-    visible = np.flatnonzero(pixels >= BARELY * FIRST_LOOK**2)
-    visible = visible[np.argsort(-pixels[visible], kind="stable")][:MOST_IDS]
+    visible = np.flatnonzero(pixels >= ALBUM.barely * ALBUM.first_look**2)
+    visible = visible[np.argsort(-pixels[visible], kind="stable")][: ALBUM.most_ids]
     if not len(visible):
         visible = np.array([int(pixels.argmax())])
     centres = mesh.vertices[mesh.faces].mean(axis=1)

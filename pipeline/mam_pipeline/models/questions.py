@@ -301,6 +301,14 @@ class JointCheck(Details):
         said = (self.motion, self.axis, self.side, self.opens, self.parent, self.line)
         return not self.by_pieces and all(word is None for word in said)
 
+    def beside(self, mount: Mount | None) -> JointCheck:
+        """Without the words that the part's mount has already, as some models repeat them all."""
+        if mount is None or self.line is not None:
+            return self
+        words = ("motion", "axis", "side", "opens", "parent")
+        same = {word for word in words if getattr(self, word) == getattr(mount, word)}
+        return self.model_copy(update=dict.fromkeys(same))
+
 
 class Transfer(BaseModel):
     """Pieces that belong to another part."""
@@ -326,6 +334,11 @@ class MotionCheck(BaseModel):
     def only_numbers(self) -> bool:
         """Whether ranges alone are to be changed: no part, line, side or kind of motion."""
         return not self.transfers and all(j.ok or j.only_numbers for j in self.joints)
+
+    def beside(self, mounts: Mapping[str, Mount]) -> MotionCheck:
+        """With what differs from the parts' mounts alone."""
+        joints = [joint.beside(mounts.get(joint.name)) for joint in self.joints]
+        return self.model_copy(update={"joints": joints})
 
 
 Part = TypeVar("Part", Group, MountedPart)

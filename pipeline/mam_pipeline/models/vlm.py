@@ -11,7 +11,7 @@ import hashlib
 import os
 import re
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Self, TypeVar
 
@@ -38,11 +38,31 @@ from mam_pipeline.secrets import bare_url
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import IntArray, KinematicTree, Mesh, Primitives
 
-REPAIRS = 2
-HELD, TIED = 0.05, 0.97  # mobility and affinity beyond which the measurement is worth a challenge
-SIMPLE = 24  # pieces up to which parts and motions are asked in one question
-MOST_NAMES = 40  # of the file's nodes that a model is told
-ROUNDS = 2  # looks at the moving object
+
+@dataclass(frozen=True)
+class AskLimits:
+    """How much is asked.
+
+    Attributes:
+        repairs: times that a faulty answer is asked again.
+        held: mobility below which a part that is said to move is worth a challenge.
+        tied: affinity beyond which two pieces of different parts are.
+        simple: pieces up to which parts and motions are asked in one question.
+        most_names: of the file's nodes that a model is told.
+        in_node: share of a piece that a node must hold to stand for it.
+        rounds: looks at the moving object.
+    """
+
+    repairs: int = 2
+    held: float = 0.05
+    tied: float = 0.97
+    simple: int = 24
+    most_names: int = 40
+    in_node: float = 0.6
+    rounds: int = 2
+
+
+ASK = AskLimits()
 Answer = TypeVar("Answer", bound=BaseModel)
 Seen = TypeVar("Seen", questions.Grouping, questions.MountedParts)
 Dialogue = list[dict[str, Any]]
@@ -134,7 +154,7 @@ def ask_for_tree(
         HintNeeded: file mode, and no answer yet.
     """
     album = albums.cast(mesh, primitives)
-    one = len(album.ids) <= settings.number("MAM_SIM_VLM_SIMPLE", SIMPLE)
+    one = len(album.ids) <= settings.number("MAM_SIM_VLM_SIMPLE", ASK.simple)
     ask = _one_question if one else _two_questions
     nodes = named_nodes(spec, album)
     grouping, mounting, dialogue = ask(transport, album, prior, told_by(spec, nodes), nodes)
@@ -146,7 +166,7 @@ def ask_for_tree(
     final = settled(made.tree, *without_repeats(mesh, primitives), {}, seed)
     made = answers.unblocked(replace(made, tree=final), mesh, primitives, seed)
     made = answers.with_ranges(made, mesh, primitives)
-    rounds = int(settings.number("MAM_SIM_VLM_ROUNDS", ROUNDS))
+    rounds = int(settings.number("MAM_SIM_VLM_ROUNDS", ASK.rounds))
     for turn in range(3, 3 + rounds):
         made, done = _looked_at(transport, album, made, turn, dialogue, seed)
         if done:
@@ -159,17 +179,17 @@ def ask_for_tree(
 
 def _how() -> str:
     """Settings on which the questions depend."""
-    simple = settings.number("MAM_SIM_VLM_SIMPLE", SIMPLE)
-    return f"simple {simple:g} rounds {settings.number('MAM_SIM_VLM_ROUNDS', ROUNDS):g}"
+    simple = settings.number("MAM_SIM_VLM_SIMPLE", ASK.simple)
+    return f"simple {simple:g} rounds {settings.number('MAM_SIM_VLM_ROUNDS', ASK.rounds):g}"
 
 
 def named_nodes(spec: KinematicSpec, album: albums.Album) -> Nodes:
     """Nodes that the file names, by their names as a model may repeat them: the numbers shown."""
     labels, out = album.labels, dict[str, tuple[int, ...]]()
     size = np.maximum(np.bincount(labels), 1)
-    for part in spec.parts[:MOST_NAMES]:
+    for part in spec.parts[: ASK.most_names]:
         inside = np.bincount(labels[part.faces(album.mesh)], minlength=len(size))
-        pieces = tuple(int(i) for i in np.flatnonzero(inside > 0.6 * size))
+        pieces = tuple(int(i) for i in np.flatnonzero(inside > ASK.in_node * size))
         name = re.sub(r"[^\w .-]", "", part.name)[:30].strip()
         if pieces and name and out.get(name, pieces) == pieces:
             out[name] = pieces
@@ -293,6 +313,7 @@ def _looked_at(
         lambda a: "",
     )
     dialogue.append({"question": question.text, **check.model_dump(exclude_none=True)})
+    check = check.beside(made.mounts)
     if check.all_right:
         return made, True
     new = answers.corrected(made, check, shown, joints, mesh, primitives, seed)
@@ -379,11 +400,11 @@ def contradiction(answer: questions.Grouping, prior: KinematicPrior | None) -> s
         if group.is_base:
             continue
         mobility = float(prior.mobility[np.asarray(group.pieces)].max())
-        if mobility < HELD:
+        if mobility < ASK.held:
             said.append(f"{group.name} (pieces {group.pieces[:8]}) was found unable to move")
     owner = {p: g.name for g in answer.parts for p in g.pieces}
     shown = np.asarray(sorted(owner))
-    tight = prior.affinity[np.ix_(shown, shown)] > TIED
+    tight = prior.affinity[np.ix_(shown, shown)] > ASK.tied
     for a, b in zip(*np.nonzero(np.triu(tight, 1))):
         one, two = int(shown[a]), int(shown[b])
         if owner[one] != owner[two]:
@@ -398,10 +419,10 @@ def settle_answer(
     faults: Callable[[Answer], str],
     contradicts: Callable[[Answer], str],
 ) -> Answer:
-    """Ask, repair at most REPAIRS times, challenge once."""
+    """Ask, repair at most ASK.repairs times, challenge once."""
     history: list[tuple[str, str]] = []
     challenged = False
-    left, fault = REPAIRS, ""
+    left, fault = ASK.repairs, ""
     while True:
         text = transport.ask(replace(question, history=tuple(history)))
         answer, fault = _parse(text, shape)
@@ -418,7 +439,7 @@ def settle_answer(
             return answer
         challenged = True
         history.append((text, questions.CHALLENGE.format(evidence=evidence)))
-    raise BackendError(f"no usable answer to {question.name} after {REPAIRS} repairs: {fault}")
+    raise BackendError(f"no usable answer to {question.name} after {ASK.repairs} repairs: {fault}")
 
 
 def _parse(text: str, shape: type[Answer]) -> tuple[Answer | None, str]:
