@@ -150,20 +150,28 @@ def dialogue_text(evidence: Mapping[str, Any], said: Collection[str]) -> str:
     rows = []
     for turn in evidence.get("dialogue", ()):
         rows.append("\n".join(f"> {line}" for line in str(turn["question"]).splitlines()))
-        for part in turn.get("parts", ()):
+        parts = turn.get("parts", ())
+        for part in parts:
             pieces = ", ".join(map(str, part["pieces"]))
-            base = ", does not move" if part["is_base"] else ""
+            base = ", does not move" if part.get("is_base") else ""
             rows.append(
                 f"- **{part['name']}** ({part['kind']}{base}): pieces {pieces}; "
                 f"{percent(part['confidence'])} sure"
             )
-        for mount in turn.get("mounts", ()):
+        for mount in (*turn.get("mounts", ()), *(p for p in parts if "motion" in p)):
             over = "; *you said otherwise*" if mount["name"] in said else ""
             rows.append(
-                f"- **{mount['name']}** hangs on {mount['parent']}: {mount['motion']}, axis "
+                f"- **{mount['name']}** hangs on {mount['parent'] or turn['base']}: "
+                f"{mount['motion']}, axis "
                 f"{mount['axis']}, side {mount['side']}, {percent(mount['confidence'])} sure; "
                 f"else {mount['second_best']}{over}"
             )
+        for joint in turn.get("joints", ()):
+            change = ", ".join(f"{k} {v}" for k, v in joint.items() if k not in ("name", "ok"))
+            rows.append(f"- **{joint['name']}**: {'right' if joint['ok'] else change or 'wrong'}")
+        for transfer in turn.get("transfers", ()):
+            pieces = ", ".join(map(str, transfer["pieces"]))
+            rows.append(f"- pieces {pieces} belong to **{transfer['to']}**")
     return "\n\n".join(rows)
 
 

@@ -195,6 +195,13 @@ def test_a_language_models_answers_are_told_and_what_was_overruled() -> None:
     assert "hinge, axis z, side +y, 80 % sure; else slide; *you said otherwise*" in text
     assert "otherwise" not in dialogue_text({"dialogue": talk}, [])
     assert dialogue_text({}, []) == ""
+    one = [{"question": "How?", "base": "body", "parts": [{**mount, **part, "parent": None}]},
+           {"question": "So?", "joints": [{"name": "door", "ok": False, "upper": 60.0}],
+            "transfers": [{"pieces": [2], "to": "body"}]}]  # fmt: skip
+    del one[0]["parts"][0]["is_base"]
+    text = dialogue_text({"dialogue": one}, [])
+    assert "pieces 1, 2;" in text and "hangs on body: hinge, axis z" in text
+    assert "**door**: upper 60.0" in text and "pieces 2 belong to **body**" in text
 
 
 def test_a_click_near_an_edge_gives_its_line_and_of_a_rim_its_middle_axis() -> None:
