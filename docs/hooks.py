@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT / "docs")]
+sys.path[:0] = [str(ROOT / name) for name in ("benchmarks", "docs", "tests/pipeline")]
 
 import generate_reference  # noqa: E402 - docs/ is no package
 import results_page  # noqa: E402 - nor is benchmarks/
@@ -51,19 +51,21 @@ def _figures(table: dict[str, Any], rows: list[dict[str, Any]]) -> str:
     return f"*All rows: {mark}.*\n\n{figures}" if mark else figures
 
 
-def _reasons() -> str:
+def _checks() -> str:
+    """Every reason, which files of tests/pipeline/fault_cases.py have it, and what mends it."""
+    from fault_cases import FAIL
+
     from mam_pipeline.check.report import REASONS
-
-    rows = [f"| `{code}` | {text} |" for code, text in REASONS.items()]
-    return "\n".join(["| code | meaning |", "|---|---|", *rows])
-
-
-def _repairs() -> str:
     from mam_pipeline.mend import REPAIRS
 
-    asked = " (only with `--only` or `--profile`)"
-    rows = [f"| `{code}` | {r.text}{asked if r.asked else ''} |" for code, r in REPAIRS.items()]
-    return "\n".join(rows)
+    rows = []
+    for code, text in REASONS.items():
+        files = "<br>".join(f"`{name}`" for name, row in FAIL.items() if row[0] == code)
+        repair = REPAIRS.get(code)
+        asked = " (with `--only` or `--profile`)" if repair is not None and repair.asked else ""
+        done = "" if repair is None else repair.text + asked
+        rows.append(f"| `{code}` | {text} | {files} | {done} |")
+    return "\n".join(["| reason | rule | fixture | mend |", "|---|---|---|---|", *rows])
 
 
 def _thresholds() -> str:
@@ -94,8 +96,7 @@ MAKERS: dict[str, Callable[..., str]] = {
     "results": _results,
     "cli": generate_reference.cli,
     "config": generate_reference.config,
-    "reasons": _reasons,
-    "repairs": _repairs,
+    "checks": _checks,
     "thresholds": _thresholds,
     "category_count": _category_count,
 }

@@ -24,6 +24,9 @@ class Thresholds:
         filled_share: how deep a moving part's own surface may lie inside another link's collision
             piece where that link's mesh is not solid.
         filled_area: share of the moving part's area that must lie so.
+        exchanged_size: how many times a part's box may be as large as that of what it hangs on;
+            wheels and knobs are not asked.
+        exchanged_around: share of what it hangs on that a larger part may have inside its box.
         collision_reach: how far a body's collision pieces may reach beyond the box of its surface.
     """
 
@@ -41,6 +44,8 @@ class Thresholds:
     max_slide_speed: float = 20.0
     filled_share: float = 0.01
     filled_area: float = 0.02
+    exchanged_size: float = 6.0
+    exchanged_around: float = 0.75
     collision_reach: float = 0.1
 
 

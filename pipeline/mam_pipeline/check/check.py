@@ -15,7 +15,7 @@ from mam_pipeline.check.mjcf_usd import file_findings, format_of
 from mam_pipeline.check.model import CheckModel
 from mam_pipeline.check.profiles import profile_findings
 from mam_pipeline.check.report import CLAUSES, CheckReport, Finding, JointReport
-from mam_pipeline.check.sweep import JointSweep, sweep_joint
+from mam_pipeline.check.sweep import JointSweep, exchanged, sweep_joint
 from mam_pipeline.errors import InputError, MamSimError
 from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.optional import has, install_command
@@ -29,6 +29,7 @@ _CLAUSE_OF = {
     "detached": "contact",
     "off_axis": "contact",
     "askew": "contact",
+    "exchanged": "contact",
     "frozen": "reach",
     "drift": "base",
     "exploded": "stable",
@@ -227,7 +228,10 @@ def _sweep(
         pose = {**closed, joint.name: 0.0}
         found, pose, after = _tested(model, target, joint, pose, limit)
         poses[joint.name] = coupled({**pose, joint.name: closed[joint.name]}, follow)
-        out.append(_report(joint, found, after, limit))
+        report = _report(joint, found, after, limit)
+        if exchanged(model, joint, limit):
+            report = replace(report, reasons=("exchanged", *report.reasons))
+        out.append(report)
     return out, poses
 
 

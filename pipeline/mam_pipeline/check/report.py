@@ -34,6 +34,7 @@ REASONS: dict[str, str] = {
     "mid_air": "a part rests far from everything that could hold it (a warning)",
     "off_axis": "a hinge line is not on both bodies, or misses the middle of a wheel or knob",
     "askew": "an axis lies beside the direction along which the part and its body are built",
+    "exchanged": "a body hangs on its own part: parent and child are exchanged",
     "cavity_filled": "a collision piece fills space in which another part moves",
     "collision_off": "a body collides far from where it is seen",
     "frozen": "a joint cannot be driven to the ends of its range",

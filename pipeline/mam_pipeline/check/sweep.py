@@ -59,6 +59,22 @@ def sweep_joint(model: CheckModel, joint: Joint, thresholds: Thresholds = THRESH
     return _Sweep(model, joint, thresholds).run()
 
 
+def exchanged(model: CheckModel, joint: Joint, limit: Thresholds = THRESHOLDS) -> bool:
+    """Whether a body hangs on its own part: a cabinet that moves, and its drawer that stands still.
+
+    The part is far larger than what it hangs on, or larger and around it. A wheel may be both.
+    """
+    mesh, room = model.articulation.mesh, 0.01 * model.articulation.mesh.diagonal
+    faces = [model.articulation.links[i].faces for i in (joint.child, joint.parent)]
+    if joint.type == "continuous" or not all(map(len, faces)):
+        return False
+    part, body = (mesh.vertices[np.unique(mesh.faces[own])] for own in faces)
+    size = [float(np.prod(np.maximum(np.ptp(own, axis=0), room))) for own in (part, body)]
+    within = (body >= part.min(axis=0) - room) & (body <= part.max(axis=0) + room)
+    around = float(within.all(axis=1).mean()) >= limit.exchanged_around
+    return size[0] > (1.0 if around else limit.exchanged_size) * size[1]
+
+
 class _Sweep:
     """One joint's part, its surroundings, and the measures taken along the way."""
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import yourdfpy
 from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation
 
 from mam_pipeline.asset.collision import collision_shapes
 from mam_pipeline.asset.decompose import Chunk, hull_volume
@@ -25,7 +24,7 @@ from mam_pipeline.formats.urdf.tree import UrdfTree
 from mam_pipeline.formats.urdf.write import collision_element, hull_text, numbers
 from mam_pipeline.geometry.stand_in import lightened
 from mam_pipeline.geometry.surface import hull_of
-from mam_pipeline.mend.work import Work, attribute, child, number, short
+from mam_pipeline.mend.work import Work, attribute, child, number, pose_of, short
 from mam_pipeline.types import Articulation, CollisionShape, FloatArray, Inertial, Link, Mesh
 
 
@@ -311,20 +310,11 @@ def concave(work: Work, reason: str = "concave_collision") -> None:
         if len(shapes) < 2:
             continue
         link = work.links[name]
-        origin = element.find("origin")
-        pose = np.eye(4) if origin is None else _pose(origin)
+        pose = pose_of(element)
         link.remove(element)
         _write_pieces(work, link, name, [_moved_shape(s, pose) for s in shapes])
         why = "a mesh collides as its convex hull, which filled its hollow"
         work.change(reason, name, "1 concave mesh", f"{len(shapes)} pieces", why)
-
-
-def _pose(origin: ET.Element) -> FloatArray:
-    pose = np.eye(4)
-    pose[:3, 3] = [float(w) for w in (origin.get("xyz") or "0 0 0").split()]
-    angles = [float(w) for w in (origin.get("rpy") or "0 0 0").split()]
-    pose[:3, :3] = Rotation.from_euler("xyz", angles).as_matrix()
-    return pose
 
 
 def _collision_points(

@@ -12,7 +12,7 @@ from mam_pipeline.check.shorten import KEPT
 from mam_pipeline.check.sweep import sweep_joint
 from mam_pipeline.mend.bodies import rebuild
 from mam_pipeline.mend.joints import around_of
-from mam_pipeline.mend.work import Work, child
+from mam_pipeline.mend.work import SHAPES, Work, attribute, child, pose_of, set_pose
 from mam_pipeline.thresholds import THRESHOLDS
 from mam_pipeline.types import Joint
 
@@ -52,6 +52,33 @@ def _ends(work: Work, reason: str, joint: Joint, lower: float, upper: float, why
     limit.set("upper", f"{upper:.6g}")
     before, after = (f"{a:.4g} .. {b:.4g}" for a, b in ((joint.lower, joint.upper), (lower, upper)))
     work.change(reason, joint.name, before, after, why)
+
+
+def turn_round(work: Work, reason: str = "exchanged") -> None:
+    """The body holds its part again, and all stands where it stood.
+
+    The part, which was the root, gets the joint's frame: so the line stays, and the value is that
+    of before with the axis turned about.
+    """
+    for _model, joint, _report in _failing(work, reason):
+        element = work.joints[joint.name]
+        old, new = (attribute(element, end, "link") for end in ("parent", "child"))
+        held = {attribute(j, "child", "link") for j in work.joints.values()}
+        if old in held or element.find("mimic") is not None:
+            continue
+        back = np.linalg.inv(pose_of(element))
+        hung = [j for j in work.joints.values() if attribute(j, "parent", "link") == old]
+        parts = [e for tag in (*SHAPES, "inertial") for e in work.links[old].findall(tag)]
+        for other in (*parts, *(j for j in hung if j is not element)):
+            set_pose(other, back @ pose_of(other))
+        set_pose(element, np.eye(4))
+        axis = child(element, "axis")
+        told = [float(w) for w in (axis.get("xyz") or "1 0 0").split()]
+        axis.set("xyz", " ".join(f"{-v + 0.0:g}" for v in told))
+        child(element, "parent").set("link", new)
+        child(element, "child").set("link", old)
+        why = f"{new} is the larger and around it or far larger; all stands where it stood"
+        work.change(reason, joint.name, f"{new} hangs on {old}", f"{old} hangs on {new}", why)
 
 
 def clear_way(work: Work, reason: str = "penetration") -> None:

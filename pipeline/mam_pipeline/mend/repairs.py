@@ -76,6 +76,10 @@ REPAIRS: Mapping[str, Repair] = {
         "convex pieces that leave its hollow open", bodies.concave, asked=True
     ),
     "no_friction": Repair("friction and damping by what the part weighs", joints.friction),
+    "exchanged": Repair(
+        "the body holds its part, where both stand; the axis is turned about", motion.turn_round,
+        moving=True,
+    ),
     "penetration": Repair(
         "a range that ends before it, or opens the other way where only that is free",
         motion.clear_way, moving=True,

@@ -9,12 +9,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+from scipy.spatial.transform import Rotation
+
 from mam_pipeline.check.lint import MOVING
 from mam_pipeline.check.model import CheckModel
 from mam_pipeline.check.report import CheckReport
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.formats.door import Door
 from mam_pipeline.formats.files import files_of
+from mam_pipeline.formats.urdf.write import numbers
 from mam_pipeline.types import FloatArray
 
 SHAPES = ("visual", "collision")
@@ -186,6 +190,28 @@ def attribute(element: ET.Element, tag: str, key: str) -> str:
     """An attribute of a child, "" where either is missing."""
     found = element.find(tag)
     return "" if found is None else found.get(key) or ""
+
+
+def pose_of(element: ET.Element) -> FloatArray:
+    """(4, 4) of the `origin` of a shape, inertial or joint element."""
+    pose = np.eye(4)
+    origin = element.find("origin")
+    if origin is not None:
+        pose[:3, 3] = [float(w) for w in (origin.get("xyz") or "0 0 0").split()]
+        angles = [float(w) for w in (origin.get("rpy") or "0 0 0").split()]
+        pose[:3, :3] = Rotation.from_euler("xyz", angles).as_matrix()
+    return pose
+
+
+def set_pose(element: ET.Element, pose: FloatArray) -> None:
+    """Write the `origin` of an element."""
+    origin = element.find("origin")
+    if origin is None:
+        origin = ET.Element("origin")
+        element.insert(0, origin)
+    origin.set("xyz", numbers(pose[:3, 3]))
+    angles = Rotation.from_matrix(pose[:3, :3]).as_euler("xyz", suppress_warnings=True)
+    origin.set("rpy", numbers(angles))
 
 
 def number(text: str | None) -> float | None:
