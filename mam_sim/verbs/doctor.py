@@ -26,8 +26,6 @@ EXTRAS = {
     "lerobot": ("lerobot", "LeRobot datasets and policies"),
     "mujoco": ("mujoco", "MJCF export is read back with it"),
     "usd-core": ("usd", "USD files and export"),
-    "cascadio": ("formats", "STEP and IGES files"),
-    "assimp-py": ("formats", "FBX files"),
     "meshopt": ("formats", "glTF packed by meshoptimizer"),
     "opengl-basisu": ("formats", "KTX2 textures"),
     "openai": ("vlm", "vision-language reasoners"),

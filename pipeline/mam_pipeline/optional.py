@@ -27,8 +27,6 @@ EXTRAS: dict[str, str] = {
     "pxr": "usd",
     "pyarrow": "batch",
     "ray": "ray",
-    "assimp_py": "formats",
-    "cascadio": "formats",
     "meshopt": "formats",
     "opengl_basisu": "formats",
     "viser": "studio",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +11,15 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from mam_pipeline import optional
 from mam_pipeline.errors import InputError
-from mam_pipeline.formats import fbx, step
 from mam_pipeline.formats.door import Door
 from mam_pipeline.formats.mesh_files import load_mesh, read_file
+from mam_pipeline.formats.readers import reader_of
 from mam_pipeline.formats.soup import FileContent
+from mam_pipeline.formats.suffixes import BUILTIN, ELSEWHERE, mesh_suffixes
 from mam_pipeline.formats.usd_layers import check_layers
 from mam_pipeline.optional import MissingExtra, has
+from mam_pipeline.run import kind_of
 from mam_pipeline.types import FloatArray
 from tests.pipeline.test_pictures import BIND, dae
 
@@ -395,13 +395,18 @@ def test_broken_files_of_native_readers_are_one_sentence(
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize(("reader", "way"), [("fbx", "blender -b"), ("step", "freecadcmd")])
-def test_without_the_extra_the_way_out_is_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reader: str, way: str
+@pytest.mark.parametrize(
+    ("name", "way"),
+    [("a.fbx", "; or convert it in Blender: blender -b"), ("a.STEP", "freecadcmd -c"),
+     ("a.igs", "write\\('a.stl'\\)"), ("a.usdz", "$")],
+)  # fmt: skip
+def test_without_the_package_of_readers_the_way_out_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, way: str
 ) -> None:
-    module = import_module(f"mam_pipeline.formats.{reader}")
-    monkeypatch.setattr(module, "has", lambda *_: False)
-    read = fbx.read_fbx if reader == "fbx" else step.read_step
-    with pytest.raises(MissingExtra, match=rf"pip install 'mam-sim\[formats\]'.*{way}"):
-        read(tmp_path / f"a.{reader}")
-    assert optional.EXTRAS["cascadio"] == "formats"
+    (tmp_path / name).write_bytes(b"something")
+    assert mesh_suffixes()[: len(BUILTIN)] == BUILTIN and set(ELSEWHERE) <= set(mesh_suffixes())
+    assert all(reader_of(suffix) is not None for suffix in mesh_suffixes())
+    monkeypatch.setattr("mam_pipeline.registry.installed", lambda _group: ())
+    with pytest.raises(MissingExtra, match=rf"pip install \./plugins/mam_sim_formats.*{way}"):
+        read_file(tmp_path / name)
+    assert kind_of(tmp_path / name) == "mesh"  # it is known, so a batch has a row for it

@@ -11,7 +11,8 @@ from mam_pipeline.errors import BackendError, InputError
 from mam_pipeline.formats.apart import apart
 from mam_pipeline.formats.door import is_file
 from mam_pipeline.formats.soup import LIMITS, FileContent, checked
-from mam_pipeline.formats.suffixes import READER, STEP, USD, mesh_suffixes
+from mam_pipeline.formats.suffixes import ELSEWHERE, READER, mesh_suffixes
+from mam_pipeline.optional import MissingExtra
 from mam_pipeline.registry import Registry, resolve
 
 
@@ -50,18 +51,13 @@ def _packed(file: Path) -> bool:
 _FORMATS = "mam_pipeline.formats"
 _GLTF = Reader(f"{_FORMATS}.gltf:read_gltf", _packed)
 _PLAIN = Reader(f"{_FORMATS}.plain:read_plain", _large)
-_USD = Reader(f"{_FORMATS}.usd:read_usd")
-_STEP = Reader(f"{_FORMATS}.step:read_step")
 BUILTIN: Mapping[str, Reader] = {
     ".glb": _GLTF,
     ".gltf": _GLTF,
     ".obj": Reader(f"{_FORMATS}.obj:read_obj", _large),
     ".dae": Reader(f"{_FORMATS}.collada:read_collada", _large),
     ".3mf": Reader(f"{_FORMATS}.threemf:read_3mf"),
-    ".fbx": Reader(f"{_FORMATS}.fbx:read_fbx"),
     **{suffix: _PLAIN for suffix in (".ply", ".stl", ".off")},
-    **{suffix: _USD for suffix in USD},
-    **{suffix: _STEP for suffix in STEP},
 }
 
 
@@ -88,7 +84,14 @@ def read_mesh(file: Path, root: Path | None = None) -> FileContent:
     if not is_file(file):
         what = "no mesh file" if file.exists() else "no file"
         raise InputError(f"{what} at {file}; one is needed ({', '.join(mesh_suffixes())})")
-    reader = reader_of(file.suffix.lower())
+    suffix = file.suffix.lower()
+    reader = reader_of(suffix)
+    if reader is None and suffix in ELSEWHERE:
+        way = ELSEWHERE[suffix].format(file=file, stem=file.stem)
+        raise MissingExtra(
+            f"{file.name}: readers of {suffix} come with a package that is not installed; in a "
+            f"clone of mam-sim: pip install ./plugins/mam_sim_formats{way}"
+        )
     if reader is None:
         raise InputError(f"{file} is not a mesh file known here ({', '.join(mesh_suffixes())})")
     size = file.stat().st_size

@@ -4,17 +4,29 @@ from __future__ import annotations
 
 from mam_pipeline.registry import installed
 
-USD = (".usd", ".usda", ".usdc", ".usdz")
-STEP = (".step", ".stp", ".iges", ".igs")
-BUILTIN = (
-    ".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".off", ".3mf", ".fbx", *USD, *STEP,
-)  # fmt: skip
+_CAD = (
+    '; or convert it in FreeCAD: freecadcmd -c "import Part, Mesh, MeshPart; '
+    "s = Part.read('{file}'); "
+    "MeshPart.meshFromShape(Shape=s, LinearDeflection=0.1).write('{stem}.stl')\""
+)
+_BLENDER = (
+    "; or convert it in Blender: blender -b --python-expr "
+    "\"import bpy; bpy.ops.import_scene.fbx(filepath='{file}'); "
+    "bpy.ops.export_scene.gltf(filepath='{stem}.glb')\""
+)
+ELSEWHERE = {
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), ""),
+    **dict.fromkeys((".step", ".stp", ".iges", ".igs"), _CAD),
+    ".fbx": _BLENDER,
+}
+"""What plugins/mam_sim_formats reads, and what else one can do about such a file without it."""
+BUILTIN = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".off", ".3mf")
 PHOTOS = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".gif", ".heic")
 READER = "mam_sim.reader"
 """Entry-point group in which other packages add readers, by suffix without its dot."""
 
 
 def mesh_suffixes() -> tuple[str, ...]:
-    """Of mesh files: those of our own readers, then those of other packages."""
+    """Of mesh files: those of our own readers, installed or not, then those of other packages."""
     added = (f".{entry.name.lower()}" for entry in installed(READER))
-    return tuple(dict.fromkeys((*BUILTIN, *added)))
+    return tuple(dict.fromkeys((*BUILTIN, *ELSEWHERE, *added)))

@@ -10,7 +10,6 @@ from mam_pipeline.errors import InputError
 from mam_pipeline.folders import Scratch
 from mam_pipeline.formats.gltf import read_gltf
 from mam_pipeline.formats.soup import FileContent
-from mam_pipeline.optional import MissingExtra, has, install_command
 
 
 @dataclass(frozen=True)
@@ -36,15 +35,8 @@ def read_step(path: Path, root: Path | None = None) -> FileContent:
         path: the file. root: is not used, since it names no other.
 
     Raises:
-        MissingExtra: the OpenCASCADE wheel is not installed.
         InputError: it cannot be read.
     """
-    if not has("cascadio"):
-        raise MissingExtra(
-            f"{path.name}: to read STEP, {install_command('cascadio')}; or convert it in FreeCAD: "
-            f"freecadcmd -c \"import Part, Mesh, MeshPart; s = Part.read('{path}'); "
-            f"MeshPart.meshFromShape(Shape=s, LinearDeflection=0.1).write('{path.stem}.stl')\""
-        )
     import cascadio
 
     kind: Literal["step", "iges"] = "iges" if path.suffix.lower() in (".igs", ".iges") else "step"

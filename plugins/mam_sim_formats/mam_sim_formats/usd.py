@@ -19,7 +19,6 @@ from mam_pipeline.errors import InputError
 from mam_pipeline.formats.pictures import Picture, Pictures, model_door
 from mam_pipeline.formats.soup import Budget, FileContent, Piece, fans, paired
 from mam_pipeline.formats.usd_layers import check_layers, check_size
-from mam_pipeline.optional import require
 from mam_pipeline.types import FloatArray, IntArray, Material
 
 _NOISE = re.compile(r"^\s*Error in '.*?' at line \d+ in file \S+ : ", re.M)
@@ -33,10 +32,8 @@ def read_usd(path: Path, root: Path | None = None) -> FileContent:
         path: the file. root: folder whose files it may name; default: its own.
 
     Raises:
-        MissingExtra: usd-core is not installed.
         InputError: it cannot be read, or it composes layers from outside its folder.
     """
-    require(f"{path.name}: reading USD", "pxr")
     try:
         return _Reader(path, root).content()
     except InputError:

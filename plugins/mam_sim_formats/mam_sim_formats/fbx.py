@@ -12,7 +12,6 @@ import numpy as np
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.pictures import Pictures, model_door
 from mam_pipeline.formats.soup import Budget, FileContent, Piece
-from mam_pipeline.optional import MissingExtra, has, install_command
 from mam_pipeline.types import FloatArray, IntArray, Material
 
 _DIFFUSE, _BASE_COLOR = 1, 12  # assimp's numbers of texture kinds
@@ -27,15 +26,8 @@ def read_fbx(path: Path, root: Path | None = None) -> FileContent:
         path: the file. root: folder whose files it may name; default: its own.
 
     Raises:
-        MissingExtra: assimp is not installed.
         InputError: it cannot be read.
     """
-    if not has("assimp_py"):
-        raise MissingExtra(
-            f"{path.name}: to read FBX, {install_command('assimp_py')}; or convert it in Blender: "
-            f"blender -b --python-expr \"import bpy; bpy.ops.import_scene.fbx(filepath='{path}'); "
-            f"bpy.ops.export_scene.gltf(filepath='{path.with_suffix('.glb').name}')\""
-        )
     import assimp_py
 
     flags = assimp_py.Process_Triangulate | assimp_py.Process_SortByPType
