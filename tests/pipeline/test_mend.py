@@ -6,11 +6,12 @@ import json
 from pathlib import Path
 
 import pytest
-from fault_cases import FAIL, case, write
 
 from mam_pipeline.check.check import check_asset, check_profile
 from mam_pipeline.check.report import REASONS
 from mam_pipeline.mend import REPAIRS, Order, mend
+from mam_sim.cli import main
+from tests.pipeline.fault_cases import FAIL, case, write
 
 pytestmark = pytest.mark.sim
 
@@ -63,3 +64,34 @@ def test_what_passes_is_left_byte_for_byte(tmp_path: Path, sound: set[str]) -> N
         "door.obj",
         "mend.json",
     }
+
+
+def test_an_mjcf_comes_out_as_a_urdf_that_passes(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    (tmp_path / "box.xml").write_text("""<mujoco><worldbody><body name="case">
+    <geom type="box" size="0.2 0.2 0.2"/><body name="tray" pos="-0.21 0 0">
+    <joint name="slide" type="slide" axis="-1 0 0"/><geom type="box" size="0.01 0.2 0.2"/>
+    <geom type="box" size="0.15 0.05 0.05" pos="0.16 0 0"/></body></body></worldbody></mujoco>""")
+    found = mend(tmp_path / "box.xml", tmp_path / "out")
+    assert [c.reason for c in found.changes][:2] == ["file_format", "bad_limits"]
+    assert Path(found.urdf).name == "box.urdf" and not found.before
+
+
+def test_the_verb_says_what_it_does_and_ends_with_what_is_left(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write("limits_exchanged", tmp_path / "one")
+    (tmp_path / "two").mkdir()
+    (tmp_path / "two" / "r.urdf").write_text("<robot name='r'><link name='a'/></robot>")
+    one, two, out = (str(tmp_path / name) for name in ("one", "two", "out"))
+    assert main(["mend", one, "--dry-run", "--no-drive"]) == 0
+    said = capsys.readouterr().out
+    assert "bad_limits: hinge: 1.5 .. 0 -> 0 .. 1.5 (the lower end is the lower number)" in said
+    assert not (tmp_path / "out").exists()
+    assert main(["mend", one, two, "--out", out, "--no-drive"]) == 1
+    assert "2 files: 0 passed before, 1 pass now" in capsys.readouterr().out
+    assert main(["mend", one, "--out", out, "--no-drive"]) == 2  # of several files before
+    assert main(["mend", one, "--dry-run", "--only", "bad_limit"]) == 2
+    assert "did you mean 'bad_limits'" in capsys.readouterr().err
+    (tmp_path / "two" / "r.urdf").write_text("<robot")
+    assert main(["mend", two, "--out", str(tmp_path / "none"), "--no-drive"]) == 2

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+import trimesh
 import yourdfpy
 from scipy.spatial import ConvexHull
 
@@ -16,7 +17,7 @@ from mam_pipeline.asset.decompose import Chunk, hull_volume
 from mam_pipeline.asset.inertia import KIND_MATERIALS, MIN_MASS, link_inertials
 from mam_pipeline.asset.shapes import few_points, shape_around
 from mam_pipeline.check.model import CheckModel
-from mam_pipeline.check.profiles import ENTRIES, PROFILES, lack, tensor_of, turn_of
+from mam_pipeline.check.profiles import CONCAVE_SHARE, ENTRIES, PROFILES, lack, tensor_of, turn_of
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.formats.urdf.geometry import shape_triangles
 from mam_pipeline.formats.urdf.read import read_bodies
@@ -267,13 +268,15 @@ def no_collision(work: Work, reason: str = "no_collision") -> None:
 def fewer_points(work: Work, reason: str = "hull_points") -> None:
     """Convex hulls of few points in place of those that a GPU refuses."""
     most = min(p.max_hull_points for p in PROFILES.values() if p.max_hull_points)
-    for name, element, (points, _faces) in list(_collision_points(work)):
+    for link, element, (points, _faces) in list(_collision_points(work)):
+        name = str(link.get("name"))
         hull = hull_of(points)
         if hull is None or len(hull[0]) <= most:
             continue
         chunk = Chunk(hull[0], hull[1], 0.0, hull_volume(hull[0]))
         shape = _as_hull(shape_around(chunk, 0.0), chunk)
-        _exchange(work, name, element, [shape])
+        link.remove(element)
+        _write_pieces(work, link, name, [shape], element.find("origin"))
         away = max(_beyond(points, shape.vertices), _beyond(shape.vertices, points))
         why = (
             f"a GPU takes {most} points of a hull; its surface moves by {1e3 * away:.2g} mm at most"
@@ -299,9 +302,11 @@ def _as_hull(shape: CollisionShape, chunk: Chunk) -> CollisionShape:
 
 def concave(work: Work, reason: str = "concave_collision") -> None:
     """Convex pieces in place of a concave mesh, which would collide as its hull."""
-    for name, element, (vertices, faces) in list(_collision_points(work)):
-        hull = hull_of(vertices)
-        if hull is None:
+    for link, element, (vertices, faces) in list(_collision_points(work)):
+        name = str(link.get("name"))
+        full = hull_volume(vertices)
+        solid = trimesh.Trimesh(vertices, faces)
+        if not solid.is_watertight or abs(solid.volume) >= CONCAVE_SHARE * full:
             continue
         whole = Articulation(
             Mesh(vertices, faces), (Link(name, "body", np.arange(len(faces))),), ()
@@ -309,7 +314,6 @@ def concave(work: Work, reason: str = "concave_collision") -> None:
         shapes = collision_shapes(lightened(whole))[name]
         if len(shapes) < 2:
             continue
-        link = work.links[name]
         pose = pose_of(element)
         link.remove(element)
         _write_pieces(work, link, name, [_moved_shape(s, pose) for s in shapes])
@@ -319,19 +323,12 @@ def concave(work: Work, reason: str = "concave_collision") -> None:
 
 def _collision_points(
     work: Work,
-) -> Iterator[tuple[str, ET.Element, tuple[FloatArray, np.ndarray]]]:
+) -> Iterator[tuple[ET.Element, ET.Element, tuple[FloatArray, np.ndarray]]]:
     """(link, element, triangles in the element's frame, scale applied) of collision meshes."""
-    for name, kind, element, mesh in work.meshes():
+    for link, kind, element, mesh in work.meshes():
         if kind == "collision":
             scale = [float(w) for w in (mesh.get("scale") or "1 1 1").split()]
             shape = yourdfpy.Mesh(filename=mesh.get("filename") or "", scale=scale)
             found = shape_triangles(yourdfpy.Geometry(mesh=shape), work.folder)
             if found is not None:
-                yield name, element, found
-
-
-def _exchange(work: Work, name: str, element: ET.Element, shapes: list[CollisionShape]) -> None:
-    """Pieces in the place of a collision element, in its own frame."""
-    link = work.links[name]
-    link.remove(element)
-    _write_pieces(work, link, name, shapes, element.find("origin"))
+                yield link, element, found

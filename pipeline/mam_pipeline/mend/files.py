@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import replace
@@ -64,19 +65,19 @@ def missing(work: Work, reason: str = "mesh_missing") -> None:
             mesh.set("filename", place)
             same = found.suffix.lower() == Path(name).suffix.lower()
             why = "the file that is there" if same else "the same name in another format"
-            work.change(reason, f"{link}, {kind}", name, place, why)
+            work.change(reason, f"{link.get('name')}, {kind}", name, place, why)
             continue
-        others = work.links[link].findall(SHAPES[1 - SHAPES.index(kind)])
+        others = link.findall(SHAPES[1 - SHAPES.index(kind)])
         there = [o for o in others if _whole(work, o)]
         if there:
-            work.links[link].remove(element)
-            if work.links[link].find(kind) is None:
+            link.remove(element)
+            if link.find(kind) is None:
                 for other in there:
-                    own = ET.SubElement(work.links[link], kind)
+                    own = ET.SubElement(link, kind)
                     own.extend([e for e in other if e.tag in ("origin", "geometry")])
             after = f"its {SHAPES[1 - SHAPES.index(kind)]} shapes"
             why = "the file is nowhere below the folder, and a name of nothing is refused"
-            work.change(reason, f"{link}, {kind}", name, after, why)
+            work.change(reason, f"{link.get('name')}, {kind}", name, after, why)
 
 
 def _whole(work: Work, element: ET.Element) -> bool:
@@ -129,13 +130,38 @@ def pictures(work: Work, reason: str = "texture_missing") -> None:
             origin = base / file.resolve().relative_to(work.folder.resolve())
             by = origin if origin.is_file() else work.source
             found = find(name, by, work.door)
-            if found is None:
+            if found is None or not _renamed(file, name, found.name):
                 continue
             (file.parent / found.name).write_bytes(found.read_bytes())
-            data, told = file.read_bytes(), name.encode("utf-8", "surrogateescape")
-            file.write_bytes(data.replace(told, os.fsencode(found.name)))
             why = "the file of that name that is there"
             work.change(reason, file.name, name, found.name, why)
+
+
+def _renamed(file: Path, old: str, new: str) -> bool:
+    """Name another file where a mesh or material file names one; whether it does so."""
+    told, suffix = re.escape(old.encode("utf-8", "surrogateescape")), file.suffix.lower()
+    around = _AROUND.get(suffix)
+    if around is None:  # packed
+        return False
+    data = file.read_bytes()
+    changed = re.sub(
+        around[0] + told + around[1], lambda m: m[1] + os.fsencode(new) + m[2], data, flags=re.M
+    )
+    if changed != data:
+        file.write_bytes(changed)
+    return changed != data
+
+
+_LINE = (
+    rb"^([ \t]*(?:mtllib|map_\w+|bump|disp|decal|refl|norm|comment[ \t]+TextureFile)[ \t]+"
+    rb"(?:\S.*[ \t])?)",
+    rb"([ \t\r]*)$",
+)
+_AROUND = {
+    ".obj": _LINE, ".mtl": _LINE, ".ply": _LINE, ".dae": (rb"(>\s*)", rb"(\s*<)"),
+    ".gltf": (rb'(")', rb'(")'),
+}  # fmt: skip
+"""What stands before and after the name of a picture or material file, by suffix."""
 
 
 def finite(work: Work, reason: str = "not_finite") -> None:
@@ -164,10 +190,10 @@ def readable(work: Work, reason: str) -> None:
         if not pieces:
             continue
         (work.folder / "meshes").mkdir(exist_ok=True)
-        owner, made = work.links[link], []
+        made = []
         whole = join(pieces, content.materials)
         parts = by_material(whole) if kind == "visual" else [whole]
-        at = list(owner).index(element)
+        at = list(link).index(element)
         for k, part in enumerate(parts):
             name = free_name(file.stem if k == 0 else f"{file.stem}_{k}", taken)
             picture = store.file_of(part.materials[0]) if kind == "visual" else ""
@@ -178,13 +204,13 @@ def readable(work: Work, reason: str) -> None:
             assert shape is not None
             shape.set("filename", f"meshes/{name}.obj")
             shape.attrib.pop("scale", None)
-            owner.insert(at + k, own)
+            link.insert(at + k, own)
             made.append(f"{name}.obj")
-        owner.remove(element)
+        link.remove(element)
         lost = sum(len(p.faces) for p in content.pieces) - sum(len(p.faces) for p in pieces)
         why = _WHY[reason] + (f"; {lost} faces that are no surface went" if lost else "")
         before = file.name if np.allclose(scale, 1.0) else f"{file.name}, scale {mesh.get('scale')}"
-        work.change(reason, f"{link}, {kind}", before, ", ".join(made), why)
+        work.change(reason, f"{link.get('name')}, {kind}", before, ", ".join(made), why)
 
 
 def _scale(mesh: ET.Element) -> np.ndarray | None:

@@ -172,7 +172,8 @@ def _look(work: Work, order: Order, moving: bool = True) -> None:
         report = CheckReport(work.urdf.name, False, {}, (), tuple(linter.findings))
     names = [order.profile] if order.profile is not None else list(PROFILES)
     known = {(f.code, f.where) for f in report.findings}
-    more = [f for n in names for f in profile_findings(linter, n)] if linter.links else []
+    odd = {"bad_joint", "not_finite"} & {f.code for f in linter.findings if not f.warning}
+    more = [] if odd else [f for n in names for f in profile_findings(linter, n)]
     extra = []
     for finding in more:
         if (finding.code, finding.where) not in known:

@@ -160,14 +160,14 @@ class Work:
         """Joints that are neither fixed nor of an unknown type."""
         yield from ((n, e) for n, e in self.joints.items() if e.get("type") in MOVING)
 
-    def meshes(self) -> Iterator[tuple[str, str, ET.Element, ET.Element]]:
+    def meshes(self) -> Iterator[tuple[ET.Element, str, ET.Element, ET.Element]]:
         """(link, visual | collision, its element, the <mesh> in it) of every mesh."""
         for link in self.root.findall("link"):
             for kind in SHAPES:
                 for element in link.findall(kind):
                     mesh = element.find("geometry/mesh")
                     if mesh is not None:
-                        yield str(link.get("name")), kind, element, mesh
+                        yield link, kind, element, mesh
 
     def model(self) -> CheckModel | None:
         """Surfaces, joints and collision pieces as they are now; None where they cannot be read."""
