@@ -42,7 +42,7 @@ from mam_pipeline.make_config import EngineConfig
 from mam_pipeline.metrics import score
 from mam_pipeline.models import settings
 from mam_pipeline.stages import Stages
-from mam_pipeline.types import KinematicTree, Primitives
+from mam_pipeline.types import Articulation, KinematicTree, Primitives
 from mam_pipeline.weights import noting
 from mam_sim.bench.runner import Record, execute
 from mam_sim.bench.table import Row, models_of, summarise
@@ -118,7 +118,8 @@ def judged(
         merges = data["merges"] if "merges" in data else np.zeros((0, 2), dtype=np.int64)
         primitives = Primitives(data["labels"].astype(np.int64), merges)
     engine = Stages(EngineConfig("geometric", prior, reasoner, "embedded"))
-    current, answer, why, began = True, None, "", time.perf_counter()
+    answer: Articulation | None = None
+    current, why, began = True, "", time.perf_counter()
     with noting() as rooms:
         try:
             found = engine.observe(truth.mesh, primitives)
@@ -132,7 +133,8 @@ def judged(
             why = str(error)
             print(f"{truth.id}, {reasoner}: {why}")
     seconds = time.perf_counter() - began
-    passed, reasons = (None, ()) if not run else (False, ("no_joint",))
+    passed: bool | None = False if run else None
+    reasons: tuple[str, ...] = ("no_joint",) if run else ()
     if run and answer is not None:
         passed, reasons = execute(answer, truth.id)
     record = Record(

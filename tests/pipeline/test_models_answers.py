@@ -50,6 +50,7 @@ ENDLESS = (-np.inf, np.inf)
         ("burner_knob", {**SPIN, "upper": 90}, (0.0, np.pi / 2)),
         ("stool", SPIN, None),  # the table says nothing of what it turns
         ("stool", {**SPIN, "endless": True}, ENDLESS),
+        ("drawer", {**SLIDE, "endless": True}, None),  # no slide is
         ("drawer", {**SLIDE, "upper": 50}, (0.0, 0.01)),  # of the 2 cm that it is thick
         ("drawer", {**SLIDE, "upper": 50, "of": "carrier"}, (0.0, DEPTH / 2)),
         ("drawer", {**SLIDE, "usual": True}, (0.0, 0.775 * DEPTH)),

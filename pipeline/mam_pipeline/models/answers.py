@@ -250,13 +250,12 @@ def with_ranges(
             continue
         mount, axis = answered.mounts[node.name], node.candidates[0].axis
         evidence = {k: v for k, v in node.evidence.items() if k != "range"}
+        limits: tuple[float, float] | None = -np.inf, np.inf
         if mount.usual:
             depth = extent(mesh, primitives, nodes[node.parent], axis)
             limits, why = usual_range(node.kind, node.name, node.subtype, depth)
             evidence["range"] = f"{why}, as answered, whatever overlaps on the way"
-        elif mount.endless or (mount.endless is None and _endless_as_usual(node, mount)):
-            limits = -np.inf, np.inf
-        else:
+        elif not _endless(node, mount):
             carrier = nodes[node.parent] if mount.of == "carrier" else node
             scale = extent(mesh, primitives, carrier, axis) / 100.0
             if node.subtype != "slide":
@@ -289,8 +288,10 @@ def extent(mesh: Mesh, primitives: Primitives, node: PartNode, axis: FloatArray)
     return float(np.ptp(_corners(mesh, np.isin(primitives.labels, node.primitives)) @ axis))
 
 
-def _endless_as_usual(node: PartNode, mount: Mount) -> bool:
-    """Whether parts of that kind turn without end, and the answer gives no range."""
+def _endless(node: PartNode, mount: Mount) -> bool:
+    """Whether a part turns without end: as answered, else as parts of its kind do."""
+    if mount.endless is not None:
+        return mount.endless and node.subtype != "slide"
     known = part_kind_of(node.kind) or part_kind_of(node.name)
     usual = known is not None and known.moves == "spin" and known.travel is None
     return usual and node.subtype == "spin" and mount.lower is None and mount.upper is None
