@@ -298,7 +298,7 @@ Connections: {{
 """
 
 
-@pytest.mark.skipif(not has("assimp_py"), reason="needs the extra formats")
+@pytest.mark.skipif(not has("assimp_py"), reason="needs plugins/mam_sim_formats")
 def test_fbx_is_in_its_unit_and_place(tmp_path: Path) -> None:
     file = tmp_path / "a.fbx"
     file.write_text(FBX.format(unit=2.54))
@@ -369,7 +369,7 @@ def faceted_step(extents: tuple[float, float, float]) -> str:
     )
 
 
-@pytest.mark.skipif(not has("cascadio"), reason="needs the extra formats")
+@pytest.mark.skipif(not has("cascadio"), reason="needs plugins/mam_sim_formats")
 def test_step_is_in_metres_with_z_up(tmp_path: Path) -> None:
     file = tmp_path / "a.step"
     file.write_text(faceted_step((300.0, 400.0, 800.0)))
