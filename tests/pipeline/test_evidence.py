@@ -119,6 +119,24 @@ def test_a_named_part_is_as_likely_as_its_name_says_however_low_geometry_scores_
     assert heard.with_stated(np.eye(2, dtype=bool), np.array([0.0, 0.9]), [0]) == [0, 1]
 
 
+def test_where_one_node_stands_on_its_hinge_the_file_shows_all_that_moves() -> None:
+    mesh = _two_boxes()
+    masks, value = np.eye(2, dtype=bool), np.array([0.5, 0.5])
+    spec = spec_of(mesh)
+    placed = replace(
+        spec, parts=tuple(replace(p, origin=np.zeros(3), axis=np.array([0, 0, 1.0]))
+                          if p.kind == "door" else p for p in spec.parts),
+    )  # fmt: skip
+    odds = []
+    for told in (spec, placed):
+        heard = Heard.of(told, mesh, _primitives())
+        assert heard is not None
+        odds.append(heard.odds(masks, value))
+    lost = odds[0] - odds[1]
+    door = int(np.argmax(odds[0]))
+    assert lost[door] == 0.0 and lost[1 - door] > 1.0
+
+
 def test_a_kind_says_how_parts_of_such_an_object_move() -> None:
     """A bucket's handle swings, a hammer's head stays, a room's door is a door."""
     bucket = spec_of(_two_boxes(("body", "handle")), Path("bucket.obj")).parts[1]

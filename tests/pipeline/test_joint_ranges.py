@@ -9,6 +9,7 @@ import pytest
 import trimesh
 
 from mam_pipeline.geometry.paths import PartPaths
+from mam_pipeline.joints.closing import closing_of
 from mam_pipeline.joints.estimate import JointEstimator
 from mam_pipeline.joints.limits import Limits, Surroundings, depth_behind, embedded_limits
 from mam_pipeline.joints.twins import with_alike_ranges
@@ -16,6 +17,7 @@ from mam_pipeline.types import (
     FloatArray,
     IntArray,
     Joint,
+    JointCandidate,
     JointSubtype,
     KinematicTree,
     Mesh,
@@ -152,3 +154,50 @@ def test_a_wheel_turns_in_itself_about_its_axle_alone_and_a_square_does_not(
     assert paths.turns_in_itself(axle, np.zeros(3)) == round_
     assert not paths.turns_in_itself(axle, np.array([0.1, 0.0, 0.0]))
     assert not paths.turns_in_itself(OUT, np.zeros(3))
+
+
+def open_lid(degrees: float, thick: float, sunk: float) -> tuple[Mesh, IntArray, FloatArray]:
+    """A base with a plate that turned by some degrees about its back edge; the line (3,).
+
+    Args:
+        sunk: how deep the plate would lie in the base when it is turned back.
+    """
+    plate = block((-0.2, 0, -sunk), (0.2, 0.3, thick - sunk))
+    turn = trimesh.transformations.rotation_matrix(np.radians(degrees), [1, 0, 0])
+    plate.apply_transform(turn)
+    line = np.array([0.0, -0.15, 0.1])
+    plate.apply_translation(line)
+    return *assembled([(0, block((-0.2, -0.15, 0), (0.2, 0.2, 0.1))), (1, plate)]), line
+
+
+@pytest.mark.parametrize("degrees, sunk", [(110, 0.0), (110, 0.01), (60, 0.01)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_lid_that_stands_open_closes_until_it_lies_on_its_body(
+    degrees: float, sunk: float, sign: float
+) -> None:
+    mesh, owner, line = open_lid(degrees, 0.02, sunk)
+    lid, body = np.flatnonzero(owner == 1), np.flatnonzero(owner == 0)
+    axis = sign * np.array([1.0, 0, 0])
+    found = closing_of(mesh, lid, body, JointCandidate("hinge", axis, line))
+    assert found is not None
+    assert np.degrees(found.way) == pytest.approx(degrees, abs=0.1)
+    np.testing.assert_allclose(found.line.axis, [1, 0, 0], atol=1e-9)  # positive opens
+    away = sunk / (2 * np.sin(np.radians(degrees / 2)))
+    assert np.linalg.norm((found.line.origin - line)[1:]) == pytest.approx(away, abs=1e-6)
+    around = Surroundings.of(mesh, lid, body)
+    limits = embedded_limits(
+        around, "hinge", found.line.axis, found.line.origin, closing=found.way
+    )  # fmt: skip
+    assert np.degrees(limits.lower) == pytest.approx(-degrees, rel=0.05)
+    assert limits.closed == limits.lower
+
+
+def test_a_closed_lid_and_an_upright_flap_do_not_stand_open() -> None:
+    mesh, owner, line = open_lid(0, 0.02, 0.0)
+    lid, body = np.flatnonzero(owner == 1), np.flatnonzero(owner == 0)
+    assert closing_of(mesh, lid, body, JointCandidate("hinge", np.array([1.0, 0, 0]), line)) is None
+    mesh, owner = assembled([(0, block((-0.2, 0, 0), (0.2, 0.3, 0.4))),
+                             (1, block((-0.2, -0.02, 0), (0.2, 0, 0.35)))])  # fmt: skip
+    lid, body = np.flatnonzero(owner == 1), np.flatnonzero(owner == 0)
+    front = JointCandidate("hinge", np.array([1.0, 0, 0]), np.array([0.0, 0, 0]))
+    assert closing_of(mesh, lid, body, front) is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -117,6 +118,75 @@ def test_a_car_looks_along_its_track_to_the_side_that_the_format_has_in_front() 
     turned = front_of(moved(_car(), np.diag([1.0, 1, 1, 1])[[1, 0, 2, 3]] * [[1], [-1], [1], [1]]),
                       (0, -1, 0))  # fmt: skip
     assert np.allclose(turned.yaw[:3, :3] @ [1, 0, 0], [-1, 0, 0], atol=1e-6)
+
+
+def _two(fixed: list[float], at: list[float], part: Any, **joint: Any) -> Articulation:
+    """A body and one part that turns; `joint` as in `Joint`, metres."""
+    body = trimesh.creation.box(extents=fixed)
+    body.apply_translation(at)
+    whole: Any = trimesh.util.concatenate([body, part])
+    links = (Link("body", "body", np.arange(12)), Link("p", "lid", np.arange(12, len(whole.faces))))
+    made = Joint("j", parent=0, child=1, **{"type": "revolute", "subtype": "hinge", **joint})
+    return Articulation(Mesh(whole.vertices, whole.faces), links, (made,))
+
+
+def _lid(angle: float) -> Any:
+    """A plate of 0.3 m that lies on a body's top, from its back edge, opened by some degrees."""
+    plate = trimesh.creation.box(extents=[0.4, 0.3, 0.01])
+    plate.apply_translation([0, 0.15, 0.005])
+    turn = trimesh.transformations.rotation_matrix(np.radians(angle), [1, 0, 0])
+    plate.apply_transform(turn)
+    plate.apply_translation([0, -0.15, 0.02])
+    return plate
+
+
+@pytest.mark.parametrize("angle, closed", [(0, 0), (110, -110), (110, -40)])
+def test_a_lids_front_is_opposite_to_its_line_however_far_it_is_open(
+    angle: float, closed: float
+) -> None:
+    found = front_of(_two(
+        [0.4, 0.3, 0.02], [0, 0, 0.01], _lid(angle), axis=np.array([1.0, 0, 0]),
+        origin=np.array([0, -0.15, 0.02]), lower=np.radians(min(closed, 0)), upper=1.5,
+        closed=np.radians(closed), open=1.5,
+    ), (0, -1, 0))  # fmt: skip
+    assert np.allclose(found.yaw[:3, :3] @ [0, 1, 0], [-1, 0, 0], atol=1e-6)
+    assert found.confidence > 0.8
+
+
+def test_an_upright_flap_that_drops_shows_the_front() -> None:
+    door = trimesh.creation.box(extents=[0.5, 0.02, 0.4])
+    door.apply_translation([0, 0.26, 0.25])
+    found = front_of(_two(
+        [0.5, 0.5, 0.5], [0, 0, 0.25], door, axis=np.array([-1.0, 0, 0]),
+        origin=np.array([0, 0.25, 0.05]), lower=0.0, upper=1.5, closed=0.0, open=1.5,
+    ), (0, -1, 0))  # fmt: skip
+    assert np.allclose(found.yaw[:3, :3] @ [0, 1, 0], [-1, 0, 0], atol=1e-6)
+
+
+def test_a_tap_does_not_say_where_the_front_of_a_basin_is() -> None:
+    tap = trimesh.creation.box(extents=[0.04, 0.2, 0.02])
+    tap.apply_translation([0, 0.2, 1.1])
+    post = trimesh.creation.box(extents=[0.04, 0.04, 0.15])
+    post.apply_translation([0, 0.3, 1.02])
+    found = front_of(_two(
+        [1.0, 0.7, 0.95], [0, 0, 0.475], trimesh.util.concatenate([tap, post]),
+        axis=np.array([0, 0, 1.0]), origin=np.array([0, 0.3, 1.0]), lower=0.0, upper=1.5,
+        closed=0.0, open=1.5,
+    ), (0, -1, 0))  # fmt: skip
+    assert np.allclose(found.yaw[:3, :3] @ [0, -1, 0], [-1, 0, 0], atol=1e-6)
+    assert found.confidence < 0.7
+
+
+def test_knobs_above_the_floor_make_no_vehicle() -> None:
+    car = _car()
+    raised = car.mesh.vertices.copy()
+    body = np.unique(car.mesh.faces[car.links[0].faces])
+    raised[body, 2] = np.where(raised[body, 2] < 0.5, 0.0, raised[body, 2])  # down to the floor
+    wheels = np.setdiff1d(np.arange(len(raised)), body)
+    raised[wheels, 2] += 0.1
+    found = front_of(replace(car, mesh=replace(car.mesh, vertices=raised)), (1, 0, 0))
+    assert "vehicle" not in found.why
+    assert np.allclose(found.yaw[:3, :3] @ [1, 0, 0], [-1, 0, 0], atol=1e-6)
 
 
 def test_the_user_says_the_front_in_the_files_axes() -> None:

@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mam_pipeline.types import Articulation, FloatArray, Joint, Mesh
+from mam_pipeline.geometry.motion import motion_points
+from mam_pipeline.geometry.sampling import face_geometry, unit
+from mam_pipeline.types import Articulation, FloatArray, IntArray, Joint, Mesh
 
 
 @dataclass(frozen=True)
@@ -19,12 +21,18 @@ class FrontThresholds:
         stated: weight of the file's convention beside votes that do not agree.
         wheels: wheels with one axis from which the object is a vehicle; it faces along its track.
         low: share of the height below which the middle of a wheel lies.
+        floor: share of the height within which a wheel reaches the floor that the object stands on.
+        least: diagonals: less weight of all parts together is too little to decide alone.
+        bar: weight of a hinged part that is no panel at all.
     """
 
     clear: float = 0.4
     stated: float = 0.4
     wheels: int = 2
     low: float = 0.4
+    floor: float = 0.05
+    least: float = 0.2
+    bar: float = 0.1
 
 
 FRONT = FrontThresholds()
@@ -50,10 +58,11 @@ def front_of(
 ) -> Front:
     """Decide where the front is: as given, where parts open to, else as the file's format has it.
 
-    Drawers slide out of the front, doors swing out of it, lids have their free edge there, knobs
-    point out of it; votes are weighted by the part's extent. Where they do not agree (a car's
-    wheels, a lamp), the format's convention decides; with neither, the object stays as it is. What
-    rolls across the format's front faces +X, as robots and vehicles do (REP 103).
+    Drawers slide out of the front, doors swing out of it, closed lids have their free edge there,
+    knobs point out of it; votes are weighted by the part's extent and its joint's confidence. Where
+    they do not agree (a car's wheels, a lamp), the format's convention decides; with neither, the
+    object stays as it is. What rolls across the format's front faces +X, as robots and vehicles do
+    (REP 103).
 
     Args:
         stated: (3,) front by the file's convention, frame of the articulation. given: by the user.
@@ -62,7 +71,8 @@ def front_of(
         return Front(_towards(articulation.mesh, np.asarray(given, float), False), "as asked")
     vote, weight = _votes(articulation)
     track = _track(articulation)
-    share = float(np.linalg.norm(vote) / weight) if weight > 0 else 0.0
+    weight = max(weight, FRONT.least * articulation.mesh.diagonal)
+    share = float(np.linalg.norm(vote) / max(weight, 1e-12))
     direction = None if stated is None else np.asarray(stated, float)[:2]
     if track is not None:
         vote, share = track * 1e-9, 0.0  # a vehicle faces along its track, whatever opens
@@ -79,12 +89,13 @@ def front_of(
     if direction is None:
         return Front(np.eye(4), "unknown: as in the file", "any side; --facing settles it", 0.3)
     total = vote / max(weight, 1e-12) + FRONT.stated * direction
-    yaw = _towards(articulation.mesh, total, True)
+    nearest = max((direction, unit(vote)), key=lambda way: float(way @ total))
+    yaw = _towards(articulation.mesh, nearest, True)
     return Front(yaw, "as files of this format usually have it", "the opposite side", 0.6)
 
 
 def _votes(articulation: Articulation) -> tuple[FloatArray, float]:
-    """(2,) sum of the directions in which parts open, and the sum of their weights."""
+    """(2,) sum of the directions in which closed parts open, and the sum of their weights."""
     mesh = articulation.mesh
     vote, weight = np.zeros(2), 0.0
     for joint in articulation.joints:
@@ -92,7 +103,8 @@ def _votes(articulation: Articulation) -> tuple[FloatArray, float]:
         if not len(points):
             continue
         low, high = points.min(axis=0), points.max(axis=0)
-        arm = (low + high) / 2 - joint.origin
+        weighs = _size(mesh, articulation.links[joint.child].faces) * joint.confidence
+        arm: FloatArray = (low + high) / 2 - joint.origin
         sign = 1.0 if joint.open >= joint.closed else -1.0
         if joint.type == "prismatic":
             direction = joint.axis * sign
@@ -100,13 +112,39 @@ def _votes(articulation: Articulation) -> tuple[FloatArray, float]:
             centre = mesh.bounds.mean(axis=0)
             direction = joint.axis * np.sign((low + high) @ joint.axis / 2 - centre @ joint.axis)
         else:
-            direction = np.cross(joint.axis * sign, arm)
+            closed = np.array([joint.closed])
+            shut = motion_points("revolute", joint.axis, np.zeros(3), closed, arm[None])[0, 0]
+            direction = np.cross(joint.axis * sign, shut)
+            body = _middle(mesh, articulation.links[joint.parent].faces) - joint.origin
             if abs(direction[2]) > np.linalg.norm(direction[:2]):  # a lid: free edge is the front
-                direction = arm
+                direction = shut
+            elif abs(joint.axis[2]) < 0.3 and shut[2] > 0.0 > body[2]:  # one that still stands up
+                direction = body - (body @ joint.axis) * joint.axis
+                direction[2] = 0.0
+            else:
+                weighs *= _flat(points, joint.axis, arm)
         flat = direction[:2] / max(float(np.linalg.norm(direction)), 1e-12)
-        vote += flat * float(np.linalg.norm(high - low))
-        weight += float(np.linalg.norm(high - low))
+        vote += flat * weighs
+        weight += weighs
     return vote, weight
+
+
+def _size(mesh: Mesh, faces: IntArray) -> float:
+    """Side of a square of half a part's surface, mesh unit: a bar is less than its box."""
+    return float(np.sqrt(0.5 * face_geometry(mesh.vertices, mesh.faces[faces])[1].sum()))
+
+
+def _middle(mesh: Mesh, faces: IntArray) -> FloatArray:
+    """(3,) middle of a link's box; of the object's where the link has no faces."""
+    points = mesh.vertices[mesh.faces[faces].reshape(-1)] if len(faces) else mesh.bounds
+    return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
+
+
+def _flat(points: FloatArray, axis: FloatArray, arm: FloatArray) -> float:
+    """How far a hinged part is a panel that its line lies in, and no bar or body: 0..1."""
+    out = unit(np.cross(axis, arm))
+    thick, *sides = (float(np.ptp(points @ d)) for d in (out, axis, np.cross(out, axis)))
+    return float(np.clip(1.0 - thick / max(min(sides), 1e-12), FRONT.bar, 1.0))
 
 
 def _track(articulation: Articulation) -> FloatArray | None:
@@ -119,7 +157,9 @@ def _track(articulation: Articulation) -> FloatArray | None:
         if joint.type == "prismatic" or joint.subtype != "spin" or not len(points):
             continue
         middle = 0.5 * (points[:, 2].min() + points[:, 2].max())
-        if abs(joint.axis[2]) < 0.3 and middle < low[2] + FRONT.low * (high[2] - low[2]):
+        on_floor = points[:, 2].min() <= low[2] + FRONT.floor * (high[2] - low[2])
+        low_down = middle < low[2] + FRONT.low * (high[2] - low[2])
+        if abs(joint.axis[2]) < 0.3 and on_floor and low_down:
             axes.append(joint.axis[:2] / np.linalg.norm(joint.axis[:2]))
     if len(axes) < FRONT.wheels or abs(np.asarray(axes) @ axes[0]).min() < 0.95:
         return None

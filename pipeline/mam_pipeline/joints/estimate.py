@@ -19,6 +19,7 @@ from mam_pipeline.geometry.frames import ObjectFrame
 from mam_pipeline.geometry.hinge_line import HingeBodies
 from mam_pipeline.geometry.sweep import SweepScene
 from mam_pipeline.joints.candidates import rank_hypotheses
+from mam_pipeline.joints.closing import closing_of
 from mam_pipeline.joints.limits import Limits, Surroundings, embedded_limits
 from mam_pipeline.joints.straight import straightened, turned_tree
 from mam_pipeline.rules import ALL_RULES, Rules
@@ -173,10 +174,12 @@ class JointEstimator:
         if rules.siblings and len(faces.fixed) < len(faces.static) and len(faces.fixed):
             alone = cache(lambda: Surroundings.of(mesh, faces.moving, faces.fixed, self.seed))
 
-        def limits_of(c: JointCandidate) -> Limits:
+        def limits_of(c: JointCandidate, closing: float = 0.0) -> Limits:
             given = node.limits if c is candidates[0] else None
-            return embedded_limits(around, c.subtype, c.axis, c.origin, alone=alone, given=given,
-                                   usual=c.travel, plain=rules.plain_travel)  # fmt: skip
+            return embedded_limits(
+                around, c.subtype, c.axis, c.origin, alone=alone, given=given, usual=c.travel,
+                plain=rules.plain_travel, closing=closing,
+            )  # fmt: skip
 
         near = min(ESTIMATE.close * mesh.diagonal, ESTIMATE.close_own * _size(mesh, faces.own))
         best, chosen = candidates[0], 0
@@ -199,6 +202,11 @@ class JointEstimator:
             ):
                 best, limits, chosen = candidates[k], found, k
                 break
+        if node.subtype == "hinge" and node.limits is None and node.provenance != "user":
+            shut = closing_of(mesh, faces.moving, faces.parent, best)
+            closing = None if shut is None else limits_of(shut.line, shut.way)
+            if shut is not None and closing is not None and closing.lower <= -0.9 * shut.way:
+                best, limits = shut.line, closing
         sure = 1.0 if node.provenance == "user" else agreement(best, ranked, near)
         contact = contact_evidence(around.scene)
         return Estimate(best, limits, sure, chosen, tuple(candidates), contact)

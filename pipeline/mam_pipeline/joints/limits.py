@@ -211,7 +211,7 @@ def travel(
 def embedded_limits(
     around: Surroundings, subtype: JointSubtype, axis: FloatArray, origin: FloatArray,
     *, alone: Callable[[], Surroundings] | None = None, given: tuple[float, float] | None = None,
-    usual: UsualTravel | None = None, plain: bool = True,
+    usual: UsualTravel | None = None, plain: bool = True, closing: float = 0.0,
 ) -> Limits:  # fmt: skip
     """Our rule.
 
@@ -222,6 +222,7 @@ def embedded_limits(
         usual: how far such joints go; without it a quarter turn and 0.8 extents.
         plain: whether these also hold for what goes about as far as doors and drawers do.
         given: limits that a person or the reasoner set; they are kept as they are.
+        closing: radians to the closed pose of what stands open; 0 where they are not known.
     """
     motion: Motion = "prismatic" if subtype == "slide" else "revolute"
     if given is not None:
@@ -231,9 +232,9 @@ def embedded_limits(
         if not np.isfinite(lower + upper):
             return Limits("continuous", -np.inf, np.inf, 0.0, 0.0, "given")
         return Limits(kind, lower, upper, lower + upper - far, far, "given")
-    limits = _open_way(around, subtype, motion, axis, origin, usual, plain)
+    limits = _open_way(around, subtype, motion, axis, origin, usual, plain, closing)
     if alone is not None and limits.type != "continuous" and limits.share < 0.9:
-        free = _open_way(alone(), subtype, motion, axis, origin, usual, plain)
+        free = _open_way(alone(), subtype, motion, axis, origin, usual, plain, closing)
         if free.type != "continuous" and free.upper > 3.0 * limits.upper + 1e-9:
             return replace(free, sibling_at=limits.upper)
     return limits
@@ -241,7 +242,7 @@ def embedded_limits(
 
 def _open_way(
     around: Surroundings, subtype: JointSubtype, motion: Motion, axis: FloatArray,
-    origin: FloatArray, usual: UsualTravel | None, keep_plain: bool,
+    origin: FloatArray, usual: UsualTravel | None, keep_plain: bool, closing: float = 0.0,
 ) -> Limits:  # fmt: skip
     """Range towards the opening side, and back where rest is not the closed pose."""
     slide, scene = motion == "prismatic", around.scene
@@ -265,6 +266,8 @@ def _open_way(
             return endless
         if usual is None:
             back = cap
+    if closing > 0.0:
+        back = closing
     out = travel(scene, motion, axis, origin, 1.15 * cap)
     if slide and own < RANGES.guided * cap:
         out = replace(out, contact=np.inf)
@@ -276,7 +279,7 @@ def _open_way(
     if back > 0.0:
         behind = travel(scene, motion, axis, origin, -back)
         lower, why = _stop(around, motion, axis, origin, behind, -back, RANGES.shut)
-        if why == "usual" and usual is not None:  # nothing says where it is closed
+        if why == "usual" and usual is not None and not closing:  # nothing says where it is closed
             lower = -min(usual.back * extent, back)
         evidence["free_travel_back"] = back = -lower
     wanted = min(cap, out.contact) + (back if back > 0.0 else 0.0)
@@ -287,7 +290,7 @@ def _open_way(
         upper = 0.02 * scene.diagonal if slide else np.deg2rad(5.0)
         rule = "token"
     kind: JointType = "prismatic" if slide else "revolute"
-    closed = lower if back > 0.0 and usual is not None else 0.0
+    closed = lower if back > 0.0 and (usual is not None or closing > 0.0) else 0.0
     of_part = float(upper - lower) / max(extent, 1e-12)
     return Limits(kind, float(lower), float(upper), float(closed), float(upper), rule, evidence,
                   share, cap, of_part=of_part)  # fmt: skip

@@ -42,7 +42,8 @@ class SaidWeights:
     Attributes:
         exact: of a candidate that is the part that a fully trusted name states; it falls with the
             certainty. cut: of one that cuts it. still: of one that is said to stand still.
-        shown: of one that an animation shows. other: of the others where animations show some.
+        shown: of one that an animation shows. other: of those that nobody states where animations
+            or nodes that stand on their hinges show some: who shows one joint shows all.
         doubt, something: at most of all candidates, by how often anything of such an object
             moves; a kind weighs, and what geometry found it cannot forbid.
         kind: of the subtypes that a statement names. rare: weight of a subtype that no part of
@@ -161,13 +162,14 @@ class Heard:
         trust = self.trust(masks, value)
         iou, held, inside = self.overlap(masks)
         shown = [p.said.origin == "animation" for p in self.parts]
-        if any(shown):
-            out -= SAID.other
+        movable = [k for k, p in enumerate(self.parts) if p.movable]
+        sure = max((chance_of(p) for p in self.parts if p.axis is not None), default=0.0)
+        out -= SAID.other * sure * (iou[:, movable] < SAID.same).all(axis=1)
         for k, part in enumerate(self.parts):
             believed = part.said.certainty * (1.0 if shown[k] else trust)
             exact = iou[:, k] >= SAID.same
             if part.movable:
-                gain = SAID.shown + SAID.other if shown[k] else SAID.exact
+                gain = SAID.shown if shown[k] else SAID.exact
                 cuts = ~exact & (held[:, k] > SAID.part) & (held[:, k] < SAID.same)
                 out += believed * (gain * exact - SAID.cut * cuts)
             elif part.moves == "fixed":
