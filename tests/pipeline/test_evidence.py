@@ -20,9 +20,9 @@ from mam_pipeline.evidence.read import spec_of
 from mam_pipeline.evidence.spec import KinematicSpec, PartStatement, Said
 from mam_pipeline.formats.mesh_files import load_mesh, read_file, save_glb
 from mam_pipeline.formats.scene import read_scene
-from mam_pipeline.parts.said import Heard, with_line
+from mam_pipeline.parts.said import Heard, with_line, with_travel
 from mam_pipeline.stages import articulate_mesh
-from mam_pipeline.types import JointCandidate, Mesh, Primitives
+from mam_pipeline.types import JointCandidate, Mesh, Primitives, UsualTravel
 from tests.pipeline.test_pictures import BIND, dae
 
 
@@ -232,6 +232,15 @@ def test_hinge_lines_that_lie_as_usual_come_first() -> None:
     upright = with_line(pair, "upright")
     assert upright[0].axis[2] == 1.0
     assert sum(c.within_kind or 0.0 for c in upright) == pytest.approx(1.0)
+
+
+def test_a_part_goes_as_far_as_such_parts_usually_do() -> None:
+    line = JointCandidate("hinge", np.array([1.0, 0, 0]), np.zeros(3))
+    short = replace(line, travel=UsualTravel(0.5, 0.0, 0.0))
+    ajar = replace(line, travel=UsualTravel(0.9, 0.5, 0.0))
+    found = [c.travel for c in with_travel((line, short, ajar), (70.0, 110.0))]
+    ways = [0.0 if t is None else np.degrees(t.open + t.back) for t in found]
+    assert ways == pytest.approx([90.0, 70.0, np.degrees(1.4)])
 
 
 def test_an_empty_specification_says_nothing() -> None:

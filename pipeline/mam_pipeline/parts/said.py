@@ -32,6 +32,7 @@ from mam_pipeline.types import (
     Mesh,
     PartNode,
     Primitives,
+    UsualTravel,
 )
 
 
@@ -347,6 +348,11 @@ class Heard:
             if line and node.subtype == "hinge" and limits is None:
                 candidates = with_line(candidates, line)
             evidence = {**node.evidence, "said": said}
+            if part is not None and part.travel is not None and node.subtype == "hinge":
+                candidates = with_travel(candidates, part.travel)
+                low, high = part.travel
+                usual = f"{low:g} to {high:g} degrees are usual for a {part.kind}"
+                evidence["range"] = f"assumed where nothing is in the way: {usual}"
             nodes.append(replace(node, candidates=candidates, limits=limits, evidence=evidence))
         return replace(tree, nodes=tuple(nodes))
 
@@ -391,6 +397,22 @@ def with_line(candidates: Sequence[JointCandidate], line: str) -> tuple[JointCan
         for c, g, s, r in zip(candidates, gain, share, rotary)
     ]  # fmt: skip
     return tuple(sorted(out, key=lambda c: -c.score))
+
+
+def with_travel(
+    candidates: Sequence[JointCandidate], degrees: tuple[float, float]
+) -> tuple[JointCandidate, ...]:
+    """Hinge hypotheses that go as far as such parts usually do, from closed to open."""
+    low, high = np.radians(degrees)
+
+    def of(known: UsualTravel | None) -> UsualTravel:
+        if known is None:
+            return UsualTravel(float(low + high) / 2.0, 0.0, 0.0)
+        return replace(known, open=float(np.clip(known.open, low - known.back, high)))
+
+    return tuple(
+        replace(c, travel=of(c.travel)) if c.subtype == "hinge" else c for c in candidates
+    )  # fmt: skip
 
 
 def with_masks(masks: Masks, more: Masks) -> Masks:
