@@ -8,8 +8,10 @@ is an error. `mam_pipeline.config_file` says how values are checked.
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, TypeVar
@@ -141,7 +143,12 @@ def _parsed(base: Verb, prog: str, args: Sequence[str]) -> Verb:
     words = spread(args)
     asked = _help_of(words)
     if asked is None:
-        return tyro.cli(type(base), prog=prog, args=words, default=base, registry=REGISTRY)
+        said = io.StringIO()
+        try:
+            with redirect_stdout(said), redirect_stderr(said):
+                return tyro.cli(type(base), prog=prog, args=words, default=base, registry=REGISTRY)
+        except SystemExit as stop:
+            raise ConfigError(_sentence(said.getvalue(), prog)) from stop
     token = SHORT.set(asked == SHORT_HELP)
     try:
         return tyro.cli(type(base), prog=prog, args=["--help"], default=base, registry=REGISTRY)
@@ -149,6 +156,33 @@ def _parsed(base: Verb, prog: str, args: Sequence[str]) -> Verb:
         SHORT.reset(token)
         if asked == SHORT_HELP:
             print(f"{prog} {LONG_HELP} shows all options")
+
+
+_TOLD = {
+    r"^Error parsing (\S+): invalid literal for int\(\) with base 10: (.*)$":
+        r"\1 must be a whole number, not \2",
+    r"^Error parsing (\S+): no type matching (?:\{None\}\|)?\{?([^}]*?)\}? could be instantiated "
+    r"from \[(.*?)\]\. Got errors.*": r"\1 takes \2, not \3",
+    r"^Missing value for argument '(\S+)'.*": r"\1 needs a value",
+    r"^invalid choice (.*?) for argument '(\S+)'. Expected one of \((.*?),?\)\.?$":
+        r"\2 must be one of \3, not \1",
+    r"^Unrecognized options: (--[^,]*).*$": r"there is no option \1",
+    r"^Unrecognized options: (.*)$": r"\1 is too much",
+    r"^Missing from .*?: (-*\S+)(?: [A-Z]+)? (.*?)\.? \(required\).*": r"\1 is missing: \2",
+}  # fmt: skip
+"""What tyro says of a wrong flag, and how it is said here."""
+
+
+def _sentence(box: str, prog: str) -> str:
+    """What tyro says of a wrong flag in a box, below its title, as one sentence."""
+    text = "\n".join(row.strip("│| ") for row in box.splitlines())
+    _, *parts = (" ".join(p.split()) for p in re.split(r"\n[─-]+\n", text))
+    what = parts[0]
+    for pattern, words in _TOLD.items():
+        what = re.sub(pattern, words, what)
+    near = [flag for part in parts for flag in re.findall(r"^Perhaps you meant: (--\S+)", part)]
+    hint = f"did you mean {near[0]}? " if near else ""
+    return f"{what[:500]}; {hint}{prog} --help lists what there is"
 
 
 def _help_of(args: Sequence[str]) -> str | None:

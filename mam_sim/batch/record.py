@@ -114,11 +114,12 @@ class Target:
 
         self.address = address
         try:
-            if not address.strip():
-                raise ValueError("it is empty")
+            scheme, mark, place = address.strip().partition("://")
+            if not (place if mark else scheme):
+                raise ValueError("it names no place")
             self.files, self.root = fsspec.core.url_to_fs(address)
         except ImportError as error:
-            raise ConfigError(f"--out {address}: {_one_line(error)}") from error
+            raise ConfigError(f"--out {address}: {_one_line(error)} (with pip)") from error
         except Exception as error:  # every file system of fsspec has errors of its own
             raise ConfigError(
                 f"--out {address} is neither a folder nor an address of fsspec such as "

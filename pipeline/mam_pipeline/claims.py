@@ -148,6 +148,16 @@ def png_mark() -> PngInfo:
     return info
 
 
+def instead(folder: Path) -> str:
+    """What a folder holds that was given in place of another: ", but a run (run.json)"."""
+    kinds = (ASSET, RUN, COLLECTION, BATCH, RANK, EXPORT, SETUP)
+    found = next((k for k in kinds if (folder / k.file).is_file()), None)
+    if found is None:
+        return ""
+    article = "an" if found.said[0] in "aeiou" else "a"
+    return f", but {article} {found.said} ({found.file})"
+
+
 def not_a_link(path: Path) -> Path:
     """The path itself.
 

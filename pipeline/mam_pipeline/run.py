@@ -72,7 +72,8 @@ def kind_of(path: Path) -> str:
         raise InputError(f"{path} is an asset already; try: mam-sim check {path}")
     if not path.is_file():
         if re.match(r"(https?|s3|gs|ftp):/", str(path)):
-            raise InputError(f"{path} is an address; download the file first and name it here")
+            address = str(path).replace(":/", "://", 1)
+            raise InputError(f"{address} is an address; download the file first and name it here")
         raise InputError(f"no such file: {path}")
     suffix = path.suffix.lower()
     for kind, suffixes in (

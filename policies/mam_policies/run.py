@@ -26,7 +26,7 @@ from pydantic import Field
 
 from mam_envs.config import EnvConfig
 from mam_pipeline import config_file, folder_data, folders
-from mam_pipeline.claims import RUN, RUN_BEGUN, claim_folder
+from mam_pipeline.claims import RUN, RUN_BEGUN, claim_folder, instead
 from mam_pipeline.edited import (
     STRICT,
     Document,
@@ -132,7 +132,7 @@ class RunInfo:
             ConfigError: an algorithm, robot, task or setting that is not known here.
         """
         where = Path(folder)
-        missing = f"{folder} is no run (no run.json); make one with: mam-sim train"
+        missing = f"no run.json in {folder}{instead(where)}; make one with: mam-sim train"
         document = folder_data.read(where, "run.json", missing)
         told: _RunFile = validated(_RunFile, document)
         ALGORITHMS.check(told.algo)

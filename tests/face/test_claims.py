@@ -69,6 +69,8 @@ def place(tmp_path: Path, made: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def refused(capsys: pytest.CaptureFixture[str], args: list[str]) -> str:
     """Run a verb that must end with status 2 and one sentence; returns it."""
+    if args[0] in ("calibrate", "perceive", "deploy"):
+        pytest.importorskip("mam_sim_arm", reason="the package of real arms is not installed")
     capsys.readouterr()
     assert main([*args, "--quiet"]) == 2
     said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("mam-sim: ")]

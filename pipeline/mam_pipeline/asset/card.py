@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from mam_pipeline import folders
+from mam_pipeline.claims import instead
 from mam_pipeline.edited import (
     STRICT,
     Finite,
@@ -234,7 +235,9 @@ class Asset:
                 raise InputError(f"{path} is a {kind}, not an asset; run: mam-sim make-env {path}")
         door = Door(folder)
         if door.find(file.name, file) is None:
-            raise InputError(f"no asset.json in {folder}; make one with: mam-sim make-env INPUT")
+            raise InputError(
+                f"no asset.json in {folder}{instead(folder)}; make one with: mam-sim make-env INPUT"
+            )
         document = read_json(file)
         if isinstance(document.values, dict) and document.values.get("schema") not in READABLE:
             raise InputError(

@@ -16,6 +16,7 @@ from mam_pipeline.check.model import CheckModel
 from mam_pipeline.check.profiles import profile_findings
 from mam_pipeline.check.report import CLAUSES, CheckReport, Finding, JointReport
 from mam_pipeline.check.sweep import JointSweep, exchanged, sweep_joint
+from mam_pipeline.claims import instead
 from mam_pipeline.errors import InputError, MamSimError
 from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.optional import has, install_command
@@ -195,7 +196,8 @@ def _locate(path: Path) -> _Target:
     elif path.is_dir() and not (path / "asset.json").is_file():
         found = sorted(path.glob("*.urdf"))
         if len(found) != 1:
-            raise InputError(f"{path} holds no asset.json and {len(found)} URDF files; name one")
+            what = f"no asset.json and {len(found)} URDF files"
+            raise InputError(f"{path} holds {what}{instead(path)}; name one")
         return _Target(found[0])
     else:
         asset = Asset.card_of(path)

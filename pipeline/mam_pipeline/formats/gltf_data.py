@@ -231,7 +231,7 @@ def _split(path: Path) -> tuple[dict[str, Any], bytes]:
     elif data.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"{":
         text = data
     else:
-        raise InputError(f"{path} is not a glTF file: it begins with {data[:12]!r}")
+        raise InputError(f"{path} is not a glTF file: it begins with {_words(data[:12])}")
     try:
         doc = json.loads(text.decode("utf-8-sig"))
     except ValueError as error:  # no JSON, or no text
@@ -244,6 +244,12 @@ def _split(path: Path) -> tuple[dict[str, Any], bytes]:
         raise InputError(f"{path} is not a glTF file: it has no asset entry")
     _check_version(path, str(doc["asset"].get("version", "2.0")))
     return doc, binary
+
+
+def _words(data: bytes) -> str:
+    """The first bytes of a file, as text where they are some."""
+    text = data.decode("ascii", "replace").strip()
+    return f"the text {text!r}" if text.isprintable() and "\ufffd" not in text else repr(data)
 
 
 def _check_version(path: Path, version: str) -> None:
