@@ -8,7 +8,7 @@ numbers are primitive ids; nothing else is accepted.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -206,7 +206,8 @@ class Grouping(BaseModel):
 
     def with_nodes(self, nodes: Mapping[str, Sequence[int]]) -> Grouping:
         """With the pieces of the named nodes."""
-        return self.model_copy(update={"parts": _with_nodes(self.parts, nodes)})
+        found = zip(self.parts, _with_nodes(self.parts, nodes))
+        return self.model_copy(update={"parts": [p.model_copy(update=own) for p, own in found]})
 
     def complete(self, ids: set[int]) -> Grouping:
         """With all pieces that are left in the base, if that names none; `ids` are those shown."""
@@ -263,7 +264,8 @@ class MountedParts(BaseModel):
 
     def with_nodes(self, nodes: Mapping[str, Sequence[int]]) -> MountedParts:
         """With the pieces of the named nodes."""
-        return self.model_copy(update={"parts": _with_nodes(self.parts, nodes)})
+        found = zip(self.parts, _with_nodes(self.parts, nodes))
+        return self.model_copy(update={"parts": [p.model_copy(update=own) for p, own in found]})
 
     def grouping(self, ids: set[int]) -> Grouping:
         """The parts as an answer to the first of two questions; `ids` are all numbers shown."""
@@ -341,17 +343,15 @@ class MotionCheck(BaseModel):
         return self.model_copy(update={"joints": joints})
 
 
-Part = TypeVar("Part", Group, MountedPart)
-
-
-def _with_nodes(parts: Sequence[Part], nodes: Mapping[str, Sequence[int]]) -> list[Part]:
-    """Parts with the pieces of their nodes, but those that a part has by number."""
+def _with_nodes(
+    parts: Sequence[Group | MountedPart], nodes: Mapping[str, Sequence[int]]
+) -> list[dict[str, list[int]]]:
+    """The pieces of each part with those of its nodes, but what a part has by number."""
     own = {p for part in parts for p in part.pieces}
-    out = []
-    for part in parts:
-        more = {p for name in part.nodes for p in nodes.get(name, ())} - own
-        out.append(part.model_copy(update={"pieces": [*part.pieces, *sorted(more)]}))
-    return out
+    return [
+        {"pieces": [*part.pieces, *sorted({p for n in part.nodes for p in nodes.get(n, ())} - own)]}
+        for part in parts
+    ]
 
 
 def faults_of_nodes(answer: Grouping | MountedParts, nodes: Collection[str]) -> str:
