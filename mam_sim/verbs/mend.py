@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -111,12 +111,25 @@ def _print(screen: Screen, found: Mended) -> None:
 
 
 def lines(changes: Sequence[Change]) -> list[str]:
-    """A line for each change; equal ones of several places are one."""
-    groups: dict[Change, list[str]] = {}
-    for change in changes:
-        groups.setdefault(replace(change, where=""), []).append(change.where)
+    """A line for each change; those of one reason stand below it, and equal ones are one."""
+    groups: dict[tuple[str, str], dict[tuple[str, str], list[str]]] = {}
+    for c in changes:
+        group = groups.setdefault((c.reason, c.why), {})
+        group.setdefault((c.before, c.after), []).append(c.where)
     out = []
-    for change, places in groups.items():
-        where = places[0] if len(places) == 1 else f"{places[0]} and {len(places) - 1} more"
-        out.append(replace(change, where=where).line())
+    for (reason, why), group in groups.items():
+        rows = [f"{_places(where)}: {before} -> {after}"
+                for (before, after), where in group.items()]  # fmt: skip
+        if len(rows) == 1:
+            out.append(f"{reason}: {rows[0]} ({why})")
+        else:
+            out += [f"{reason}: {why}", *(f"  {row}" for row in rows)]
     return out
+
+
+def _places(where: Sequence[str]) -> str:
+    """A few places by name."""
+    where = list(dict.fromkeys(where))
+    if len(where) <= 3:
+        return ", ".join(where)
+    return f"{where[0]}, {where[1]} and {len(where) - 2} more"

@@ -130,6 +130,7 @@ FAIL: dict[str, tuple[str, list[tuple[str, str]], Files]] = {
          '<origin rpy="0 1.5707963 0"/><geometry><mesh filename="door'),
     ], None),
     "commas": ("bad_joint", [('"0 0 1"', '"0, 0, 1"')], None),
+    "a_scale_of_one_number": ("bad_joint", [('door.obj"', 'door.obj" scale="1"')], None),
     "negative_damping": ("bad_joint", [('damping="0.2"', 'damping="-0.2"')], None),
     "follows_nobody": ("bad_joint", [MIMIC], None),
     "a_long_axis": ("axis_length", [("0 0 1", "0 0 2")], None),
@@ -156,6 +157,9 @@ FAIL: dict[str, tuple[str, list[tuple[str, str]], Files]] = {
         ('<origin xyz="-0.2 -0.2 0"/><axis xyz="0 0 1"', '<axis xyz="0 0 -1"'),
         ('body.obj"/></geometry>', 'body.obj"/></geometry><origin xyz="0.2 0.2 0"/>'),
     ], None),
+    "an_endless_door": (
+        "penetration", [("revolute", "continuous"), ('lower="0" upper="1.5" ', "")], None,
+    ),
     "too_far": ("penetration", [('upper="1.5"', 'upper="5.5"')], None),
     "a_slide_that_leaves_its_guide": ("detached", [
         SLIDE, ('upper="0.2"', 'upper="0.34"'),

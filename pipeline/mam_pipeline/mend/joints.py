@@ -28,7 +28,7 @@ TYPES = {
 
 def joint(work: Work, reason: str = "bad_joint") -> None:
     """Types, numbers, axes and couplings that no reader takes."""
-    _commas(work)
+    _numbers(work)
     for name, element in work.joints.items():
         _type(work, name, element)
         _mimic(work, name, element)
@@ -47,8 +47,15 @@ def joint(work: Work, reason: str = "bad_joint") -> None:
                 work.change(reason, name, f"{key} {value:g}", f"{-value:g}", why)
 
 
-def _commas(work: Work) -> None:
+def _numbers(work: Work) -> None:
+    """Rows of numbers with blanks between them, and scales of three."""
     for element in work.root.iter():
+        if element.tag == "mesh" and number(element.get("scale")) is not None:
+            told = str(element.get("scale")).strip()
+            element.set("scale", f"{told} {told} {told}")
+            why = "some loaders take three numbers alone"
+            work.change("bad_joint", f"scale of {element.get('filename')}", told,
+                        element.get("scale"), why)  # fmt: skip
         for key in ("xyz", "rpy", "size", "scale", "rgba"):
             told = element.get(key) or ""
             plain = told.replace(",", " ").strip("[]() ")

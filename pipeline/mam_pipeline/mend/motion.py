@@ -25,12 +25,14 @@ class MotionRules:
         least: share of a range that must be left; a joint that is cut to less is another one.
         wrong: a way whose free share is below this, where the other way is free, has a wrong sign.
         free: share of the other way that must be free for that.
+        turn: radians that an endless hinge must have free to get limits.
         steps: halvings in the search for where a slide loses contact.
     """
 
-    least: float = 0.5
+    least: float = 0.25
     wrong: float = 0.25
     free: float = 0.9
+    turn: float = 0.5
     steps: int = 6
 
 
@@ -84,7 +86,7 @@ def turn_round(work: Work, reason: str = "exchanged") -> None:
 def clear_way(work: Work, reason: str = "penetration") -> None:
     """Ranges that end before the part runs into something, or that open the other way."""
     for model, joint, _report in _failing(work, reason):
-        if joint.type == "continuous" or joint.coupling is not None:
+        if joint.coupling is not None:
             continue
         around = around_of(model, joint)
         if around is None:
@@ -94,6 +96,13 @@ def clear_way(work: Work, reason: str = "penetration") -> None:
         def free(end: float) -> float:
             return around.free(motion, joint.axis, joint.origin, end)[0] if end else 0.0  # noqa: B023
 
+        if joint.type == "continuous":
+            low, high = free(-np.pi), free(np.pi)
+            if RULES.turn <= high - low < 2.0 * np.pi:
+                work.joints[joint.name].set("type", "revolute")
+                why = "no whole turn is free: what stops it on either side is its limit"
+                _ends(work, reason, joint, low, high, why)
+            continue
         low, high = free(joint.lower), free(joint.upper)
         span = joint.upper - joint.lower
         share = (high - low) / span

@@ -52,7 +52,8 @@ REPAIRS: Mapping[str, Repair] = {
         "one object a file", files.readable, asked=True
     ),
     "bad_joint": Repair(
-        "types of other formats, a zero axis, commas, negative damping, couplings to nothing",
+        "types of other formats, a zero axis, commas, a scale of one number, negative damping, "
+        "couplings to nothing",
         joints.joint,
     ),
     "axis_length": Repair("a unit vector", joints.unit_axes),

@@ -39,10 +39,6 @@ class Change:
     after: str
     why: str
 
-    def line(self) -> str:
-        """The change in one line."""
-        return f"{self.reason}: {self.where}: {self.before} -> {self.after} ({self.why})"
-
 
 @dataclass
 class Work:
