@@ -166,6 +166,7 @@ def write_rows(found: Mapping[str, Sequence[Record]], dataset: str, command: str
         row["paths"] = list(PATHS)
         if by != EMBEDDED:
             row["values"]["s"] = None  # nobody waited for an answer
+            row["models"]["unseen"] = None  # nor knows what the one who answered had seen
         engine_table.put(table, row, wanted.id)
     text = json.dumps(table, indent=1, ensure_ascii=False) + "\n"
     (results_page.RESULTS / f"{engine_table.TABLE}.json").write_text(text, encoding="utf-8")
@@ -192,6 +193,8 @@ def main(
         simulate: write each asset and test it in the simulator.
         rows: write the rows of the README. out: JSON file for the scores.
     """
+    if rows and (only or not simulate):
+        sys.exit("rows are of all objects, with the check: leave out --only and --no-simulate")
     if rows and (changed := code_state.changes(PATHS)):
         sys.exit(f"a row names a commit, and {changed[0]} differs from it; commit first")
     found: dict[str, list[Record]] = {}
