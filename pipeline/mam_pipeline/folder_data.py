@@ -153,6 +153,7 @@ _TEXTS = {
     "feedforward_activation": "relu|gelu|glu",
     "noise_scheduler_type": "DDPM|DDIM",
     "beta_schedule": "linear|scaled_linear|squaredcos_cap_v2|sigmoid",
+    "scheduler_name": "cosine|cosine_with_restarts|linear|polynomial|constant|constant_with_warmup",
     "prediction_type": "epsilon|sample|v_prediction",
     "attention_mode": "cross_attn|self_attn",
     "pad_language_to": "longest|max_length",

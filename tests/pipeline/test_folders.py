@@ -90,7 +90,7 @@ def test_a_file_that_is_older_than_the_process_of_its_number_is_swept(tmp_path: 
     assert len(list(tmp_path.iterdir())) == 2  # both may be being written
     before = time.time
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(folders.time, "time", lambda: before() + 10**9)
+        patch.setattr(time, "time", lambda: before() + 10**9)
         folders.sweep(tmp_path / "a.npz")
     assert not list(tmp_path.iterdir())
 

@@ -9,8 +9,25 @@ from pathlib import Path
 import pytest
 
 from mam_pipeline.errors import InputError
+from mam_pipeline.folder_data import training_settings
 from mam_policies.lerobot.training import LeRobotTraining, train_policy
 from tests.pipeline.test_folder_data import BEFORE, written
+
+
+@pytest.mark.parametrize("kind", ["act", "diffusion", "smolvla"])
+def test_what_lerobot_writes_of_a_policy_is_admitted(kind: str, tmp_path: Path) -> None:
+    draccus = pytest.importorskip("draccus")
+    from lerobot.policies.factory import make_policy_config
+
+    config = make_policy_config(kind, device="cpu", push_to_hub=False)
+    steps = {"optimizer": config.get_optimizer_preset(), "scheduler": config.get_scheduler_preset()}
+    told = {**draccus.encode(config), "type": kind}
+    rest = {
+        name: None if step is None else {**draccus.encode(step), "type": step.type}
+        for name, step in steps.items()
+    }
+    folder = written(tmp_path / "policy", config=told, train_config={"policy": told, **rest})
+    assert training_settings(folder)["policy"] == told
 
 
 def test_a_checkpoint_that_names_a_program(tmp_path: Path) -> None:
