@@ -93,7 +93,7 @@ def _mimic(work: Work, name: str, element: ET.Element) -> None:
     told = mimic.get("joint") or ""
     alike = {n.strip().casefold(): n for n in work.joints}
     found = alike.get(told.strip().casefold())
-    if found not in (None, told, name):
+    if found is not None and found not in (told, name):
         mimic.set("joint", found)
         work.change("bad_joint", name, f"follows {told!r}", found, "no other joint is meant")
     elif found in (None, name):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from mam_pipeline.check.model import CheckModel
 from mam_pipeline.check.report import JointReport
 from mam_pipeline.check.shorten import KEPT
 from mam_pipeline.check.sweep import sweep_joint
+from mam_pipeline.geometry.motion import Motion
+from mam_pipeline.joints.limits import Surroundings
 from mam_pipeline.mend.bodies import rebuild
 from mam_pipeline.mend.joints import around_of
 from mam_pipeline.mend.work import SHAPES, Work, attribute, child, pose_of, set_pose
@@ -83,6 +86,12 @@ def turn_round(work: Work, reason: str = "exchanged") -> None:
         work.change(reason, joint.name, f"{new} hangs on {old}", f"{old} hangs on {new}", why)
 
 
+def _free(around: Surroundings, joint: Joint, end: float) -> float:
+    """How far towards `end` (signed) nothing is in the way."""
+    motion: Motion = "prismatic" if joint.type == "prismatic" else "revolute"
+    return around.free(motion, joint.axis, joint.origin, end)[0] if end else 0.0
+
+
 def clear_way(work: Work, reason: str = "penetration") -> None:
     """Ranges that end before the part runs into something, or that open the other way."""
     for model, joint, _report in _failing(work, reason):
@@ -91,11 +100,7 @@ def clear_way(work: Work, reason: str = "penetration") -> None:
         around = around_of(model, joint)
         if around is None:
             continue
-        motion = "prismatic" if joint.type == "prismatic" else "revolute"
-
-        def free(end: float) -> float:
-            return around.free(motion, joint.axis, joint.origin, end)[0] if end else 0.0  # noqa: B023
-
+        free = partial(_free, around, joint)
         if joint.type == "continuous":
             low, high = free(-np.pi), free(np.pi)
             if RULES.turn <= high - low < 2.0 * np.pi:
@@ -135,12 +140,7 @@ def in_guide(work: Work, reason: str = "detached") -> None:
 
 def pieces(work: Work, reason: str = "cavity_filled") -> None:
     """Convex pieces that leave hollows open, where a hull fills them or two overlap at rest."""
-    if work.report is None:
-        return
-    bodies = {f.where for f in work.report.findings if f.code == "collision_off"}
-    rebuild(
-        work, reason, bodies if reason == "collision_off" else None, "cut so that hollows stay open"
-    )
+    rebuild(work, reason, why="made anew from what is seen, so that hollows stay open")
 
 
 def driven_way(work: Work, reason: str = "frozen") -> None:
