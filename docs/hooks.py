@@ -15,6 +15,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / name) for name in ("benchmarks", "docs", "tests/pipeline")]
 
+import fault_cases  # noqa: E402 - nor are the tests
 import generate_reference  # noqa: E402 - docs/ is no package
 import results_page  # noqa: E402 - nor is benchmarks/
 
@@ -53,14 +54,12 @@ def _figures(table: dict[str, Any], rows: list[dict[str, Any]]) -> str:
 
 def _checks() -> str:
     """Every reason, which files of tests/pipeline/fault_cases.py have it, and what mends it."""
-    from fault_cases import FAIL
-
     from mam_pipeline.check.report import REASONS
     from mam_pipeline.mend import REPAIRS
 
     rows = []
     for code, text in REASONS.items():
-        files = "<br>".join(f"`{name}`" for name, row in FAIL.items() if row[0] == code)
+        files = "<br>".join(f"`{name}`" for name, row in fault_cases.FAIL.items() if row[0] == code)
         repair = REPAIRS.get(code)
         asked = " (with `--only` or `--profile`)" if repair is not None and repair.asked else ""
         done = "" if repair is None else repair.text + asked
