@@ -223,7 +223,7 @@ def rebuild(
             for old in work.links[member].findall("collision"):
                 work.links[member].remove(old)
                 before += 1
-        back = np.linalg.inv(tree.frames[name])
+        back: FloatArray = np.asarray(np.linalg.inv(tree.frames[name]), dtype=np.float64)
         _write_pieces(work, work.links[name], name, [_moved_shape(s, back) for s in shapes])
         after = f"{len(shapes)} convex pieces"
         work.change(reason, name, f"{before} collision shapes", after, why)

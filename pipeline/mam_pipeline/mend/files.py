@@ -230,7 +230,7 @@ def _content(file: Path, root: Path) -> FileContent | None:
 
 def _sound(piece: Piece, scale: np.ndarray) -> Piece:
     """A piece at its size, without faces that have no finite corners or no area."""
-    good = np.isfinite(piece.vertices).all(axis=1)
+    good = np.asarray(np.isfinite(piece.vertices).all(axis=1))
     vertices = np.where(good[:, None], piece.vertices, 0.0) * scale
     faces = piece.faces[:, ::-1] if np.prod(scale) < 0 else piece.faces
     keep = good[faces].all(axis=1) & (triangle_areas(vertices[faces]) > 0.0)

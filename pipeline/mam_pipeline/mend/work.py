@@ -5,11 +5,13 @@ from __future__ import annotations
 import copy
 import shutil
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mam_pipeline.check.lint import MOVING
@@ -219,6 +221,6 @@ def number(text: str | None) -> float | None:
     return value if abs(value) < float("inf") else None
 
 
-def short(values: FloatArray | list[float]) -> str:
+def short(values: NDArray[Any] | Sequence[float]) -> str:
     """Numbers with four digits, for a line."""
     return " ".join(f"{float(v):.4g}" for v in values)
