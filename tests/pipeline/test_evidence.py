@@ -22,7 +22,14 @@ from mam_pipeline.formats.mesh_files import load_mesh, read_file, save_glb
 from mam_pipeline.formats.scene import read_scene
 from mam_pipeline.parts.said import Heard, with_line, with_travel
 from mam_pipeline.stages import articulate_mesh
-from mam_pipeline.types import JointCandidate, Mesh, Primitives, UsualTravel
+from mam_pipeline.types import (
+    JointCandidate,
+    KinematicTree,
+    Mesh,
+    PartNode,
+    Primitives,
+    UsualTravel,
+)
 from tests.pipeline.test_pictures import BIND, dae
 
 
@@ -241,6 +248,29 @@ def test_a_part_goes_as_far_as_such_parts_usually_do() -> None:
     found = [c.travel for c in with_travel((line, short, ajar), (70.0, 110.0))]
     ways = [0.0 if t is None else np.degrees(t.open + t.back) for t in found]
     assert ways == pytest.approx([90.0, 70.0, np.degrees(1.4)])
+
+
+def test_a_part_beyond_the_most_of_its_kind_is_less_likely_unless_somebody_counted() -> None:
+    mesh = _two_boxes()
+    three = Mesh(
+        np.concatenate([mesh.vertices, mesh.vertices[8:] + np.array([0, 0.6, 0])]),
+        np.concatenate([mesh.faces, mesh.faces[12:] + 8]),
+        face_group=np.repeat([0, 1, 2], 12), group_names=("a", "b", "c"),
+    )  # fmt: skip
+    tree = KinematicTree((
+        PartNode("base", "body", (0,), -1, "fixed"),
+        PartNode("p", "door", (1,), 0, "hinge", confidence=0.4),
+        PartNode("q", "door", (2,), 0, "hinge", confidence=0.9),
+    ))  # fmt: skip
+    masks = np.eye(3, dtype=bool)[1:]
+    for words, lost in (("microwave", True), ("wardrobe", False), ("microwave 2 doors", False)):
+        heard = Heard.of(spec_of(three, what=words), three, Primitives(np.repeat([0, 1, 2], 12)))
+        assert heard is not None
+        found = [
+            n.evidence["said"]["odds"] for n in heard.noted(tree, masks, np.zeros(2)).nodes[1:]
+        ]
+        assert (found[0] < -2.0) == lost
+        assert found[1] == 0.0
 
 
 def test_an_empty_specification_says_nothing() -> None:

@@ -426,3 +426,19 @@ def test_the_solver_finds_what_the_parts_stage_has_asked() -> None:
     mesh, owner = drawer_cabinet()
     first, second = (JointEstimator(mesh, Primitives(owner)) for _ in range(2))
     assert first.estimate(tree("slide"), 1) is second.estimate(tree("slide"), 1)
+
+
+@pytest.mark.parametrize("confidence, asleep", [(0.3, True), (0.9, False)])
+def test_a_doubtful_part_that_is_stuck_is_dormant(confidence: float, asleep: bool) -> None:
+    """A block between two walls, 5 mm from each, that is to slide through one of them."""
+    mesh, owner = assemble([
+        (0, block((-0.3, 0, 0), (-0.2, 0.5, 0.5))), (0, block((0.2, 0, 0), (0.3, 0.5, 0.5))),
+        (1, block((-0.195, 0, 0), (0.195, 0.5, 0.5))),
+    ])  # fmt: skip
+    out = JointCandidate("slide", np.array([-1.0, 0, 0]), np.zeros(3))
+    part = PartNode("p", "drawer", (1,), 0, "slide", confidence=confidence, candidates=(out,))
+    given = KinematicTree((PartNode("base", "body", (0,), -1, "fixed"), part))
+    own = Primitives(owner.astype(np.int64))
+    node = settled(given, mesh, own, {}).nodes[1]
+    assert ("stuck" in node.dormant) == asleep
+    assert not settled(given, mesh, own, {}, rules=ALL_RULES.without("abstain")).nodes[1].dormant

@@ -49,6 +49,7 @@ class SaidWeights:
             moves; a kind weighs, and what geometry found it cannot forbid.
         kind: of the subtypes that a statement names. rare: weight of a subtype that no part of
             such an object has.
+        excess: of each part beyond the most that such an object has of parts that move so.
         line: of hinge lines that lie as those of such a part usually do.
         same: IoU of faces from which a candidate is the stated part; part: share from which it
             holds some of it.
@@ -69,6 +70,7 @@ class SaidWeights:
     something: float = 0.3
     kind: float = 1.5
     rare: float = 0.25
+    excess: float = 4.0
     line: float = 1.5
     same: float = 0.9
     part: float = 0.1
@@ -312,6 +314,7 @@ class Heard:
         if len(tree.nodes) < 2:
             return tree
         iou = self.overlap(masks)[0] if self.parts else np.zeros((len(masks), 0))
+        odds = odds - SAID.excess * self._certainty * self._beyond(tree)
         nodes = [tree.nodes[0]]
         for node, row, more in zip(tree.nodes[1:], iou, odds):
             same = [k for k in np.flatnonzero(row >= SAID.same) if self.parts[k].movable]
@@ -355,6 +358,22 @@ class Heard:
                 evidence["range"] = f"assumed where nothing is in the way: {usual}"
             nodes.append(replace(node, candidates=candidates, limits=limits, evidence=evidence))
         return replace(tree, nodes=tuple(nodes))
+
+    def _beyond(self, tree: KinematicTree) -> np.ndarray:
+        """(N - 1,) parts, the least confident first, beyond the most that move so in such a thing.
+
+        A microwave has one door: a second panel is likelier to stand still. What no part of such a
+        thing does at all is `by_kind`'s to weigh.
+        """
+        out = np.zeros(len(tree.nodes) - 1, dtype=bool)
+        known = self._object
+        if known is None or self.told:
+            return out
+        for subtype in {p.moves for p in known.parts}:
+            most = sum(p.most for p in known.parts if p.moves == subtype)
+            alike = [k for k, n in enumerate(tree.nodes[1:]) if n.subtype == subtype]
+            out[sorted(alike, key=lambda k: -tree.nodes[k + 1].confidence)[most:]] = True
+        return out
 
     def _line(self, part: PartStatement | None) -> str:
         """How hinge lines lie, where the part's name or all of the object's parts agree on it."""

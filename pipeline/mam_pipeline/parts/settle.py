@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from mam_pipeline.dormant import put_to_sleep
 from mam_pipeline.joints.estimate import Estimate, JointEstimator, topological_order
 from mam_pipeline.joints.limits import Surroundings
 from mam_pipeline.parts.rules.blockers import BLOCKER, take_along
@@ -25,10 +26,15 @@ class SettleLimits:
     Attributes:
         tries: rounds: pieces in a part's way may hide others.
         freer: times the share of its way that a part must go with what goes along.
+        stuck: share of its way below which a part is stuck for good.
+        doubtful: confidence of a joint below which such a part is dormant; what is surer stays,
+            for its mesh may be cut badly.
     """
 
     tries: int = 3
     freer: float = 1.2
+    stuck: float = 0.05
+    doubtful: float = 0.5
 
 
 SETTLE = SettleLimits()
@@ -58,7 +64,16 @@ def settled(
         replace(node, primitives=changed.primitives, parent=changed.parent)
         for node, changed in zip(tree.nodes, own.nodes)
     )
-    return carried(replace(tree, nodes=tuple(nodes)), confidence, least)
+    tree = carried(replace(tree, nodes=tuple(nodes)), confidence, least)
+    if not rules.abstain or primitives.is_fused:
+        return tree
+    shares = {own.nodes[i].name: e.share for i, e in found.items()
+              if e is not None and confidence[i] < SETTLE.doubtful}  # fmt: skip
+    return put_to_sleep(tree, {
+        i: f"it is stuck: {100 * shares[node.name]:.0f} % of its usual way is free"
+        for i, node in enumerate(tree.nodes)
+        if node.provenance == "inferred" and shares.get(node.name, 1.0) < SETTLE.stuck
+    })  # fmt: skip
 
 
 def _freed(
