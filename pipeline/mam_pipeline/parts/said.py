@@ -70,7 +70,7 @@ class SaidWeights:
     something: float = 0.3
     kind: float = 1.5
     rare: float = 0.25
-    excess: float = 4.0
+    excess: float = 6.0
     line: float = 1.5
     same: float = 0.9
     part: float = 0.1
