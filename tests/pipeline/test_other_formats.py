@@ -410,3 +410,16 @@ def test_without_the_package_of_readers_the_way_out_is_said(
     with pytest.raises(MissingExtra, match=rf"pip install \./plugins/mam_sim_formats.*{way}"):
         read_file(tmp_path / name)
     assert kind_of(tmp_path / name) == "mesh"  # it is known, so a batch has a row for it
+
+
+@needs_usd
+def test_a_look_that_usd_cannot_read_is_named_and_the_shape_is_read(tmp_path: Path) -> None:
+    make_usd(tmp_path / "inner.usda")
+    (tmp_path / "look.mtlx").write_text('<?xml version="1.0"?><materialx version="1.38"/>')
+    (tmp_path / "a.usda").write_text(
+        "#usda 1.0\n(\n    subLayers = [@inner.usda@]\n)\n"
+        'def Scope "Looks" (prepend references = @./look.mtlx@</MaterialX>)\n{\n}\n'
+    )
+    found = read_file(tmp_path / "a.usda")
+    assert len(found.pieces) == 4
+    assert any("look.mtlx" in note for note in found.notes)

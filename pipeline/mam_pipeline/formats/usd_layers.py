@@ -19,8 +19,11 @@ from mam_pipeline.formats.door import Door, Outside, is_file
 from mam_pipeline.formats.soup import LIMITS, Budget
 
 
-def check_layers(path: Path, door: Door) -> None:
+def check_layers(path: Path, door: Door) -> tuple[str, ...]:
     """Look at every layer of a stage, without composing it.
+
+    Returns:
+        Names of those whose format the library has no reader for: looks in MaterialX.
 
     Raises:
         Outside: one lies outside the folder. InputError: one is no ordinary file, or there are too
@@ -28,7 +31,7 @@ def check_layers(path: Path, door: Door) -> None:
     """
     from pxr import Ar, Sdf
 
-    left, seen = [str(path)], set[str]()
+    left, seen, unread = [str(path)], set[str](), set[str]()
     while left:
         name = left.pop()
         if name in seen:
@@ -36,7 +39,7 @@ def check_layers(path: Path, door: Door) -> None:
         seen.add(name)
         if len(seen) > LIMITS.nodes:
             raise InputError(f"{path} is composed of more than {LIMITS.nodes} layers; flatten it")
-        layer = Sdf.Layer.FindOrOpen(name)
+        layer = _layer(name)
         if layer is None:
             continue
         for told in _names(layer):
@@ -52,7 +55,19 @@ def check_layers(path: Path, door: Door) -> None:
                 )
             if not is_file(file):
                 raise InputError(f"{path} composes {told!r}, which is no ordinary file")
+            if Sdf.FileFormat.FindByExtension(file.suffix) is None:
+                unread.add(file.name)
+                continue
             left.append(found)
+    return tuple(sorted(unread))
+
+
+def _layer(name: str) -> Any:
+    """A layer by its name; None where there is none, or no reader of its format."""
+    from pxr import Sdf
+
+    known = Sdf.FileFormat.FindByExtension(Path(name.partition("[")[0]).suffix)
+    return None if known is None else Sdf.Layer.FindOrOpen(name)
 
 
 def check_size(path: Path) -> None:
@@ -63,7 +78,7 @@ def check_size(path: Path) -> None:
     """
     from pxr import Sdf
 
-    layer = Sdf.Layer.FindOrOpen(str(path))
+    layer = _layer(str(path))
     if layer is not None:
         _Count(path).prims(_Stack(layer), Sdf.Path.absoluteRootPath, ())
 
@@ -87,7 +102,7 @@ class _Stack:
                 continue
             found[layer.identifier] = layer
             names = [Sdf.ComputeAssetPathRelativeToLayer(layer, n) for n in layer.subLayerPaths]
-            left += [Sdf.Layer.FindOrOpen(name) for name in names if name]
+            left += [_layer(name) for name in names if name]
         return list(found.values())
 
     def specs(self, at: Any) -> list[Any]:
@@ -166,7 +181,7 @@ class _Count:
 
         if not name:
             return stack
-        found = Sdf.Layer.FindOrOpen(Sdf.ComputeAssetPathRelativeToLayer(layer, name))
+        found = _layer(Sdf.ComputeAssetPathRelativeToLayer(layer, name))
         if found is None:
             return None
         return self.stacks.setdefault(found.identifier, _Stack(found))

@@ -51,7 +51,7 @@ class _Reader:
         self.path = path
         self.budget = Budget(path)
         self.pictures = Pictures(path, self.budget, model_door(path, root))
-        check_layers(path, self.pictures.door)
+        unread = check_layers(path, self.pictures.door)
         check_size(path)
         self.stage = Usd.Stage.Open(str(path))
         self.time = Usd.TimeCode.EarliestTime()
@@ -59,7 +59,7 @@ class _Reader:
         self.materials: list[Material] = [Material()]
         self.known: dict[str, tuple[int, str]] = {}
         self.pieces: list[Piece] = []
-        self.dropped: Counter[str] = Counter()
+        self.dropped = Counter(f"{name}, whose format USD cannot read here" for name in unread)
         self.drawn = 0
 
     def content(self) -> FileContent:
