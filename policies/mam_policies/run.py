@@ -154,11 +154,12 @@ class RunInfo:
 
 @dataclass(frozen=True)
 class _Split:
-    """split.json: asset folders that were trained on, and those that were not."""
+    """split.json: asset folders that were trained on, refused, and held out."""
 
     __pydantic_config__ = STRICT
     train: list[str]
     held_out: Annotated[list[str], Field(max_length=MOST_ASSETS)]
+    refused: list[str] = field(default_factory=list)
 
 
 def held_out(run: Path) -> tuple[str, ...]:

@@ -64,14 +64,17 @@ def test_the_memory_of_what_a_reader_starts_counts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each of the two stays below the limit; together they do not."""
-    used = int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGESIZE")
-    monkeypatch.setattr(apart, "BOUNDS", small(memory=used / 2**30 + 0.7))
+    resident, shared = map(int, Path("/proc/self/statm").read_text().split()[1:3])
+    used = (resident - shared) * os.sysconf("SC_PAGESIZE")  # what a child begins with
+    monkeypatch.setattr(apart, "BOUNDS", small(memory=used / 2**30 + 0.9, seconds=60.0))
     note = tmp_path / "pid"
     code = f"open({str(note)!r}, 'w').write(str(__import__('os').getpid()))\n"
     code += "held = b'x' * (600 << 20)\nimport time\ntime.sleep(60)"
 
     def greedy() -> None:
         with subprocess.Popen([sys.executable, "-c", code], start_new_session=True):
+            while not note.exists():
+                time.sleep(0.05)
             held = b"x" * (600 << 20)
             time.sleep(60)
             assert held

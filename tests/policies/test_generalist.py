@@ -24,7 +24,7 @@ def test_a_policy_over_several_objects_is_tried_on_one_that_it_has_not_seen(
         (folder / name).symlink_to(source)
     write_asset(folder / "c", "drawer")
     without_range(write_asset(folder / "d", "drawer"))  # refused, and counted
-    command = ["train", str(folder), "--split", "0.67", "--env.observation.articulation"]
+    command = ["train", str(folder), "--split", "0.5", "--env.observation.articulation"]
     small = ["--episodes", "2", "--epochs", "1", "--rounds", "1", "--round-episodes", "1"]
     assert main([*command, *small, "--test", "0", "--out", str(run)]) == 0
     split = json.loads((run / "split.json").read_text())
