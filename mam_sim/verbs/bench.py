@@ -42,7 +42,7 @@ class Bench(Verb):
     jobs: Count = 1
     """Processes."""
     weights: Path | None = None
-    """Folder of weights that stand in for the packaged ones: `parts/mobility` and so on."""
+    """Folder of weights that stand in for the packaged ones: `parts/abstention` and so on."""
     bench: Annotated[BenchConfig, OmitArgPrefixes] = field(default_factory=BenchConfig)
     json: bool = False
     """Print the result as JSON instead of tables."""

@@ -155,8 +155,6 @@ _TEXTS = {
     "beta_schedule": "linear|scaled_linear|squaredcos_cap_v2|sigmoid",
     "scheduler_name": "cosine|cosine_with_restarts|linear|polynomial|constant|constant_with_warmup",
     "prediction_type": "epsilon|sample|v_prediction",
-    "scheduler_name": "linear|cosine|cosine_with_restarts|polynomial|constant|"
-    "constant_with_warmup|piecewise_constant",
     "attention_mode": "cross_attn|self_attn",
     "pad_language_to": "longest|max_length",
     "compile_mode": "default|reduce-overhead|max-autotune(-no-cudagraphs)?",

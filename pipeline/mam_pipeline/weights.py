@@ -1,7 +1,7 @@
 """Where learned weights lie, and what each was trained on.
 
-The weights of a room lie in the package, as `mam_pipeline/parts/weights/mobility`. The environment
-variable MAM_SIM_WEIGHTS names a folder whose weights stand in for them: `parts/mobility` in it is
+The weights of a room lie in the package: `mam_pipeline/parts/weights/abstention`. The environment
+variable MAM_SIM_WEIGHTS names a folder whose weights stand in for them: `parts/abstention` in it is
 read instead, where it is there. So one engine is measured with other weights, for example with
 those that never saw an object of the source it is measured on.
 """
@@ -34,7 +34,7 @@ class Learned:
     """One folder of weights.
 
     Attributes:
-        room: its name, as `parts/mobility` or `joints`.
+        room: its name, as `parts/abstention` or `joints`.
         trained_on: the sources of its training objects: "generated", or the name of a dataset's
             folder.
         reproducible: whether a command makes it again.

@@ -106,7 +106,7 @@ def test_no_name_is_shown_unless_it_is_asked_for(dataset: Path) -> None:
 def test_a_result_says_whether_a_model_was_trained_on_its_objects(dataset: Path) -> None:
     truth = read_object(dataset / "thing" / "object.urdf")
     scores = score(truth.truth_articulation(), truth)
-    rooms = ("parts/authored", "parts/mobility")
+    rooms = ("parts/authored", "parts/abstention")
     record = Record("a", "b", "k", "ok", "", scores, 1.0, {}, 1, 1, None, weights=rooms)
     models = models_of([record], str(dataset))
     assert [w["room"] for w in models["weights"]] == list(rooms) and models["unseen"] is True
@@ -114,7 +114,7 @@ def test_a_result_says_whether_a_model_was_trained_on_its_objects(dataset: Path)
     source = next(s for s in models["weights"][1]["trained_on"] if s != "generated")
     models = models_of([record], f"somewhere/{source}")
     assert models["unseen"] is False
-    assert seen_line(models, source).startswith("models: parts/mobility were trained on")
+    assert seen_line(models, source).startswith("models: parts/abstention were trained on")
     assert models_of([record], "generated:test")["unseen"] is None
 
 

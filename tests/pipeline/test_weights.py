@@ -10,9 +10,9 @@ import pytest
 
 from mam_pipeline import weights
 from mam_pipeline.errors import ConfigError
-from mam_pipeline.parts import mobility_network
+from mam_pipeline.parts import abstain
 
-ROOM = mobility_network.WEIGHTS
+ROOM = abstain.WEIGHTS
 
 
 def test_a_folder_stands_in_for_the_rooms_that_it_holds_only(
@@ -31,8 +31,8 @@ def test_a_folder_stands_in_for_the_rooms_that_it_holds_only(
 def test_manifests_say_the_sources_of_the_training_objects(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (mobility,) = weights.learned([ROOM])
-    assert "generated" in mobility.trained_on and mobility.room == ROOM
+    (bar,) = weights.learned([ROOM])
+    assert "labels" in bar.trained_on and bar.room == ROOM
     (tmp_path / ROOM).mkdir(parents=True)
     monkeypatch.setenv(weights.VARIABLE, str(tmp_path))
     with pytest.raises(ConfigError, match="have no manifest"):
@@ -43,10 +43,10 @@ def test_manifests_say_the_sources_of_the_training_objects(
 
 
 def test_rooms_that_are_asked_are_noted_each_time() -> None:
-    mobility_network.load_mobility()
+    abstain.load_bar()
     for _ in range(2):
         with weights.noting() as asked:
-            mobility_network.load_mobility()
+            abstain.load_bar()
         assert asked == {ROOM}
     with weights.noting() as asked:
         pass

@@ -13,7 +13,6 @@ import mam_pipeline
 from mam_pipeline import config_file
 from mam_pipeline.errors import ConfigError
 from mam_training import manifest, publish
-from mam_training.articulation.train import NetworkTraining
 from mam_training.command import configured
 from mam_training.joints.train import JointTraining
 from mam_training.parts.fit_abstention import AbstentionTraining
@@ -30,7 +29,6 @@ FOLDERS = sorted({
 TRAINERS = {
     "parts": PartsTraining, "joints": JointTraining, "photo_front": FrontTraining,
     "photo_confidence": ConfidenceTraining, "abstention": AbstentionTraining,
-    "network": NetworkTraining,
 }  # fmt: skip
 
 
@@ -40,7 +38,7 @@ def test_weights_have_a_manifest_that_is_true(folder: Path) -> None:
 
 
 def test_all_weights_lie_in_such_folders() -> None:
-    assert len(FOLDERS) == 8
+    assert len(FOLDERS) == 7
     loose = [f for p in ("*.gz", "*.npz", "*.xz") for f in PIPELINE.rglob(p)
              if f.parent not in FOLDERS]  # fmt: skip
     assert loose == []
@@ -101,12 +99,12 @@ def made_weights(folder: Path, code: str) -> Path:
 
 
 def test_what_is_published_takes_the_place_of_the_old_weights_whole(tmp_path: Path) -> None:
-    made_weights(tmp_path / "build" / "parts" / "mobility", "abc1234")
-    old = publish.published_place("parts/mobility", tmp_path / "package")
+    made_weights(tmp_path / "build" / "parts" / "abstention", "abc1234")
+    old = publish.published_place("parts/abstention", tmp_path / "package")
     old.mkdir(parents=True)
     (old / "old.txt").write_text("gone afterwards")
-    assert publish.rooms_of(tmp_path / "build") == ["parts/mobility"]
-    publish.publish(tmp_path / "build", ["parts/mobility"], tmp_path / "package")
+    assert publish.rooms_of(tmp_path / "build") == ["parts/abstention"]
+    publish.publish(tmp_path / "build", ["parts/abstention"], tmp_path / "package")
     assert sorted(p.name for p in old.iterdir()) == [manifest.NAME, "model.txt"]
     assert manifest.faults(old) == []
 

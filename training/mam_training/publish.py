@@ -1,7 +1,7 @@
 """Puts weights that a trainer made into the package; trainers themselves write to `build/` only.
 
     python -m mam_training.publish build/weights                     # all that lie there
-    python -m mam_training.publish build/weights parts/mobility      # some of them
+    python -m mam_training.publish build/weights parts/abstention      # some of them
 
 What is published can be made again: the working tree is clean, and so was the one that the weights
 were made from; every file is the one that its manifest describes.
@@ -27,7 +27,7 @@ PACKAGE = Path(mam_pipeline.__file__).parent
 
 
 def published_place(room: str, package: Path = PACKAGE) -> Path:
-    """Where the weights of a room (`parts/mobility`, `joints`) lie in the package."""
+    """Where the weights of a room (`parts/abstention`, `joints`) lie in the package."""
     wing, _, rest = room.partition("/")
     return package / wing / "weights" / rest
 

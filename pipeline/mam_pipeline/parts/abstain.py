@@ -1,8 +1,7 @@
 """Whether a part is likely enough to move: what is not is dormant.
 
-The chance that a part is real is fitted on generated objects, of which many have nothing that
-moves (`mam_world.motionless`), and on objects of other makers. Where no part of an object reaches
-the bar, nothing in it moves; where one does, others need less. What is withheld is dormant
+The chance that a part is real is fitted on labels by eye of real objects, of which many have
+nothing that moves. What is withheld is dormant
 (`mam_pipeline.dormant`). How many pieces an object has is no sign: that tells how it was modelled.
 """
 
@@ -39,7 +38,7 @@ class AbstentionThresholds:
 
 
 ABSTENTION = AbstentionThresholds()
-SIGNS = ("value", "confidence", "sure", "stays", "free", "alike", "best", "moving")
+SIGNS = ("value", "confidence", "sure", "stays", "free", "alike", "best")
 
 
 @dataclass(frozen=True)
@@ -48,15 +47,12 @@ class Bar:
 
     Attributes:
         bias, weights: of a logistic function of the signs (`signs_of`).
-        least: chance that the likeliest part of an object must have; fused: that of a fused mesh,
-            whose true parts have lower ones. others: what the others must have then.
+        least: chance that a part must have.
     """
 
     bias: float
     weights: Mapping[str, float]
     least: float
-    fused: float
-    others: float
 
     def keeps(self, chances: Sequence[float], told: int = 0) -> list[bool]:
         """Which parts of one object become parts, by their chances.
@@ -67,8 +63,7 @@ class Bar:
         if told:
             likeliest = sorted(range(len(chances)), key=lambda i: -chances[i])[:told]
             return [i in likeliest for i in range(len(chances))]
-        any_moves = max(chances, default=0.0) >= self.least
-        return [any_moves and chance >= self.others for chance in chances]
+        return [chance >= self.least for chance in chances]
 
     def chance(self, signs: Mapping[str, float], more: float = 0.0) -> float:
         """Chance that a part is real; `more` are log odds from beside geometry."""
@@ -83,18 +78,17 @@ def load_bar() -> Bar:
 
 def _read_bar(folder: Traversable) -> Bar:
     said = json.loads((folder / "abstention.json").read_text(encoding="utf-8"))
-    return Bar(said["bias"], said["weights"], said["least"], said["fused"], said["others"])
+    return Bar(said["bias"], said["weights"], said["least"])
 
 
 def abstained(
-    tree: KinematicTree, mesh: Mesh, primitives: Primitives, moving: FloatArray, seed: int = 0,
+    tree: KinematicTree, mesh: Mesh, primitives: Primitives, seed: int = 0,
     rules: Rules = ALL_RULES, told: int = 0,
 ) -> KinematicTree:  # fmt: skip
     """The tree in which too unlikely parts are dormant, with the signs of all parts noted.
 
     Args:
         mesh: with one copy of every face. The joints are asked for as the solver will ask.
-        moving: (P,) chance of every primitive that it moves.
         told: how many parts there are, as a person said; 0 where nobody did.
     """
     if len(tree.nodes) < 2:
@@ -105,22 +99,17 @@ def abstained(
     area: FloatArray = np.bincount(
         primitives.labels, face_geometry(mesh.vertices, mesh.faces)[1], minlength=primitives.count
     ).astype(np.float64)
-    signs = signs_of(tree, found, area, moving)
-    bar = load_bar()
-    if primitives.is_fused:
-        bar = replace(bar, least=bar.fused)
-    return withheld(tree, signs, bar if rules.abstain else None, told)
+    signs = signs_of(tree, found, area)
+    return withheld(tree, signs, load_bar() if rules.abstain else None, told)
 
 
 def signs_of(
-    tree: KinematicTree, found: Mapping[str, Estimate | None], area: FloatArray,
-    moving: FloatArray,
-) -> dict[str, dict[str, float]]:  # fmt: skip
+    tree: KinematicTree, found: Mapping[str, Estimate | None], area: FloatArray
+) -> dict[str, dict[str, float]]:
     """What speaks for and against every part, by its name.
 
     Args:
         found: the estimated joint by the part's name. area: (P,) of the primitives, any unit.
-        moving: (P,) chance of every primitive that it moves.
 
     Returns:
         Numbers by the names in SIGNS, each within about -5 to 5: log odds of the scores, shares,
@@ -131,7 +120,7 @@ def signs_of(
     values = [float(n.evidence.get("expected_overlap", n.confidence)) for n in parts]
     out = {}
     for node, size, value in zip(parts, sizes, values):
-        estimate, own = found.get(node.name), list(node.primitives)
+        estimate = found.get(node.name)
         alike = sum(np.isclose(size, s, rtol=0.1) for s in sizes) - 1
         out[node.name] = {
             "value": _odds(value),
@@ -141,7 +130,6 @@ def signs_of(
             "free": 0.0 if estimate is None else float(np.clip(estimate.share, 0.0, 1.0)),
             "alike": float(np.log1p(alike)),
             "best": _odds(max(values)),
-            "moving": _odds(float(np.average(moving[own], weights=area[own] + 1e-15))),
         }
     return out
 
@@ -169,11 +157,10 @@ def withheld(
     # what a person or an animation shows moves for certain
     shown = [1.0 if n.provenance != "inferred" else n.evidence["chance"] for n in nodes[1:]]
     kept = bar.keeps(shown, told)
-    needed = bar.others if any(kept) else bar.least
     chance = {i: c for i, (c, keep) in enumerate(zip(shown, kept), start=1) if not keep}
     reason = f"{told} were told, and others are likelier" if told else ""
     why = {
-        i: reason or f"its chance is {c:.2f}, and {needed:.2f} is needed"
+        i: reason or f"its chance is {c:.2f}, and {bar.least:.2f} is needed"
         for i, c in chance.items()
     }  # fmt: skip
     return put_to_sleep(tree, why, chance)

@@ -18,7 +18,7 @@ from mam_pipeline.backends import Availability, KinematicPrior
 from mam_pipeline.evidence.spec import NOTHING, KinematicSpec
 from mam_pipeline.geometry.sampling import SEED_STEP
 from mam_pipeline.joints import ranker
-from mam_pipeline.parts import abstain, mobility_network
+from mam_pipeline.parts import abstain
 from mam_pipeline.parts.abstain import abstained
 from mam_pipeline.parts.configurations import enumerate_sets, set_features
 from mam_pipeline.parts.features import pair_features, primitive_features
@@ -26,7 +26,6 @@ from mam_pipeline.parts.graph import Graph, build_graph
 from mam_pipeline.parts.group_features import joined, measured, with_rivals
 from mam_pipeline.parts.groups import Masks, enumerate_groups, expand_groups
 from mam_pipeline.parts.joint_view import with_joints
-from mam_pipeline.parts.mobility_network import MobilityNetwork, load_mobility
 from mam_pipeline.parts.network import Reading, log_odds
 from mam_pipeline.parts.rules.bare_handles import with_boards
 from mam_pipeline.parts.rules.choice import lighter, nearest, with_sure, with_twins
@@ -98,8 +97,7 @@ class EmbeddedReasoner:
     @classmethod
     def weights(cls) -> list[Traversable]:
         """Its own scores, and the joint ranker's, whom it asks."""
-        bar = (abstain.WEIGHTS, mobility_network.WEIGHTS)
-        return [place_of(room) for room in (*WEIGHTS.values(), *bar, ranker.WEIGHTS)]
+        return [place_of(room) for room in (*WEIGHTS.values(), abstain.WEIGHTS, ranker.WEIGHTS)]
 
     def with_rules(self, rules: Rules) -> EmbeddedReasoner:
         """See `rules.Ruled`."""
@@ -123,13 +121,13 @@ class EmbeddedReasoner:
 
 def tree_of(
     view: View, masks: Masks, choice: Choice, mesh: Mesh, primitives: Primitives, seed: int,
-    rules: Rules, heard: Heard | None = None, mobility: MobilityNetwork | None = None,
+    rules: Rules, heard: Heard | None = None,
 ) -> KinematicTree:  # fmt: skip
     """From chosen candidates to final parts, for which the joint estimator is asked.
 
     Args:
         view: of which the candidates are. mesh: with one copy of every face.
-        heard: what is known beside geometry. mobility: the package's, unless it is given.
+        heard: what is known beside geometry.
     """
     graph = view.graph
     tree = drafted(graph, masks, choice, mesh, primitives, seed, rules, heard)
@@ -137,11 +135,8 @@ def tree_of(
     tree = settled(tree, mesh, primitives, clear_from(graph, tree, rules), seed, rules)
     if len(tree.nodes) < 2:
         return with_left(graph, tree)
-    if mobility is None and not rules.abstain:
-        return with_left(graph, tree)  # all else is awake: nobody asks how likely its parts are
-    moving = (mobility or load_mobility()).moving(graph, view.prior)
     told = 0 if heard is None else heard.told
-    return with_left(graph, abstained(tree, mesh, primitives, moving, seed, rules, told))
+    return with_left(graph, abstained(tree, mesh, primitives, seed, rules, told))
 
 
 def drafted(

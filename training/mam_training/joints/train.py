@@ -33,7 +33,6 @@ from mam_training.command import configured
 from mam_training.joints.examples import Example, cached_examples
 from mam_training.parts.recipe import blocky, jobs, loose
 from mam_training.parts.train import lean
-from mam_training.sources import GENERATED
 
 COMMON = {"verbosity": -1, "num_threads": 1, "seed": 0, "deterministic": True,
           "force_row_wise": True, "feature_fraction": 0.4, "bagging_fraction": 0.7,
@@ -296,7 +295,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         {"lightgbm": int(str(COMMON["seed"]))},
         {"parts": len(train), "validation parts": len(check),
          "sha256": manifest.data_digest(e.name.encode() + e.part.tobytes() for e in train)},
-        [GENERATED],
+        [manifest.GENERATED],
     )  # fmt: skip
     with standing_in(config.out.parent):
         print(json.dumps({"train": len(train), "validation": report(check)}, indent=1))

@@ -1,22 +1,21 @@
-"""Fits the chance that a part is real, and the bar below which it is withheld.
+"""Fits the chance that a part is real, below which it is dormant, on labels by eye of real objects.
 
-Runs the engine on generated objects, with joints and without any, whose seeds the network of
-mobility was not trained on, and on objects of other sources, each with a network that was trained
-without that source. A row is kept for every part that was found: its signs
-(`mam_pipeline.parts.abstain`) and whether it is a true part (IoU of 0.5 or more of the surface). A
-logistic function is fitted to the rows, with every object of equal weight; in the record each
-chance is that of a function that was fitted without the kind of object, or without its source.
+Runs the engine on every labelled object, names withheld. A row is kept for every part that was
+found: its signs (`mam_pipeline.parts.abstain`) and whether it is a labelled part (IoU of 0.5 or
+more of the surface). A logistic function is fitted to the rows, with every object of equal weight;
+in the record each chance is that of a function that was fitted without the object's repository.
 Where the bar lies is a setting.
 
+    python -m mam_training.labels dataset build/labels --corpus ../shared/corpus/meshes
     python -m mam_training.parts.fit_abstention configs/train/abstention.yaml
 """
 
 from __future__ import annotations
 
+import csv
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from itertools import count as count_from
 from pathlib import Path
 from typing import Any
 
@@ -25,13 +24,14 @@ from numpy.typing import NDArray
 from scipy import optimize
 from scipy.special import expit
 
+from mam_pipeline.dormant import awake
+from mam_pipeline.errors import InputError
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.make_config import EngineConfig
 from mam_pipeline.metrics import reliability, rigid_parts
 from mam_pipeline.parts.abstain import SIGNS, Bar
 from mam_pipeline.parts.embedded import decide, sampled_views, tree_of
-from mam_pipeline.parts.mobility_network import MobilityNetwork, load_mobility, read_mobility
 from mam_pipeline.parts.scores import load_scores
 from mam_pipeline.rules import ALL_RULES
 from mam_pipeline.segment.topology import without_repeats
@@ -39,17 +39,10 @@ from mam_pipeline.stages import Stages
 from mam_pipeline.types import KinematicTree, Mesh, Primitives
 from mam_training import manifest
 from mam_training.command import configured
-from mam_training.sources import GENERATED, OTHERS
-from mam_world.object import generator
-from mam_world.registry import CATEGORIES, motionless
-from mam_world.splits import MOTIONLESS_TEST_ONLY, TEST_ONLY, VALIDATION_ONLY
-from mam_world.style import draw_style
-from mam_world.truth import generated_truth
 
 Array = NDArray[np.float64]
 # signs whose direction is known beforehand: few objects must not turn it round
-KNOWN = {"value": 1, "confidence": 1, "sure": 1, "stays": -1, "free": 1, "alike": 1, "best": 1,
-         "moving": 1}  # fmt: skip
+KNOWN = {"value": 1, "confidence": 1, "sure": 1, "stays": -1, "free": 1, "alike": 1, "best": 1}
 PULL = 1.0  # strength of the pull of weights towards zero, in parts
 REAL = 0.5  # IoU with a true part from which a part is real
 
@@ -58,74 +51,51 @@ REAL = 0.5  # IoU with a true part from which a part is real
 class AbstentionTraining:
     """What the chance is fitted on, and where it goes."""
 
-    motionless: int = 8
-    """Objects of every kind in which nothing moves."""
-    movable: int = 1
-    """Objects of every kind with joints."""
-    start: int = 300
-    """First seed that is looked at; of ten in a row the one for validation is."""
-    others: tuple[Path, ...] = OTHERS
-    """Folders of URDF objects of other sources."""
-    most_of_each: int = 60
-    """Objects of each of them, the first of a mixed order."""
-    networks: Path = Path("build/network")
-    """Folder of the networks that were trained without them: `without_NAME.npz`."""
-    least: float = 0.4
-    """Chance that the likeliest part of an object must have."""
-    fused_least: float = 0.2
-    """The same of a fused mesh. Chances are fitted on authored ones; true parts of fused ones get
-    lower ones."""
-    others_least: float = 0.02
-    """Chance that further parts of an object need once one part has reached the bar."""
+    labels: Path = Path("build/labels")
+    """Dataset of the labelled objects, with the repository of each in its MANIFEST.csv."""
+    least: float = 0.2
+    """Chance that a part must have to move."""
+    without: str = ""
+    """Repository that is left out, to judge its objects; empty: none."""
     cache: Path = Path("build/abstention.jsonl")
     """Rows that were collected, which are read again."""
-    most: int | None = 300
-    """Generated objects in all, the first of a mixed order; None: all."""
     out: Path = Path("build/weights/parts/abstention")
     """Folder that the fit and its manifest are written to."""
 
 
-def collect(path: Path, pairs: Sequence[tuple[str, int]]) -> None:
-    """Append a row per generated object that the file does not hold yet."""
-    have = {(r["category"], r.get("seed")) for r in read(path)}
+def repositories(folder: Path) -> dict[str, str]:
+    """The repository of every labelled object, by its id.
+
+    Raises:
+        InputError: the folder is no dataset of labels.
+    """
+    file = folder / "MANIFEST.csv"
+    if not file.is_file():
+        raise InputError(f"{folder} is no dataset of labels: {file} does not exist")
+    with file.open(newline="", encoding="utf-8") as stream:
+        return {row["id"]: row["repo"] for row in csv.DictReader(stream)}
+
+
+def collect(path: Path, folder: Path) -> None:
+    """Append a row per object of the dataset that the file does not hold yet."""
+    have, of = {r["name"] for r in read(path)}, repositories(folder)
     with path.open("a", encoding="utf-8") as file:
-        for name, seed in pairs:
-            if (name, seed) not in have:
-                row = {"category": name, "seed": seed, **observed(generated_truth(name, seed))}
+        for name, kind, urdf in list_objects(folder):
+            if name not in have:
+                row = {"name": name, "repo": of[name], **observed(read_object(urdf, name, kind))}
                 file.write(json.dumps(row) + "\n")
                 file.flush()
 
 
-def collect_source(path: Path, folder: Path, most: int, network: MobilityNetwork) -> list[str]:
-    """The same of objects of a folder of URDFs; all of a folder count as one kind.
-
-    Returns:
-        Their names.
-    """
-    found = list_objects(folder)
-    order = np.random.default_rng(0).permutation(len(found))[:most]
-    have = {r["name"] for r in read(path) if r["category"] == folder.name}
-    with path.open("a", encoding="utf-8") as file:
-        for k in order:
-            name, kind, urdf = found[k]
-            if name not in have:
-                seen = observed(read_object(urdf, name, kind), network)
-                file.write(json.dumps({"category": folder.name, "name": name, **seen}) + "\n")
-                file.flush()
-    return [found[k][0] for k in order]
-
-
-def observed(truth: GroundTruth, network: MobilityNetwork | None = None) -> dict[str, Any]:
+def observed(truth: GroundTruth) -> dict[str, Any]:
     """What the engine finds in one object when it withholds nothing."""
-    tree, primitives = found_in(truth.mesh, network)
+    tree, primitives = found_in(truth.mesh)
     parts = rows_of(tree, primitives, truth)
     true = sum(joint.type != "fixed" for joint in truth.joints)
     return {"true": true, "parts": parts}
 
 
-def found_in(
-    mesh: Mesh, network: MobilityNetwork | None = None
-) -> tuple[KinematicTree, Primitives]:
+def found_in(mesh: Mesh) -> tuple[KinematicTree, Primitives]:
     """The parts that the engine finds, the unlikely ones too; by one sampling, not four, which
     costs a third of the time and tells the same within noise."""
     config = EngineConfig(rules=ALL_RULES.without("abstain"))
@@ -136,19 +106,17 @@ def found_in(
     views = sampled_views(once, bare, prior, config.seed, config.rules, 1)
     scores = load_scores("fused" if bare.is_fused else "authored")
     masks, choice = decide(views, scores, config.rules)
-    asked = network or load_mobility()
-    tree = tree_of(views[0], masks, choice, once, bare, config.seed, config.rules, mobility=asked)
-    return tree, primitives
+    return tree_of(views[0], masks, choice, once, bare, config.seed, config.rules), primitives
 
 
 def rows_of(
     tree: KinematicTree, primitives: Primitives, truth: GroundTruth
 ) -> list[dict[str, Any]]:
-    """Signs, confidence and truth of every part that was found."""
+    """Signs, confidence and truth of every part that is awake without the bar."""
     label = rigid_parts(truth.truth_articulation())[0][truth.face_link]
     area = face_geometry(truth.mesh.vertices, truth.mesh.faces)[1]
     out = []
-    for node in tree.nodes[1:]:
+    for node in awake(tree).nodes[1:]:
         mine = np.isin(primitives.labels, node.primitives)
         best = 0.0
         for k in range(1, int(label.max()) + 1):
@@ -191,19 +159,14 @@ def table(rows: Sequence[dict[str, Any]]) -> tuple[Array, Array, Array, NDArray[
     return x, y, weight, np.array([i for i, _ in parts], dtype=np.int64)
 
 
-def crossed(rows: Sequence[dict[str, Any]], folds: int = 5) -> Array:
-    """(n,) chance of every part by a function that was fitted without its kind or source."""
-    kinds = sorted({r["category"] for r in rows if "seed" in r})
-    fold = {kind: i % folds for i, kind in enumerate(kinds)}
-    sources = sorted({r["category"] for r in rows if "seed" not in r})
-    fold |= {source: folds + i for i, source in enumerate(sources)}
-    folds += len(sources)
+def crossed(rows: Sequence[dict[str, Any]]) -> Array:
+    """(n,) chance of every part by a function that was fitted without its repository."""
     x, _, _, owner = table(rows)
     out = np.zeros(len(x))
-    of = np.array([fold[rows[i]["category"]] for i in owner])
-    for k in range(folds):
-        bias, weights = fitted([r for r in rows if fold[r["category"]] != k])
-        out[of == k] = expit(bias + x[of == k] @ weights)
+    of = np.array([rows[i]["repo"] for i in owner])
+    for repository in sorted(set(of)):
+        bias, weights = fitted([r for r in rows if r["repo"] != repository])
+        out[of == repository] = expit(bias + x[of == repository] @ weights)
     return out
 
 
@@ -230,55 +193,20 @@ def record(rows: Sequence[dict[str, Any]], chance: Array, bar: Bar) -> dict[str,
     }
 
 
-def planned(config: AbstentionTraining) -> list[tuple[str, int]]:
-    """Objects of both sorts, mixed, so that a run that is cut short has some of each."""
-    held = TEST_ONLY | VALIDATION_ONLY | MOTIONLESS_TEST_ONLY
-    pairs = [
-        (name, seed)
-        for names, count in ((motionless(), config.motionless), (CATEGORIES, config.movable))
-        for name in names if name not in held
-        for seed in handed_over(name, config.start, count, (8,))
-    ]  # fmt: skip
-    order = np.random.default_rng(config.start).permutation(len(pairs))
-    return [pairs[i] for i in order]
-
-
-def handed_over(name: str, start: int, count: int, digits: Sequence[int]) -> list[int]:
-    """The first seeds from `start` whose file has separate pieces in no dense tessellation: what
-    is one surface is judged by other scores, and is never withheld.
-
-    Args:
-        digits: last digits of the seeds that are looked at.
-    """
-    out: list[int] = []
-    for seed in count_from(start):
-        if len(out) == count:
-            return out
-        style = draw_style(generator(name, seed, stream=1))
-        if seed % 10 in digits and not style.fused and style.tessellation != "dense":
-            out.append(seed)
-    raise AssertionError("unreachable")
-
-
 def main(argv: Sequence[str] | None = None) -> None:
     """Collect, fit, keep."""
     config = configured(AbstentionTraining(), argv)
     config.cache.parent.mkdir(parents=True, exist_ok=True)
-    pairs = planned(config)[: config.most]
-    collect(config.cache, pairs)
-    wanted: set[tuple[str, int | str]] = set(pairs)
-    for folder in config.others:
-        network = read_mobility(config.networks / f"without_{folder.name}.npz")
-        names = collect_source(config.cache, folder, config.most_of_each, network)
-        wanted |= {(folder.name, name) for name in names}
-    rows = [
-        row for row in read(config.cache)
-        if (row["category"], row.get("seed", row.get("name"))) in wanted and row["parts"]
-    ]  # fmt: skip
+    collect(config.cache, config.labels)
+    wanted = {n: r for n, r in repositories(config.labels).items() if r != config.without}
+    rows = sorted(
+        (r for r in read(config.cache) if r["name"] in wanted and r["parts"]),
+        key=lambda r: str(r["name"]),
+    )
     chance = crossed(rows)
     bias, weights = fitted(rows)
     named = {n: round(float(w), 4) for n, w in zip(SIGNS, weights)}
-    bar = Bar(round(bias, 4), named, config.least, config.fused_least, config.others_least)
+    bar = Bar(round(bias, 4), named, config.least)
     kept: dict[str, Any] = {**asdict(bar), "record": record(rows, chance, bar)}
     config.out.mkdir(parents=True, exist_ok=True)
     (config.out / "abstention.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
@@ -286,11 +214,10 @@ def main(argv: Sequence[str] | None = None) -> None:
         config.out,
         "python -m mam_training.parts.fit_abstention configs/train/abstention.yaml",
         config,
-        {"first seed": config.start},
-        {"objects": len(rows), "of other sources": sum("seed" not in r for r in rows),
-         "kinds without joints": len(motionless()),
+        {"samplings": EngineConfig().seed},
+        {"objects": len(rows), "repositories": len({r["repo"] for r in rows}),
          "sha256": manifest.data_digest(json.dumps(r, sort_keys=True).encode() for r in rows)},
-        [GENERATED, *(folder.name for folder in config.others)],
+        ["labels"],
     )  # fmt: skip
     print(json.dumps({**asdict(config), **kept["record"]}, indent=1, default=str))
 

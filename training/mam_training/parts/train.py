@@ -54,7 +54,6 @@ from mam_training.parts.views import (
     some_rows,
     widen,
 )
-from mam_training.sources import GENERATED
 
 OVERLAP: dict[str, Any] = {"objective": "cross_entropy"}
 TYPES: dict[str, Any] = {"objective": "multiclass", "num_class": 3}
@@ -376,7 +375,7 @@ def _told(folder: Path, config: PartsTraining, examples: list[Path]) -> None:
         {"draws": 0, "networks": len(_halves([])), "lightgbm": int(COMMON["seed"])},
         {"examples": len(examples),
          "sha256": manifest.data_digest(p.name.encode() + p.read_bytes() for p in examples)},
-        [GENERATED],
+        [manifest.GENERATED],
     )  # fmt: skip
 
 

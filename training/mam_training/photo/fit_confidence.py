@@ -35,7 +35,6 @@ from mam_pipeline.photo.verdict import read_again
 from mam_training import manifest
 from mam_training.command import configured
 from mam_training.photo.marked_photos import views
-from mam_training.sources import GENERATED
 from mam_world.photos.painted_photo import paint_photo
 
 Array = NDArray[np.float64]
@@ -149,7 +148,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         {"views": 7, "painted": config.seed},
         {"views": len(rows),
          "sha256": manifest.data_digest(json.dumps(r, sort_keys=True).encode() for r in rows)},
-        [GENERATED, config.photos.name],
+        [manifest.GENERATED, config.photos.name],
     )  # fmt: skip
     for topic, made in kept["topics"].items():
         print(topic, "high from", made["high"], "medium from", made["medium"], made["record"])

@@ -26,7 +26,6 @@ from mam_pipeline.photo.network import STRIDE, nearest_shape
 from mam_training import manifest
 from mam_training.command import configured
 from mam_training.photo.network_model import Network, NetworkTraining, save, trained
-from mam_training.sources import GENERATED
 from mam_world.photos.painted_photo import PaintedPhoto, paint_photo
 
 Array = NDArray[np.float32]
@@ -115,7 +114,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         config,
         {"photos": config.seed},
         data_of(config),
-        [GENERATED, "imagenet"],
+        [manifest.GENERATED, "imagenet"],
     )
 
 

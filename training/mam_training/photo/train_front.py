@@ -27,7 +27,6 @@ from mam_pipeline.photo.network import STRIDE, nearest_shape
 from mam_training import manifest
 from mam_training.command import configured
 from mam_training.photo.network_model import Network, NetworkTraining, save, trained
-from mam_training.sources import GENERATED
 from mam_world.photos.painted_front import PaintedFront, paint_front
 from mam_world.photos.synthetic_photo import LEVELS, synthesise
 
@@ -197,7 +196,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         config,
         {"fronts": config.seed, "photos": config.first},
         data_of(config),
-        [GENERATED, "imagenet"],
+        [manifest.GENERATED, "imagenet"],
     )
 
 
