@@ -329,7 +329,9 @@ def training_settings(folder: Path) -> dict[str, Any]:
     document = read(folder, "train_config.json")
     if not isinstance(document.values, dict):
         raise document.wrong((), f"must hold names and values, not {shown(document.values)}")
-    kept = {key: document.values.get(key) for key in ("policy", "optimizer", "scheduler")}
+    kept: dict[str, Any] = {
+        key: document.values.get(key) for key in ("policy", "optimizer", "scheduler")
+    }
     for key, value in kept.items():
         if not isinstance(value, dict) and (key != "scheduler" or value is not None):
             raise document.wrong((key,), f"must hold names and values, not {shown(value)}")

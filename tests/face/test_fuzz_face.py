@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import random
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -48,13 +49,13 @@ def test_what_is_ranked_of_any_bytes(seed: int, tmp_path_factory: pytest.TempPat
     (folder / "a.urdf").write_bytes(changed(URDF.encode(), rng))
     (folder / "asset.json").write_bytes(changed(b'{"schema": 2, "urdf": "a.urdf"}', rng))
     for path in (folder, folder / "a.urdf"):
-        subject = ours(lambda path=path: Subject.of(path))
+        subject = ours(partial(Subject.of, path))
         assert subject.fault or subject.path.exists()
         task = Examine(subject, folder)
         verdict = replaced(asdict(Verdict(subject.name, str(path))), rng)
         task.file.parent.mkdir(exist_ok=True)
         task.file.write_bytes(changed(json.dumps(verdict).encode(), rng))
-        row = ours(lambda task=task: task.known)
+        row = ours(partial(getattr, task, "known"))
         assert row is None or row.name == subject.name
 
 

@@ -195,7 +195,8 @@ def test_a_language_models_answers_are_told_and_what_was_overruled() -> None:
     assert "hinge, axis z, side +y, 80 % sure; else slide; *you said otherwise*" in text
     assert "otherwise" not in dialogue_text({"dialogue": talk}, [])
     assert dialogue_text({}, []) == ""
-    one = [{"question": "How?", "base": "body", "parts": [{**mount, **part, "parent": None}]},
+    one: list[dict[str, Any]] = [
+           {"question": "How?", "base": "body", "parts": [{**mount, **part, "parent": None}]},
            {"question": "So?", "joints": [{"name": "door", "ok": False, "upper": 60.0}],
             "transfers": [{"pieces": [2], "to": "body"}]}]  # fmt: skip
     del one[0]["parts"][0]["is_base"]

@@ -241,7 +241,7 @@ def test_no_piece_leaves_its_part(seed: int) -> None:
     turn = trimesh.transformations.random_rotation_matrix(rng.random(3))
     boards = [
         trimesh.creation.box(
-            bounds=np.sort(np.add(rng.random((2, 3)).round(1), [[0], [0.05]]), axis=0)
+            bounds=np.sort(rng.random((2, 3)).round(1) + np.array([[0.0], [0.05]]), axis=0)
         )
         for _ in range(6)
     ]

@@ -19,6 +19,7 @@ from typing import Any
 from mam_pipeline import config_file
 from mam_pipeline.weights import MANIFEST as NAME
 
+GENERATED = "generated"  # the procedural world, in `trained_on`
 UNKNOWN = "unknown"  # code outside git
 DIRTY = "-dirty"  # ending of code with changes that are in no commit
 LIBRARIES = ("numpy", "scipy", "lightgbm", "scikit-learn", "torch", "opencv-python-headless")
@@ -46,7 +47,7 @@ def write(
     Args:
         command: that makes them again, as one would type it. config: a dataclass, resolved.
         data: what they were trained on: numbers, and its `sha256`.
-        trained_on: the sources of that data (`sources.GENERATED`, names of datasets); results on
+        trained_on: the sources of that data (`GENERATED`, names of datasets); results on
             a source say by it whether a model had seen it.
     """
     said = {

@@ -107,8 +107,8 @@ def train_policy(
                 found = re.search(r"step:([\d.]+)([KM]?) .*loss:([\d.]+)", line)
                 if found:
                     size = {"": 1, "K": 1e3, "M": 1e6}[found[2]]
-                    done = float(found[1]) * size / config.steps
-                    update(min(done, 1.0), f"loss {found[3]}")
+                    share = float(found[1]) * size / config.steps
+                    update(min(share, 1.0), f"loss {found[3]}")
                     _keep_last(folder / "checkpoints")
         except BaseException:  # stopped: waiting for its end would take hours
             process.terminate()
