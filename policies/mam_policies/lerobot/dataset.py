@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -105,7 +106,22 @@ def _add(dataset: Any, track: Track, rewards: NDArray[np.float32]) -> None:
         for camera, pictures in track.images.items():
             frame[IMAGES + camera] = pictures[t]
         dataset.add_frame(frame)
-    dataset.save_episode()
+    with same_scheduling():
+        dataset.save_episode()
+
+
+@contextmanager
+def same_scheduling() -> Iterator[None]:
+    """Within it, this thread may become a real-time one; afterwards it is scheduled as before.
+
+    The AV1 encoder makes whoever calls it as root a real-time thread (SCHED_FIFO 99). All that such
+    a process starts is one too, and a busy browser among it takes the processors from all others.
+    """
+    policy, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, policy, parameter)
 
 
 def read_tracks(dataset: Any) -> Iterator[tuple[Track, NDArray[np.float32]]]:
