@@ -71,7 +71,7 @@ def test_entries_leave_out_speed_touch_and_the_world() -> None:
 
 def test_file_of_another_kind_is_named(tmp_path: Path) -> None:
     (tmp_path / "policy.safetensors").write_bytes(b"not a policy")
-    with pytest.raises(InputError, match="not a policy of mam-sim|no file of weights"):
+    with pytest.raises(InputError, match="no file of weights"):
         MlpPolicy.load(tmp_path)
     with pytest.raises(InputError, match="no run"):
         RunInfo.load(tmp_path)
