@@ -40,7 +40,7 @@ def fused(folder: Path) -> Asset:
     file = folder / "fused.glb"
     mesh = make_object("nightstand", 3).articulation.mesh
     save_glb(fuse_mesh(mesh, resolution=96, faces=20_000), file)
-    return make_asset(file, folder / "fused", MakeConfig())
+    return make_asset(file, folder / "fused", MakeConfig(accept=("all",)))
 
 
 def generated(folder: Path) -> Asset:

@@ -100,9 +100,7 @@ def abstained(
         primitives.labels, face_geometry(mesh.vertices, mesh.faces)[1], minlength=primitives.count
     ).astype(np.float64)
     signs = signs_of(tree, found, area)
-    # fitted on authored meshes; true parts of fused ones have far lower chances
-    judged = rules.abstain and not primitives.is_fused
-    return withheld(tree, signs, load_bar() if judged else None, told)
+    return withheld(tree, signs, load_bar() if rules.abstain else None, told)
 
 
 def signs_of(
