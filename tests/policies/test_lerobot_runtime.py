@@ -228,6 +228,20 @@ def test_replay_of_the_best_trajectory(
     assert episode["success"] and episode["steps"] == len(demo.actions)
 
 
+def test_a_video_leaves_the_process_scheduled_as_it_was(tmp_path: Path) -> None:
+    """As root the AV1 encoder makes its caller a real-time process, and all that this starts."""
+    from mam_policies.collection import Names, Track
+    from mam_policies.lerobot.dataset import write_dataset
+
+    before = os.sched_getscheduler(0)
+    rows = np.zeros((4, 1), np.float32)
+    pictures = {"hand": np.zeros((4, 64, 64, 3), np.uint8)}
+    track = Track(rows, rows, rows, pictures, True, "open")
+    write_dataset([(track, rows[:, 0])], Names(("a",), ("b",), ("c",)), "arm", tmp_path / "data")
+    assert list((tmp_path / "data").rglob("*.mp4"))
+    assert os.sched_getscheduler(0) == before
+
+
 def test_dataset_export_and_a_few_steps_of_training(
     drawer: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

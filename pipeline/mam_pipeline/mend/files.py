@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -99,26 +99,25 @@ def _alike(work: Work, name: str) -> Path | None:
 
 def relative(work: Work, reason: str = "mesh_path") -> None:
     """Names relative to the URDF in place of package://, file:// and absolute ones."""
-    for element in _named(work):
-        name = element.get("filename") or ""
-        found = _exact(work, name) if "://" in name or name.startswith("/") else None
-        if found is not None:
-            place = work.bring(found)
-            element.set("filename", place)
-            why = "the folder can be moved, and a simulator without ROS finds it"
-            work.change(reason, element.tag, name, place, why)
+    why = "the folder can be moved, and a simulator without ROS finds it"
+    _brought(work, reason, why, lambda name, _: "://" in name or name.startswith("/"))
 
 
 def inside(work: Work, reason: str = "mesh_outside") -> None:
     """Files outside the folder, copied into it; only what `--allow-outside` lets in."""
     base = work.source.parent.resolve()
+    why = "copied into the folder; nothing outside it is read"
+    _brought(work, reason, why, lambda _, file: not file.resolve().is_relative_to(base))
+
+
+def _brought(work: Work, reason: str, why: str, wanted: Callable[[str, Path], bool]) -> None:
+    """Copy the files that are found and wanted, by their names, and name the copies."""
     for element in _named(work):
         name = element.get("filename") or ""
         found = _exact(work, name)
-        if found is not None and not found.resolve().is_relative_to(base):
+        if found is not None and wanted(name, found):
             place = work.bring(found)
             element.set("filename", place)
-            why = "copied into the folder; nothing outside it is read"
             work.change(reason, element.tag, name, place, why)
 
 

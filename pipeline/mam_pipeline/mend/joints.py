@@ -218,8 +218,7 @@ def effort(work: Work, reason: str = "effort_missing") -> None:
             told = number(attribute(element, "limit", key))
             if told is None or told <= 0:
                 child(element, "limit").set(key, repr(value))
-                before = attribute(element, "limit", key) if told is not None else "none"
-                before = f"{key} {before if told is None else told:}"
+                before = f"{key} {'none' if told is None else f'{told:g}'}"
                 why = "without it a drive gets no force, or the file is refused"
                 work.change(reason, name, before, f"{value:g}", why)
 

@@ -26,8 +26,6 @@ from mam_pipeline.mend.repairs import LATER, REPAIRS
 from mam_pipeline.mend.work import Change, Work
 
 SUFFIXES = (".urdf", ".xml", ".mjcf")
-ROUNDS = 4
-"""Passes over the table before the parts are moved: one repair may bring out another reason."""
 
 
 @dataclass(frozen=True)
@@ -69,12 +67,15 @@ class Order:
         only: reasons that are mended; empty for all that an object suffers from.
         profile: a simulator that is to take it, too. drive: also run the simulator.
         allow_outside: let the file name others outside its folder; they are copied.
+        rounds: passes over the table before the parts are moved: one repair may bring out another
+            reason.
     """
 
     only: Collection[str] = ()
     profile: str | None = None
     drive: bool = True
     allow_outside: bool = False
+    rounds: int = 4
 
     def check(self) -> None:
         """Refuse what cannot be.
@@ -119,7 +120,7 @@ def _mended(source: Path, folder: Path, order: Order) -> Mended:
     _look(work, order)
     assert work.report is not None
     first = work.report
-    for _ in range(ROUNDS):
+    for _ in range(order.rounds):
         count = len(work.changes)
         for reason in _standing(work, order):
             repair = REPAIRS[reason]

@@ -86,7 +86,8 @@ def write_dataset(
             warnings.simplefilter("ignore", RuntimeWarning)  # statistics of booleans
             for track, rewards in (first, *stream):
                 _add(dataset, track, rewards)
-        dataset.finalize()
+        with same_scheduling():
+            dataset.finalize()
         folders.put_in_place(work / "dataset", root)
     return root
 
