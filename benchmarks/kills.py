@@ -2,10 +2,10 @@
 
     python benchmarks/kills.py --kill 15 --term 5 [--seed 0] [--only rank studio] [--out kills.json]
 
-After SIGTERM a command must end within two seconds and leave no half-made file, no temporary
-folder. After either signal no process of its own may be left, and the same command must end as an
-unkilled one does, leave nothing half-made, and keep every episode that had ended before the signal,
-byte for byte. Moments are drawn evenly over the time that an unkilled run took.
+After SIGTERM a command must end within two seconds and leave no half-made file or temporary folder
+of its own. After either signal no process of its own may be left, and the same command must end as
+an unkilled one does, leave nothing half-made, and keep every episode that had ended before the
+signal, byte for byte. Moments are drawn evenly over the time that an unkilled run took.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def cases(root: Path, category: str) -> list[Case]:
 
 def strike(case: Case, root: Path, number: int, rng: random.Random) -> None:
     """Signal a run of the case at a random moment and note what it left."""
-    before = case.ended()
+    before, older = case.ended(), set(half_made(root))  # of a run that was killed before
     while True:
         after, began = rng.uniform(0.0, case.seconds), time.monotonic()
         if run(case.command, root, after, number) is None:
@@ -129,7 +129,7 @@ def strike(case: Case, root: Path, number: int, rng: random.Random) -> None:
         "signal": signal.Signals(number).name,
         "after": round(after, 2),
         "late": round(late, 2),
-        "half_made": half_made(root),
+        "half_made": [name for name in half_made(root) if name not in older],
         "processes": processes(root),
         "lost": [k for k, v in before.items() if case.ended().get(k) != v],
     })  # fmt: skip
