@@ -91,11 +91,43 @@ def _category_count() -> str:
     return str(len(CATEGORIES))
 
 
+def _bearings() -> str:
+    """Bearings of asset/matter.yaml: who has which, what it asks for, and by what source."""
+    from mam_pipeline.asset.matter import bearings
+
+    rows = []
+    for one, parts in bearings():
+        asks = [f"{one.torque:g} N m"] if one.torque else [f"{one.force:g} N"]
+        asks += [f"{100 * one.share:g} % of the weight"] if one.share else []
+        low, high = one.spread
+        rows.append(
+            f"| {one.name} | {', '.join(parts)} | {' + '.join(asks)} | {low:g} | {high:g} "
+            f"| {one.source} |"
+        )
+    head = "| bearing | parts | friction | from, times | to, times | source |"
+    return "\n".join([head, "|---|---|---|---|---|---|", *rows])
+
+
+def _materials() -> str:
+    """Materials of asset/matter.yaml."""
+    from mam_pipeline.asset.matter import materials
+
+    rows = [
+        f"| {m.name} | {m.density:g} | {1e3 * m.wall:g} | {m.friction:g} | {m.restitution:g} "
+        f"| {m.source} |"
+        for m in materials()
+    ]
+    head = "| material | kg/m3 | walls, mm | friction | restitution | density by |"
+    return "\n".join([head, "|---|---|---|---|---|---|", *rows])
+
+
 MAKERS: dict[str, Callable[..., str]] = {
     "results": _results,
     "cli": generate_reference.cli,
     "config": generate_reference.config,
     "checks": _checks,
+    "bearings": _bearings,
+    "materials": _materials,
     "thresholds": _thresholds,
     "category_count": _category_count,
 }

@@ -94,6 +94,7 @@ class RandomisationConfig:
         robot_qpos: noise of the arm's start, radians (standard deviation).
         friction, damping: factors on the joint's values.
         mass: factor on the mass of the moving links.
+        spread: draw friction and mass from the ranges that the asset states, before the factors.
         start: initial share of the way open; None = closed (0), or the task's own start.
         light: factor on the lights' brightness; light_colour: share of it by which each of red,
             green and blue differs; light_turn: of their directions, degrees (standard deviation).
@@ -110,6 +111,7 @@ class RandomisationConfig:
     friction: tuple[Factor, Factor] = (1.0, 1.0)
     damping: tuple[Factor, Factor] = (1.0, 1.0)
     mass: tuple[Factor, Factor] = (1.0, 1.0)
+    spread: bool = False
     start: tuple[Share, Share] | None = None
     light: tuple[Factor, Factor] = (1.0, 1.0)
     light_colour: Share = 0.0

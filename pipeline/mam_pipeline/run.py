@@ -60,6 +60,7 @@ class Source:
     summary: str = ""
     notes: tuple[str, ...] = ()
     shell: bool = False  # perhaps one closed skin: what is cut out of it needs an inside
+    thing: str = ""  # the kind of object, by the table of kinds
 
 
 def kind_of(path: Path) -> str:
@@ -228,6 +229,7 @@ def _written(
         seconds=stages.seconds,
         notes=[note for note in notes if note],
         visuals=config.visuals,
+        thing=read.thing,
     )
     asset = written_and_checked(
         articulation, write, read.kind != "urdf", lambda: stages.tell("check")
@@ -274,6 +276,7 @@ def read_source(source: Path, kind: str, config: MakeConfig, stages: Stages) -> 
         return Source(
             kind, got.mesh, got.source_to_asset, got.metres_per_unit, got.metres_per_unit_source,
             spec=spec, decisions=got.decisions, notes=(*got.notes, *spec.notes), shell=True,
+            thing=spec.objects[0].word if spec.objects else "",
         )  # fmt: skip
 
 
@@ -302,7 +305,8 @@ def _read_photo(source: Path, config: MakeConfig, stages: Stages) -> Source:
     made = stages.reconstruct(source, options, config.reconstructor)
     given = {name: options.get(name) for name in ("height", "width", "depth")}
     name = str(options.get("category") or config.what or "").replace("_", " ")
-    _size_asked(made.mesh, given, config, *named_size(name))
+    thing, usual = named_size(name)
+    _size_asked(made.mesh, given, config, thing, usual)
     scale_from = "assumed" if "scale" in made.assumed else "user"
     shell = stages.makers["reconstructor"].name != "embedded"  # whose parts are built hollow
     spec = NOTHING
@@ -316,5 +320,5 @@ def _read_photo(source: Path, config: MakeConfig, stages: Stages) -> Source:
         spec = spec_of(made.mesh, what=word, use_names=False)
     return Source(
         "photo", made.mesh, np.eye(4), 1.0, scale_from, hints=made.hints, summary=made.summary,
-        spec=spec, notes=spec.notes, shell=shell,
+        spec=spec, notes=spec.notes, shell=shell, thing=thing,
     )  # fmt: skip

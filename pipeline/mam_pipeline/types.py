@@ -352,6 +352,7 @@ class Joint:
             for continuous joints.
         closed, open: which joint values are called closed and open (within the range).
         damping, friction, effort, velocity: SI; friction is Coulomb (SAPIEN ignores the URDF's).
+        friction_range: from the easiest such bearing to the stiffest; (0, 0) where nobody knows.
         confidence: 0..1; below `NEEDS_REVIEW` the report says so.
         evidence: anything that explains the choice, for asset.json and the report alone.
         basis: why the range is what it is. provenance: who says that the part moves so.
@@ -374,6 +375,7 @@ class Joint:
     friction: float = 0.0
     effort: float = 100.0
     velocity: float = 2.0
+    friction_range: tuple[float, float] = (0.0, 0.0)
     confidence: float = 1.0
     evidence: Mapping[str, Any] = field(default_factory=dict)
     basis: RangeBasis = field(default_factory=RangeBasis)
@@ -456,13 +458,22 @@ class CollisionShape:
 
 @dataclass(frozen=True)
 class Inertial:
-    """Mass (kg), centre of mass (3,) and inertia (3, 3) about it, asset frame axes at rest."""
+    """Mass (kg), centre of mass (3,) and inertia (3, 3) about it, asset frame axes at rest.
+
+    Attributes:
+        material: the assumption in words. source: where its figures come from.
+        mass_range: that such a body may weigh, kg; (0, 0) where nobody knows.
+        friction: Coulomb's coefficient of contacts. restitution: share of the speed after a hit.
+    """
 
     mass: float
     center: FloatArray
     inertia: FloatArray
     material: str = ""
     source: str = ""
+    mass_range: tuple[float, float] = (0.0, 0.0)
+    friction: float = 0.4
+    restitution: float = 0.3
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "center", readonly(self.center, np.float64, (3,)))

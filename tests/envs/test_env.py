@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -102,6 +104,28 @@ def test_randomised_dynamics_reach_the_simulator(drawer: Path) -> None:
     assert part.mass == pytest.approx(2.0)
     assert base.objects[0].active_joints[0]._objs[0].force_limit == pytest.approx(0.3)
     assert 0.1 <= float(info["open_fraction"][0]) <= 0.3
+    made.close()
+
+
+def test_an_asset_says_between_what_its_friction_and_masses_are_drawn(
+    drawer: Path, tmp_path: Path
+) -> None:
+    own = tmp_path / "drawer"
+    shutil.copytree(drawer, own)
+    card = json.loads((own / "asset.json").read_text())
+    card["joints"][0]["friction_range"] = [0.2, 0.8]
+    moved = next(p for p in card["parts"] if p["link"] == "part_1")
+    moved |= {"mass": 1.0, "mass_range": [2.0, 4.0]}
+    (own / "asset.json").write_text(json.dumps(card))
+    made = mam_envs.make(own, randomisation={"spread": True, "friction": [2.0, 2.0]})
+    limits, masses = [], []
+    for seed in range(6):
+        made.reset(seed=seed)
+        thing = made.unwrapped.objects[0]
+        limits.append(float(thing.active_joints[0]._objs[0].force_limit))
+        masses.append(float(thing.links_map["part_1"]._objs[0].mass))
+    assert all(0.4 <= f <= 1.6 for f in limits) and all(2.0 <= m <= 4.0 for m in masses)
+    assert len({round(f, 6) for f in limits}) == len({round(m, 6) for m in masses}) == 6
     made.close()
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from mam_pipeline import folders
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.errors import ConfigError
+from mam_pipeline.evidence.read import named_size
 from mam_pipeline.formats.mesh_files import save_glb
 from mam_world import CATEGORIES, Style, WorldObject, draw_style, make_object, split_of
 from mam_world.object import generator
@@ -126,6 +127,7 @@ def write_object(made: WorldObject, out: Path) -> list[object]:
             source_to_asset=to_asset,
             metres_per_unit=float(np.cbrt(np.linalg.det(to_asset[:3, :3]))),
             metres_per_unit_source="generated", collision=made.collision,
+            thing=named_size(made.category.replace("_", " "))[0],
         )  # fmt: skip
         # no seconds in the card: the same seed gives the same bytes
         replace(asset.card, seconds={}).save(asset.folder)

@@ -26,6 +26,7 @@ class Draw:
     Attributes:
         shift: (2,) metres; yaw: radians; start: share of the way open, or None for the task's.
         friction, damping, mass: factors.
+        places: where friction and mass lie in the asset's own ranges, 0 to 1; None for its values.
         noise: (n,) radians on the arm's joints.
     """
 
@@ -36,6 +37,7 @@ class Draw:
     damping: float
     mass: float
     noise: np.ndarray
+    places: tuple[float, float] | None = None
 
 
 def draw(config: RandomisationConfig, rng: np.random.RandomState, arm: int) -> Draw:
@@ -46,12 +48,14 @@ def draw(config: RandomisationConfig, rng: np.random.RandomState, arm: int) -> D
     start = None
     if config.start is not None:
         start = float(config.start[0] + share * (config.start[1] - config.start[0]))
+    shares = rng.uniform(size=3)
+    pairs = (config.friction, config.damping, config.mass)
     friction, damping, mass = (
-        float(pair[0] + rng.uniform() * (pair[1] - pair[0]))
-        for pair in (config.friction, config.damping, config.mass)
+        float(low + share * (high - low)) for share, (low, high) in zip(shares, pairs)
     )
     noise = rng.normal(0.0, 1.0, arm) * config.robot_qpos
-    return Draw(shift, yaw, start, friction, damping, mass, noise)
+    places = (float(shares[0]), float(shares[2])) if config.spread else None
+    return Draw(shift, yaw, start, friction, damping, mass, noise, places)
 
 
 def draw_clear(
@@ -104,8 +108,15 @@ class ObjectDynamics:
         for link in self.articulation.links:
             raw = link._objs[0]
             mass, inertia = self._masses[link.name]
-            factor = drawn.mass if link.name in self.moving else 1.0
+            factor = self._mass(link.name, drawn) if link.name in self.moving else 1.0
             raw.mass, raw.inertia = mass * factor, inertia * factor
+
+    def _mass(self, name: str, drawn: Draw) -> float:
+        """Factor on a moving link's mass."""
+        part = next((p for p in self.model.asset.card.parts if p.link == name), None)
+        if drawn.places is None or part is None or not part.mass:
+            return drawn.mass
+        return drawn.mass * _between(part.mass_range, drawn.places[1], part.mass) / part.mass
 
     def _friction(self, name: str, drawn: Draw) -> tuple[str, float, float]:
         """Type, friction and damping of a joint, at the object's scale."""
@@ -115,8 +126,17 @@ class ObjectDynamics:
             # forces grow with the cube of the scale, torques with the fourth power (same density)
             slide = card.type == SLIDE
             power = self.model.scale ** (3 if slide else 4)
-            friction, damping = card.friction * power, card.damping * power
+            friction = card.friction
+            if drawn.places is not None:
+                friction = _between(card.friction_range, drawn.places[0], friction)
+            friction, damping = friction * power, card.damping * power
             type_ = SLIDE if slide else TURN
         if name in self.joints:
             friction, damping = friction * drawn.friction, damping * drawn.damping
         return type_, friction, damping
+
+
+def _between(pair: tuple[float, float], place: float, usual: float) -> float:
+    """A value at a place, 0 to 1, of a range, evenly in its logarithm; `usual` where it is none."""
+    low, high = pair
+    return low * (high / low) ** place if 0.0 < low <= high else usual

@@ -57,7 +57,8 @@ Row = Annotated[list[Finite], Field(min_length=4, max_length=4)]
 
 @dataclass(frozen=True)
 class CardPart:
-    """A link: its kind, source primitives, mass (kg), handle visuals, and assumed material."""
+    """A link: its kind, source primitives, mass and the range it may be in (kg), handle visuals,
+    assumed material, and how its surface feels in contacts (Coulomb's coefficient, bounce)."""
 
     __pydantic_config__ = STRICT
     link: Word
@@ -65,8 +66,11 @@ class CardPart:
     kind: Word
     primitives: list[Index] = field(default_factory=list)
     mass: NotNegative = 0.0
+    mass_range: tuple[NotNegative, NotNegative] = (0.0, 0.0)
     handles: list[Word] = field(default_factory=list)
     material: Text = ""
+    friction: NotNegative = 0.4
+    restitution: Share = 0.3
 
 
 @dataclass(frozen=True)
@@ -87,6 +91,7 @@ class CardJoint:
     open: Finite = 0.0
     damping: NotNegative = 0.0
     friction: NotNegative = 0.0
+    friction_range: tuple[NotNegative, NotNegative] = (0.0, 0.0)
     effort: NotNegative = 100.0
     velocity: NotNegative = 2.0
     confidence: Share = 1.0

@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from mam_pipeline.asset.matter import bearing_of
 from mam_pipeline.types import Articulation, Inertial, Joint
 
 GRAVITY = 9.81
-HAND_FORCE = 1.5
-"""Force at the far edge that a well-running joint asks for, newtons."""
 HOLD = 1.3
 """Friction over the largest gravity load that must be held, so that nothing sags."""
 STOP_SECONDS = 0.6
@@ -104,14 +103,17 @@ def _joint(articulation: Articulation, joint: Joint, inertials: Sequence[Inertia
     if joint.type == "fixed":
         return joint
     load, inertia, arm = gravity_load(articulation, joint, inertials)
-    running = HAND_FORCE * arm
-    if joint.subtype == "spin":
-        running *= 0.3  # knobs and wheels turn at a finger's touch
-    friction = joint.friction if joint.friction > 0 else running + HOLD * load
+    slides = joint.type == "prismatic"
+    bearing = bearing_of(articulation.links[joint.child].kind, joint.type)
+    weight = GRAVITY * sum(inertials[i].mass for i in articulation.carried_links(joint))
+    running, held = bearing.friction(weight, arm, slides), HOLD * load
+    friction, between = joint.friction, joint.friction_range
+    if friction <= 0.0:
+        friction = running + held
+        between = (held + bearing.spread[0] * running, held + bearing.spread[1] * running)
     damping = joint.damping if joint.damping > 0 else inertia / STOP_SECONDS
     effort = max(joint.effort, 4.0 * (friction + load))
-    velocity = joint.velocity
-    return replace(joint, friction=friction, damping=damping, effort=effort, velocity=velocity)
+    return replace(joint, friction=friction, friction_range=between, damping=damping, effort=effort)
 
 
 def _arm(articulation: Articulation, joint: Joint, links: Sequence[int]) -> float:

@@ -7,10 +7,9 @@ body's wall, of the usual thickness for the material. Densities are handbook val
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from mam_pipeline.asset.matter import Material, material_of, weighted
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.surface import (
     Component,
@@ -20,65 +19,24 @@ from mam_pipeline.geometry.surface import (
 )
 from mam_pipeline.types import Articulation, FloatArray, Inertial
 
-
-@dataclass(frozen=True)
-class MaterialPrior:
-    """What a part is made of when nobody says.
-
-    Attributes:
-        density: kg/m3.
-        wall: thickness of a housing's wall, and of a sheet without a back, metres.
-        solid: pieces up to this thick are solid, thicker ones hollow, metres.
-        source: where the density comes from.
-    """
-
-    name: str
-    density: float
-    wall: float
-    solid: float
-    source: str
-
-    @property
-    def words(self) -> str:
-        """The assumption in words, for the card."""
-        return (
-            f"{self.name}, {self.density:.0f} kg/m3, solid up to {1e3 * self.solid:g} mm, "
-            f"else walls of {1e3 * self.wall:g} mm"
-        )
-
-
-_WOOD = MaterialPrior(
-    "particle board", 680.0, 0.016, 0.045, "EN 312 boards, 600 to 750 kg/m3 (datasheets)"
-)
-_STEEL = MaterialPrior("steel sheet", 7850.0, 0.0008, 0.002, "mild steel (EN 1993-1-1: 7850 kg/m3)")
-_PLASTIC = MaterialPrior("ABS", 1050.0, 0.0025, 0.006, "ABS, 1040 to 1070 kg/m3 (datasheets)")
-_METAL = MaterialPrior(
-    "zinc casting", 6600.0, 0.002, 0.012, "zinc alloy ZA-3 (ASTM B86: 6600 kg/m3)"
-)
-
-KIND_MATERIALS: dict[str, MaterialPrior] = {
-    **dict.fromkeys(("handle", "knob", "faucet", "tap", "valve", "latch"), _METAL),
-    **dict.fromkeys(("wheel", "button", "key", "switch", "lever", "dial", "cap"), _PLASTIC),
-    **dict.fromkeys(("screen", "blade", "pedal", "trigger", "hatch", "flap"), _PLASTIC),
-    **dict.fromkeys(("oven_door", "fridge_door", "drum", "pot"), _STEEL),
-}
 MIN_MASS = 0.005
 TOUCHING = 1e-4
 """Metres: a surface this near behind a face is the same sheet drawn twice, not a board."""
 
 
-def link_inertials(articulation: Articulation) -> list[Inertial]:
-    """Mass properties of every link; always positive definite and physically possible."""
-    return [_link_inertial(articulation, i) for i in range(len(articulation.links))]
+def link_inertials(articulation: Articulation, thing: str = "") -> list[Inertial]:
+    """Mass properties of every link; always positive definite and physically possible.
+
+    Args:
+        thing: the kind of object, by the table of kinds; "" where nobody says.
+    """
+    bodies = [_link_inertial(articulation, i, thing) for i in range(len(articulation.links))]
+    low, high = articulation.mesh.bounds
+    return weighted(bodies, thing, float((high - low).max()))
 
 
-def material_of(kind: str) -> MaterialPrior:
-    """What a link of a kind is assumed to be made of."""
-    return KIND_MATERIALS.get(kind.lower(), _WOOD)
-
-
-def _link_inertial(articulation: Articulation, index: int) -> Inertial:
-    prior = material_of(articulation.links[index].kind)
+def _link_inertial(articulation: Articulation, index: int, thing: str) -> Inertial:
+    prior = material_of(articulation.links[index].kind, thing)
     mass = 0.0
     first: FloatArray = np.zeros(3)
     second: FloatArray = np.zeros((3, 3))
@@ -93,18 +51,25 @@ def _link_inertial(articulation: Articulation, index: int) -> Inertial:
     if mass <= 0.0:
         joint = articulation.joint_of(index)
         at = np.zeros(3) if joint is None else joint.origin
-        return Inertial(MIN_MASS, at, np.eye(3) * MIN_MASS * 1e-4, prior.words, prior.source)
+        return _of(prior, MIN_MASS, at, np.eye(3) * MIN_MASS * 1e-4)
     center = first / mass
     covariance = second / mass - np.outer(center, center)
     # no body is thinner than a millimetre: keeps a flat sheet's tensor strictly possible
     covariance = covariance + np.eye(3) * 1e-3**2
     mass = max(mass, MIN_MASS)
     inertia = mass * (np.trace(covariance) * np.eye(3) - covariance)
-    return Inertial(mass, center, (inertia + inertia.T) / 2, prior.words, prior.source)
+    return _of(prior, mass, center, (inertia + inertia.T) / 2)
+
+
+def _of(prior: Material, mass: float, center: FloatArray, inertia: FloatArray) -> Inertial:
+    spread = (mass / prior.spread, mass * prior.spread)
+    return Inertial(
+        mass, center, inertia, prior.words, prior.source, spread, prior.friction, prior.restitution
+    )
 
 
 def _component_moments(
-    component: Component, prior: MaterialPrior, scene: RayScene
+    component: Component, prior: Material, scene: RayScene
 ) -> tuple[float, FloatArray, FloatArray]:
     """Mass, first moment (3,) and second moment (3, 3) of one piece about the asset origin."""
     triangles = component.triangles
@@ -119,7 +84,7 @@ def _component_moments(
     return prior.density * mass, prior.density * first, prior.density * second
 
 
-def _walls(component: Component, prior: MaterialPrior, scene: RayScene) -> FloatArray:
+def _walls(component: Component, prior: Material, scene: RayScene) -> FloatArray:
     """(F,) thickness of the matter that belongs to each face, metres."""
     triangles = component.triangles
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import warnings
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -77,7 +77,7 @@ def _exported(asset: Asset, work: Path) -> str:
     spec.meshdir = spec.texturedir = files.folder.name
     spec.option.timestep = TIMESTEP
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    files.dress(spec)
+    files.dress(spec, {part.link: part.friction for part in asset.card.parts})
     for joint in spec.joints:
         # MuJoCo's own filter leaves out parents that are fixed to the world
         child = joint.parent
@@ -195,14 +195,20 @@ class _Files:
             assert mesh is not None
             mesh.set("filename", f"{name}.obj")
 
-    def dress(self, spec: Any) -> None:
-        """Give visual geoms their group and material, collision geoms theirs."""
+    def dress(self, spec: Any, friction: Mapping[str, float]) -> None:
+        """Give visual geoms their group and material, collision geoms group and friction.
+
+        Args:
+            friction: Coulomb's coefficient by link.
+        """
         import mujoco
 
         for geom in spec.geoms:
             shown = geom.contype == 0 and geom.conaffinity == 0
             geom.group = VISUAL_GROUP if shown else COLLISION_GROUP
             if not shown:
+                _, turning, rolling = geom.friction
+                geom.friction = [friction.get(geom.parent.name, geom.friction[0]), turning, rolling]
                 continue
             geom.mass = 0.0
             material = self.materials.get(geom.meshname)

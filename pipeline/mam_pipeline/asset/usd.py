@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mam_pipeline import folders
-from mam_pipeline.asset.card import Asset
+from mam_pipeline.asset.card import Asset, CardPart
 from mam_pipeline.errors import InputError
 from mam_pipeline.folders import Scratch
 from mam_pipeline.formats.mesh_files import read_file
@@ -70,6 +70,7 @@ class _Exporter:
         tree = UrdfTree.read(asset.urdf_path)
         self.robot, self.frames = tree.robot, tree.frames
         self.cards = {j.name: j for j in asset.card.joints}
+        self.parts = {part.link: part for part in asset.card.parts}
         self.stage = Usd.Stage.CreateNew(str(target))
         UsdGeom.SetStageUpAxis(self.stage, UsdGeom.Tokens.z)
         UsdGeom.SetStageMetersPerUnit(self.stage, 1.0)
@@ -114,6 +115,21 @@ class _Exporter:
             self._visual(f"/object/{link.name}/visual_{i}", shape, f"{link.name}_{i}")
         for i, shape in enumerate(link.collisions):
             self._collision(f"/object/{link.name}/collision_{i}", shape)
+        part = self.parts.get(link.name)
+        if part is not None and link.collisions:
+            self._contact(f"/object/{link.name}", part)
+
+    def _contact(self, path: str, part: CardPart) -> None:
+        """Friction and restitution of a link's collision pieces, as a physics material."""
+        from pxr import UsdPhysics, UsdShade
+
+        made = UsdShade.Material.Define(self.stage, f"{path}/contact")
+        api = UsdPhysics.MaterialAPI.Apply(made.GetPrim())
+        api.CreateStaticFrictionAttr(part.friction)
+        api.CreateDynamicFrictionAttr(part.friction)
+        api.CreateRestitutionAttr(part.restitution)
+        binding = UsdShade.MaterialBindingAPI.Apply(self.stage.GetPrimAtPath(path))
+        binding.Bind(made, materialPurpose="physics")
 
     def _surface(self, shape: Any) -> Mesh | None:
         """A visual in its link's frame; None for one without a surface."""

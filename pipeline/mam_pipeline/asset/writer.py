@@ -49,6 +49,7 @@ def write_asset(
     seconds: Mapping[str, float] | None = None,
     notes: Sequence[str] = (),
     visuals: VisualFormat = "obj",
+    thing: str = "",
 ) -> Asset:
     """Write the folder `out`, replacing an asset that was there; a killed run leaves no half.
 
@@ -63,6 +64,7 @@ def write_asset(
         collision: pieces by link name (asset frame); computed for links that it leaves out.
         backends, seconds, notes: for the card.
         visuals: format of the visual meshes; OBJ is what every simulator reads.
+        thing: the kind of object, by the table of kinds; its masses are those of such things.
 
     Raises:
         NotPhysicalError: a link without surface, or numbers that are not finite.
@@ -73,7 +75,7 @@ def write_asset(
     light = lightened(articulation)  # what is felt; what is seen keeps every triangle
     grasps = articulation.grasps or find_grasps(light)
     articulation, light = with_fixed(articulation), with_fixed(light)
-    inertials = link_inertials(light)
+    inertials = link_inertials(light, thing)
     light = with_dynamics(light, inertials)
     pieces = {k: list(v) for k, v in (collision or {}).items()}
     if any(link.name not in pieces for link in light.links):
@@ -182,8 +184,11 @@ def _card(
             link.kind,
             list(link.primitives),
             body.mass,
+            body.mass_range,
             handles[link.name],
             body.material,
+            body.friction,
+            body.restitution,
         )
         for link, body in zip(links, inertials)
     ]

@@ -89,6 +89,8 @@ class ObjectKind:
         still: kinds of parts that never move in it.
         size: lowest, usual and highest largest side, metres.
         mass: the same of the whole, kilograms; None where it is not known.
+        material: of `asset/matter.yaml`; "" where it is not known. machine: the body has a motor,
+            a tank or a weight inside that is not seen.
     """
 
     kind: str
@@ -96,6 +98,8 @@ class ObjectKind:
     still: tuple[str, ...]
     size: Range
     mass: Range | None
+    material: str = ""
+    machine: bool = False
 
     def __post_init__(self) -> None:
         for name, values in (("size", self.size), ("mass", self.mass)):
@@ -196,7 +200,8 @@ def _object(name: str, data: Mapping[str, Any], parts: Mapping[str, PartKind]) -
     mass = row.get("mass")
     return ObjectKind(
         name, tuple(found), tuple(row.get("still", ())), _range(row["size"]),
-        None if mass is None else _range(mass),
+        None if mass is None else _range(mass), row.get("material", ""),
+        bool(row.get("machine", False)),
     )  # fmt: skip
 
 

@@ -14,7 +14,8 @@ from scipy.spatial import ConvexHull
 
 from mam_pipeline.asset.collision import collision_shapes
 from mam_pipeline.asset.decompose import Chunk, hull_volume
-from mam_pipeline.asset.inertia import KIND_MATERIALS, MIN_MASS, link_inertials
+from mam_pipeline.asset.inertia import MIN_MASS, link_inertials
+from mam_pipeline.asset.matter import made_alike
 from mam_pipeline.asset.shapes import few_points, shape_around
 from mam_pipeline.check.model import CheckModel
 from mam_pipeline.check.profiles import CONCAVE_SHARE, ENTRIES, PROFILES, lack, tensor_of, turn_of
@@ -133,7 +134,7 @@ def _measured(work: Work) -> dict[str, Inertial]:
 def _kind(name: str) -> str:
     """What a name says that the link is made of."""
     words = re.split(r"[^a-z]+", name.lower())
-    return next((w for w in words if w in KIND_MATERIALS), "body")
+    return next((w for w in words if w in made_alike()), "body")
 
 
 def _write_inertial(link: ET.Element, body: Inertial) -> None:

@@ -38,7 +38,7 @@ def urdf_text(
         collisions: per link name, (piece in the asset frame, mesh path or "" for primitives).
         name: of the robot.
     """
-    robot = ET.Element("robot", name=name)
+    robot = ET.Element("robot", {"name": name, "xmlns:drake": "http://drake.mit.edu"})
     origins = link_origins(articulation)
     for i, link in enumerate(articulation.links):
         element = ET.SubElement(robot, "link", name=link.name)
@@ -48,9 +48,14 @@ def urdf_text(
             ET.SubElement(visual, "origin", xyz="0 0 0", rpy="0 0 0")
             ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=path)
         for shape, path in collisions.get(link.name, ()):
-            collision_element(element, shape, path, origins[i])
+            piece = collision_element(element, shape, path, origins[i])
+            _drake_friction(piece, inertials[i].friction)
     for joint in articulation.joints:
         _joint(robot, articulation, joint, origins)
+    for link, body in zip(articulation.links, inertials):
+        contact = ET.SubElement(robot, "gazebo", reference=link.name)
+        for name in ("mu1", "mu2"):
+            ET.SubElement(contact, name).text = numbers([body.friction])
     ET.indent(robot, " ")
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
 
@@ -104,6 +109,13 @@ def hull_text(shape: CollisionShape, origin: FloatArray) -> str:
     lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in (shape.vertices - origin).tolist()]
     lines += [f"f {a} {b} {c}" for a, b, c in (shape.faces + 1).tolist()]
     return "\n".join(lines) + "\n"
+
+
+def _drake_friction(collision: ET.Element, friction: float) -> None:
+    """Contact friction of a piece as Drake reads it; other readers skip the element."""
+    contact = ET.SubElement(collision, "drake:proximity_properties")
+    for name in ("drake:mu_static", "drake:mu_dynamic"):
+        ET.SubElement(contact, name, value=numbers([friction]))
 
 
 def _joint(

@@ -1,0 +1,140 @@
+"""Materials, bearings and masses by kind: the closed forms, and where exports have them."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from mam_pipeline.asset.card import Asset
+from mam_pipeline.asset.dynamics import HOLD, with_dynamics
+from mam_pipeline.asset.inertia import link_inertials
+from mam_pipeline.asset.matter import (
+    BOARD,
+    RULE,
+    bearing_of,
+    made_alike,
+    material_of,
+    usual_mass,
+    weighted,
+)
+from mam_pipeline.asset.mjcf import export_mjcf
+from mam_pipeline.asset.usd import export_usd
+from mam_pipeline.asset.writer import write_asset
+from mam_pipeline.evidence.kinds import kinds
+from mam_pipeline.types import Articulation, Inertial, Joint, Link, Mesh
+
+G = 9.81
+
+
+def cabinet(part: str, lines: tuple[float, float, float] = (-1, 0, 0)) -> Articulation:
+    """A solid base and a part of 0.4 x 0.1 x 0.2 m at its front, on a slide."""
+    base, front = trimesh.creation.box((0.4, 0.5, 0.8)), trimesh.creation.box((0.4, 0.1, 0.2))
+    front.apply_translation([-0.5, 0, 0])
+    whole = trimesh.util.concatenate([base, front])
+    links = (Link("base", "body", np.arange(12)), Link("part", part, np.arange(12, 24)))
+    joint = Joint("j", "prismatic", "slide", 0, 1, np.array(lines, float), np.zeros(3), 0, 0.3)
+    return Articulation(Mesh(whole.vertices, whole.faces), links, (joint,))
+
+
+def test_every_kind_of_object_and_part_is_of_something_known() -> None:
+    for name in kinds().objects:
+        assert material_of("body", name).density > 0
+    assert made_alike() <= set(kinds().parts) | {"faucet", "tap"}
+    for name in kinds().parts:
+        for type_ in ("prismatic", "revolute", "continuous"):
+            low, high = bearing_of(name, type_).spread
+            assert 0 < low <= 1 <= high
+
+
+def test_a_handle_is_metal_and_a_door_is_what_its_object_is_of() -> None:
+    assert material_of("handle", "refrigerator").name == "zinc casting"
+    assert material_of("door", "refrigerator").name == "steel sheet"
+    assert material_of("door", "wardrobe").name == material_of("door").name == BOARD
+
+
+def test_a_drawer_asks_for_more_when_it_weighs_more() -> None:
+    """On runners: a force of its own and a share of the weight, whatever the spread."""
+    made = cabinet("drawer")
+    light = link_inertials(made)
+    heavy = [replace(b, mass=3 * b.mass) for b in light]
+    bearing = bearing_of("drawer", "prismatic")
+    for bodies in (light, heavy):
+        (joint,) = with_dynamics(made, bodies).joints
+        running = bearing.force + bearing.share * G * bodies[1].mass
+        assert joint.friction == pytest.approx(running)
+        assert joint.friction_range == pytest.approx(np.array(bearing.spread) * running)
+
+
+def test_what_gravity_pulls_is_held_beyond_what_the_bearing_asks_for() -> None:
+    made = cabinet("sash", (0, 0, 1))
+    bodies = link_inertials(made)
+    (joint,) = with_dynamics(made, bodies).joints
+    weight = G * bodies[1].mass
+    bearing = bearing_of("sash", "prismatic")
+    assert joint.friction == pytest.approx(bearing.force + bearing.share * weight + HOLD * weight)
+    assert joint.friction_range[0] > weight  # the easiest that is drawn holds it still
+
+
+def test_what_fingers_turn_has_a_torque_whatever_its_size() -> None:
+    bearing = bearing_of("knob", "continuous")
+    assert bearing.friction(1.0, 0.01, False) == bearing.friction(1.0, 0.3, False) == 0.02
+
+
+def test_mass_follows_size_between_what_a_kind_weighs_at_its_ends() -> None:
+    fridge = kinds().objects["refrigerator"]
+    for size, mass in zip(fridge.size, fridge.mass or ()):
+        found = usual_mass(fridge, size)
+        assert found is not None and found[1] == pytest.approx(mass)
+        assert found[0] < 1.001 * found[1] < 1.002 * found[2]
+    assert usual_mass(fridge, 0.9 * fridge.size[0] / RULE.size) is None  # a model of one
+    assert usual_mass(kinds().objects["curtain"], 2.0) is None  # nobody knows
+
+
+def test_a_machine_is_heavy_in_its_body_and_furniture_everywhere() -> None:
+    body = Inertial(5.0, np.zeros(3), np.eye(3), "walls")
+    door = Inertial(2.0, np.zeros(3), np.eye(3), "walls")
+    washer = kinds().objects["washer"]
+    base, front = weighted([body, door], "washer", washer.size[1])
+    assert front.mass == 2.0 and base.mass + front.mass == pytest.approx((washer.mass or ())[1])
+    assert base.inertia[0, 0] == pytest.approx(base.mass / 5.0)
+    assert "washer" in base.material and front.material == "walls"
+    assert front.mass_range[0] < front.mass < front.mass_range[1]
+    a, b = weighted([body, door], "wardrobe", 2.0)
+    assert a.mass / b.mass == pytest.approx(2.5) and a.mass + b.mass == pytest.approx(
+        80 / RULE.spread
+    )
+
+
+@pytest.fixture(scope="module")
+def asset(tmp_path_factory: pytest.TempPathFactory) -> Asset:
+    return write_asset(cabinet("drawer"), tmp_path_factory.mktemp("m") / "a", name="a")
+
+
+def test_contact_friction_is_where_each_program_reads_it(asset: Asset, tmp_path: Path) -> None:
+    mu = material_of("drawer").friction
+    robot = ET.parse(asset.urdf_path).getroot()
+    assert {g.get("reference"): float(g.findtext("mu1") or 0) for g in robot.findall("gazebo")} == {
+        "base": mu, "part": mu
+    }  # fmt: skip
+    drake = "{http://drake.mit.edu}"
+    pieces = robot.findall("link/collision")
+    found = [p.find(f"{drake}proximity_properties/{drake}mu_dynamic") for p in pieces]
+    assert pieces and all(e is not None and float(e.get("value") or 0) == mu for e in found)
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_path(str(export_mjcf(asset, tmp_path / "a.xml")))
+    touching = model.geom_contype != 0
+    assert touching.any() and np.allclose(model.geom_friction[touching, 0], mu)
+    usd = pytest.importorskip("pxr.Usd")
+    from pxr import UsdPhysics, UsdShade
+
+    stage = usd.Stage.Open(str(export_usd(asset, tmp_path / "a.usda")))
+    for prim in stage.Traverse():
+        if prim.HasAPI(UsdPhysics.CollisionAPI):
+            bound, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
+            api = UsdPhysics.MaterialAPI(bound.GetPrim())
+            assert api.GetDynamicFrictionAttr().Get() == pytest.approx(mu)
