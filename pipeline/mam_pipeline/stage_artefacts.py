@@ -126,6 +126,7 @@ class JointRow:
     open: Finite = 0.0
     damping: NotNegative = 0.0
     friction: NotNegative = 0.0
+    friction_range: tuple[NotNegative, NotNegative] = (0.0, 0.0)
     effort: NotNegative = 100.0
     velocity: NotNegative = 2.0
     confidence: Share = 1.0

@@ -235,8 +235,8 @@ def test_a_video_leaves_the_process_scheduled_as_it_was(tmp_path: Path) -> None:
 
     before = os.sched_getscheduler(0)
     rows = np.zeros((4, 1), np.float32)
-    pictures = {"hand": np.zeros((4, 64, 64, 3), np.uint8)}
-    track = Track(rows, rows, rows, pictures, True, "open")
+    picture: np.ndarray = np.zeros((4, 64, 64, 3), np.uint8)
+    track = Track(rows, rows, rows, {"hand": picture}, True, "open")
     write_dataset([(track, rows[:, 0])], Names(("a",), ("b",), ("c",)), "arm", tmp_path / "data")
     assert list((tmp_path / "data").rglob("*.mp4"))
     assert os.sched_getscheduler(0) == before

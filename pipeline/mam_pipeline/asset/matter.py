@@ -112,7 +112,8 @@ def _read() -> _Table:
     data: dict[str, Any] = table("mam_pipeline.asset", "matter.yaml")
     materials = {name: Material(name, **row) for name, row in data["materials"].items()}
     parts = {part: name for name, kind in data["parts"].items() for part in kind}
-    bearings, joints = {}, {}
+    bearings: dict[str, Bearing] = {}
+    joints: dict[str, str] = {}
     for name, row in data["bearings"].items():
         low, high = row["spread"]
         bearings[name] = Bearing(
