@@ -120,7 +120,10 @@ def corner(folder: Path) -> None:
     """The body as a back and a side, whose hull fills the corner between them."""
     walls = [
         trimesh.creation.box(bounds=np.array(b))
-        for b in ([[0.15, -0.19, -0.2], [0.2, 0.2, 0.2]], [[-0.2, -0.2, -0.19], [0.16, -0.15, 0.19]])
+        for b in (
+            [[0.15, -0.19, -0.2], [0.2, 0.2, 0.2]],
+            [[-0.2, -0.2, -0.19], [0.16, -0.15, 0.19]],
+        )
     ]
     trimesh.util.concatenate(walls).export(folder / "body.obj")
 
