@@ -76,14 +76,14 @@ def open_pilot(
     camera = CameraModel.load(setup / (NOMINAL if nominal else CAMERA))
     mapping = guess_mapping(twin.spec, None if nominal else setup / MAPPING, kind)
     twin = twin.with_mapping(mapping)
-    perceiver = twin.perceiver(setup, camera)
+    perceiver, converter = twin.perceiver(setup, camera), twin.converter()
     connected = open_robot(file, **changes)
     connected.connect()
     try:
         # simulated time does not wait
         arm = Arm(connected, twin.spec, mapping, real_time=kind != "mam_sim")
         guard = Guard(twin.layout, safety or SafetyConfig())
-        pilot = Pilot(arm, twin.converter(), perceiver, guard)
+        pilot = Pilot(arm, converter, perceiver, guard)
         try:
             yield pilot
         finally:

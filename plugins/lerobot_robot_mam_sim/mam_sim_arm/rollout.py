@@ -129,9 +129,9 @@ def rehearse(run: Path, seen: Seen, arm: FloatArray, strip: Path | None = None) 
         and `speed`, the greatest joint motion in a control step, radians.
     """
     from mam_envs.scene.video import Camera, write_strip
+    from mam_policies.algorithms import algorithm
     from mam_policies.lerobot.export import deployment
     from mam_policies.lerobot.robot_interface import RobotInterface, mapping_of
-    from mam_policies.mlp import MlpPolicy
     from mam_policies.run import RunInfo
 
     info = RunInfo.load(run)
@@ -139,7 +139,7 @@ def rehearse(run: Path, seen: Seen, arm: FloatArray, strip: Path | None = None) 
     try:
         base = interface.env.unwrapped
         plan = deployment(base, info, mapping_of(base, None))
-        converter = Converter(plan, MlpPolicy.load(run))
+        converter = Converter(plan, algorithm(info.algo).network(run))
         interface.reset(0)
         pose = np.asarray(base.layout(0).placement.base, dtype=float) @ seen.object_pose
         state = interface.place(pose, arm)
