@@ -17,6 +17,7 @@ from mam_pipeline.errors import InputError
 from mam_pipeline.formats.apart import apart
 from mam_pipeline.formats.door import is_file
 from mam_pipeline.formats.mjcf_files import files_of_mjcf
+from mam_pipeline.formats.urdf.bounds import check_bounds
 from mam_pipeline.optional import require
 from mam_pipeline.types import FloatArray
 
@@ -61,6 +62,7 @@ def _compiled(path: Path, out: Path) -> Path:
     for body in range(model.nbody):
         ends[body] = _body(robot, model, body, ends, out)
     _couple(robot, model)
+    check_bounds(robot, path)
     urdf = out / f"{path.stem}.urdf"
     ET.ElementTree(robot).write(urdf, encoding="utf-8", xml_declaration=True)
     return urdf

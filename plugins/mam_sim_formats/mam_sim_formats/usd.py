@@ -72,7 +72,10 @@ class _Reader:
         if self.dropped:
             notes += (f"not taken over: {', '.join(sorted(self.dropped))}",)
         up = str(UsdGeom.GetStageUpAxis(self.stage)).lower()
-        unit = float(UsdGeom.GetStageMetersPerUnit(self.stage))
+        told = float(UsdGeom.GetStageMetersPerUnit(self.stage))
+        unit = told if np.isfinite(told) and told > 0.0 else None
+        if unit is None:
+            notes += (f"metersPerUnit = {told:g} is no unit; the size is taken from the object",)
         return FileContent(tuple(self.pieces), tuple(self.materials), up, unit, notes)
 
     def _stay_inside(self) -> None:
