@@ -156,11 +156,8 @@ def export_dataset(collected: Path, out: Path, mapping: Path | None = None) -> E
     joints = given or identity(spec.uid, units)
     real = Names(tuple(joints.names(state)), tuple(joints.names(action)), names.environment)
 
-    tasks: list[str] = []
-
     def tracks() -> Iterator[tuple[Track, np.ndarray]]:
         for track, reward in found.tracks():
-            tasks.append(track.task)
             yield (
                 replace(
                     track,
@@ -176,7 +173,7 @@ def export_dataset(collected: Path, out: Path, mapping: Path | None = None) -> E
         # LeRobot makes the dataset's folder itself
         write_dataset(tracks(), real, joints.robot, folder / "dataset")
         joints.save(folder / MAPPING)
-        write_dataset_readme(folder, out, tasks[0], spec.uid, joints)
+        write_dataset_readme(folder, out, found, joints)
         mark_export(folder, "dataset", collected)
 
     _build(out, build)
