@@ -25,6 +25,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "collect": ("mam_sim.verbs.collect:Collect", "demonstrations by the scripted expert"),
     "train": ("mam_sim.verbs.train:Train", "a policy by imitation or reinforcement learning"),
     "eval": ("mam_sim.verbs.evaluate:Evaluate", "task success of a policy, with intervals"),
+    "register": ("mam_sim.verbs.register:Register", "an environment id for an asset, or for some"),
     "rank": ("mam_sim.verbs.rank:Rank", "does a robot succeed on assets, ours or anybody's URDF"),
     "export": ("mam_sim.verbs.export:Export", "dataset or policy to LeRobot, asset to MJCF or USD"),
     "calibrate": (
