@@ -19,7 +19,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "articulate": ("mam_sim.verbs.articulate:Articulate", "mesh or photo to an asset folder"),
     "batch": ("mam_sim.verbs.batch:Batch", "assets of many inputs, resumable, side by side"),
     "check": ("mam_sim.verbs.check:Check", "lint and physical executability of an asset or URDF"),
-    "mend": ("mam_sim.verbs.mend:Mend", "repair what check finds in anybody's URDF or MJCF"),
+    "mend": ("mam_sim.verbs.mend:Mend", "repair what check finds in anybody's URDF, MJCF or USD"),
     "bench": ("mam_sim.verbs.bench:Bench", "score the engine on a folder of ground-truth URDFs"),
     "generate": ("mam_sim.verbs.generate:Generate", "procedural articulated objects with truth"),
     "collect": ("mam_sim.verbs.collect:Collect", "demonstrations by the scripted expert"),
