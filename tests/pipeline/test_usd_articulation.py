@@ -147,10 +147,12 @@ def Xform "desk" (prepend apiSchemas = ["PhysicsArticulationRootAPI"])
     def PhysicsFixedJoint "floor" {
         rel physics:body1 = </desk/case>
     }
-    def Xform "lid" (prepend apiSchemas = ["PhysicsRigidBodyAPI"])
+    def Xform "lid" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
     {
-        def Cube "board" (prepend apiSchemas = ["PhysicsCollisionAPI"]) {
-            double size = 10
+        float physics:mass = 1
+        float3 physics:diagonalInertia = (100, 200, 250)
+        def Sphere "board" (prepend apiSchemas = ["PhysicsCollisionAPI"]) {
+            double radius = 5
         }
     }
     def PhysicsRevoluteJoint "hinge"
@@ -207,6 +209,8 @@ def test_masses_shapes_colours_and_instances_of_that_stage(tmp_path: Path) -> No
     # the link's frame lies 5 cm above the body's, where the joint is
     np.testing.assert_allclose(drawer.inertial.origin[:3, 3], [0.01, -0.03, 0.03], atol=1e-7)
     np.testing.assert_allclose(np.diag(drawer.inertial.inertia), [1.0, 2.0, 2.5], rtol=1e-5)
+    lid = robot.link_map["lid"].inertial
+    np.testing.assert_allclose(lid.inertia, np.diag([0.01, 0.02, 0.025]), atol=1e-7)
     rod, *ends = drawer.collisions
     assert rod.geometry.cylinder.length == pytest.approx(0.3)
     np.testing.assert_allclose(np.abs(rod.origin[:3, 2]), [1, 0, 0], atol=1e-6)

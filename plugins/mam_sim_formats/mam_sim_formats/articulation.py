@@ -337,7 +337,10 @@ class _Converter(StageReader):
         mass, moments, centre, axes = found
         if not 0.0 < mass < np.inf:
             return
-        given = any(UsdPhysics.MassAPI(prim).GetDiagonalInertiaAttr().Get() or ())
+        own = UsdPhysics.MassAPI(prim)
+        given = any(own.GetDiagonalInertiaAttr().Get() or ())
+        if given:  # without axes of their own, they are those of the body
+            axes = own.GetPrincipalAxesAttr().Get()
         known = np.array(moments) * self.kilo * self.unit**2 if given or solid else None
         turn = _pose(centre, axes)[:3, :3]
         at = (np.array(centre) - place[:3, 3]) * self.unit
