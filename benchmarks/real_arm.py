@@ -9,13 +9,15 @@ noise and latency. `as meant` takes mapping and camera as the set-up says; `cali
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 import tyro
 from common import load, save
-from mam_sim_arm.pilot import calibrate_setup, open_pilot
+from mam_sim_arm.pilot import calibrate_setup, open_pilot, plan_space
 from mam_sim_arm.robot_file import open_robot
 from mam_sim_arm.setup import ROBOT, Twin, guess_mapping, write_setup
 
@@ -30,24 +32,31 @@ LEVELS = {
     "motors 0.02 rad, camera 1 cm": (0.02, 0.01),
     "motors 0.1 rad, camera 4 cm": (0.1, 0.04),
 }
-ALWAYS = {"joint_noise": 0.001, "latency_steps": 1, "log": None}
+ALWAYS = {"joint_noise": 0.001, "latency_steps": 1}
 
 
 def measure(
     run: Path, setup: Path, faults: dict[str, Any], episodes: int, nominal: bool
 ) -> tuple[int, list[str]]:
     """Successes in truth, and why episodes were stopped."""
-    good, stopped = 0, []
+    stopped: list[str] = []
+    twin, log = Twin.load(run), setup / "episodes.jsonl"
+    log.unlink(missing_ok=True)
+    path = twin.layout.placement.path
     with few_objects(), open_pilot(run, setup, nominal=nominal, **faults) as pilot:
-        robot = pilot.arm.robot
         for k in range(episodes):
             if k:
                 pilot.arm.begin()
             try:
-                pilot.run(200, lambda _k, _seen: robot.interface.outcome.success)
+                seen = pilot.find()
+                plan_space(pilot, twin, seen, np.concatenate([path.approach, path.follow]))
+                with pilot.arm.moving():
+                    found = pilot.run(seen, 200)
+                stopped += [found.stopped] if found.stopped else []
             except MamSimError as error:
                 stopped.append(str(error))
-            good += robot.interface.outcome.success
+    rows = log.read_text().splitlines() if log.is_file() else []
+    good = sum(json.loads(line)["success"] for line in rows)
     return good, stopped
 
 
@@ -69,7 +78,7 @@ def main(
             }  # fmt: skip
             asked = {**faults, "board": True, "max_steps": 100_000}
             found = calibrate_setup(
-                twin, setup, open_robot(setup / ROBOT, **asked), guess, speed=1.0, real_time=False
+                twin, setup, open_robot(setup / ROBOT, **asked), guess, speed=1.0
             )
             result: dict[str, Any] = {"residual_px": found.camera.residual}
             for kind, nominal in (("as meant", True), ("calibrated", False)):

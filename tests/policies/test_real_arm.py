@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("lerobot_robot_mam_sim", reason="scripts/setup.sh installs the plug-ins")
 pytestmark = pytest.mark.slow  # trains a policy, and moves an arm through many poses
 
+from mam_sim_arm.held_key import NoKey  # noqa: E402
+from mam_sim_arm.pilot import open_pilot, plan_space  # noqa: E402
+from mam_sim_arm.setup import Twin, write_setup  # noqa: E402
+
+from mam_pipeline.errors import MamSimError  # noqa: E402
 from mam_sim.cli import main  # noqa: E402
 
 
@@ -30,7 +37,7 @@ def test_calibrate_perceive_deploy(
     robot.write_text(text)
     assert main(["calibrate", *words]) == 2  # nobody is there to answer
     assert "--yes" in capsys.readouterr().err
-    assert main(["calibrate", *words, "--yes", "--json"]) == 0
+    assert main(["calibrate", *words, "--yes", "--json", "--poses", "10", "--share", "1"]) == 0
     found = json.loads(_last(capsys))
     assert found["residual_px"] < 1.0 and 0.005 < found["camera_moved_m"] < 0.06
     assert main(["perceive", *words, "--json"]) == 0
@@ -45,27 +52,84 @@ def test_calibrate_perceive_deploy(
     hold = ["deploy", *words, "--yes", "--hold-key", "always"]
     assert main(hold) == 2 and "needs a terminal" in capsys.readouterr().err
     monkeypatch.setattr("mam_sim_arm.held_key.HeldKey", _Held)
-    assert main(hold) == 1 and "let go" in capsys.readouterr().err
+    assert main(hold) == 1
+    told = capsys.readouterr()
+    assert "let go" in told.err and "holds, with torque on" in told.err + told.out
     stopped = json.loads((setup / "episodes.jsonl").read_text().splitlines()[-1])
     assert not stopped["success"] and stopped["steps"] < 60
+    assert main(["park", *words, "--yes"]) == 0
 
 
-class _Held:
-    """A key that is held down for a second."""
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("dead_motor", "does not follow its target|outside the planned workspace"),
+        ("wrong_sign", "is wrong: run `mam-sim calibrate`"),
+        ("slipped_gripper", "see whether the handle slipped|no success"),
+        ("moved_object", "the object has moved by"),
+        ("hidden_tag", "tag_1"),
+        ("lost_camera", "no picture from the camera"),
+        ("frozen_camera", "stands still"),
+        ("lost_arm", "no motor answers"),
+    ],
+)
+def test_a_fault_stops_the_arm_with_what_to_do(
+    run_folder: Path, fault: str, words: str, tmp_path: Path
+) -> None:
+    twin, setup = Twin.load(run_folder), tmp_path / "arm"
+    write_setup(twin, setup)
+    wire, path = tmp_path / "wire.jsonl", twin.layout.placement.path
+    begins = {"hidden_tag": 0, "dead_motor": 5, "slipped_gripper": 50}
+    changes = {"fault": fault, "wire": str(wire), "fault_step": begins.get(fault, 20)}
+    if fault == "dead_motor":
+        changes["fault_joint"] = "panda_joint4"
+    ended = ""
+    with open_pilot(run_folder, setup, nominal=True, **changes) as pilot:
+        try:
+            seen = pilot.find()
+            plan_space(pilot, twin, seen, np.concatenate([path.approach, path.follow]))
+            with pilot.arm.moving():
+                found = pilot.run(seen, 150)
+            ended = found.stopped or ("success" if found.success else "no success")
+        except MamSimError as error:
+            ended = str(error)
+    assert re.search(words, ended, re.IGNORECASE), ended
+    rows = [json.loads(line) for line in wire.read_text().splitlines()]
+    assert rows[-1] == {"kind": "disconnect", "torque": True}
+    sent = np.array([list(r["targets"].values()) for r in rows if r["kind"] == "action"])
+    if fault in ("hidden_tag", "wrong_sign"):  # found before anything moves
+        assert not len(sent) and {r["kind"] for r in rows} == {"connect", "disconnect"}
+    elif fault in ("lost_camera", "lost_arm"):  # nothing more than tries to hold
+        assert len(sent) <= 20 + 1 + 6
 
-    def __enter__(self) -> _Held:
+
+def test_looking_sends_nothing(run_folder: Path, tmp_path: Path) -> None:
+    setup, wire = tmp_path / "arm", tmp_path / "wire.jsonl"
+    words = [str(run_folder), "--setup", str(setup)]
+    assert main(["calibrate", *words, "--init"]) == 0
+    with (setup / "robot.yaml").open("a") as file:
+        file.write(f"wire: {wire}\n")
+    for verb in (["perceive"], ["deploy", "--dry-run"]):
+        wire.unlink(missing_ok=True)
+        assert main([verb[0], *words, "--nominal", *verb[1:]]) == 0
+        kinds = [json.loads(line)["kind"] for line in wire.read_text().splitlines()]
+        assert kinds == ["connect", "disconnect"]
+
+
+class _Held(NoKey):
+    """A key that is held down for a second, and then q."""
+
+    person = True
+
+    def __init__(self) -> None:
         self.steps = 0
-        return self
 
-    def __exit__(self, *_: object) -> None:
-        return None
-
-    def wait(self) -> None:
-        return None
-
-    def down(self) -> bool:
+    def down(self, only: str = "") -> bool:
         self.steps += 1
         return self.steps <= 20
+
+    def wait(self) -> str:
+        return "q"
 
 
 def _last(capsys: pytest.CaptureFixture[str]) -> str:

@@ -14,9 +14,8 @@ _BLENDER = (
     "\"import bpy; bpy.ops.import_scene.fbx(filepath='{file}'); "
     "bpy.ops.export_scene.gltf(filepath='{stem}.glb')\""
 )
-USD = (".usd", ".usda", ".usdc", ".usdz")
 ELSEWHERE = {
-    **dict.fromkeys(USD, ""),
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), ""),
     **dict.fromkeys((".step", ".stp", ".iges", ".igs"), _CAD),
     ".fbx": _BLENDER,
 }

@@ -6,6 +6,14 @@ from dataclasses import dataclass
 
 from lerobot.robots.config import RobotConfig
 
+from mam_pipeline.errors import unknown_name
+
+FAULTS = (
+    "dead_motor", "wrong_sign", "slipped_gripper", "moved_object", "hidden_tag", "lost_camera",
+    "frozen_camera", "lost_arm",
+)  # fmt: skip
+"""What can go wrong with the simulated arm, to practise what one does then."""
+
 
 @RobotConfig.register_subclass("mam_sim")
 @dataclass(kw_only=True)
@@ -29,6 +37,11 @@ class MamSimRobotConfig(RobotConfig):
         camera_error: metres that the camera stands beside where the file says, in a direction
             drawn by `seed`; its lens and its turn are off then too.
         log: file to which one JSON line per episode is appended (seed, steps, success ...).
+        wire: file to which one JSON line is appended for all that goes to the arm: connect,
+            configure, action (with its targets), disconnect (with torque on or off).
+        fault: what goes wrong, to practise: one of FAULTS, from command `fault_step` on.
+        fault_joint: of a dead motor or a wrong sign; None: the arm's second joint.
+        disable_torque_on_disconnect: as of a real arm; here it is only put down in `wire`.
     """
 
     asset: str = ""
@@ -50,3 +63,14 @@ class MamSimRobotConfig(RobotConfig):
     board: bool = False
     camera_error: float = 0.0
     log: str | None = None
+    wire: str | None = None
+    fault: str = ""
+    fault_step: int = 30
+    fault_joint: str | None = None
+    disable_torque_on_disconnect: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse a fault that is not known."""
+        super().__post_init__()
+        if self.fault and self.fault not in FAULTS:
+            raise unknown_name("fault", self.fault, FAULTS)

@@ -38,6 +38,9 @@ class MamSimRobot(Robot):
         self._state: NDArray[np.float32] = np.zeros(0, dtype=np.float32)
         self._read = False
         self.cameras: dict[str, Any] = {}  # LeRobot counts them
+        self._commands = 0
+        self._stood: NDArray[np.float64] | None = None
+        self._last: dict[str, Any] | None = None
 
     @cached_property
     def interface(self) -> RobotInterface:
@@ -98,28 +101,56 @@ class MamSimRobot(Robot):
             claim_file(not_a_link(Path(self.config.log)), EPISODES, flag="the robot's log")
         self._connected = True
         self._begin()
+        self._note("connect")
+        self.configure()
 
     def calibrate(self) -> None:
         """Nothing to do."""
 
     def configure(self) -> None:
-        """Nothing to do."""
+        """A real arm's motors would be set up and powered now; a line of `wire` says so."""
+        self._note("configure")
 
     def get_observation(self) -> dict[str, Any]:
-        """Motor values and perceived values by name."""
+        """Motor values and perceived values by name.
+
+        Raises:
+            ConnectionError, TimeoutError: the fault is a lost arm or camera.
+        """
+        if self._fails("lost_arm"):
+            raise ConnectionError("no motor answers")
+        if self._fails("lost_camera"):
+            raise TimeoutError("no picture from the camera for 500 ms")
         if self._read and self.interface.outcome.steps:
             self._finish()
             self._begin()
         self._read = True
         state = dict(zip(self.interface.state_names, map(float, self._state)))
+        if self.config.fault == "wrong_sign":
+            state[self._faulty] *= -1
         named: dict[str, Any] = {k: state[k] for k in self._named(self.interface.state_names)}
-        seen = {} if self.eye is None else {self.eye.nominal.name: self.eye.shoot()}
+        seen: dict[str, Any] = {}
+        if self._last is not None and self._fails("frozen_camera"):
+            seen = self._last
+        elif self.eye is not None:
+            if self._fails("hidden_tag"):
+                self.eye.hide_part()
+            seen = {self.eye.nominal.name: self.eye.shoot()}
+        self._last = seen
         return {**named, **self.interface.pictures(), **seen}
 
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
-        """One control step; returns the targets that were sent, which may have been clipped."""
+        """One control step; returns the targets that were sent, which may have been clipped.
+
+        Raises:
+            ConnectionError: the fault is a lost arm.
+        """
         names = self.interface.action_names
-        target = np.array([float(action[k]) for k in names])
+        self._note("action", targets={k: float(action[k]) for k in names})
+        if self._fails("lost_arm"):
+            raise ConnectionError("no motor answers")
+        target = self._faulted(np.array([float(action[k]) for k in names]), names)
+        self._commands += 1
         limit = self.config.max_relative_target
         if limit is not None:
             present = dict(zip(self.interface.state_names, self._state))
@@ -136,6 +167,41 @@ class MamSimRobot(Robot):
             self._finish()
             self.interface.close()
             self._connected = False
+            self._note("disconnect", torque=not self.config.disable_torque_on_disconnect)
+
+    @cached_property
+    def _faulty(self) -> str:
+        """The motor with the fault."""
+        joint = self.config.fault_joint or self.interface.spec.arm[1]
+        return self.interface.mapping.names([joint])[0]
+
+    def _fails(self, fault: str) -> bool:
+        return self.config.fault == fault and self._commands >= self.config.fault_step
+
+    def _faulted(self, target: NDArray[Any], names: list[str]) -> NDArray[Any]:
+        """What arrives of a target (m,), and what happens meanwhile, by the fault."""
+        late = self._commands - self.config.fault_step
+        if self.config.fault == "wrong_sign":
+            target[names.index(self._faulty)] *= -1
+        elif self._fails("dead_motor"):
+            k = names.index(self._faulty)
+            if self._stood is None:
+                self._stood = target.copy()
+            target[k] = self._stood[k]
+        elif self._fails("slipped_gripper") and late < 10:
+            spec = self.interface.spec
+            target[-1] = self.interface.mapping.to_real([spec.gripper[0]], np.array([spec.opened]))[
+                0
+            ]
+        elif self.config.fault == "moved_object" and late == 0:
+            self.interface.shift_object([0.0, 0.06, 0.0])
+        return target
+
+    def _note(self, kind: str, **more: Any) -> None:
+        """Put down in the file of the wire what goes to the arm."""
+        if self.config.wire:
+            with not_a_link(Path(self.config.wire)).open("a", encoding="utf-8") as file:
+                file.write(json.dumps({"kind": kind, **more}) + "\n")
 
     def _named(self, names: list[str]) -> list[str]:
         return names if self.config.perceived else names[: -len(PERCEIVED)]

@@ -85,6 +85,11 @@ class SimulatedCamera:
         noisy = cv2.add(cv2.GaussianBlur(seen, (0, 0), 0.6), grain, dtype=cv2.CV_8U)
         return np.asarray(cv2.cvtColor(noisy, cv2.COLOR_GRAY2RGB))
 
+    def hide_part(self) -> None:
+        """Take the tags off the part that moves."""
+        root = self.base.layout(0).model.kinematics.root
+        self.markers = [m for m in self.markers or () if m.link == root]
+
     def _world(self) -> FloatArray:
         return np.asarray(self.base.layout(0).placement.base, dtype=float)
 

@@ -11,7 +11,7 @@ import tty
 from collections.abc import Callable
 from contextlib import suppress
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self
 
 from mam_pipeline.errors import ConfigError
 
@@ -21,12 +21,60 @@ REPEAT = 0.25
 """Seconds between two repetitions at most."""
 
 
+class Key(Protocol):
+    """What lets an arm move. `person`: whether somebody holds it, who can be asked."""
+
+    person: bool
+
+    def __enter__(self) -> Self: ...
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+    def down(self, only: str = "") -> bool:
+        """Whether a key is held down now; `only`: one of these."""
+        ...
+
+    def wait(self) -> str:
+        """Return the key that is pressed next."""
+        ...
+
+
+class NoKey:
+    """Always allowed, and nobody there: simulated arms, and `--hold-key never`."""
+
+    person = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        return None
+
+    def down(self, only: str = "") -> bool:
+        """Always."""
+        return True
+
+    def wait(self) -> str:
+        """Nobody presses."""
+        return ""
+
+
 class HeldKey:
     """Any key of a terminal, as seen by its repetitions; a context manager.
 
     A terminal tells no key's release, only that repetitions stay out: `down` is false `REPEAT`
     seconds after it (`FIRST` after a single press).
     """
+
+    person = True
 
     def __init__(
         self, terminal: int | None = None, clock: Callable[[], float] = time.monotonic
@@ -45,7 +93,7 @@ class HeldKey:
             raise ConfigError(
                 "the key that must be held down needs a terminal; --hold-key never does without it"
             )
-        self._until, self._last = -1.0, -1.0
+        self._until, self._last, self._key = -1.0, -1.0, ""
 
     def __enter__(self) -> Self:
         """Take keys as they come, unseen."""
@@ -62,27 +110,39 @@ class HeldKey:
         """Give the terminal back as it was, without the keys pressed meanwhile."""
         termios.tcsetattr(self._fd, termios.TCSAFLUSH, self._before)
 
-    def down(self) -> bool:
-        """Whether the key is held down now."""
-        now = self._clock()
-        if self._pressed():
-            repeated = self._last >= 0 and now - self._last <= FIRST
+    def down(self, only: str = "") -> bool:
+        """Whether a key is held down now; `only`: one of these."""
+        now, key = self._clock(), self._pressed()
+        if key:
+            repeated = self._last >= 0 and now - self._last <= FIRST and key == self._key
             self._until = now + (REPEAT if repeated else FIRST)
-            self._last = now
-        return now <= self._until
+            self._last, self._key = now, key
+        return now <= self._until and (not only or self._key in only)
 
-    def wait(self) -> None:
-        """Return when a key is pressed."""
+    def wait(self) -> str:
+        """Return the key that is pressed next; one pressed before is none."""
         self._until = self._last = -1.0
-        termios.tcflush(self._fd, termios.TCIFLUSH)  # one pressed before is none
+        termios.tcflush(self._fd, termios.TCIFLUSH)
         while not self.down():
             select.select([self._fd], [], [], 0.1)
+        return self._key
 
-    def _pressed(self) -> bool:
-        """Whether keys have come since the last time."""
-        found = False
+    def _pressed(self) -> str:
+        """The last key that has come since the last time."""
+        found = b""
         while select.select([self._fd], [], [], 0.0)[0]:
-            if not os.read(self._fd, 1024):  # the terminal is gone
-                return False
-            found = True
-        return found
+            read = os.read(self._fd, 1024)
+            if not read:  # the terminal is gone
+                return ""
+            found = read
+        return found[-1:].decode("latin-1")
+
+
+def key_for(hold: str, robot: str) -> Key:
+    """The key of a robot's type: "real" asks for one unless it is simulated, or "always", "never".
+
+    Raises:
+        ConfigError: one is needed, and there is no terminal.
+    """
+    held = hold == "always" or (hold == "real" and robot != "mam_sim")
+    return HeldKey() if held else NoKey()

@@ -20,6 +20,8 @@ from mam_sim_arm.targets import Marker, Picture, detect_tags
 
 CORNER, LEVEL = 0.5, 0.01
 """Standard deviations: of a tag's corner, pixels; of the object's height, metres."""
+EMPTY, SLIP = 0.03, 0.15
+"""Shares of the gripper's range: less open holds nothing; opened by more has let go."""
 
 
 @dataclass(frozen=True)
@@ -27,14 +29,16 @@ class Seen:
     """What is believed after a picture.
 
     Attributes:
-        object_pose: (4, 4) base_T_asset. handle: (3,) base frame, metres. value: of the joint.
+        object_pose: (4, 4) base_T_asset.
+        handle: (3,) base frame, metres. value: of the joint. Both None where nothing tells them.
         tags: corners (4, 2) of the tags that were found, pixels, by id.
-        source: where the joint's value comes from: "tag", "hand" (the tag is hidden), or "memory".
+        source: where the joint's value comes from: "tag", "hand" (the tag is hidden, and the hand
+            holds the handle), or "unseen".
     """
 
     object_pose: FloatArray
-    handle: FloatArray
-    value: float
+    handle: FloatArray | None
+    value: float | None
     tags: dict[int, FloatArray]
     source: str
 
@@ -70,13 +74,18 @@ class Perceiver:
         """Forget the episode."""
         self.poses: list[FloatArray] = []
         self.last: Seen | None = None
-        self.held: tuple[FloatArray, FloatArray] | None = None
+        self.held: tuple[FloatArray, FloatArray] | None = None  # by the hand, at `width`
+        self.width = 0.0
 
-    def update(self, picture: Picture, tool: FloatArray | None = None) -> Seen | None:
+    def update(
+        self, picture: Picture, tool: FloatArray | None = None, width: float | None = None
+    ) -> Seen | None:
         """What is believed with this picture; None until the object has been seen.
 
         Args:
             tool: (4, 4) base_T_tool as the motors say; None where there is no hand to go by.
+            width: how far the hand that holds something is open, 0 shut to 1; None where it holds
+                nothing.
         """
         tags = detect_tags(picture)
         self._locate(tags)
@@ -85,20 +94,30 @@ class Perceiver:
         pose = _mean(self.poses)
         values = [v for m in self.on_part if m.id in tags
                   for v in [self._value(pose, m, tags[m.id])] if v is not None]  # fmt: skip
+        value: float | None = None
+        handle: FloatArray | None = None
+        source = "unseen"
         if values:
             value, source = float(np.clip(np.median(values), *self.limits)), "tag"
-        elif self.held is not None and tool is not None:
+        elif self.held is not None and tool is not None and self._holds(width):
             value, source = self._carried(pose, tool), "hand"
-        else:
-            value, source = (0.0 if self.last is None else self.last.value), "memory"
-        motion = self.model.motion(self.joint, np.array([value]), {})[0]
-        at = motion[:3, :3] @ self.handle + motion[:3, 3]
-        handle = pose[:3, :3] @ at + pose[:3, 3]
-        if source == "tag":
-            near = tool is not None and np.linalg.norm(tool[:3, 3] - handle) < 0.05
-            self.held = (tool, handle) if tool is not None and near else None
+        if value is not None:
+            motion = self.model.motion(self.joint, np.array([value]), {})[0]
+            at = motion[:3, :3] @ self.handle + motion[:3, 3]
+            handle = pose[:3, :3] @ at + pose[:3, 3]
+        if source == "tag" and handle is not None:
+            self.held = None
+            if tool is not None and width is not None:
+                near = np.linalg.norm(tool[:3, 3] - handle) < 0.05
+                self.held, self.width = (tool, handle) if near else None, width
+        elif source == "unseen":
+            self.held = None  # what the hand has lost it does not get back unseen
         self.last = Seen(pose, handle, value, tags, source)
         return self.last
+
+    def _holds(self, width: float | None) -> bool:
+        """Whether the hand still holds what it held: it is neither shut nor wider than then."""
+        return width is not None and EMPTY < width < self.width + SLIP
 
     def overlay(self, picture: Picture) -> Picture:
         """(H, W, 3) the picture with the tags found, the handle, its way, and the joint's value."""
@@ -112,9 +131,11 @@ class Perceiver:
         way = self.path @ seen.object_pose[:3, :3].T + seen.object_pose[:3, 3]
         line = self.camera.project(way).round().astype(np.int32)
         cv2.polylines(out, [line], False, (60, 120, 255), 2)
-        x, y = self.camera.project(seen.handle[None])[0].round().astype(int).tolist()
-        cv2.circle(out, (x, y), 9, (255, 60, 60), 2)
-        words = f"{self.joint} {seen.value:.3f} by {seen.source}"
+        words = f"{self.joint}: its tag is not seen"
+        if seen.handle is not None:
+            x, y = self.camera.project(seen.handle[None])[0].round().astype(int).tolist()
+            cv2.circle(out, (x, y), 9, (255, 60, 60), 2)
+            words = f"{self.joint} {seen.value:.3f} by {seen.source}"
         cv2.putText(out, words, (12, 28), 0, 0.8, (255, 40, 40), 2)
         return out
 

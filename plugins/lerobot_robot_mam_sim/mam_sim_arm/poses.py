@@ -11,6 +11,7 @@ from mam_envs.robots import RobotSpec
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.types import FloatArray
 from mam_sim_arm.camera import CameraModel
+from mam_sim_arm.safety import Box
 from mam_sim_arm.targets import Board
 
 SLANT = 0.55
@@ -20,14 +21,14 @@ ROOM = 0.08
 
 
 def board_poses(
-    robot: RobotSpec, camera: CameraModel, board: Board, obstacle: FloatArray, count: int = 16,
+    robot: RobotSpec, camera: CameraModel, board: Board, obstacle: Box, count: int = 16,
     spread: float = 0.7, seed: int = 0,
 ) -> FloatArray:  # fmt: skip
     """(count, n) arm joints, as different as can be; the straight way between the first and each
     other is clear too.
 
     Args:
-        camera: a guess will do. obstacle: (2, 3) box of the object in the base frame, metres.
+        camera: a guess will do. obstacle: the object.
         spread: standard deviation of the joints round the arm's rest, radians.
 
     Raises:
@@ -85,7 +86,7 @@ def _in_sight(robot: RobotSpec, camera: CameraModel, board: Board, arm: FloatArr
     return np.asarray(ok & (np.einsum("ni,ni->n", view, turn[:, :, 2]) > SLANT))
 
 
-def _clear(robot: RobotSpec, arm: FloatArray, obstacle: FloatArray, board: Board) -> np.ndarray:
+def _clear(robot: RobotSpec, arm: FloatArray, obstacle: Box, board: Board) -> np.ndarray:
     """(N,) whether links, hand and board stay off the ground and the object."""
     if not len(arm):
         return np.zeros(0, dtype=bool)
@@ -98,13 +99,12 @@ def _clear(robot: RobotSpec, arm: FloatArray, obstacle: FloatArray, board: Board
     poses = robot.link_poses(arm, robot.closed)
     links = [poses[name][:, :3, 3] for name in robot.swinging if name in poses]
     room = ROOM * robot.reach
-    low, high = obstacle[0] - room, obstacle[1] + room
     chain = [poses[j.child][:, :3, 3] for j in robot.chain.joints if j.child in poses]
     links += [0.5 * (a + b) for a, b in pairwise(chain)]
     early = chain[: len(chain) // 3]  # base and shoulder
     ok = np.ones(len(arm), dtype=bool)
     for points in (*tips, *links):
-        ok &= ~((points > low) & (points < high)).all(axis=1)
+        ok &= obstacle.depth(points) < -room
     for points in tips:
         ok &= points[:, 2] > 0.5 * room
         for link in early:  # the arm's own body

@@ -1,131 +1,64 @@
-"""Driving a robot of LeRobot slowly through poses, and reading what motors and camera say there."""
+"""Driving an arm slowly through poses, and reading what motors and camera say there."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mam_envs.robots import RobotSpec
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import FloatArray
 from mam_policies.lerobot.joint_mapping import UNITS, JointMapping, MotorMap
 from mam_sim_arm.calibration import Calibration, View
+from mam_sim_arm.guarded_arm import GuardedArm
 from mam_sim_arm.targets import Board
 
 Say = Callable[[str], None]
-RATE = 20.0
-"""Control steps a second."""
-
-
-class Arm:
-    """A connected robot of LeRobot in the simulated robot's joints, by a mapping, maybe a guess."""
-
-    def __init__(
-        self, robot: Any, spec: RobotSpec, mapping: JointMapping, speed: float = 0.5,
-        real_time: bool = True,
-    ) -> None:  # fmt: skip
-        """Read the robot once.
-
-        Args:
-            speed: share of the robot's usual motion per control step. real_time: keep 20 steps a
-                second; a simulated robot need not.
-        """
-        self.robot, self.spec, self.mapping = robot, spec, mapping
-        self.pause = 1.0 / RATE if real_time else 0.0
-        self.joints = [*spec.arm, spec.gripper[0]]
-        self.names = mapping.names(self.joints)
-        self.step = speed * spec.step
-        missing = [n for n in self.names if n not in robot.observation_features]
-        if missing:
-            raise ConfigError(
-                f"the robot reports no {', '.join(missing)}; it reports "
-                f"{', '.join(robot.observation_features)}. The mapping names its motors"
-            )
-        self.seen: Mapping[str, Any] = robot.get_observation()
-        self.command = self.read(self.names)
-
-    def read(self, names: Sequence[str]) -> FloatArray:
-        """(n,) what motors said last, their units."""
-        return np.array([float(self.seen[n]) for n in names])
-
-    def send(self, real: FloatArray, read: bool = True) -> None:
-        """Send targets (n,) for arm and gripper in motor units, and read again."""
-        self.command = np.asarray(real, dtype=float)
-        self.robot.send_action({n: float(v) for n, v in zip(self.names, self.command)})
-        if read:
-            self.seen = self.robot.get_observation()
-
-    def wait(self, since: float) -> bool:
-        """Sleep until the control step that began at `since` is over; whether it was late."""
-        left = self.pause - (time.perf_counter() - since)
-        if self.pause and left > 0:
-            time.sleep(left)
-        return bool(self.pause) and left < 0
-
-    def begin(self) -> None:
-        """Start anew after somebody has put arm and object back. Read twice: to a simulated robot
-        that means that the scene was reset."""
-        for _ in range(2):
-            self.seen = self.robot.get_observation()
-        self.command = self.read(self.names)
-
-    def hold(self) -> None:
-        """Stay where the arm is."""
-        self.send(np.append(self.read(self.names)[:-1], self.command[-1]))
-
-    def move(self, arm: FloatArray, gripper: float, settle: int = 8) -> None:
-        """Go straight to arm joints (n,) and a gripper value, slowly, and come to rest there."""
-        goal = self.mapping.to_real(self.joints, np.append(arm, gripper))
-        scale, _ = self.mapping.arrays(self.joints)
-        least = self.step / np.abs(scale)
-        least[-1] = np.inf
-        steps = max(1, int(np.ceil((np.abs(goal - self.command) / least).max())))
-        way = np.linspace(self.command, goal, steps + 1)[1:]
-        for row in (*way, *[goal] * settle):
-            began = time.perf_counter()
-            self.send(row, read=False)
-            self.wait(began)
+WIGGLE = 0.12
+"""Radians that a joint turns for somebody to see which way."""
 
 
 def record_views(
-    arm: Arm, poses: FloatArray, camera: str, board: Board, readings: int = 5,
-    say: Say = lambda _words: None,
+    arm: GuardedArm, poses: FloatArray, camera: str, board: Board, share: float = 0.5,
+    readings: int = 5, say: Say = lambda _words: None,
 ) -> list[View]:  # fmt: skip
     """Go to poses (P, n), by way of the first, and take down motors and board corners at each.
 
     Args:
-        camera: key of the picture in the robot's observation. readings: of the motors, averaged.
+        camera: key of the picture in the robot's observation. share: of the usual speed.
+        readings: of the motors, averaged.
     """
-    if camera not in arm.robot.observation_features:
+    if camera not in arm.seen:
         raise ConfigError(f"the robot reports no picture {camera!r}")
+    arm.watched = camera
     names, spec = arm.mapping.names(arm.spec.arm), arm.spec
     unit = np.abs(arm.mapping.arrays(spec.arm)[0])
     out = []
-    arm.move(poses[0], spec.closed)
+    arm.move(poses[0], spec.closed, share)
     for k, pose in enumerate(poses):
         if k:
-            arm.move(poses[0], spec.closed, settle=0)
-        arm.move(pose, spec.closed)
+            arm.move(poses[0], spec.closed, share, settle=0)
+        arm.move(pose, spec.closed, share)
         rows, found = [], None
         for _ in range(readings):
-            arm.send(arm.command)
+            arm.go(np.append(pose, spec.closed))
             rows.append(arm.read(names))
             found = board.detect(arm.seen[camera]) or found
         if found is not None:
             out.append(View(np.mean(rows, axis=0) * unit, *found))
         seen = "no board" if found is None else f"{len(found[0])} corners"
         say(f"pose {k + 1} of {len(poses)}: {seen}")
-    arm.move(poses[0], spec.closed)
+    arm.move(poses[0], spec.closed, share)
     return out
 
 
-def record_gripper(arm: Arm, steps: int = 25) -> dict[str, tuple[float, float]]:
+def record_gripper(arm: GuardedArm, steps: int = 100) -> dict[str, tuple[float, float]]:
     """Motor values of the gripper's joints with the hand shut and wide open, against its stops.
 
+    Its target is never more than a fifth of its range ahead, so that it does not press hard.
     Percent are not measured: LeRobot's own calibration has put 0 and 100 at the stops.
     """
     spec, mapping = arm.spec, arm.mapping
@@ -133,18 +66,62 @@ def record_gripper(arm: Arm, steps: int = 25) -> dict[str, tuple[float, float]]:
     listed = [j for j in spec.gripper if j in {m.joint for m in mapping.motors}]
     if motor.unit == "percent":
         return {}
-    names, ends = mapping.names(listed), []
-    span = (spec.opened - spec.shut) / motor.scale
-    shut = (spec.shut - motor.offset) / motor.scale
-    for goal in (shut - 2 * span, shut + 3 * span):
-        for _ in range(steps):
-            began = time.perf_counter()
-            arm.send(np.append(arm.command[:-1], goal), read=False)
-            arm.wait(began)
-        arm.send(arm.command)
+    names, ends, rest = mapping.names(listed), [], arm.now()[:-1]
+    ahead = 0.2 * (spec.opened - spec.shut)
+    for way in (-ahead, ahead):
+        still = 0
+        for k in range(steps):
+            before = arm.now()[-1]
+            arm.go(np.append(rest, before + way))
+            still = still + 1 if abs(arm.now()[-1] - before) < 0.25 * abs(ahead) else 0
+            if k > 15 and still > 8:
+                break
         ends.append(arm.read(names))
-    arm.send(np.append(arm.command[:-1], shut))
+    for _ in range(15):  # shut again, for the board
+        arm.go(np.append(rest, arm.now()[-1] - ahead))
     return {j: (float(a), float(b)) for j, a, b in zip(listed, *ends)}
+
+
+def checked_signs(arm: GuardedArm, say: Say) -> JointMapping:
+    """Turn one joint after the other a little; the person at the key says which way it went.
+
+    Signs that were wrong are turned in the mapping of the arm, which is returned.
+    """
+    spec = arm.spec
+    for k, name in enumerate(spec.arm):
+        now = arm.now()
+        arm.allow(now[None, :-1])
+        goal = now.copy()
+        limits = spec.chain.limits[k]
+        goal[k] += WIGGLE if now[k] + WIGGLE < limits[1] else -WIGGLE
+        arm.move(goal[:-1], now[-1])
+        arm.move(now[:-1], now[-1])
+        say(f"{name}: did {_motion(spec, now[:-1], goal[:-1])} first? y or n")
+        while (pressed := arm.key.wait()) not in ("y", "n"):
+            pass
+        if pressed == "n":
+            motors = [
+                replace(m, scale=-m.scale) if m.joint == name else m for m in arm.mapping.motors
+            ]
+            arm.remap(JointMapping(arm.mapping.robot, tuple(motors)))
+            say(f"{name} counts the other way; its sign is turned")
+        say("Hold the space bar down again.")
+        arm.key.wait()
+    return arm.mapping
+
+
+def _motion(spec: RobotSpec, before: FloatArray, after: FloatArray) -> str:
+    """Which way the hand goes, in words, from arm joints (n,) to others."""
+    rotation, position, _ = spec.chain.forward(np.stack([before, after]))
+    turned, gone = np.array([np.cos(spec.forward), np.sin(spec.forward)]), position[1] - position[0]
+    ahead, left = gone[:2] @ turned, gone[1] * turned[0] - gone[0] * turned[1]
+    ways = {"up": gone[2], "down": -gone[2], "ahead": ahead, "back": -ahead, "left": left,
+            "right": -left}  # fmt: skip
+    word = max(ways, key=lambda name: float(ways[name]))
+    if ways[word] > 0.005:
+        return f"the hand go {word} (as seen from behind the arm)"
+    turn = Rotation.from_matrix(rotation[0].T @ rotation[1]).as_rotvec()[2]
+    return f"the hand turn {'' if turn > 0 else 'counter-'}clockwise (as seen from behind it)"
 
 
 def solved_mapping(

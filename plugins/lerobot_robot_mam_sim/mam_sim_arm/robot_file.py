@@ -37,7 +37,13 @@ def open_robot(file: Path, **changes: Any) -> Any:
         config = draccus.decode(RobotConfig, {**data, **changes})
     except Exception as error:  # draccus raises kinds of its own
         raise ConfigError(f"{file}: {str(error).splitlines()[0]}") from None
-    return make_robot_from_config(config)
+    try:
+        return make_robot_from_config(config)
+    except ImportError as error:
+        raise ConfigError(
+            f"LeRobot's driver of {data['type']} needs {error.name}, which is not installed; for "
+            "SO arms: pip install 'lerobot[feetech]'"
+        ) from None
 
 
 def robot_type(file: Path) -> str:

@@ -2,82 +2,207 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 
 from mam_envs.robots import RobotSpec
-from mam_envs.scene.layout import Layout
 from mam_pipeline.edited import Range
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.types import FloatArray
 
 
 class StoppedForSafety(MamSimError):
-    """A limit was passed and the arm was stopped; the message says which."""
+    """A limit was passed and the arm was stopped; the message says which, and what to do."""
 
     exit_code = 1
+
+
+class KeyReleased(StoppedForSafety):
+    """The key that lets the arm move was let go."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SafetyConfig:
     """When the arm is slowed down or stopped."""
 
-    margin: Annotated[float, Range(0, 1)] = 0.12
-    """Metres round the hand's planned way that the hand may be in; a step out is held back."""
-    speed: Annotated[float, Range(0, 10, above=True)] = 1.5
-    """Times the robot's usual motion per control step that a joint may move; more is cut."""
-    lag: Annotated[float, Range(0, 3, above=True)] = 0.35
+    rate: Annotated[float, Range(1, 100)] = 10.0
+    """Control steps a second on a real arm; policies learn at 20, so that 10 is half as fast."""
+    speed: Annotated[float, Range(0, 10, above=True)] = 1.0
+    """Radians a second that a joint may turn (metres a second that it may slide); more is cut."""
+    margin: Annotated[float, Range(0, 1)] = 0.08
+    """Metres round the planned way of each link, gripper included; a step out is held back."""
+    lag: Annotated[float, Range(0, 3, above=True)] = 0.25
     """Radians that a joint may stay behind its target; more means that the arm presses on
-    something."""
+    something, or that a motor is dead."""
+    current: Annotated[float, Range(0, 100, above=True)] = 1.5
+    """Amperes that an arm's motor may take, where the driver reads them (stall is 2.7)."""
+    moved: Annotated[float, Range(0, 1, above=True)] = 0.03
+    """Metres that the object may move while the policy runs."""
     patience: Annotated[int, Range(1, 1000)] = 10
     """Control steps in a row outside a limit after which the arm is stopped."""
 
 
-class Guard:
-    """Holds targets of one episode against the limits; frames and units of the simulated robot."""
+@dataclass(frozen=True)
+class Box:
+    """A box that stands in the way: `bounds` (2, 3) in its own frame, `pose` (4, 4) base_T_box."""
 
-    def __init__(self, layout: Layout, config: SafetyConfig) -> None:
-        """`layout`: of the twin; the hand's way in it is what is expected."""
-        self.spec: RobotSpec = layout.robot
-        self.config = config
-        path = layout.placement.path
-        arm = np.concatenate([self.spec.rest_arm[None], path.approach, path.follow])
-        _, position, _ = self.spec.chain.forward(arm)
-        self.box = np.stack([position.min(axis=0), position.max(axis=0)])
-        self.box += np.array([[-1.0], [1.0]]) * config.margin
+    bounds: FloatArray
+    pose: FloatArray
+
+    def depth(self, points: FloatArray) -> FloatArray:
+        """(...) metres that points (..., 3) of the base frame are inside; negative outside."""
+        local = (points - self.pose[:3, 3]) @ self.pose[:3, :3]
+        inside = np.minimum(local - self.bounds[0], self.bounds[1] - local)
+        return np.asarray(inside.min(axis=-1))
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """Where each link may be, by its collision shapes; the robot's base frame, metres.
+
+    Attributes:
+        points: (P, 3) of each link's surface, link frame; links that only turn on the base are
+            left out.
+        low, high: (L, 3) box of each link. floor: height below which none may be.
+        barred: the object. shut_out: (L,) links that must stay out of it, because
+            the planned way does not bring them there.
+    """
+
+    spec: RobotSpec
+    points: dict[str, FloatArray]
+    low: FloatArray
+    high: FloatArray
+    floor: float
+    barred: Box | None
+    shut_out: list[bool]
+
+    @staticmethod
+    def around(
+        spec: RobotSpec, way: FloatArray, margin: float, trusted: FloatArray | None = None,
+        obstacle: Box | None = None, held: FloatArray | None = None,
+    ) -> Workspace:  # fmt: skip
+        """The space that a planned way needs, and a margin.
+
+        Args:
+            way: (N, n) arm joints. trusted: (M, n) those of them that are known to be off the
+                ground and the object (default: all): where the arm is, where the twin has been.
+            obstacle: the object. held: (P, 3) what the hand holds, tool frame.
+        """
+        points = {k: v for k, v in spec.surface.items() if k in spec.swinging}
+        if held is not None:
+            tool = spec.chain.tool
+            inside = held @ tool[:3, :3].T + tool[:3, 3]
+            points[spec.tip] = np.concatenate([points.get(spec.tip, inside[:0]), inside])
+        count = len(points)
+        low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+        reached, floor = [False] * count, 0.0  # what the arm stands on
+        plans = [(way, True)] if trusted is None else [(way, False), (trusted, True)]
+        for grip in (spec.opened, spec.shut):
+            for rows, sure in plans:
+                for part in np.array_split(rows, max(1, len(rows) // 32)):
+                    for k, at in enumerate(_placed(spec, points, part, grip)):
+                        low[k] = np.minimum(low[k], at.min(axis=(0, 1)))
+                        high[k] = np.maximum(high[k], at.max(axis=(0, 1)))
+                        if sure:
+                            floor = min(floor, float(at[..., 2].min()))
+                            reached[k] |= obstacle is None or bool((obstacle.depth(at) > 0).any())
+        shut_out = [not k for k in reached]
+        return Workspace(spec, points, low - margin, high + margin, floor, obstacle, shut_out)
+
+    def away(self, arm: FloatArray, gripper: float) -> tuple[FloatArray, str]:
+        """(N,) metres that the farthest point is outside at arm joints (N, n), 0 inside; and what
+        is wrong at the last of them, in words."""
+        worst, why, low = np.zeros(len(arm)), "", self.low.copy()
+        low[:, 2] = np.maximum(low[:, 2], self.floor)
+        for k, at in enumerate(_placed(self.spec, self.points, arm, gripper)):
+            out = np.maximum(low[k] - at, at - self.high[k]).max(axis=2).max(axis=1)
+            if self.barred is not None and self.shut_out[k]:
+                out = np.maximum(out, self.barred.depth(at).max(axis=1))
+            if out[-1] > worst[-1]:
+                x, y, z = at[-1].mean(axis=0)
+                below = at[-1, :, 2].min() < self.floor
+                name = list(self.points)[k]
+                where = "below the ground" if below else "outside the planned workspace"
+                why = f"{name} would go {where}, to {x:.2f}, {y:.2f}, {z:.2f} m"
+            worst = np.maximum(worst, out)
+        return worst, why
+
+
+def _placed(
+    spec: RobotSpec, points: dict[str, FloatArray], arm: FloatArray, gripper: float
+) -> list[FloatArray]:
+    """(N, P, 3) each link's points in the base frame at arm joints (N, n)."""
+    poses = spec.link_poses(np.asarray(arm, dtype=float), gripper)
+    out = []
+    for name, rows in points.items():
+        pose = np.broadcast_to(poses[name], (len(arm), 4, 4))
+        out.append(np.einsum("nij,pj->npi", pose[:, :3, :3], rows) + pose[:, None, :3, 3])
+    return out
+
+
+class Guard:
+    """Holds targets against the limits; frames and units of the simulated robot."""
+
+    def __init__(self, spec: RobotSpec, config: SafetyConfig) -> None:
+        self.spec, self.config = spec, config
+        self.space: Workspace | None = None
+        self.span = abs(spec.opened - spec.shut)
         self.reset()
 
     def reset(self) -> None:
-        """Forget the episode."""
+        """Forget what was sent: the next target is held against where the arm is."""
         self.last: FloatArray | None = None
-        self.outside = self.behind = self.cut = 0
+        self.outside = self.behind = self.strained = self.cut = 0
 
-    def pass_on(self, target: FloatArray, arm: FloatArray) -> FloatArray:
-        """Arm targets (n,) that may be sent, for wanted ones and the joints as they are (n,).
+    def pass_on(
+        self, target: FloatArray, now: FloatArray, currents: Sequence[float] = ()
+    ) -> FloatArray:
+        """What may be sent, (n + 1,) arm and gripper, for a wanted target and joints as they are.
 
         Raises:
-            StoppedForSafety: outside the workspace, or behind the targets, for too long.
+            StoppedForSafety: out of the workspace, behind the targets, or under too much current
+                for too long; or no workspace has been given.
         """
-        config, before = self.config, arm if self.last is None else self.last
-        lagging = self.last is not None and float(np.abs(self.last - arm).max()) > config.lag
-        self.behind = self.behind + 1 if lagging else 0
-        if self.behind >= config.patience:
-            raise StoppedForSafety(
-                "the arm does not follow its targets: it presses on something; it was stopped"
-            )
-        limit = config.speed * self.spec.step
+        config = self.config
+        if self.space is None:
+            raise StoppedForSafety("no workspace was planned, so that nothing may move")
+        before = now if self.last is None else self.last
+        self._strain(before[:-1], now[:-1], currents)
+        limit = np.full(len(target), config.speed / config.rate)
+        limit[-1] = 0.5 * self.span
         out = before + np.clip(target - before, -limit, limit)
-        self.cut += bool(np.abs(target - before).max() > limit + 1e-9)
-        _, position, _ = self.spec.chain.forward(np.stack([before, out]))
-        away = np.maximum(self.box[0] - position, position - self.box[1]).max(axis=1)
+        # the gripper presses no harder than its range allows
+        out[-1] = np.clip(out[-1], now[-1] - self.span, now[-1] + self.span)
+        self.cut += bool(np.abs(target - before)[:-1].max() > limit[0] + 1e-9)
+        away, why = self.space.away(np.stack([before, out])[:, :-1], float(out[-1]))
         leaving = away[1] > 0 and away[1] > away[0] - 1e-9  # coming back is allowed
         self.outside = self.outside + 1 if leaving else 0
         if self.outside >= config.patience:
             raise StoppedForSafety(
-                f"the hand would leave its workspace at {np.round(position[1], 2).tolist()} m; it "
-                "was stopped"
+                f"{why}. See whether the object stands where `mam-sim perceive` says, and "
+                "calibrate again, or give more --margin"
             )
-        self.last = before if leaving else out
-        return np.asarray(self.last)
+        if leaving:
+            out[:-1] = before[:-1]
+        self.last = out
+        return out
+
+    def _strain(self, sent: FloatArray, now: FloatArray, currents: Sequence[float]) -> None:
+        """Count steps behind the target and under current; stop when there are too many."""
+        config, off = self.config, np.abs(sent - now)
+        self.behind = self.behind + 1 if float(off.max()) > config.lag else 0
+        if self.behind >= config.patience:
+            raise StoppedForSafety(
+                f"{self.spec.arm[int(off.argmax())]} does not follow its target: it presses on "
+                "something or its motor is dead. Free the arm, and check the motor's cable"
+            )
+        most = max(currents, default=0.0)
+        self.strained = self.strained + 1 if most > config.current else 0
+        if self.strained >= config.patience:
+            raise StoppedForSafety(
+                f"a motor takes {most:.1f} A, more than {config.current:.1f} A: the arm presses on "
+                "something. Free it, and let the motors cool"
+            )

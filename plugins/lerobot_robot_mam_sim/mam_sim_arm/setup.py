@@ -23,7 +23,6 @@ from mam_envs.scene.layout import Layout
 from mam_pipeline import folders
 from mam_pipeline.claims import SETUP, claim_folder
 from mam_pipeline.types import FloatArray
-from mam_policies.algorithms import algorithm
 from mam_policies.lerobot.export import deployment
 from mam_policies.lerobot.joint_mapping import (
     SO_ARMS,
@@ -34,9 +33,11 @@ from mam_policies.lerobot.joint_mapping import (
     load_mapping,
 )
 from mam_policies.lerobot.policy import Converter, Deployment
+from mam_policies.mlp import MlpPolicy
 from mam_policies.run import EnvChoice, RunInfo
 from mam_sim_arm.camera import CameraModel, look_at, pinhole
 from mam_sim_arm.perception import Perceiver
+from mam_sim_arm.safety import Box
 from mam_sim_arm.targets import (
     board_for,
     load_markers,
@@ -106,12 +107,8 @@ class Twin:
         return np.asarray(np.linalg.inv(self.layout.placement.base) @ self.layout.world_asset)
 
     def converter(self) -> Converter:
-        """The policy on motor values.
-
-        Raises:
-            ConfigError: the run's algorithm acts by more than one small network.
-        """
-        return Converter(self.plan, algorithm(self.info.algo).network(self.run))
+        """The policy on motor values."""
+        return Converter(self.plan, MlpPolicy.load(self.run))
 
     def perceiver(self, setup: Path, camera: CameraModel) -> Perceiver:
         """What finds the run's handle in the pictures of a camera."""
@@ -120,8 +117,14 @@ class Twin:
         level = float(self.base_asset[2, 3])
         return Perceiver(camera, markers, model, goal.joint, self.layout.handles[0], level)
 
-    def obstacle(self) -> FloatArray:
-        """(2, 3) box of the object with its part open, base frame."""
+    def obstacle(self, base_asset: FloatArray | None = None) -> Box:
+        """The object with its parts closed; where it is meant to stand, or at a pose (4, 4)."""
+        model = self.layout.model
+        bounds = np.asarray(model.bounds({g.joint: g.closed for g in self.layout.goals}))
+        return Box(bounds, self.base_asset if base_asset is None else base_asset)
+
+    def extent(self) -> FloatArray:
+        """(2, 3) base frame: what the object takes, its part open too."""
         model, rows = self.layout.model, []
         for goal in self.layout.goals:
             rows += [model.bounds({goal.joint: v}) for v in (goal.closed, goal.open)]
@@ -196,11 +199,12 @@ def nominal_camera(twin: Twin, size: tuple[int, int]) -> CameraModel:
     base, handle = twin.layout.placement.base, twin.layout.handles[0]
     pose = twin.base_asset
     point = pose[:3, :3] @ handle + pose[:3, 3]
-    low, high = twin.obstacle()
+    low, high = twin.extent()
     _, _, side = twin.layout.view()
     front = base[:3, :3].T @ np.array([1.0, 0.0, 0.0])  # the object's front looks towards -x
     left = base[:3, :3].T @ np.array([0.0, 1.0, 0.0])
-    reach = max(float(np.linalg.norm(high - low)), 1.3 * twin.spec.reach)
+    arm = twin.spec.reach  # from far away, the small board of a small arm is too few pixels
+    reach = float(np.clip(np.linalg.norm(high - low), 1.3 * arm, 2.0 * arm))
     top = np.array([0.0, 0.0, max(high[2], point[2]) + 0.7 * reach])
     middle = 0.5 * (point + 0.5 * (low + high))
     eye = middle * [1, 1, 0] - 0.5 * reach * front + 0.65 * side * reach * left + top

@@ -6,6 +6,7 @@ The LeRobot robot, the environment of lerobot-eval and the open-loop replay all 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from mam_policies.lerobot.joint_mapping import JointMapping, identity, load_mapping
 from mam_policies.lerobot.policy import PERCEIVED
-from mam_policies.run import EnvChoice, flat
+from mam_policies.run import EnvChoice
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,6 @@ class RobotInterface:
         self._rng = np.random.default_rng([seed, 1])  # not the zero errors' numbers again
         self.miscalibrate(seed)
         self._moved = [self.joints.index(n) for n in self.moved]
-        self._hidden = sum(b - a for _, a, b, secret in base.observation_layout() if secret)
 
     def miscalibrate(self, seed: int) -> None:
         """Draw the joints' zero errors anew, as another calibration of the arm would."""
@@ -111,6 +111,13 @@ class RobotInterface:
         base.put_object(np.asarray(world_asset, dtype=float))
         self._held = self._q()[self._moved]
         return self.state()
+
+    def shift_object(self, by: Sequence[float]) -> None:
+        """Move the object by (3,) metres, as somebody who bumps into it does."""
+        base = self.env.unwrapped
+        pose = np.array(base.planner_state().world_asset)
+        pose[:3, 3] += by
+        base.put_object(pose)
 
     def state(self) -> NDArray[np.float32]:
         """(n,) what motors and perception say now, in motor units."""
@@ -148,11 +155,6 @@ class RobotInterface:
             failed=now.failed or _flag(info.get("fail", False)),
         )
         return self.state()
-
-    def hidden(self) -> NDArray[np.float32]:
-        """(k,) what only the simulator knows now, as datasets have it in environment_state."""
-        state = flat(self.seen["state"] if isinstance(self.seen, dict) else self.seen)
-        return state[len(state) - self._hidden :]
 
     def pictures(self) -> dict[str, NDArray[np.uint8]]:
         """(h, w, 3) of every camera now, by name; none unless obs_mode has rgb."""

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from tyro.conf import Positional
+from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_pipeline.claims import SETUP, claim_folder
 from mam_pipeline.edited import Range
 from mam_sim.console import Screen
 from mam_sim.options import Verb
+from mam_sim_arm.safety import SafetyConfig
 
 
 @dataclass(frozen=True, kw_only=True)
 class Calibrate(Verb):
     """Find sign and zero of every motor, the gripper's range, and the camera's lens and place.
 
-    The arm moves slowly through poses that show a ChArUco board in its hand to a fixed camera.
+    The arm moves slowly through poses that show a ChArUco board in its hand to a fixed camera,
+    inside the limits of `mam-sim deploy`. A real arm moves only while a key is held down; before
+    all else it turns one joint after the other a little, and asks which way.
     """
 
     run_folder: Positional[Path]
@@ -35,8 +38,11 @@ class Calibrate(Verb):
     motors count otherwise than the simulated joints."""
     poses: Annotated[int, Range(8, 100)] = 16
     """Poses of the arm."""
-    speed: Annotated[float, Range(0, 1, above=True)] = 0.5
-    """Share of the arm's usual speed."""
+    share: Annotated[float, Range(0, 1, above=True)] = 0.5
+    """Share of the arm's usual motion in a control step."""
+    hold_key: Literal["real", "always", "never"] = "real"
+    """Whether the arm moves only while a key is held down: a real one, always, or never."""
+    safety: Annotated[SafetyConfig, OmitArgPrefixes] = field(default_factory=SafetyConfig)
     yes: bool = False
     """Do not ask before the arm moves."""
     json: bool = False
@@ -64,6 +70,7 @@ class Calibrate(Verb):
     def _calibrate(self, twin: Any, screen: Screen) -> int:
         from mam_sim.asking import ask
         from mam_sim_arm.camera import CameraModel
+        from mam_sim_arm.held_key import key_for
         from mam_sim_arm.pilot import calibrate_setup
         from mam_sim_arm.robot_file import open_robot, robot_type
         from mam_sim_arm.setup import CAMERA, MAPPING, NOMINAL, ROBOT, guess_mapping
@@ -73,8 +80,9 @@ class Calibrate(Verb):
         simulated = {"board": True, "max_steps": 100_000} if kind == "mam_sim" else {}
         guess = guess_mapping(spec, self.mapping, kind)
         found = calibrate_setup(
-            twin, self.setup, open_robot(file, **simulated), guess, self.poses, self.speed,
-            real_time=not simulated, ask=lambda words: ask(words, self.yes), say=screen.say,
+            twin, self.setup, open_robot(file, **simulated), guess, self.poses, self.share,
+            self.safety, key_for(self.hold_key, kind), lambda words: ask(words, self.yes),
+            screen.say,
         )  # fmt: skip
         nominal = CameraModel.load(self.setup / NOMINAL)
         moved = float(np.linalg.norm(found.camera.pose[:3, 3] - nominal.pose[:3, 3]))

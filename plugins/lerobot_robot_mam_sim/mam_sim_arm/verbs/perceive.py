@@ -14,7 +14,10 @@ from mam_sim.options import Verb
 
 @dataclass(frozen=True, kw_only=True)
 class Perceive(Verb):
-    """Look at the object once: its pose, its joint's value, its handle, and a picture of that."""
+    """Look at the object once: its pose, its joint's value, its handle, and a picture of that.
+
+    Nothing is sent to the arm.
+    """
 
     run_folder: Positional[Path]
     """A run of mam-sim train: it names the object."""
@@ -31,6 +34,8 @@ class Perceive(Verb):
 
     def run(self) -> int:
         """Look; print what is believed."""
+        from PIL import Image
+
         from mam_pipeline import folders
         from mam_pipeline.claims import PICTURE, claim_file, png_mark
         from mam_sim_arm.pilot import open_pilot
@@ -39,12 +44,13 @@ class Perceive(Verb):
         out = self.out or self.setup / "perceived.png"
         claim_file(out, PICTURE)
         with open_pilot(self.run_folder, self.setup, self.robot, nominal=self.nominal) as pilot:
-            seen = pilot.find()
-            picture = pilot.perceiver.overlay(pilot.picture())
-        from PIL import Image
-
-        with folders.new_file(out) as part:
-            Image.fromarray(picture).save(part, format="PNG", pnginfo=png_mark())
+            try:
+                seen = pilot.find()
+            finally:  # what was not found is best seen in the picture
+                picture = pilot.perceiver.overlay(pilot.picture())
+                with folders.new_file(out) as part:
+                    Image.fromarray(picture).save(part, format="PNG", pnginfo=png_mark())
+        assert seen.handle is not None
         pose = seen.object_pose
         yaw = float(np.degrees(np.arctan2(pose[1, 0], pose[0, 0])))
         if self.json:

@@ -1,0 +1,187 @@
+"""What goes to the arm when something goes wrong: every command of every verb, with every fault.
+
+    python benchmarks/drills.py RUN --setup FOLDER --out FILE.json
+
+The arm is the simulated one; its wire is kept in FOLDER/wire.jsonl. For each drill the table says
+how the verb ended, how many commands were sent, how many of them after the fault, and what the
+wire shows of speed, height and torque. A drill is safe when the arm ends holding with torque on,
+no command is faster than the limit, and no link goes below the ground.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import tyro
+from common import save
+from mam_sim_arm.guarded_arm import connected
+from mam_sim_arm.held_key import NoKey
+from mam_sim_arm.pilot import calibrate_setup, open_pilot, plan_space
+from mam_sim_arm.robot_file import open_robot
+from mam_sim_arm.rollout import rehearse
+from mam_sim_arm.safety import SafetyConfig, StoppedForSafety, Workspace
+from mam_sim_arm.setup import MAPPING, ROBOT, Twin, guess_mapping, write_setup
+
+from mam_pipeline.errors import MamSimError
+from mam_policies.run import few_objects
+
+FAULTS = (
+    "", "dead_motor", "wrong_sign", "slipped_gripper", "moved_object", "hidden_tag", "lost_camera",
+    "frozen_camera", "lost_arm", "key released",
+)  # fmt: skip
+RELEASED = 25
+"""Commands after which the key is let go, in that drill."""
+BEGINS = {"dead_motor": 5, "slipped_gripper": 50}
+"""Commands after which a fault begins, where it is not the robot's default."""
+
+
+class Person(NoKey):
+    """Somebody who holds the key for some commands, says no to a wrong sign, and leaves the arm."""
+
+    person = True
+
+    def __init__(self, wrong: bool, commands: int) -> None:
+        self.wrong, self.left, self.pressed = wrong, commands, 0
+
+    def down(self, only: str = "") -> bool:
+        """Held until it is let go for good."""
+        self.left -= 1
+        return self.left >= 0
+
+    def wait(self) -> str:
+        """The space bar, an answer and the space bar for each joint, then q."""
+        self.pressed += 1
+        if self.left < 0:
+            return "q" if self.pressed % 2 else _interrupt()
+        return "n" if self.wrong and self.pressed == 4 else "y"
+
+
+def _interrupt() -> str:
+    raise KeyboardInterrupt
+
+
+def drill(verb: str, run: Path, setup: Path, fault: str, plan: np.ndarray) -> dict[str, Any]:
+    """Play one; what happened and what the wire shows."""
+    twin, wire = Twin.load(run), setup / "wire.jsonl"
+    wire.unlink(missing_ok=True)
+    released = fault == "key released"
+    changes: dict[str, Any] = {"wire": str(wire), "fault": "" if released else fault}
+    if fault in BEGINS:
+        changes["fault_step"] = BEGINS[fault]
+    if fault == "dead_motor":
+        changes["fault_joint"] = twin.spec.arm[len(twin.spec.arm) // 2]  # the elbow
+    key: Any = Person(False, RELEASED) if released else NoKey()
+    if fault == "wrong_sign" and verb == "calibrate":
+        key = Person(True, 10**9)
+    ended = "done"
+    try:
+        VERBS[verb](twin, setup, key, plan, changes)
+    except (MamSimError, KeyboardInterrupt) as error:
+        ended = str(error) or "interrupted"
+    return {"verb": verb, "fault": fault or "none", "ended": ended, **shown(twin, wire)}
+
+
+def _calibrate(twin: Twin, setup: Path, key: Any, _plan: Any, changes: dict[str, Any]) -> None:
+    robot = open_robot(setup / ROBOT, board=True, max_steps=100_000, **changes)
+    before = (setup / MAPPING).read_text() if (setup / MAPPING).is_file() else None
+    try:
+        calibrate_setup(twin, setup, robot, guess_mapping(twin.spec, None, "mam_sim"), 10, key=key)
+    finally:
+        if before is not None and changes["fault"]:
+            (setup / MAPPING).write_text(before)
+
+
+def _perceive(twin: Twin, setup: Path, _key: Any, _plan: Any, changes: dict[str, Any]) -> None:
+    with open_pilot(twin.run, setup, **{**changes, "fault_step": 0}) as pilot:
+        pilot.find()
+
+
+def _dry_run(twin: Twin, setup: Path, _key: Any, _plan: Any, changes: dict[str, Any]) -> None:
+    with open_pilot(twin.run, setup, **{**changes, "fault_step": 0}) as pilot:
+        rehearse(twin.run, pilot.find(), pilot.arm.now()[:-1])
+
+
+def _deploy(twin: Twin, setup: Path, key: Any, plan: Any, changes: dict[str, Any]) -> None:
+    with open_pilot(twin.run, setup, key=key, **changes) as pilot:
+        seen = pilot.find()
+        plan_space(pilot, twin, seen, plan)
+        with pilot.arm.moving():
+            found = pilot.run(seen, 200)
+    if found.stopped:
+        raise StoppedForSafety(found.stopped)
+    if not found.success:
+        raise StoppedForSafety(f"no success: opened {100 * found.opened:.0f} %")
+
+
+def _park(twin: Twin, setup: Path, key: Any, _plan: Any, changes: dict[str, Any]) -> None:
+    mapping = guess_mapping(twin.spec, setup / MAPPING, "mam_sim")
+    robot = open_robot(setup / ROBOT, **changes)
+    with connected(robot, twin.spec, mapping, key=key) as arm:
+        arm.engage()
+        away = arm.now()[:-1] + 0.3
+        arm.allow(np.linspace(arm.now()[:-1], away, 8))
+        arm.move(away, twin.spec.opened)
+        arm.rest()
+
+
+VERBS: dict[str, Callable[..., None]] = {
+    "perceive": _perceive, "dry run": _dry_run, "calibrate": _calibrate, "deploy": _deploy,
+    "park": _park,
+}  # fmt: skip
+
+
+def shown(twin: Twin, wire: Path) -> dict[str, Any]:
+    """What a file of the wire says, by the arm as it is simulated."""
+    rows = [json.loads(line) for line in wire.read_text().splitlines()] if wire.exists() else []
+    sent = [list(r["targets"].values()) for r in rows if r["kind"] == "action"]
+    torque = [r["torque"] for r in rows if r["kind"] == "disconnect"]
+    out: dict[str, Any] = {
+        "commands": len(sent), "torque_at_end": bool(torque and torque[-1]), "safe": True,
+        "configured": sum(r["kind"] == "configure" for r in rows),
+    }  # fmt: skip
+    if not sent:
+        return out
+    arm, limits = np.array(sent)[:, :-1], SafetyConfig()
+    steps = np.abs(np.diff(arm, axis=0)).max() if len(arm) > 1 else 0.0
+    floor = Workspace.around(twin.spec, arm[:1], 9.0).floor
+    everywhere = Workspace.around(twin.spec, arm, 0.0)
+    lowest = float(everywhere.low[:, 2].min())
+    out |= {"fastest_rad_s": float(steps * limits.rate), "lowest_m": lowest}
+    # a hold may lie beside the last target by as much as the arm stays behind
+    out["safe"] = bool(lowest >= floor - 0.01 and out["torque_at_end"])
+    return out
+
+
+def main(
+    run: tyro.conf.Positional[Path], /, setup: Path, out: Path | None = None,
+    verbs: tuple[str, ...] = tuple(VERBS), faults: tuple[str, ...] = FAULTS,
+) -> None:  # fmt: skip
+    """Play the drills and print the table. `setup`: a calibrated one, or a new folder."""
+    torch.set_num_threads(1)
+    twin, rows = Twin.load(run), []
+    write_setup(twin, setup)
+    with few_objects():
+        if not (setup / MAPPING).is_file():
+            _calibrate(twin, setup, NoKey(), None, {"fault": ""})
+        with open_pilot(run, setup) as pilot:
+            _, plan = rehearse(run, pilot.find(), pilot.arm.now()[:-1])
+        for verb in verbs:
+            for fault in faults:
+                rows.append(drill(verb, run, setup, fault, plan))
+                print(json.dumps(rows[-1]), flush=True)
+                save(out, {"drills": rows})
+    print(
+        "| verb | fault | commands | fastest, rad/s | lowest, m | ends |\n|---|---|---|---|---|---|"
+    )
+    for r in rows:
+        fast, low = (f"{r[k]:.2f}" if k in r else "" for k in ("fastest_rad_s", "lowest_m"))
+        print(f"| {r['verb']} | {r['fault']} | {r['commands']} | {fast} | {low} | {r['ended']} |")
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
