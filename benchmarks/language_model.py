@@ -47,12 +47,14 @@ from mam_pipeline.weights import noting
 from mam_sim.bench.runner import Record, execute
 from mam_sim.bench.table import Row, models_of, summarise
 
-ANSWERS = ROOT / "tests" / "pipeline" / "answers.zip"
+ANSWERS = tuple(
+    ROOT / "tests" / "pipeline" / name for name in ("answers.zip", "answers_kitchen.zip")
+)
 EMBEDDED = "the embedded reasoner"
 COLUMNS = ("miou", "count", "type_error", "axis", "pivot", "executable")
 PATHS = (
     "pipeline/mam_pipeline", ":!pipeline/mam_pipeline/photo", "mam_sim/bench",
-    "benchmarks/language_model.py", "tests/pipeline/answers.zip",
+    "benchmarks/language_model.py", "tests/pipeline/answers*.zip",
 )  # fmt: skip
 """What the rows depend on: the questions and the pictures, too."""
 
@@ -177,7 +179,7 @@ def write_rows(found: Mapping[str, Sequence[Record]], dataset: str, command: str
 def main(
     dataset: Positional[str],
     /,
-    answers: tuple[Path, ...] = (ANSWERS,),
+    answers: tuple[Path, ...] = ANSWERS,
     prior: str = "embedded",
     embedded: bool = True,
     simulate: bool = True,
@@ -219,7 +221,7 @@ def main(
     if past:
         print(f"\nmove otherwise than they did when they were looked at: {', '.join(past)}")
     if rows:
-        flags = "" if answers == (ANSWERS,) else " --answers ARCHIVE"
+        flags = "" if answers == ANSWERS else " --answers ARCHIVE"
         shown = f"python benchmarks/language_model.py {Path(dataset).name.upper()}{flags} --rows"
         write_rows(found, dataset, shown)
     plain = {

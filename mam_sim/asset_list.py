@@ -1,31 +1,14 @@
-"""Which assets are meant: asset folders, and folders that hold some."""
+"""Which of several assets are taken: those that an arm can operate; some to train on, some not."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from mam_pipeline.asset.card import Asset
-from mam_pipeline.errors import ConfigError
-from mam_pipeline.formats.door import entries, is_file
-
-
-def asset_folders(paths: Sequence[Path]) -> list[Path]:
-    """Asset folders, each once: those named, and in a folder that is none, all directly in it.
-
-    Raises:
-        InputError: a path is no asset and holds none.
-    """
-    out: dict[Path, None] = {}
-    for path in paths:
-        inside = []
-        if path.is_dir() and not (path / "asset.json").is_file():
-            inside = [p for p in entries(path) if is_file(p / "asset.json")]
-        for folder in inside or [Asset.card_of(path).folder]:
-            out[folder.resolve()] = None
-    return list(out)
+from mam_envs.config import EnvConfig
+from mam_pipeline.errors import ConfigError, MamSimError
 
 
 def split(folders: Sequence[Path], share: float, seed: int) -> tuple[list[Path], list[Path]]:
@@ -44,3 +27,29 @@ def split(folders: Sequence[Path], share: float, seed: int) -> tuple[list[Path],
     chosen = set(order[:count].tolist())
     train = [f for i, f in enumerate(folders) if i in chosen]
     return train, [f for i, f in enumerate(folders) if i not in chosen]
+
+
+def operable(
+    folders: Sequence[Path], joint: str | None, task: str | None, robot: str, config: EnvConfig,
+    say: Callable[[str], None],
+) -> tuple[list[str], list[str]]:  # fmt: skip
+    """Asset folders that an arm can operate, and those that it cannot, told one by one.
+
+    Raises:
+        MamSimError: of the first, where it can operate none.
+    """
+    from mam_envs.robots import robot_spec
+    from mam_envs.scene.layout import arrange
+
+    fit, refused, errors = [], [], []
+    for folder in folders:
+        try:
+            arrange(folder, joint, task, robot_spec(robot), "auto", config)
+            fit.append(str(folder))
+        except MamSimError as error:
+            errors.append(error)
+            refused.append(str(folder))
+            say(f"left out: {error}")
+    if not fit:
+        raise errors[0]
+    return fit, refused

@@ -9,8 +9,10 @@ from pathlib import Path
 
 from mam_pipeline.edited import read_json, validated
 from mam_pipeline.errors import InputError, MamSimError
+from mam_pipeline.formats.articulations import KINDS, SUFFIXES
+from mam_pipeline.formats.suffixes import USD
 from mam_pipeline.guarded import Limits
-from mam_pipeline.mend import SUFFIXES, Mended, Order, mend
+from mam_pipeline.mend import Mended, Order, mend
 from mam_sim.batch.inputs import Input, find_inputs
 from mam_sim.forkserver import run_all
 
@@ -39,15 +41,20 @@ class Task:
 
 
 def found_files(words: Sequence[str]) -> list[Input]:
-    """The URDF and MJCF files that are meant.
+    """The URDF, MJCF and USD files that are meant.
 
     Raises:
         InputError: none is.
     """
     found = find_inputs(words)
+    folders = [Path(w).resolve() for w in words if Path(w).is_dir()]
     files = [i for i in found if i.fault or i.path.suffix.lower() in SUFFIXES]
+    files = [  # a folder's USD files are layers and meshes, of which few are articulations
+        i for i in files
+        if i.path.suffix.lower() not in USD or not any(i.path.is_relative_to(f) for f in folders)
+    ]  # fmt: skip
     if not files:
-        raise InputError(f"{words[0]} stands for no URDF or MJCF file ({', '.join(SUFFIXES)})")
+        raise InputError(f"{words[0]} is not {KINDS} ({', '.join(SUFFIXES)})")
     return files
 
 

@@ -12,10 +12,13 @@ from mam_pipeline.optional import require as _require
 _require("a robot environment", "sapien", "mani_skill", "torch", "gymnasium")
 
 import gymnasium as _gym  # noqa: E402
-from gymnasium.envs.registration import WrapperSpec as _WrapperSpec  # noqa: E402
+
+from mam_envs import ids as _ids  # noqa: E402
+from mam_envs.ids import MAX_EPISODE_STEPS, register  # noqa: E402
+
+__all__ = ["ENV_ID", "MAX_EPISODE_STEPS", "NUMPY_ID", "VECTOR_ID", "make", "register"]
 
 ENV_ID = "mam_envs:OperateJoint-v1"
-MAX_EPISODE_STEPS = 200
 
 VECTOR_ID = "mam_envs:OperateJointVec-v1"
 """For gym.make_vec, which refuses ids with extra wrappers (ManiSkill's batched time limit)."""
@@ -24,29 +27,13 @@ NUMPY_ID = "mam_envs:OperateJointNumpy-v1"
 """One environment with NumPy observations and no batch axis, for gymnasium's and SB3's tools."""
 
 if "OperateJoint-v1" not in _gym.registry:
-    _gym.register(
-        "OperateJoint-v1",
-        entry_point="mam_envs.env:OperateJointEnv",
-        max_episode_steps=MAX_EPISODE_STEPS,
-        disable_env_checker=True,
-        additional_wrappers=(
-            _WrapperSpec(
-                "MSTimeLimit",
-                entry_point="mani_skill.utils.registration:TimeLimitWrapper",
-                kwargs={"max_episode_steps": MAX_EPISODE_STEPS},
-            ),
-        ),
-    )
-    _gym.register(
-        "OperateJointNumpy-v1",
-        entry_point="mam_envs.numpy_env:SingleEnv",
-        max_episode_steps=MAX_EPISODE_STEPS,
-    )
+    _ids.bind("OperateJoint-v1", {})
     _gym.register(
         "OperateJointVec-v1",
         vector_entry_point="mam_envs.env:make_vector",
         max_episode_steps=MAX_EPISODE_STEPS,
     )
+    _ids.bind_remembered()
 
 
 def make(asset: _Any, env_id: str = "OperateJoint-v1", **kwargs: _Any) -> _Any:

@@ -25,7 +25,7 @@ from mam_pipeline.errors import (
     disk_error,
     disk_is_full,
 )
-from mam_pipeline.formats.mjcf_files import is_mjcf
+from mam_pipeline.formats.articulations import KINDS, SUFFIXES, converted
 from mam_pipeline.formats.suffixes import PHOTOS, mesh_suffixes
 from mam_pipeline.guarded import Ending, Limits
 from mam_sim.batch.inputs import content_digest
@@ -90,11 +90,11 @@ def robot_file(path: Path) -> Path:
     if not path.exists():
         raise InputError(f"no such file or folder: {path}")
     if not path.is_file():
-        raise InputError(f"{path} is no ordinary file; name an asset folder, a URDF or an MJCF")
-    if path.name != "asset.json" and path.suffix.lower() not in (".urdf", ".xml", ".mjcf"):
+        raise InputError(f"{path} is no ordinary file; name an asset folder, {KINDS}")
+    if path.name != "asset.json" and path.suffix.lower() not in SUFFIXES:
         if path.suffix.lower() in (*mesh_suffixes(), *PHOTOS):
             Asset.card_of(path)  # refuses it, and says what makes an asset of it
-        raise InputError(f"{path} is no asset folder, URDF or MJCF file")
+        raise InputError(f"{path} is no asset folder, and not {KINDS}")
     return path
 
 
@@ -145,10 +145,8 @@ class Examine:
         foreign = not (path.is_dir() or path.name == "asset.json")
         start = Verdict(self.subject.name, folders.as_text(str(path)), foreign=foreign)
         try:
-            if foreign and is_mjcf(path):
-                from mam_pipeline.formats.mjcf import urdf_of_mjcf
-
-                path = urdf_of_mjcf(path, self.out / "mjcf" / self.subject.name)
+            if foreign and (found := converted(path, self.out / "made" / self.subject.name)):
+                path = found.urdf
             report = check_asset(path)
             start = replace(
                 start, lint=report.clauses["lint"], check=report.passed, reasons=report.reasons

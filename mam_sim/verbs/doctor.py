@@ -205,7 +205,7 @@ def _plugins() -> list[Finding]:
     from mam_pipeline.registry import Registry
 
     out = []
-    for kind in ("robot", "task", "algorithm", "reader"):
+    for kind in ("robot", "task", "algorithm", "reader", "articulation"):
         added = Registry(kind, {})
         for name, target in added.targets().items():
             state, ok = target, True

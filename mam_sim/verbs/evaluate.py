@@ -27,8 +27,8 @@ class Evaluate(Verb):
     """Measure how often a policy, or the scripted expert, succeeds, with Wilson 95 % intervals."""
 
     policy: Positional[Path | None] = None
-    """A run folder of mam-sim train, or a zip of stable-baselines3 (with --trust, --asset); without
-    one, --expert and --asset measure the expert alone."""
+    """A run folder of mam-sim train; with --asset also a policy folder of LeRobot, or a zip of
+    stable-baselines3 (--trust); without one, --expert and --asset measure the expert alone."""
     episodes: Annotated[int, Range(1, 100_000)] = 20
     """How many, per asset."""
     asset: tuple[Path, ...] = ()
@@ -38,6 +38,8 @@ class Evaluate(Verb):
     """Try it on the assets that mam-sim train --split held out."""
     joint: str | None = None
     """The joint on them."""
+    task: str | None = None
+    """What to do with it, where no run says so: open, close, turn_to, push or a plug-in's."""
     expert: bool = False
     """Run the scripted expert on the same seeds beside it."""
     truth: Path | None = None
@@ -50,7 +52,9 @@ class Evaluate(Verb):
     control: str = "pd_joint_delta_pos"
     """Control mode that such a zip was trained with."""
     robot: str = "panda"
-    """Robot that such a zip was trained with, or that the expert alone drives."""
+    """Robot that such a zip or folder was trained with, or that the expert alone drives."""
+    mapping: Path | None = None
+    """Joint mapping that such a folder was trained with (YAML); default: the one in it."""
     randomise: Path | None = None
     """YAML file with the randomisation, or the name of a preset that has one (randomised); the
     flags --env.randomisation... go over it."""
@@ -62,8 +66,20 @@ class Evaluate(Verb):
 
     @property
     def foreign(self) -> bool:
+        """Whether the policy is no run: a zip of stable-baselines3, or a folder of LeRobot."""
+        return self.zipped or self.of_lerobot
+
+    @property
+    def zipped(self) -> bool:
         """Whether the policy is a zip of stable-baselines3."""
         return self.policy is not None and self.policy.suffix == ".zip"
+
+    @property
+    def of_lerobot(self) -> bool:
+        """Whether the policy is a folder as LeRobot loads by --policy.path."""
+        if self.policy is None or (self.policy / "run.json").is_file():
+            return False
+        return (self.policy / "config.json").is_file()
 
     def home(self) -> Evaluate:
         """A run is tested in the environment that it was trained in, unless told otherwise."""
@@ -82,6 +98,12 @@ class Evaluate(Verb):
         home, named = self._choice()
         if self.truth is not None and len(named) != 1:
             raise ConfigError(f"--truth is of one asset; {len(named)} are to be tried")
+        if self.mapping is not None and not self.of_lerobot:
+            raise ConfigError("--mapping belongs to a policy folder of LeRobot")
+        if self.task is not None and self.policy is not None and not self.foreign:
+            raise ConfigError(
+                f"--task: {self.policy} is a run, which says itself what is to be done"
+            )
         screen.say(f"{'asset':<28} {'joint':<22} {'check':<7} {'expert':<20} policy")
         rows: list[dict[str, Any]] = []
         errors: list[MamSimError] = []
@@ -112,19 +134,23 @@ class Evaluate(Verb):
 
     def _choice(self) -> tuple[Any, tuple[str, ...]]:
         """The environment, and the assets to try."""
+        from mam_pipeline.asset.listing import asset_folders
         from mam_pipeline.folder_data import policy_folder
         from mam_policies.run import EnvChoice, RunInfo, held_out
-        from mam_sim.asset_list import asset_folders
 
         named = tuple(map(str, asset_folders(self.asset)))
         if self.policy is None and not self.expert:
             raise ConfigError("name a run folder, or measure the expert alone with --expert")
         if self.policy is None or self.foreign:
             if not named:
-                who = "the expert" if self.policy is None else "a zip"
+                who = "a zip" if self.zipped else "a folder of LeRobot"
+                who = "the expert" if self.policy is None else who
                 raise ConfigError(f"{who} does not say what it is to be tried on; add --asset")
-            control = "pd_joint_pos" if self.policy is None else self.control
-            return EnvChoice(named, self.joint, None, self.robot, control, config=self.env), named
+            if self.of_lerobot:  # what it wishes is looked at before any episode
+                policy_folder(Path(str(self.policy)))
+            control = self.control if self.zipped else "pd_joint_pos"
+            asked = (self.joint, self.task, self.robot, control)
+            return EnvChoice(named, *asked, config=self.env), named
         home = replace(RunInfo.load(self.policy).env, config=self.env)
         if (self.policy / "policy").is_dir():  # what it wishes is looked at before any episode
             policy_folder(self.policy / "policy")
@@ -163,7 +189,12 @@ class Evaluate(Verb):
 
     def _measure(self, choice: Any, screen: Screen, truth: Path | None, film: bool) -> Any:
         """The evaluations of the policy and of the expert; None for what is not asked for."""
-        from mam_policies.evaluate import evaluate_expert, evaluate_run, evaluate_zip
+        from mam_policies.evaluate import (
+            evaluate_expert,
+            evaluate_lerobot,
+            evaluate_run,
+            evaluate_zip,
+        )
 
         found = best = None
         more: dict[str, Any] = {"truth": truth, "video": self._film() if film else None}
@@ -174,7 +205,11 @@ class Evaluate(Verb):
 
             if self.policy is None:
                 return None, evaluate_expert(choice, self.episodes, on_episode=tell, **more)
-            if self.foreign:
+            if self.of_lerobot:
+                found = evaluate_lerobot(
+                    self.policy, choice, self.episodes, self.mapping, on_episode=tell, **more
+                )
+            elif self.zipped:
                 found = evaluate_zip(
                     self.policy, choice, self.episodes, self.trust, on_episode=tell, **more
                 )
@@ -194,7 +229,7 @@ class Evaluate(Verb):
         run = self.policy
         if run is None:
             return Path("evaluation.mp4")
-        film = run.with_suffix(".mp4") if self.foreign else run / "evaluation.mp4"
+        film = run.with_suffix(".mp4") if self.zipped else run / "evaluation.mp4"
         return Door(film.parent).may_write(film)
 
 

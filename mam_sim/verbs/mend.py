@@ -1,4 +1,4 @@
-"""`mam-sim mend`: anybody's URDF or MJCF repaired by the reasons of the check, line by line."""
+"""`mam-sim mend`: anybody's URDF, MJCF or USD repaired by the check's reasons, line by line."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Mend(Verb):
     """
 
     files: Positional[tuple[str, ...]]
-    """URDF or MJCF files, folders of URDFs, quoted patterns, or a list (.txt) of these."""
+    """URDF, MJCF or USD files, folders of URDFs, quoted patterns, or a list (.txt) of these."""
     out: Path | None = None
     """Folder for the mended copy and mend.json; of several files, for a folder each."""
     only: tuple[str, ...] = ()

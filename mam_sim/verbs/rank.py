@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 class Rank(Verb):
     """Measure whether robots succeed on assets, joint by joint, with Wilson 95 % intervals.
 
-    A URDF or MJCF file of anybody's is taken as it is. What cannot be run is said, and counts as
-    failed.
+    A URDF, MJCF or USD file of anybody's is taken as it is. What cannot be run is said, and
+    counts as failed.
     """
 
     assets: Positional[tuple[Path, ...]]
-    """Asset folders, or URDF or MJCF files."""
+    """Asset folders, or URDF, MJCF or USD files."""
     robots: str = "panda"
     """Names of arms, with commas between them."""
     episodes: Count = 5
@@ -74,7 +74,7 @@ class Rank(Verb):
             with Scratch() as folder:
                 return self._measure(Path(folder).resolve(), names, Screen(self.quiet))
         claim_folder(self.out, RANK)
-        for part in ("verdicts", "rows", "videos", "foreign", "mjcf", "runs", "truth"):
+        for part in ("verdicts", "rows", "videos", "foreign", "made", "runs", "truth"):
             not_a_link(self.out / part)
         return self._measure(self.out.resolve(), names, Screen(self.quiet))
 

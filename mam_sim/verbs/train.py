@@ -14,7 +14,7 @@ from mam_envs.config import EnvConfig
 from mam_pipeline import config_file, folders
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.edited import Range
-from mam_pipeline.errors import ConfigError, MamSimError
+from mam_pipeline.errors import ConfigError
 from mam_policies.run import EnvChoice, refuse_foreign, task_settings
 from mam_sim.console import PhaseBar, Screen
 from mam_sim.options import Verb, defaults, last_value, settings
@@ -131,9 +131,8 @@ class Train(Verb):
         Raises:
             MamSimError: of the first asset, where the arm can do none.
         """
-        from mam_envs.robots import robot_spec
-        from mam_envs.scene.layout import arrange
-        from mam_sim.asset_list import asset_folders, split
+        from mam_pipeline.asset.listing import asset_folders
+        from mam_sim.asset_list import operable, split
 
         found = asset_folders(self.asset)
         for folder in found:
@@ -144,19 +143,9 @@ class Train(Verb):
         test: list[Path] = []
         if self.split is not None:
             wanted, test = split(found, self.split, self.train.seed)
-        fit, refused, errors = [], [], []
-        for folder in wanted:
-            try:
-                arrange(folder, self.joint, self.task, robot_spec(self.robot), "auto", self.env)
-                fit.append(str(folder))
-            except MamSimError as error:
-                errors.append(error)
-                refused.append(str(folder))
-                screen.say(f"left out: {error}")
-        if not fit:
-            raise errors[0]
-        if errors:
-            screen.say(f"left out: {len(errors)} of {len(wanted)} assets to train on")
+        fit, refused = operable(wanted, self.joint, self.task, self.robot, self.env, screen.say)
+        if refused:
+            screen.say(f"left out: {len(refused)} of {len(wanted)} assets to train on")
         if self.split is None:
             return tuple(fit), {}
         held_out = [str(folder) for folder in test]

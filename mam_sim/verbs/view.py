@@ -100,10 +100,10 @@ class View(Verb):
 
     def _write_gallery(self) -> int:
         """A page of every asset in the folder, and the gallery; returns the exit status."""
+        from mam_pipeline.asset.listing import asset_folders
         from mam_pipeline.folders import write_text
         from mam_pipeline.formats.door import Door
         from mam_pipeline.geometry.stand_in import lightened
-        from mam_sim.asset_list import asset_folders
         from mam_sim.viewer import gallery, page
 
         target = self.out or Door(self.asset).may_write(self.asset / "gallery.html")

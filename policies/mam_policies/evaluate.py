@@ -14,6 +14,7 @@ from mani_skill.utils import common
 
 from mam_envs.config import EnvConfig, SuccessConfig
 from mam_envs.scene.video import write_video
+from mam_pipeline.folder_data import policy_folder
 from mam_policies.algorithms import Actor, algorithm
 from mam_policies.expert import Expert, PlanningError
 from mam_policies.run import EnvChoice, RunInfo, few_objects
@@ -130,6 +131,40 @@ def evaluate_zip(
     act = load_sb3(file, trust)
     more["make"] = _with_truth(truth)
     return evaluate(choice, lambda _env: act, episodes, more.pop("seed", HELD_OUT), **more)
+
+
+def evaluate_lerobot(
+    folder: Path, choice: EnvChoice, episodes: int = 20, mapping: Path | None = None,
+    truth: Path | None = None, **more: Any,
+) -> Evaluation:  # fmt: skip
+    """A policy folder of LeRobot on the same seeds; `more` as in evaluate.
+
+    Args:
+        mapping: joint mapping file; default: the one in the folder, or radians and metres.
+
+    Raises:
+        InputError: no such policy there.
+    """
+    from mam_policies.lerobot.actor import LeRobotActor
+    from mam_policies.lerobot.dataset import IMAGES, offline
+    from mam_policies.lerobot.export import MAPPING
+    from mam_policies.lerobot.robot_interface import mapping_of
+
+    offline()
+    seen = policy_folder(folder).config.get("input_features") or {}
+    make = {"obs_mode": "rgb+state"} if any(name.startswith(IMAGES) for name in seen) else {}
+    given = mapping or (folder / MAPPING if (folder / MAPPING).is_file() else None)
+    actor: LeRobotActor | None = None
+
+    def begin(env: Any) -> Callable[[Any], Any]:
+        nonlocal actor
+        base = env.unwrapped
+        actor = actor or LeRobotActor(folder, base, mapping_of(base, given and str(given)))
+        actor.reset()
+        return actor.act
+
+    more["make"] = {**make, **_with_truth(truth)}
+    return evaluate(choice, begin, episodes, more.pop("seed", HELD_OUT), **more)
 
 
 def evaluate_expert(

@@ -171,12 +171,12 @@ def test_an_export_of_an_asset_asks_for_the_format(
     assert "is an asset; add --to mjcf, --to usd or --to usdz" in capsys.readouterr().err
 
 
-def test_a_policy_of_another_kind_has_no_export(
+def test_a_run_without_weights_has_no_export(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     RunInfo("sac", EnvChoice(("a",)), [], 1, 1).save(tmp_path)
     assert main(["export", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
-    assert "algorithm 'sac' has no LeRobot export" in capsys.readouterr().err
+    assert "holds no policy.safetensors; has its training ended?" in capsys.readouterr().err
 
 
 def test_make_env_names_its_argument_for_the_arm() -> None:

@@ -92,6 +92,42 @@ def picture(folder: Path) -> None:
     file.write_text("mtllib door.mtl\nusemtl m\n" + file.read_text())
 
 
+def glb(folder: Path) -> None:
+    trimesh.load(folder / "door.obj").export(folder / "door.glb")
+
+
+def two_objects(folder: Path) -> None:
+    """The door's upper and lower half as two objects of its file."""
+    for name, low in (("lower", -0.2), ("upper", 0.0)):
+        half = trimesh.creation.box(bounds=np.array([[-0.02, 0, low], [0, 0.4, low + 0.2]]))
+        half.export(folder / f"{name}.obj")
+    text, count = "", 0
+    for name in ("lower", "upper"):
+        lines = (folder / f"{name}.obj").read_text().splitlines()
+        text += f"o {name}\n"
+        for line in lines:
+            if line.startswith("v "):
+                text += line + "\n"
+            elif line.startswith("f "):
+                corners = [int(word.split("/")[0]) + count for word in line.split()[1:]]
+                text += f"f {' '.join(map(str, corners))}\n"
+        count += sum(line.startswith("v ") for line in lines)
+        (folder / f"{name}.obj").unlink()
+    (folder / "door.obj").write_text(text)
+
+
+def corner(folder: Path) -> None:
+    """The body as a back and a side, whose hull fills the corner between them."""
+    walls = [
+        trimesh.creation.box(bounds=np.array(b))
+        for b in (
+            [[0.15, -0.19, -0.2], [0.2, 0.2, 0.2]],
+            [[-0.2, -0.2, -0.19], [0.16, -0.15, 0.19]],
+        )
+    ]
+    trimesh.util.concatenate(walls).export(folder / "body.obj")
+
+
 def nan(folder: Path) -> None:
     file = folder / "door.obj"
     file.write_text(file.read_text() + "v nan 0 0\nf 1 2 9\n")
@@ -105,6 +141,8 @@ MIMIC = ("</robot>", """<link name="flap"><visual><geometry><box size="0.1 0.1 0
 <joint name="flap" type="revolute"><parent link="body"/><child link="flap"/><origin xyz="0 0 0.25"/>
 <axis xyz="0 0 1"/><limit lower="0" upper="1" effort="1" velocity="1"/><dynamics damping="1"/>
 <mimic joint="nobody"/></joint></robot>""")  # fmt: skip
+PIECE = """<collision><origin xyz="-0.01 0.2 0"/><geometry><box size="0.02 0.4 0.4"/></geometry>
+</collision>"""
 Files = Callable[[Path], None] | None
 """What is done to the meshes."""
 FAIL: dict[str, tuple[str, list[tuple[str, str]], Files]] = {
@@ -150,6 +188,19 @@ FAIL: dict[str, tuple[str, list[tuple[str, str]], Files]] = {
     "a_fine_hull": ("hull_points", [("(?=<collision><geometry><mesh filename=\"door)",
         '<collision><origin xyz="-0.03 0.35 0"/><geometry><mesh filename="knob.obj"/></geometry>'
         '</collision>')], ball),
+    "another_mesh_format": ("mesh_format", [("door.obj", "door.glb")], glb),
+    "two_objects_in_a_file": ("several_objects", [], two_objects),
+    "a_hull_over_a_corner": ("concave_collision", [], corner),
+    "seventy_pieces": ("hull_count", [(
+        r'<collision><geometry><mesh filename="door.obj"/></geometry></collision>',
+        PIECE * 70,
+    )], None),
+    "no_inertial_for_gazebo": (
+        "inertial_missing", [("<inertial><origin.*?</inertial>", "")], None,
+    ),
+    "an_inertia_that_mujoco_refuses": (
+        "inertia_impossible", [('izz="0.03"', 'izz="0.09"')], None,
+    ),
     "no_friction": ("no_friction", [("<dynamics.*?/>", "")], None),
     "the_wrong_sign": ("penetration", [("0 0 1", "0 0 -1")], None),
     "parent_and_child_exchanged": ("exchanged", [

@@ -386,3 +386,11 @@ def test_the_verb_returns_zero_or_one(
     assert main(["check", str(tmp_path / "a.urdf"), "--no-drive"]) == 1
     assert "no_surface" in capsys.readouterr().out
     assert main(["check", str(tmp_path / "none")]) == 2
+
+
+def test_a_slide_that_leaves_its_guide_is_cut_and_said_so(tmp_path: Path) -> None:
+    far = with_joint("slide", upper=0.9, open=0.9)
+    card = written_and_checked(far, partial(write_asset, out=tmp_path / "a", name="a")).card
+    slide = next(j for j in card.joints if j.name == "slide")
+    assert card.checks["executability"]["passed"] and slide.upper is not None
+    assert 0.28 < slide.upper < 0.6 and "slide: way cut to" in " ".join(card.notes)

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.sim
 
 def codes(urdf: Path) -> set[str]:
     """Reasons of the check, and of the profiles; warnings too."""
-    names = ("isaac", "mujoco")
+    names = ("isaac", "mujoco", "gazebo")
     found = {f.code for n in names for f in check_profile(urdf, n).findings}
     report = check_asset(urdf)
     return found | {f.code for f in report.findings} | set(report.reasons)
@@ -44,9 +44,7 @@ def test_what_fails_is_refused_for_its_reason_and_mended(tmp_path: Path, name: s
 
 def test_every_kind_of_repair_that_a_file_can_ask_for_has_a_pair() -> None:
     pairs = {reason for reason, _, _ in FAIL.values()}
-    rest = {"mesh_outside", "mesh_format", "several_objects", "concave_collision", "hull_count",
-            "inertial_missing", "inertia_impossible", "collision_off", "exploded", "drift",
-            "frozen", "no_return"}  # fmt: skip
+    rest = {"mesh_outside", "collision_off", "exploded", "drift", "frozen", "no_return"}
     assert pairs | rest == set(REPAIRS) and set(REPAIRS) <= set(REASONS)
 
 

@@ -184,6 +184,11 @@ def flat_sheet() -> trimesh.Trimesh:
         ("bad.obj", b"v 0 0 zero\n", "line 1: not valid OBJ"),
         ("far.obj", b"v 0 0 0\nf 1 2 3\n", "line 2: not valid OBJ"),
         ("bad.stl", b"solid nothing", "has no faces"),
+        (
+            "long.obj",
+            b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 " + b"9" * 22 + b" 3\n",
+            "line 4: not valid OBJ",
+        ),
         ("huge.obj", b"v 1e12 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n", "absurdly large"),
         ("nan.obj", b"v nan 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n", "not finite"),
         ("line.obj", b"v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n", "lie on one line"),

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 
 from mam_pipeline.models import motion_check, questions
 from mam_pipeline.models.answers import Answered, tree_of, with_ranges
@@ -158,6 +159,37 @@ def test_the_usual_range_is_offered_where_an_overlap_blocks(swung: Articulation)
     taken = replace(door, upper=1.7, basis=RangeBasis("given"))
     said = motion_check.verdict(swung, taken, 0, "as usual for a door, as answered")
     assert said == "door, on body: turns about z, 0..97 degrees; as usual for a door, as answered"
+
+
+def test_what_turns_and_has_ends_is_measured_like_a_hinge(boxes: Boxes) -> None:
+    node = _made(boxes, "tap_handle", **{**SPIN, "endless": False}).tree.nodes[1]
+    assert node.subtype == "hinge" and {c.subtype for c in node.candidates} == {"hinge"}
+    assert _made(boxes, "tap_handle", **SPIN).tree.nodes[1].subtype == "spin"
+
+
+def test_a_verdict_has_no_empty_reasons(swung: Articulation) -> None:
+    hidden = replace(swung.joints[0], basis=RangeBasis("", after_another=True))
+    said = motion_check.verdict(swung, hidden)
+    assert said == ("door, on body: turns about z, 0..6 degrees; only after another part has moved")
+
+
+def test_a_part_that_is_hidden_shines_through(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ball within a closed box is orange in no pixel, and makes some of the grey ones warmer."""
+    shell, ball = trimesh.creation.box((1, 1, 1)), trimesh.creation.icosphere(radius=0.3)
+    whole: Any = trimesh.util.concatenate([shell, ball])
+    links = (
+        Link("body", "body", np.arange(12)),
+        Link("ball", "ball", np.arange(12, len(whole.faces))),
+    )
+    turn = Joint("ball_joint", "continuous", "spin", 0, 1, np.array([0, 0, 1.0]), np.zeros(3),
+                 -np.inf, np.inf)  # fmt: skip
+    made = Articulation(Mesh(whole.vertices, whole.faces), links, (turn,))
+    monkeypatch.setattr(motion_check, "SHOW", replace(motion_check.SHOW, size=64, first_look=16))
+    (sheet,) = motion_check.motion_sheets(made)
+    warm = (sheet[..., 0].astype(int) - sheet[..., 2] > 30).mean()
+    monkeypatch.setattr(motion_check, "SHOW", replace(motion_check.SHOW, through=0.0))
+    (sheet,) = motion_check.motion_sheets(made)
+    assert warm > (sheet[..., 0].astype(int) - sheet[..., 2] > 30).mean() + 0.02
 
 
 def test_many_joints_are_shown_larger(swung: Articulation, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from mam_pipeline.asset.listing import asset_folders
 from mam_pipeline.errors import ConfigError, InputError
-from mam_sim.asset_list import asset_folders, split
+from mam_sim.asset_list import split
 from mam_sim.cli import main
 from tests.envs.box_assets import without_range
 

@@ -11,7 +11,8 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from mam_envs.robots import robot_spec
-from mam_pipeline.errors import ConfigError, HintNeeded
+from mam_pipeline.errors import ConfigError, HintNeeded, MamSimError
+from mam_policies.algorithms import algorithm
 from mam_policies.lerobot.export import MAPPING, deployment, export_run
 from mam_policies.lerobot.joint_mapping import identity, load_mapping, template
 from mam_policies.lerobot.policy import Converter, quaternion
@@ -78,12 +79,29 @@ def test_wrong_entries_are_named(tmp_path: Path, change: dict, words: str) -> No
         load_mapping(file, JOINTS)
 
 
-def _so_run(folder: Path) -> Path:
+def _so_run(folder: Path, algo: str = "bc") -> Path:
     folder.mkdir()
     rows: list[tuple[str, int, int, bool]] = [("agent/qpos", 0, 6, False)]
-    RunInfo("bc", EnvChoice(("nowhere",), robot="so100"), rows, 6, 5).save(folder)
+    RunInfo(algo, EnvChoice(("nowhere",), robot="so100"), rows, 6, 5).save(folder)
     MlpPolicy(6, 6, 5, hidden=(4,)).save(folder)
     return folder
+
+
+@pytest.mark.parametrize("algo", ["bc_rgb", "bc", "ppo", "sac", "act", "diffusion", "smolvla"])
+def test_an_algorithm_is_exported_as_itself_or_refused(tmp_path: Path, algo: str) -> None:
+    """Weights of a state network lie in each of these runs; only to some are they the policy."""
+    run, learned = _so_run(tmp_path / "run", algo), algorithm(algo)
+    whole = algo in ("bc", "ppo", "sac")
+    if whole:
+        assert learned.network(run).action_dim == 6
+    else:
+        with pytest.raises(ConfigError, match=f"a run of {algo}, which acts by more than one"):
+            learned.network(run)
+        # of LeRobot's own, what is exported is their folder policy/, of which nothing lies here
+        words = "acts by more than one" if algo == "bc_rgb" else "holds no"
+        with pytest.raises(MamSimError, match=words):
+            export_run(run, tmp_path / "out", _filled(tmp_path / "m.yaml"))
+        assert not (tmp_path / "out").exists()
 
 
 def test_real_arm_without_mapping_gets_a_template(

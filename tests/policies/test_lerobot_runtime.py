@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import shutil
 from dataclasses import fields
 from pathlib import Path
@@ -18,6 +19,7 @@ pytest.importorskip("lerobot_policy_mam_sim", reason="scripts/setup.sh installs 
 pytest.importorskip("lerobot_robot_mam_sim", reason="scripts/setup.sh installs the plug-ins")
 
 from mam_policies.lerobot.export_readme import rolls_out
+from mam_sim.cli import main as mam_sim
 from tests.policies.lerobot_commands import run_readme
 
 pytestmark = pytest.mark.slow  # each starts the simulator or LeRobot's training
@@ -203,6 +205,34 @@ def test_readmes_policy_runs_headless_and_the_data_reload(
     assert names[0] == "panda_joint1.pos" and names[-1] == "touch.pos"
 
 
+def test_what_is_perceived_follows_from_what_the_simulator_knows(
+    exported: Path, drawer: Path
+) -> None:
+    """lerobot-eval gives motors and environment_state, in which handle, value and touch are."""
+    from lerobot_policy_mam_sim.environment import MamSimGym
+
+    from mam_policies.lerobot.policy import PERCEIVED, perceived_in
+
+    policy, *_ = _load(exported)
+    made = MamSimGym(str(drawer))
+    seen, _ = made.reset(seed=SEED)
+    whole = made.interface.state()
+    assert np.array_equal(seen["agent_pos"], whole[: -len(PERCEIVED)])
+    hidden = seen["environment_state"][None]
+    found = perceived_in(policy.config.plan, hidden)[0]
+    assert np.allclose(found, whole[-len(PERCEIVED) :], atol=1e-5)
+    named = {f"observation.{k}": torch.from_numpy(seen[v][None]) for k, v in
+             (("state", "agent_pos"), ("environment_state", "environment_state"))}  # fmt: skip
+    policy.reset()
+    given = policy.select_action(named)
+    policy.reset()
+    told = policy.select_action({"observation.state": torch.from_numpy(whole[None])})
+    assert torch.allclose(given, told, atol=1e-5)
+    with pytest.raises(ValueError, match="has 3 entries; in training it had 12"):
+        perceived_in(policy.config.plan, hidden[:, :3])
+    made.close()
+
+
 def test_eval_runs_our_environment(
     exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -264,4 +294,18 @@ def test_dataset_export_and_a_few_steps_of_training(
     saved = tmp_path / "act" / "checkpoints" / "000003" / "pretrained_model"
     policy, *_ = _load(saved)
     assert policy.config.type == "act"
-    assert "no real arm can run it" in (out / "README.md").read_text()
+    text = (out / "README.md").read_text()
+    assert "no real arm can run it" in text
+
+    # the page's own lines evaluate it, on what it was trained on
+    run_readme(
+        monkeypatch, out, "eval", tmp_path, "--policy.device=cpu", "--env.episode_length=5",
+        "--eval.n_episodes=1", "--output_dir=eval",
+    )  # fmt: skip
+    found = json.loads((tmp_path / "eval" / "eval_info.json").read_text())
+    assert found["overall"]["n_episodes"] == 1
+    line = next(row for row in text.splitlines() if row.startswith("mam-sim eval "))
+    words = [*shlex.split(line)[1:], "--episodes", "1", "--out", "eval.json", "--quiet"]
+    assert mam_sim(words) == 0
+    assert json.loads((tmp_path / "eval.json").read_text())["total"]["episodes"] == 1
+    assert mam_sim([*words[:2], "--episodes", "1"]) == 2  # on what is it to be tried?

@@ -84,6 +84,12 @@ def test_act_sees_cameras_and_motors_only(
     readme = (out / "README.md").read_text()
     assert "--robot.pictures=true" in readme and "`front` 128 x 128" in readme
     run_readme(
+        monkeypatch, out, "eval", tmp_path, "--policy.device=cpu", "--env.episode_length=3",
+        "--eval.n_episodes=1", "--output_dir=eval",
+    )  # fmt: skip
+    found = json.loads((tmp_path / "eval" / "eval_info.json").read_text())
+    assert found["overall"]["n_episodes"] == 1
+    run_readme(
         monkeypatch, out, "rollout" if rolls_out() else "record", tmp_path, "--policy.device=cpu",
         "--dataset.num_episodes=1", "--dataset.episode_time_s=2",
     )  # fmt: skip

@@ -19,11 +19,11 @@ from mam_pipeline.errors import InputError, unknown_name
 from mam_pipeline.formats.apart import apart
 from mam_pipeline.formats.door import Door, Outside
 from mam_pipeline.formats.mjcf_files import check_counts
+from mam_pipeline.formats.suffixes import USD
 from mam_pipeline.formats.usd_layers import check_layers
 from mam_pipeline.formats.xml_file import Doctype, parse_xml
 from mam_pipeline.optional import require
 
-USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 READERS = {"MJCF": ("mujoco", "isaac", "newton"), "USD": ("isaac", "newton")}
 """Simulators that read a format by themselves; the others read URDF."""
 _MIMIC = {"newton": "NewtonMimicAPI", "isaac": "PhysxMimicJointAPI"}
@@ -31,7 +31,7 @@ _MIMIC = {"newton": "NewtonMimicAPI", "isaac": "PhysxMimicJointAPI"}
 
 def format_of(path: Path) -> str | None:
     """ "MJCF" or "USD" for a file of such a format, else None."""
-    if path.suffix.lower() in USD_SUFFIXES:
+    if path.suffix.lower() in USD:
         return "USD"
     if path.suffix.lower() != ".xml":
         return None

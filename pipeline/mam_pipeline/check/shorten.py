@@ -10,7 +10,9 @@ import numpy as np
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.check import check_asset
+from mam_pipeline.check.model import CheckModel
 from mam_pipeline.check.report import CheckReport, JointReport
+from mam_pipeline.check.sweep import share_in_guide
 from mam_pipeline.types import Articulation, Joint
 
 ROUNDS = 3
@@ -51,7 +53,7 @@ def written_and_checked(
     report = check_asset(asset.folder)
     notes: list[str] = []
     for _ in range(ROUNDS if shorten and not report.passed else 0):
-        articulation, more = _shortened(articulation, report)
+        articulation, more = _shortened(articulation, report, asset)
         if not more:
             break
         notes += more
@@ -83,11 +85,16 @@ def written_and_checked(
     return replace(asset, card=card)
 
 
-def _shortened(articulation: Articulation, report: CheckReport) -> tuple[Articulation, list[str]]:
+def _shortened(
+    articulation: Articulation, report: CheckReport, asset: Asset
+) -> tuple[Articulation, list[str]]:
     found = {j.name: j for j in report.joints}
+    out = any("detached" in j.reasons for j in report.joints)
+    model = CheckModel.read(asset.urdf_path) if out else None
     joints, notes = [], []
     for joint in articulation.joints:
-        share = _free_share(joint, found[joint.name]) if joint.name in found else None
+        own = found.get(joint.name)
+        share = None if own is None else _free_share(joint, own, model)
         if share is None:
             joints.append(joint)
             continue
@@ -97,8 +104,12 @@ def _shortened(articulation: Articulation, report: CheckReport) -> tuple[Articul
     return replace(articulation, joints=tuple(joints)), notes
 
 
-def _free_share(joint: Joint, report: JointReport) -> float | None:
-    """Share of the way from rest (q = 0) that the check found free; None: nothing to cut."""
+def _free_share(joint: Joint, report: JointReport, model: CheckModel | None) -> float | None:
+    """Share of the way from rest (q = 0) that the check found free; None: nothing to cut.
+
+    Args:
+        model: as it was written, where a part leaves its guide.
+    """
     if joint.basis.rule == "given" and joint.provenance == "user":
         return None
     if not np.isfinite(joint.upper - joint.lower) or not joint.lower <= 0.0 <= joint.upper:
@@ -106,6 +117,8 @@ def _free_share(joint: Joint, report: JointReport) -> float | None:
     if "penetration" in report.reasons and report.penetration_at:
         end = joint.upper if report.penetration_at > 0 else joint.lower
         share = CUT * abs(report.penetration_at / end) if end else 0.0
+    elif "detached" in report.reasons and model is not None:
+        share = share_in_guide(model, joint)
     elif {"frozen", "sags", "no_return"} & set(report.reasons) and report.reached is not None:
         share = KEPT * min(report.reached, 1.0)
     else:

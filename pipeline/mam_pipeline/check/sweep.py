@@ -7,7 +7,7 @@ the surfaces themselves.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -57,6 +57,25 @@ class JointSweep:
 def sweep_joint(model: CheckModel, joint: Joint, thresholds: Thresholds = THRESHOLDS) -> JointSweep:
     """Move one part, with all that it carries, through its range; everything else stands still."""
     return _Sweep(model, joint, thresholds).run()
+
+
+def share_in_guide(
+    model: CheckModel, joint: Joint, least: float = 0.1, steps: int = 6,
+    limit: Thresholds = THRESHOLDS,
+) -> float:  # fmt: skip
+    """Largest share of a slide's range within which it keeps touching what guides it, by halving.
+
+    Args:
+        model: has the joint by its name. least: share below which nothing is looked for.
+    """
+    own = next(j for j in model.articulation.joints if j.name == joint.name)
+    low, high = least, 1.0
+    for _ in range(steps):
+        share = (low + high) / 2
+        tried = replace(own, lower=share * joint.lower, upper=share * joint.upper)
+        gap = sweep_joint(model, tried).gap
+        low, high = (low, share) if gap and gap > limit.gap_share else (share, high)
+    return low
 
 
 def exchanged(model: CheckModel, joint: Joint, limit: Thresholds = THRESHOLDS) -> bool:

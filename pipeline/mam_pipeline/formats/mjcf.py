@@ -17,11 +17,19 @@ from mam_pipeline.errors import InputError
 from mam_pipeline.formats.apart import apart
 from mam_pipeline.formats.door import is_file
 from mam_pipeline.formats.mjcf_files import files_of_mjcf
+from mam_pipeline.formats.urdf.bounds import check_bounds
+from mam_pipeline.formats.urdf.elements import (
+    between,
+    follows,
+    inertial,
+    moves,
+    round_solid,
+    shape,
+    words,
+)
 from mam_pipeline.optional import require
 from mam_pipeline.types import FloatArray
 
-EFFORT, VELOCITY = 100.0, 10.0
-"""N or Nm, and m/s or rad/s, of joints: MJCF limits neither."""
 TINY = 1e-3
 """Kilograms of a link between two joints of one body."""
 
@@ -61,6 +69,7 @@ def _compiled(path: Path, out: Path) -> Path:
     for body in range(model.nbody):
         ends[body] = _body(robot, model, body, ends, out)
     _couple(robot, model)
+    check_bounds(robot, path)
     urdf = out / f"{path.stem}.urdf"
     ET.ElementTree(robot).write(urdf, encoding="utf-8", xml_declaration=True)
     return urdf
@@ -85,13 +94,13 @@ def _body(
             _joint(robot, model, joint, (parent, child), (where, pose[1]))
             parent, pose, place = child, (np.zeros(3), Rotation.identity()), -anchor
             if not last:
-                _inertial(ET.SubElement(robot, "link", name=child), TINY, np.full(3, TINY * 1e-3))
+                inertial(ET.SubElement(robot, "link", name=child), TINY, np.full(3, TINY * 1e-3))
         if not moving:
-            _fixed(robot, f"{name}_fixed", (parent, name), pose)
+            between(robot, f"{name}_fixed", "fixed", (parent, name), pose)
     link = ET.SubElement(robot, "link", name=name)
     if model.body_mass[body] > 0:
         frame = place + model.body_ipos[body], _rotation(model.body_iquat[body])
-        _inertial(link, float(model.body_mass[body]), model.body_inertia[body], frame)
+        inertial(link, float(model.body_mass[body]), model.body_inertia[body], frame)
     first = int(model.body_geomadr[body])
     geoms = range(first, first + int(model.body_geomnum[body]))
     felt = [g for g in geoms if model.geom_contype[g] or model.geom_conaffinity[g]]
@@ -108,36 +117,12 @@ def _joint(
 ) -> None:  # fmt: skip
     slide, limited = int(model.jnt_type[joint]) == 2, bool(model.jnt_limited[joint])
     kind = "prismatic" if slide else "revolute" if limited else "continuous"
-    element = _between(robot, _name(model, "JOINT", joint), kind, ends, pose)
-    ET.SubElement(element, "axis", xyz=_words(model.jnt_axis[joint]))
-    limit = {"effort": f"{EFFORT:g}", "velocity": f"{VELOCITY:g}"}
-    if limited:
-        zero = model.qpos0[model.jnt_qposadr[joint]]
-        low, high = model.jnt_range[joint] - zero
-        limit |= {"lower": f"{low:.9g}", "upper": f"{high:.9g}"}
-    if limited or not slide:  # a slide without limits is left without: the check says so
-        ET.SubElement(element, "limit", limit)
+    element = between(robot, _name(model, "JOINT", joint), kind, ends, pose)
+    low, high = model.jnt_range[joint] - model.qpos0[model.jnt_qposadr[joint]]
+    moves(element, model.jnt_axis[joint], (low, high) if limited else None)
     dof = int(model.jnt_dofadr[joint])
     values = {"damping": model.dof_damping[dof], "friction": model.dof_frictionloss[dof]}
-    words = {k: f"{float(np.ravel(v)[0]):.9g}" for k, v in values.items()}
-    ET.SubElement(element, "dynamics", words)
-
-
-def _fixed(
-    robot: ET.Element, name: str, ends: tuple[str, str], pose: tuple[FloatArray, Rotation]
-) -> None:
-    _between(robot, name, "fixed", ends, pose)
-
-
-def _between(
-    robot: ET.Element, name: str, kind: str, ends: tuple[str, str],
-    pose: tuple[FloatArray, Rotation],
-) -> ET.Element:  # fmt: skip
-    element = ET.SubElement(robot, "joint", name=name, type=kind)
-    _origin(element, *pose)
-    ET.SubElement(element, "parent", link=ends[0])
-    ET.SubElement(element, "child", link=ends[1])
-    return element
+    ET.SubElement(element, "dynamics", {k: words(np.ravel(v)[0]) for k, v in values.items()})
 
 
 def _couple(robot: ET.Element, model: Any) -> None:
@@ -150,10 +135,7 @@ def _couple(robot: ET.Element, model: Any) -> None:
         tied = int(model.eq_type[i]) == int(mujoco.mjtEq.mjEQ_JOINT) and model.eq_obj2id[i] >= 0
         follower = joints.get(_name(model, "JOINT", int(model.eq_obj1id[i]))) if tied else None
         if follower is not None and not np.any(rule[2:5]):
-            ET.SubElement(
-                follower, "mimic", joint=_name(model, "JOINT", int(model.eq_obj2id[i])),
-                multiplier=f"{rule[1]:.9g}", offset=f"{rule[0]:.9g}",
-            )  # fmt: skip
+            follows(follower, _name(model, "JOINT", int(model.eq_obj2id[i])), rule[1], rule[0])
 
 
 def _shapes(
@@ -165,21 +147,17 @@ def _shapes(
     kinds = mujoco.mjtGeom
     kind, size = int(model.geom_type[geom]), model.geom_size[geom]
     at, turn = place + model.geom_pos[geom], _rotation(model.geom_quat[geom])
-    shapes: list[tuple[str, dict[str, str], FloatArray]] = []
     if kind == kinds.mjGEOM_BOX:
-        shapes = [("box", {"size": _words(2 * size)}, at)]
+        shape(link, tag, "box", {"size": words(2 * size)}, at, turn)
     elif kind == kinds.mjGEOM_SPHERE:
-        shapes = [("sphere", {"radius": f"{size[0]:.9g}"}, at)]
+        shape(link, tag, "sphere", {"radius": words(size[0])}, at, turn)
     elif kind in (kinds.mjGEOM_CYLINDER, kinds.mjGEOM_CAPSULE):
-        shapes = [("cylinder", {"radius": f"{size[0]:.9g}", "length": f"{2 * size[1]:.9g}"}, at)]
-        if kind == kinds.mjGEOM_CAPSULE:
-            for sign in (-1.0, 1.0):
-                end = at + turn.apply([0.0, 0.0, sign * size[1]])
-                shapes.append(("sphere", {"radius": f"{size[0]:.9g}"}, end))
+        capsule = kind == kinds.mjGEOM_CAPSULE
+        round_solid(link, tag, size[0], 2 * size[1], at, turn, capsule)
     elif kind == kinds.mjGEOM_ELLIPSOID:
         ball = trimesh.creation.icosphere(subdivisions=2)
         ball.apply_scale(size)
-        shapes = [("mesh", {"filename": _mesh(ball, f"geom_{geom}", out)}, at)]
+        shape(link, tag, "mesh", {"filename": _mesh(ball, f"geom_{geom}", out)}, at, turn)
     elif kind == kinds.mjGEOM_MESH:
         which = int(model.geom_dataid[geom])
         v, f = model.mesh_vertadr[which], model.mesh_faceadr[which]
@@ -187,11 +165,7 @@ def _shapes(
             model.mesh_vert[v : v + model.mesh_vertnum[which]],
             model.mesh_face[f : f + model.mesh_facenum[which]], process=False,
         )  # fmt: skip
-        shapes = [("mesh", {"filename": _mesh(made, f"mesh_{which}", out)}, at)]
-    for shape, words, where in shapes:
-        element = ET.SubElement(link, tag)
-        _origin(element, where, turn)
-        ET.SubElement(ET.SubElement(element, "geometry"), shape, words)
+        shape(link, tag, "mesh", {"filename": _mesh(made, f"mesh_{which}", out)}, at, turn)
 
 
 def _mesh(mesh: trimesh.Trimesh, name: str, out: Path) -> str:
@@ -199,23 +173,6 @@ def _mesh(mesh: trimesh.Trimesh, name: str, out: Path) -> str:
     if not file.is_file():
         mesh.export(file)
     return file.name
-
-
-def _inertial(
-    link: ET.Element, mass: float, inertia: FloatArray,
-    frame: tuple[FloatArray, Rotation] | None = None,
-) -> None:  # fmt: skip
-    element = ET.SubElement(link, "inertial")
-    if frame is not None:
-        _origin(element, *frame)
-    ET.SubElement(element, "mass", value=f"{mass:.9g}")
-    words = {f"i{a}{a}": f"{v:.9g}" for a, v in zip("xyz", inertia)}
-    ET.SubElement(element, "inertia", {**words, "ixy": "0", "ixz": "0", "iyz": "0"})
-
-
-def _origin(element: ET.Element, at: FloatArray, turn: Rotation) -> None:
-    angles = turn.as_euler("xyz")
-    ET.SubElement(element, "origin", xyz=_words(at), rpy=_words(angles))
 
 
 def _rotation(quaternion: FloatArray) -> Rotation:
@@ -227,7 +184,3 @@ def _name(model: Any, kind: str, index: int) -> str:
 
     found = mujoco.mj_id2name(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind}"), index)
     return found or f"{kind.lower()}_{index}"
-
-
-def _words(values: FloatArray) -> str:
-    return " ".join(f"{float(v):.9g}" for v in values)

@@ -212,8 +212,8 @@ class _Faces:
                 for corner in row[1].partition("#")[0].split()[:count]:
                     p, _, rest = corner.partition("/")
                     t = rest.partition("/")[0]
-                    out.append((int(p), int(t) if t else 0))
-            except ValueError as error:
+                    out.append((np.int64(int(p)), np.int64(int(t) if t else 0)))
+            except (ValueError, OverflowError) as error:
                 raise _malformed(self.path, row[0], f"f {row[1]}") from error
         return np.array(out, dtype=np.int64).reshape(-1, 2)
 

@@ -14,8 +14,9 @@ _BLENDER = (
     "\"import bpy; bpy.ops.import_scene.fbx(filepath='{file}'); "
     "bpy.ops.export_scene.gltf(filepath='{stem}.glb')\""
 )
+USD = (".usd", ".usda", ".usdc", ".usdz")
 ELSEWHERE = {
-    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), ""),
+    **dict.fromkeys(USD, ""),
     **dict.fromkeys((".step", ".stp", ".iges", ".igs"), _CAD),
     ".fbx": _BLENDER,
 }

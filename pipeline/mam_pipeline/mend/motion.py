@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from mam_pipeline.check.model import CheckModel
 from mam_pipeline.check.report import JointReport
 from mam_pipeline.check.shorten import KEPT
-from mam_pipeline.check.sweep import sweep_joint
+from mam_pipeline.check.sweep import share_in_guide
 from mam_pipeline.geometry.motion import Motion
 from mam_pipeline.joints.limits import Surroundings
 from mam_pipeline.mend.bodies import rebuild
@@ -29,14 +29,12 @@ class MotionRules:
         wrong: a way whose free share is below this, where the other way is free, has a wrong sign.
         free: share of the other way that must be free for that.
         turn: radians that an endless hinge must have free to get limits.
-        steps: halvings in the search for where a slide loses contact.
     """
 
     least: float = 0.25
     wrong: float = 0.25
     free: float = 0.9
     turn: float = 0.5
-    steps: int = 6
 
 
 RULES = MotionRules()
@@ -127,12 +125,7 @@ def in_guide(work: Work, reason: str = "detached") -> None:
     for model, joint, _report in _failing(work, reason):
         if joint.coupling is not None or not joint.lower <= 0.0 <= joint.upper:
             continue
-        low, high = RULES.least, 1.0
-        for _ in range(RULES.steps):
-            share = (low + high) / 2
-            tried = replace(joint, lower=share * joint.lower, upper=share * joint.upper)
-            gap = sweep_joint(model, tried).gap
-            low, high = (low, share) if gap and gap > THRESHOLDS.gap_share else (share, high)
+        low = share_in_guide(model, joint, RULES.least)
         if low > RULES.least:
             why = f"beyond {low:.0%} of its range it has left what it slides in"
             _ends(work, reason, joint, low * joint.lower, low * joint.upper, why)

@@ -16,16 +16,13 @@ from mam_pipeline.check.profiles import PROFILES, profile_findings
 from mam_pipeline.check.report import CheckReport
 from mam_pipeline.claims import MENDED
 from mam_pipeline.errors import InputError, unknown_name
+from mam_pipeline.formats.articulations import KINDS, SUFFIXES, converted
 from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.formats.mesh_files import files_kept
-from mam_pipeline.formats.mjcf import urdf_of_mjcf
-from mam_pipeline.formats.mjcf_files import is_mjcf
 from mam_pipeline.formats.xml_file import parse_xml
 from mam_pipeline.mend.files import bring_along
 from mam_pipeline.mend.repairs import LATER, REPAIRS
 from mam_pipeline.mend.work import Change, Work
-
-SUFFIXES = (".urdf", ".xml", ".mjcf")
 
 
 @dataclass(frozen=True)
@@ -91,7 +88,9 @@ class Order:
 
 
 def mend(source: Path, out: Path | None, order: Order | None = None) -> Mended:
-    """Mend a URDF or an MJCF into the folder `out`, which is replaced; None writes nothing.
+    """Mend a URDF, an MJCF or a USD file into the folder `out`, which is replaced.
+
+    None writes nothing.
 
     Raises:
         InputError: no such file, or none that can be read at all.
@@ -100,9 +99,9 @@ def mend(source: Path, out: Path | None, order: Order | None = None) -> Mended:
     order = order or Order()
     order.check()
     if not source.is_file():
-        raise InputError(f"no file at {source}; name a URDF or an MJCF file")
+        raise InputError(f"no file at {source}; name {KINDS}")
     if source.suffix.lower() not in SUFFIXES:
-        raise InputError(f"{source} is no URDF or MJCF file ({', '.join(SUFFIXES)})")
+        raise InputError(f"{source} is not {KINDS} ({', '.join(SUFFIXES)})")
     place: AbstractContextManager[Any] = (
         folders.Scratch() if out is None else folders.new_folder(out)
     )
@@ -149,11 +148,13 @@ def _mended(source: Path, folder: Path, order: Order) -> Mended:
 
 def _begun(source: Path, folder: Path) -> Work:
     """The copy, with what it names."""
-    if is_mjcf(source):
-        urdf = urdf_of_mjcf(source, folder)
-        work = Work(urdf, urdf)
-        why = "compiled by MuJoCo: the same bodies, joints, shapes and masses"
-        work.changes.append(Change("file_format", source.name, "MJCF", urdf.name, why))
+    found = converted(source, folder)
+    if found is not None:
+        work = Work(found.urdf, found.urdf)
+        why = f"{found.how}: the same bodies, joints, shapes and masses"
+        why += f"; not taken over: {', '.join(found.left)}" if found.left else ""
+        change = Change("file_format", source.name, found.kind, found.urdf.name, why)
+        work.changes.append(change)
         return work
     if parse_xml(source).tag != "robot":
         raise InputError(f"{source} is neither a URDF nor an MJCF: see its root element")

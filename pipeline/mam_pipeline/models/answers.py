@@ -249,6 +249,8 @@ def with_ranges(
         if i == 0 or node.subtype == "fixed" or not node.candidates:
             continue
         mount, axis = answered.mounts[node.name], node.candidates[0].axis
+        if mount.endless is False and node.subtype == "spin":  # it turns, and has ends
+            node = _hinged(node)
         evidence = {k: v for k, v in node.evidence.items() if k != "range"}
         limits: tuple[float, float] | None = -np.inf, np.inf
         if mount.usual:
@@ -263,6 +265,14 @@ def with_ranges(
             limits = _limits(mount, node, scale, (joints or {}).get(node.name))
         nodes[i] = replace(node, limits=limits, evidence=evidence)
     return replace(answered, tree=KinematicTree(tuple(nodes)))
+
+
+def _hinged(node: PartNode) -> PartNode:
+    """A part that turns, with the ends that physics finds."""
+    lines = tuple(
+        replace(c, subtype="hinge") if c.subtype == "spin" else c for c in node.candidates
+    )
+    return replace(node, subtype="hinge", candidates=lines)
 
 
 def usual_range(

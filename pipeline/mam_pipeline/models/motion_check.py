@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from mam_pipeline.joints.estimate import ESTIMATE, same_joint
@@ -53,6 +54,8 @@ class MotionPictures:
         others: other lines that are shown where the line is in doubt.
         steps: radians of the two pictures after rest where a joint turns without end.
         over: share of the part's length by which its line is drawn longer.
+        hidden: share of a part that must be seen, or else it shines through what hides it.
+        through: how strongly it does.
     """
 
     size: int = 320
@@ -65,6 +68,8 @@ class MotionPictures:
     others: int = 3
     steps: tuple[float, float] = (np.pi / 4, np.pi / 2)
     over: float = 0.3
+    hidden: float = 0.5
+    through: float = 0.45
 
 
 SHOW = MotionPictures()
@@ -162,12 +167,16 @@ def verdict(articulation: Articulation, joint: Joint, others: int = 0, why: str 
     if joint.basis.rule == "collision" and joint.basis.share < 0.95:
         rule += f", after {100 * joint.basis.share:.0f} % of the usual way"
     if joint.basis.rule in ("collision", "token") and joint.basis.share < SHOW.blocked:
-        rule += f"; {_offer(articulation, joint)} (usual: true takes it, if an overlap is a flaw)"
-    if joint.basis.after_another:
-        rule += "; only after another part has moved"
+        offer = _offer(articulation, joint)
+        rule += f"; {offer} (usual: true takes it, if an overlap is a flaw)"
     where = f"along {skew}{letter}" if slide else f"about {skew}{letter}"
-    shown = f"; other lines 1 to {others} are shown" if others else ""
-    return f"{name}, on {parent}: {MOTIONS[joint.type]} {where}, {how}; {rule}{shown}"
+    found = [
+        f"{name}, on {parent}: {MOTIONS[joint.type]} {where}, {how}",
+        rule,
+        "only after another part has moved" if joint.basis.after_another else "",
+        f"other lines 1 to {others} are shown" if others else "",
+    ]
+    return "; ".join(part for part in found if part)
 
 
 def _offer(articulation: Articulation, joint: Joint) -> str:
@@ -273,9 +282,28 @@ def _best_views(
 
 
 def _look(
-    mesh: Mesh, directions: Sequence[tuple[float, float]], around: FloatArray
-) -> list[views.View]:
-    return views.look(mesh, directions, SHOW.size, tight=True, around=around)
+    mesh: Mesh, directions: Sequence[tuple[float, float]], around: FloatArray,
+    only: NDArray[np.bool_] | None = None,
+) -> list[views.View]:  # fmt: skip
+    return views.look(mesh, directions, SHOW.size, tight=True, around=around, only=only)
+
+
+def _through(
+    picture: Picture, view: views.View, alone: views.View, moving: NDArray[np.bool_]
+) -> Picture:
+    """The picture with a part that is hardly seen shining through what hides it.
+
+    Args:
+        alone: the same view of nothing but the part. moving: (F,) its faces.
+    """
+    whole = alone.faces >= 0
+    seen = view.ids(moving.astype(np.int64)) == 1
+    if seen.sum() >= SHOW.hidden * whole.sum():
+        return picture
+    out, behind = picture.astype(np.float64), whole & ~seen
+    color = np.array(MOVING) * (0.55 + 0.45 * alone.shade[..., None])
+    out[behind] += SHOW.through * (color - out)[behind]
+    return out.astype(np.uint8)
 
 
 def _colors(articulation: Articulation, joint: Joint) -> Picture:
@@ -294,7 +322,7 @@ def _block(articulation: Articulation, joint: Joint) -> Picture:
     around = np.concatenate([_corners(articulation.mesh), *swept])
     directions = _best_views(articulation, joint, swept)
     colors, label = _colors(articulation, joint), articulation.face_link
-    columns = []
+    moving, columns = np.isin(label, carried), []
     states = ("at rest", "turned", "turned")
     if joint.type != "continuous":
         states = ("closed", "half", "open")
@@ -302,8 +330,9 @@ def _block(articulation: Articulation, joint: Joint) -> Picture:
     for value, state in zip(values, states):
         mesh = posed(articulation, {joint.name: value})
         column = []
-        for k, view in enumerate(_look(mesh, directions, around)):
-            picture = pictures.paint(view, label, colors)
+        looks = _look(mesh, directions, around), _look(mesh, directions, around, moving)
+        for k, (view, alone) in enumerate(zip(*looks)):
+            picture = _through(pictures.paint(view, label, colors), view, alone, moving)
             where = albums.direction_name(view.azimuth, view.elevation)
             text = f"{name}: {state}, {_way(joint, value)}" if k == 0 else where
             column.append(_annotated(picture, view, ends, text))

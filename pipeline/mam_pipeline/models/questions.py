@@ -85,6 +85,8 @@ MOUNTED = (
     "the part. opens: the direction in which the part starts to move when it is opened, pulled "
     "out or pressed as usual (for a hinge: its free end; for a spin: either).\n"
     "What is only lifted or pulled off (a cork, a loose lid, a cap) slides the way it comes off. "
+    "What a motor turns (a drum, a turntable, blades) and what is drawn out on rails (a rack) "
+    "moves, too, also behind a closed door. "
     "What turns about two axes (a gimbal, a universal joint) is two parts in a row where a piece "
     "lies between that carries the outer one; where none does, give the axis that matters more. "
     "What moves in the real object moves here too where its hinge, axle or rail is missing in the "

@@ -401,7 +401,10 @@ def contradiction(answer: questions.Grouping, prior: KinematicPrior | None) -> s
             continue
         mobility = float(prior.mobility[np.asarray(group.pieces)].max())
         if mobility < ASK.held:
-            said.append(f"{group.name} (pieces {group.pieces[:8]}) was found unable to move")
+            said.append(
+                f"{group.name} (pieces {group.pieces[:8]}) was found unable to move while all else "
+                "stands still; it stays if another part, such as a door, gives way first"
+            )
     owner = {p: g.name for g in answer.parts for p in g.pieces}
     shown = np.asarray(sorted(owner))
     tight = prior.affinity[np.ix_(shown, shown)] > ASK.tied

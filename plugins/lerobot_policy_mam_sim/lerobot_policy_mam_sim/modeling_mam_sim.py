@@ -6,10 +6,10 @@ from typing import Any
 
 import torch
 from lerobot.policies.pretrained import PreTrainedPolicy
-from lerobot.utils.constants import OBS_STATE
+from lerobot.utils.constants import OBS_ENV_STATE, OBS_STATE
 
 from lerobot_policy_mam_sim.configuration_mam_sim import MamSimConfig
-from mam_policies.lerobot.policy import Converter
+from mam_policies.lerobot.policy import Converter, perceived_in
 from mam_policies.mlp import MlpPolicy
 
 
@@ -59,14 +59,17 @@ class MamSimPolicy(PreTrainedPolicy):
     def select_action(self, batch: dict[str, torch.Tensor], **kwargs: Any) -> torch.Tensor:
         """(b, m) motor targets for observation.state (b, n).
 
+        What is to be perceived stands behind the motors in it, or is constant (`fixed`), or follows
+        from observation.environment_state, which simulators have.
+
         Raises:
             ValueError: the state has other entries than the policy was exported for.
         """
-        state = self._whole(batch[OBS_STATE])
+        state = self._whole(batch[OBS_STATE], batch.get(OBS_ENV_STATE))
         target = self.converter.act(state.cpu().double().numpy())
         return torch.as_tensor(target, dtype=torch.float32, device=batch[OBS_STATE].device)
 
-    def _whole(self, state: torch.Tensor) -> torch.Tensor:
+    def _whole(self, state: torch.Tensor, hidden: torch.Tensor | None) -> torch.Tensor:
         names, fixed = self.config.state_names, self.config.fixed
         if state.shape[1] == len(names):
             return state
@@ -75,6 +78,9 @@ class MamSimPolicy(PreTrainedPolicy):
         if state.shape[1] == motors and set(perceived) <= set(fixed):
             known = torch.tensor([fixed[k] for k in perceived]).to(state)
             return torch.cat([state, known.expand(len(state), -1)], dim=1)
+        if state.shape[1] == motors and hidden is not None:
+            found = perceived_in(self.config.plan, hidden.cpu().double().numpy())
+            return torch.cat([state, torch.from_numpy(found).to(state)], dim=1)
         raise ValueError(
             f"observation.state has {state.shape[1]} entries; the policy needs {len(names)}: "
             f"{', '.join(names)}. A robot that reports motors only needs --policy.fixed with "

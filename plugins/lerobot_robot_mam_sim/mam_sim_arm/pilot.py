@@ -118,10 +118,10 @@ def open_pilot(
     camera = CameraModel.load(setup / (NOMINAL if nominal else CAMERA))
     mapping = guess_mapping(twin.spec, None if nominal else setup / MAPPING, robot_type(file))
     twin = twin.with_mapping(mapping)
-    perceiver = twin.perceiver(setup, camera)
+    perceiver, converter = twin.perceiver(setup, camera), twin.converter()
     opened = open_robot(file, **changes)
     with connected(opened, twin.spec, mapping, safety, key, say) as arm:
-        yield Pilot(arm, twin.converter(), perceiver)
+        yield Pilot(arm, converter, perceiver)
 
 
 def plan_space(pilot: Pilot, twin: Twin, seen: Seen, rehearsed: FloatArray) -> None:

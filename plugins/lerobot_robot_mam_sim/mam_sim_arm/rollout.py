@@ -162,9 +162,9 @@ def rehearse(
         (N, n) arm joints.
     """
     from mam_envs.scene.video import Camera, write_strip
+    from mam_policies.algorithms import algorithm
     from mam_policies.lerobot.export import deployment
     from mam_policies.lerobot.robot_interface import RobotInterface, mapping_of
-    from mam_policies.mlp import MlpPolicy
     from mam_policies.run import RunInfo
 
     info = RunInfo.load(run)
@@ -172,7 +172,7 @@ def rehearse(
     try:
         base = interface.env.unwrapped
         plan = deployment(base, info, mapping_of(base, None))
-        converter = Converter(plan, MlpPolicy.load(run))
+        converter = Converter(plan, algorithm(info.algo).network(run))
         interface.reset(0)
         pose = np.asarray(base.layout(0).placement.base, dtype=float) @ seen.object_pose
         state = interface.place(pose, arm)

@@ -23,6 +23,7 @@ from mam_envs.scene.layout import Layout
 from mam_pipeline import folders
 from mam_pipeline.claims import SETUP, claim_folder
 from mam_pipeline.types import FloatArray
+from mam_policies.algorithms import algorithm
 from mam_policies.lerobot.export import deployment
 from mam_policies.lerobot.joint_mapping import (
     SO_ARMS,
@@ -33,7 +34,6 @@ from mam_policies.lerobot.joint_mapping import (
     load_mapping,
 )
 from mam_policies.lerobot.policy import Converter, Deployment
-from mam_policies.mlp import MlpPolicy
 from mam_policies.run import EnvChoice, RunInfo
 from mam_sim_arm.camera import CameraModel, look_at, pinhole
 from mam_sim_arm.perception import Perceiver
@@ -107,8 +107,12 @@ class Twin:
         return np.asarray(np.linalg.inv(self.layout.placement.base) @ self.layout.world_asset)
 
     def converter(self) -> Converter:
-        """The policy on motor values."""
-        return Converter(self.plan, MlpPolicy.load(self.run))
+        """The policy on motor values.
+
+        Raises:
+            ConfigError: the run's algorithm acts by more than one small network.
+        """
+        return Converter(self.plan, algorithm(self.info.algo).network(self.run))
 
     def perceiver(self, setup: Path, camera: CameraModel) -> Perceiver:
         """What finds the run's handle in the pictures of a camera."""

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -34,18 +35,31 @@ def read_usd(path: Path, root: Path | None = None) -> FileContent:
     Raises:
         InputError: it cannot be read, or it composes layers from outside its folder.
     """
+    with failures_said(path):
+        return StageReader(path, root).content()
+
+
+@contextmanager
+def failures_said(path: Path) -> Iterator[None]:
+    """Whatever the library raises is a sentence about the file."""
     try:
-        return _Reader(path, root).content()
+        yield
     except InputError:
         raise
-    except Exception as error:  # the library fails in many ways
+    except Exception as error:  # it fails in many ways
         words = _NOISE.sub("", str(error)).strip().splitlines()
         what = words[0] if words else type(error).__name__
         raise InputError(f"{path} cannot be read as USD ({what})") from error
 
 
-class _Reader:
-    def __init__(self, path: Path, root: Path | None) -> None:
+class StageReader:
+    """A stage that was looked through before it was composed, and the triangles drawn so far.
+
+    Attributes:
+        closed: paths of prims below which nothing is drawn.
+    """
+
+    def __init__(self, path: Path, root: Path | None = None) -> None:
         from pxr import Usd, UsdGeom
 
         self.path = path
@@ -61,18 +75,23 @@ class _Reader:
         self.pieces: list[Piece] = []
         self.dropped = Counter(f"{name}, whose format USD cannot read here" for name in unread)
         self.drawn = 0
+        self.closed: frozenset[str] = frozenset()
+        self._stay_inside()
 
     def content(self) -> FileContent:
+        """Every triangle of the stage."""
         from pxr import UsdGeom
 
-        self._stay_inside()
         self._pose_skeletons()
         self._walk(self.stage.GetPseudoRoot(), np.eye(4), 0)
         notes = self.pictures.notes()
         if self.dropped:
             notes += (f"not taken over: {', '.join(sorted(self.dropped))}",)
         up = str(UsdGeom.GetStageUpAxis(self.stage)).lower()
-        unit = float(UsdGeom.GetStageMetersPerUnit(self.stage))
+        told = float(UsdGeom.GetStageMetersPerUnit(self.stage))
+        unit = told if np.isfinite(told) and told > 0.0 else None
+        if unit is None:
+            notes += (f"metersPerUnit = {told:g} is no unit; the size is taken from the object",)
         return FileContent(tuple(self.pieces), tuple(self.materials), up, unit, notes)
 
     def _stay_inside(self) -> None:
@@ -105,6 +124,9 @@ class _Reader:
         for prim in walk:
             self.drawn += 1
             self.budget.nodes(self.drawn)
+            if prim != root and str(prim.GetPath()) in self.closed:
+                walk.PruneChildren()
+                continue
             if not prim.IsA(UsdGeom.Imageable):
                 if prim.GetTypeName().startswith("Physics"):
                     self.dropped["physics joints"] += 1
@@ -116,10 +138,17 @@ class _Reader:
             elif prim.IsA(UsdGeom.PointInstancer):
                 walk.PruneChildren()
                 self._instances(prim, place, depth)
-            elif prim.IsA(UsdGeom.Mesh):
-                self._mesh(UsdGeom.Mesh(prim), place)
-            elif prim.IsA(UsdGeom.Gprim):
-                self._solid(prim, place)
+            else:
+                self._surface(prim, place)
+
+    def _surface(self, prim: Any, place: FloatArray) -> None:
+        """Draw one prim, where it is a mesh or a solid."""
+        from pxr import UsdGeom
+
+        if prim.IsA(UsdGeom.Mesh):
+            self._mesh(UsdGeom.Mesh(prim), place)
+        elif prim.IsA(UsdGeom.Gprim):
+            self._solid(prim, place)
 
     def _instances(self, prim: Any, place: FloatArray, depth: int) -> None:
         from pxr import UsdGeom
@@ -230,7 +259,7 @@ class _Reader:
 
     def _solid(self, prim: Any, place: FloatArray) -> None:
         """A cube, sphere, cylinder, cone or capsule as triangles."""
-        from pxr import UsdShade
+        from pxr import UsdGeom, UsdShade
 
         kind = prim.GetTypeName()
 
@@ -263,6 +292,13 @@ class _Reader:
             faces = faces[:, ::-1]
         material, _ = self._material(UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0])
         vertices = points @ frame[:3, :3].T + frame[:3, 3]
+        told = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
+        color = None if material or not told else told.ComputeFlattened(self.time)
+        if color:  # one for all of it
+            r, g, b = (float(c) for c in color[0])
+            material = self.known.setdefault(f"{r} {g} {b}", (len(self.materials), ""))[0]
+            if material == len(self.materials):
+                self.materials.append(Material("color", (r, g, b, 1.0)))
         self.pieces.append(Piece(vertices, faces, _name(prim), material))
 
     def _material(self, material: Any) -> tuple[int, str]:

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
 
+from mam_pipeline.errors import ConfigError
 from mam_policies import settings
 from mam_policies.settings import ALGORITHMS, check_least
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:  # torch is not needed to list names
     import numpy as np
     from numpy.typing import NDArray
 
+    from mam_policies.mlp import MlpPolicy
     from mam_policies.run import EnvChoice, RunInfo
 
 SETTINGS: dict[str, type[Any]] = {
@@ -58,11 +60,13 @@ class Algorithm(ABC, Generic[Settings]):
         name: the one in the registry; it is written into the run.
         Config: frozen dataclass of all settings, each with a default and a sentence.
         control_mode: of the arm, in ManiSkill's words.
+        leaves_lerobot: whether a run holds policy/, a folder that LeRobot loads as it is.
     """
 
     name: ClassVar[str]
     Config: ClassVar[type[Any]]
     control_mode: ClassVar[str] = "pd_joint_pos"
+    leaves_lerobot: ClassVar[bool] = False
 
     @abstractmethod
     def train(
@@ -96,9 +100,25 @@ class Algorithm(ABC, Generic[Settings]):
         Raises:
             InputError: no policy there.
         """
-        from mam_policies.mlp import MlpActor, MlpPolicy
+        from mam_policies.mlp import MlpActor
 
-        return MlpActor(MlpPolicy.load(run))
+        return MlpActor(self.network(run))
+
+    def network(self, run: Path) -> MlpPolicy:
+        """The small network that is the whole policy of a run: what export and deploy take.
+
+        Raises:
+            ConfigError: the algorithm acts by something else. InputError: no policy there.
+        """
+        if type(self).actor is not Algorithm.actor:
+            raise ConfigError(
+                f"{run} is a run of {self.name}, which acts by more than one small network; only "
+                "`mam-sim eval` runs that, export and deploy do not; bc, ppo and sac have such a "
+                "network, and act, diffusion and smolvla are exported as folders of LeRobot"
+            )
+        from mam_policies.mlp import MlpPolicy
+
+        return MlpPolicy.load(run)
 
 
 def algorithm(name: str) -> Algorithm[Any]:

@@ -47,6 +47,7 @@ class LeRobotAlgorithm(Algorithm[LeRobotConfig]):
     """Training by stock lerobot-train; a subclass names the policy."""
 
     Config = LeRobotConfig
+    leaves_lerobot = True
     policy: ClassVar[str]
     """Argument of lerobot-train that names it."""
     without_downloads: ClassVar[tuple[str, ...] | None]

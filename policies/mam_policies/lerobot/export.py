@@ -33,6 +33,7 @@ from mam_policies.lerobot.policy import OBSERVED, PERCEIVED, Deployment
 from mam_policies.lerobot.robot_interface import RobotInterface, mapping_of
 from mam_policies.mlp import MlpPolicy
 from mam_policies.run import RunInfo
+from mam_policies.settings import ALGORITHMS
 
 MAPPING = "joint_mapping.yaml"
 BEST = "best_trajectory"
@@ -66,17 +67,16 @@ def export_run(
             arm's place, belong to one).
 
     Raises:
-        InputError, ConfigError: no run, a policy that is no MlpPolicy, unusable mapping, an input
-            that no robot could give.
+        InputError, ConfigError: no run, an algorithm whose policy is neither one small network nor
+            LeRobot's, unusable mapping, an input that no robot could give.
         HintNeeded: the robot is real and the mapping is missing; a template is written.
     """
     offline()
     info = RunInfo.load(run)
-    if (run / "policy").is_dir():
+    learned = ALGORITHMS.load(info.algo)()
+    if learned.leaves_lerobot:
         return _export_lerobot_policy(run, info, out, mapping)
-    if not (run / "policy.safetensors").is_file():  # run.json is last: the training has ended
-        raise ConfigError(f"algorithm {info.algo!r} has no LeRobot export; it needs an MlpPolicy")
-    policy = MlpPolicy.load(run)
+    policy = learned.network(run)
     choice = _one_asset(info, asset)
     spec = robot_spec(choice.robot)
     unknown = [name for name, *_ in info.observation if name not in OBSERVED]
@@ -156,11 +156,8 @@ def export_dataset(collected: Path, out: Path, mapping: Path | None = None) -> E
     joints = given or identity(spec.uid, units)
     real = Names(tuple(joints.names(state)), tuple(joints.names(action)), names.environment)
 
-    tasks: list[str] = []
-
     def tracks() -> Iterator[tuple[Track, np.ndarray]]:
         for track, reward in found.tracks():
-            tasks.append(track.task)
             yield (
                 replace(
                     track,
@@ -176,7 +173,7 @@ def export_dataset(collected: Path, out: Path, mapping: Path | None = None) -> E
         # LeRobot makes the dataset's folder itself
         write_dataset(tracks(), real, joints.robot, folder / "dataset")
         joints.save(folder / MAPPING)
-        write_dataset_readme(folder, out, tasks[0], spec.uid, joints)
+        write_dataset_readme(folder, out, found, joints)
         mark_export(folder, "dataset", collected)
 
     _build(out, build)

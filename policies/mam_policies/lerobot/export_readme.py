@@ -13,6 +13,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from mam_pipeline.folder_data import dataset_folder
+from mam_policies.collection import Collection
 from mam_policies.lerobot.dataset import FPS, IMAGES, REPO_ID
 from mam_policies.lerobot.joint_mapping import JointMapping
 from mam_policies.lerobot.policy import PERCEIVED
@@ -79,9 +80,7 @@ def write_lerobot_readme(
     _write("lerobot_policy.md.j2", folder, {**page, "cameras": listed})
 
 
-def write_dataset_readme(
-    folder: Path, out: Path, task: str, robot: str, joints: JointMapping
-) -> None:
+def write_dataset_readme(folder: Path, out: Path, found: Collection, joints: JointMapping) -> None:
     """Write README.md of a dataset in `folder`/dataset, which will lie in `out`/dataset."""
     from mam_policies.lerobot.training import LeRobotTraining, training_arguments
 
@@ -99,11 +98,16 @@ def write_dataset_readme(
          ", ".join(f"`{n}`" for n in row.names or [row.dtype]))
         for name, row in rows.items()
     ]  # fmt: skip
+    shown = found.outcomes[found.kept[0]]
+    page = {
+        "asset": found.asset, "joint": shown.joint, "asked": found.config.task,
+        "robot": found.config.robot, **_mapped(out, joints),
+    }  # fmt: skip
     _write(
         "dataset.md.j2",
         folder,
         {
-            "task": task, "episodes": info.total_episodes, "robot": robot,
+            **page, "page": page, "task": shown.task, "episodes": info.total_episodes,
             "fps": info.fps, "lerobot": metadata.version("lerobot"), "repo_id": REPO_ID,
             "root": out / "dataset", "features": table, "cameras": cameras,
             "units": _units(joints),
@@ -118,8 +122,8 @@ def _page(
     """What both pages know; the shared templates get it as `page`."""
     base = env.unwrapped
     spec, layout = base.robot_spec, base.layout(0)
-    driver = joints.robot if joints.robot.endswith("_follower") else ""
-    mapping = out / "joint_mapping.yaml"
+    mapped = _mapped(out, joints)
+    driver, mapping = mapped["driver"], mapped["mapping"]
     simulated = [
         f"--robot.asset={choice.assets[0]}",
         *([f"--robot.joint={choice.joint}"] if choice.joint else []),
@@ -141,13 +145,19 @@ def _page(
         "fps": FPS,
         "units": _units(joints),
         "out": out,
-        "mapping": mapping,
-        "driver": driver,
+        **mapped,
+        "asked": choice.task,
         "simulated": " ".join(simulated),
         "clip": f"--robot.max_relative_target={clip:.3g}",
         "view": _picture(env, folder / "camera.png"),
     }
     return {**page, "page": page}
+
+
+def _mapped(out: Path, joints: JointMapping) -> dict[str, Any]:
+    """The mapping file, and the arm's driver in LeRobot ("" where it has none)."""
+    driver = joints.robot if joints.robot.endswith("_follower") else ""
+    return {"mapping": out / "joint_mapping.yaml", "driver": driver}
 
 
 def _units(joints: JointMapping) -> str:

@@ -165,6 +165,31 @@ OBSERVED = (
 """Observation entries that Converter.observe can rebuild."""
 
 
+def perceived_in(plan: Deployment, hidden: Array) -> Array:
+    """(b, 5) PERCEIVED from what only the simulator knows, (b, k) as environment_state has it.
+
+    Raises:
+        ValueError: it has other entries than those of the environment that was trained in.
+    """
+    rows = {name: (a, b) for name, a, b in plan.observation if name.startswith(HIDDEN)}
+    first, last = min(a for a, _ in rows.values()), max(b for _, b in rows.values())
+    if hidden.shape[1] != last - first:
+        raise ValueError(
+            f"observation.environment_state has {hidden.shape[1]} entries; in training it had "
+            f"{last - first}"
+        )
+    handle, value, touch = (
+        hidden[:, rows[HIDDEN + name][0] - first : rows[HIDDEN + name][1] - first]
+        for name in ("handle_position", "joint_value", "touching")
+    )
+    base = np.array(plan.base, dtype=float).reshape(4, 4)
+    return np.concatenate([(handle - base[:3, 3]) @ base[:3, :3], value, touch], axis=1)
+
+
+HIDDEN = "extra/privileged/"
+"""What the names of observations begin with that only a simulator knows."""
+
+
 def quaternion(m: Array) -> Array:
     """(b, 3, 3) rotations as (b, 4) quaternions, w first.
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mam_policies.lerobot.joint_mapping import JointMapping, identity, load_mapping
 from mam_policies.lerobot.policy import PERCEIVED
-from mam_policies.run import EnvChoice
+from mam_policies.run import EnvChoice, flat
 
 
 @dataclass(frozen=True)
@@ -88,6 +88,7 @@ class RobotInterface:
         self._rng = np.random.default_rng([seed, 1])  # not the zero errors' numbers again
         self.miscalibrate(seed)
         self._moved = [self.joints.index(n) for n in self.moved]
+        self._hidden = sum(b - a for _, a, b, secret in base.observation_layout() if secret)
 
     def miscalibrate(self, seed: int) -> None:
         """Draw the joints' zero errors anew, as another calibration of the arm would."""
@@ -155,6 +156,11 @@ class RobotInterface:
             failed=now.failed or _flag(info.get("fail", False)),
         )
         return self.state()
+
+    def hidden(self) -> NDArray[np.float32]:
+        """(k,) what only the simulator knows now, as datasets have it in environment_state."""
+        state = flat(self.seen["state"] if isinstance(self.seen, dict) else self.seen)
+        return state[len(state) - self._hidden :]
 
     def pictures(self) -> dict[str, NDArray[np.uint8]]:
         """(h, w, 3) of every camera now, by name; none unless obs_mode has rgb."""
