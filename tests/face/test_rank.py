@@ -194,7 +194,7 @@ def test_what_is_no_asset_is_a_row_and_alone_a_sentence(
     (tmp_path / "card" / "asset.json").write_text("[]")
     os.mkfifo(tmp_path / "pipe.urdf")
     why = {
-        "mesh.glb": "is a mesh, not an asset", "notes.txt": "is no asset folder, URDF or MJCF",
+        "mesh.glb": "is a mesh, not an asset", "notes.txt": "is no asset folder, and not a URDF",
         "empty": "no asset.json in", "card": "must hold names and values",
         "pipe.urdf": "is no ordinary file", "gone": "no such file or folder",
     }  # fmt: skip

@@ -332,7 +332,8 @@ class _Converter(StageReader):
         """Add what OpenUSD makes of masses, densities and colliders."""
         from pxr import UsdPhysics
 
-        body, into = UsdPhysics.RigidBodyAPI(prim), np.linalg.inv(self.poses[str(prim.GetPath())])
+        body = UsdPhysics.RigidBodyAPI(prim)
+        into = np.asarray(np.linalg.inv(self.poses[str(prim.GetPath())]), np.float64)
         found = body.ComputeMassProperties(lambda part: self._volume(part, into))
         mass, moments, centre, axes = found
         if not 0.0 < mass < np.inf:
