@@ -185,7 +185,12 @@ class OperateJointEnv(BaseEnv):
             self._chosen = [int(self._batched_episode_rng[0].randint(len(self.layouts)))]
         else:
             self._chosen = [i % len(self.layouts) for i in range(self.num_envs)]
-        super()._load_agent(options, sapien.Pose(self.layout(0).placement.base))
+        try:
+            super()._load_agent(options, sapien.Pose(self.layout(0).placement.base))
+        except AssertionError as error:  # how ManiSkill refuses a control mode
+            if "supported modes" not in str(error):
+                raise
+            raise ConfigError(f"robot {self.robot_spec.uid!r}: control mode {error}") from error
 
     def _load_scene(self, options: dict) -> None:
         layouts = [self.layout(i) for i in range(self.num_envs)]

@@ -188,7 +188,7 @@ def _make(asset: str, config: CollectConfig, env_config: EnvConfig) -> Any:
         joint=config.joint,
         task=config.task,
         robot_uids=config.robot,
-        control_mode="pd_joint_pos",
+        control_mode=config.control_mode,
         obs_mode="rgb+state" if config.cameras else "state",
         reward_mode="normalized_dense",
         max_episode_steps=config.max_steps,
@@ -306,7 +306,7 @@ def _write_h5(found: Collection) -> Path:
         "task": config.task,
         "robot_uids": config.robot,
         "obs_mode": "state",
-        "control_mode": "pd_joint_pos",
+        "control_mode": config.control_mode,
         "config": config_file.plain(found.env_config),
     }
     listing: dict[str, Any] = {
@@ -324,7 +324,7 @@ def _write_h5(found: Collection) -> Path:
         for i, k in enumerate(found.kept):
             group = file.create_group(f"traj_{i}")
             _fill(group, out / "attempts" / f"{k:06d}.npz")
-            listing["episodes"].append(_episode(i, found.outcomes[k]))
+            listing["episodes"].append(_episode(i, found.outcomes[k], config.control_mode))
     folders.write_text(out / "demos.json", json.dumps(listing, indent=2) + "\n")
     return out / "demos.h5"
 
@@ -343,11 +343,11 @@ def _fill(group: h5py.Group, npz: Path) -> None:
             group[name] = data[name]
 
 
-def _episode(i: int, outcome: Outcome) -> dict[str, Any]:
+def _episode(i: int, outcome: Outcome, control_mode: str) -> dict[str, Any]:
     return {
         "episode_id": i,
         "episode_seed": outcome.seed,
-        "control_mode": "pd_joint_pos",
+        "control_mode": control_mode,
         "elapsed_steps": outcome.steps,
         "reset_kwargs": {"options": {}, "seed": outcome.seed},
         "success": outcome.success,

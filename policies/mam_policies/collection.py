@@ -84,6 +84,9 @@ class CollectConfig:
     """Seed of the first attempt; attempt k uses seed + k."""
     noise: Annotated[float, Range(0, 1)] = 0.0
     """Standard deviation of noise on the arm's targets, radians; labels stay clean."""
+    control_mode: str = "pd_joint_pos"
+    """ManiSkill's control mode of the actions in demos.h5: pd_joint_pos (radians), or, in -1..1,
+    pd_joint_delta_pos, pd_joint_target_delta_pos and (panda) pd_ee_delta_pose."""
     cameras: bool = False
     """Record the cameras into the LeRobot dataset (needs a Vulkan driver)."""
     keep_failures: bool = False
@@ -95,7 +98,7 @@ class CollectConfig:
 
 
 def read_claim(file: Path) -> dict[str, Any]:
-    """collect.json; `cameras` was called `video` in version 0.1."""
+    """collect.json; older ones name no control mode, and call `cameras` `video`."""
     data = config_file.read(file)
     kinds = {"asset": str, "collect": dict, "env": dict}
     if not all(isinstance(data.get(key), kind) for key, kind in kinds.items()):
@@ -103,7 +106,7 @@ def read_claim(file: Path) -> dict[str, Any]:
     asked = dict(data["collect"])
     if "video" in asked:
         asked["cameras"] = asked.pop("video")
-    return {**data, "collect": asked}
+    return {**data, "collect": {"control_mode": CollectConfig.control_mode, **asked}}
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mam_envs.env import OperateJointEnv
 from mam_envs.grasping.candidates import Grasp
@@ -16,7 +17,7 @@ from mam_policies.expert.compliance import Compliance
 from mam_policies.expert.config import ExpertConfig
 from mam_policies.expert.plan import Plan, PlanningError, correction, hand_travel, plan
 
-MODES = ("pd_joint_pos", "pd_joint_delta_pos", "pd_joint_target_delta_pos")
+MODES = ("pd_joint_pos", "pd_joint_delta_pos", "pd_joint_target_delta_pos", "pd_ee_delta_pose")
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Episode:
 
 
 class Expert:
-    """Drives one environment (num_envs=1) with control mode pd_joint_pos or pd_joint_delta_pos.
+    """Drives one environment (num_envs=1) in one of the control modes `MODES`.
 
     Usage: `expert.reset()` after `env.reset(...)`, then `env.step(expert.act())`.
 
@@ -101,7 +102,7 @@ class Expert:
     def _begin(self, now: PlannerState) -> None:
         self.plan = plan(now, self.skip, self.config)
         self.plans.append(self.plan)
-        self.at = self.corrections = self.waited = self.strained = 0
+        self.at = self.corrections = self.waited = self.strained = self.held = 0
         self.compliance = Compliance(self.config)
         self.retreat: list[FloatArray] = []
         self.gripper = float(self.plan.gripper[0])
@@ -136,6 +137,10 @@ class Expert:
         if self._lags(now):
             self.waited += 1
             return self._action(now)
+        if self._behind(now):
+            self.held += 1
+            return self._action(now)
+        self.held = 0
         self.target = self.plan.arm[self.at]
         self.gripper = float(self.plan.gripper[self.at])
         self.phase = self.plan.phase[self.at]
@@ -162,6 +167,11 @@ class Expert:
         off = float(np.abs(now.arm - self.target).max())
         ready = off <= self.config.lag or self.waited >= self.config.catch_up
         return phases == ("approach", "close") and not ready
+
+    def _behind(self, now: PlannerState) -> bool:
+        """Whether the target is farther than changes of measured joints can ask for in one step."""
+        far = float(np.abs(now.arm - self.target).max()) > now.robot.delta
+        return self.mode == "pd_joint_delta_pos" and far and self.held < self.config.catch_up
 
     def _slipped(self, now: PlannerState) -> bool:
         way = now.goal.q_goal - self.plan.path.q[0]
@@ -222,11 +232,30 @@ class Expert:
         if self.mode == "pd_joint_pos":
             limits = robot.chain.limits
             return robot.action(np.clip(target, limits[:, 0], limits[:, 1]), self.gripper)
+        if self.mode == "pd_ee_delta_pose":
+            return self._hand_command(now, target)
         begin = now.arm
         if self.mode == "pd_joint_target_delta_pos":  # changes add up on the last target
             arm = self.env.agent.controller.controllers["arm"]
             begin = arm.get_state()["target_qpos"][0].cpu().numpy()
         return np.clip(robot.action((target - begin) / robot.delta, self.gripper), -1, 1)
+
+    def _hand_command(self, now: PlannerState, target: FloatArray) -> FloatArray:
+        """The same as a change of the hand's pose: six entries in -1..1, then the gripper's.
+
+        ManiSkill's controller turns by XYZ angles in the base's frame, in units of its rot_lower,
+        which is negative, and cuts the rotation by its length.
+        """
+        robot, limits = now.robot, self.env.agent.controller.controllers["arm"].config
+        rotation, position, _ = robot.chain.forward(np.stack([now.arm, target]))
+        back = np.linalg.inv(robot.chain.tool)[:3, 3]
+        position = position + rotation @ back  # of the link that the controller moves
+        turned = Rotation.from_matrix(rotation[1] @ rotation[0].T).as_euler("XYZ")
+        move = np.clip((position[1] - position[0]) / limits.pos_upper, -1, 1)
+        turn = turned / limits.rot_lower
+        turn = turn / max(1.0, float(np.linalg.norm(turn)))
+        whole = robot.action(np.concatenate([move, turn]), self.gripper)
+        return np.clip(whole, -1, 1)
 
 
 def run_episode(
