@@ -449,6 +449,13 @@ class OperateJointEnv(BaseEnv):
                 out["privileged"] |= {key: self.task.pick(v) for key, v in tokens.items()}
         return out
 
+    def get_obs(self, info: dict | None = None, unflattened: bool = False) -> Any:
+        """ManiSkill's, without the empty sensor_data that it leaves beside a point cloud."""
+        obs = super().get_obs(info, unflattened)
+        if isinstance(obs, dict) and not obs.get("sensor_data", True):
+            del obs["sensor_data"]  # gymnasium takes no empty space
+        return obs
+
     def observation_layout(self) -> list[tuple[str, int, int, bool]]:
         """(name, start, stop, privileged) of every entry of the flat state vector."""
         info = self.get_info()

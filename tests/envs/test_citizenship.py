@@ -212,6 +212,17 @@ def test_pointcloud(drawer: Path) -> None:
 
 @pytest.mark.display
 @needs_vulkan
+def test_gymnasium_takes_the_point_cloud(drawer: Path) -> None:
+    made = numpy_env(drawer, obs_mode="pointcloud", scene=SMALL)  # gym.make looks at the spaces
+    obs, _ = made.reset(seed=0)
+    assert made.observation_space.contains(obs) and "sensor_data" not in obs
+    assert obs["pointcloud"]["xyzw"].shape == (24 * 32, 4)
+    assert (obs["pointcloud"]["xyzw"][:, 3] == 1).any()  # it shows something
+    made.close()
+
+
+@pytest.mark.display
+@needs_vulkan
 def test_a_background_changes_the_picture(drawer: Path, tmp_path: Path) -> None:
     import cv2
 
