@@ -70,7 +70,7 @@ def real_fronts(folder: Path) -> Iterator[Front]:
         marks = [
             Mark(
                 m.kind, m.hinge, _upright(apply_homography(to_front, m.quad)),
-                [] if m.handle is None else [_upright(apply_homography(to_front, m.handle))],
+                [_upright(apply_homography(to_front, handle)) for handle in m.handles],
             )
             for m in seen.panels
         ]  # fmt: skip

@@ -52,7 +52,8 @@ def make_asset(
         ConfigError: an unknown or wrong setting, or a folder that is not an asset of ours.
         InputError: a source that cannot be read.
         NotPhysicalError: a mesh with numbers that are not finite.
-        HintNeeded, NotThisKind: a photo on which nothing can be relied on.
+        HintNeeded: what was read on a photo is doubted; a draft is in its `draft`, if any.
+        NotThisKind: a photo of something else.
     """
     base = MakeConfig()
     if isinstance(config, MakeConfig):

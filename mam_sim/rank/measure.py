@@ -80,6 +80,7 @@ class Verdict:
         joints: (name, type) of those that move.
         why: what is wrong with the file, where nothing could be tested.
         foreign: without a card of ours.
+        draft: what is doubted of the photo that it was made from; "" for what is no draft.
     """
 
     __pydantic_config__ = STRICT
@@ -92,6 +93,7 @@ class Verdict:
     joints: tuple[tuple[str, str], ...] = ()
     why: str = ""
     foreign: bool = False
+    draft: str = ""
 
 
 @dataclass(frozen=True)

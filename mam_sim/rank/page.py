@@ -84,12 +84,16 @@ def page(
 
 
 def why(verdict: Verdict, row: Row) -> str:
-    """Why a joint was not tried, or why episodes failed; else what the check says."""
+    """Why a joint was not tried, or why episodes failed; else what the check says.
+
+    Of a draft that nobody has confirmed that comes first.
+    """
+    said = ", ".join(verdict.reasons)
     if row.cause:
-        return f"{row.cause}: {row.why}"
-    if row.reasons:
-        return "; ".join(f"{n} x {text}" for text, n in row.reasons.items())
-    return ", ".join(verdict.reasons)
+        said = f"{row.cause}: {row.why}"
+    elif row.reasons:
+        said = "; ".join(f"{n} x {text}" for text, n in row.reasons.items())
+    return "; ".join(filter(None, (verdict.draft, said)))
 
 
 def _cells(row: Row, policy: bool) -> list[str]:

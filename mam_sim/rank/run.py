@@ -160,7 +160,9 @@ class Examine:
         except (MamSimError, OSError) as error:
             return replace(start, why=folders.as_text(str(error)))
         movable = [(j.name, j.type) for j in asset.card.movable]
-        return replace(start, folder=str(asset.folder), joints=tuple(movable))
+        return replace(
+            start, folder=str(asset.folder), joints=tuple(movable), draft=asset.card.draft
+        )
 
     def ended(self, ending: Ending) -> Verdict:
         """The verdict after its process has ended."""

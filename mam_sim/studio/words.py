@@ -37,6 +37,8 @@ ENDS = {
     "paper": "by the paper's rule",
     "drawer_box": "as deep as its assumed box",
 }
+ASSUMED = ("usual", "depth")
+"""Rules by which a range is what such parts usually have."""
 SAID_BY = {
     "user": "You said so.",
     "observed": "It was seen.",
@@ -131,7 +133,10 @@ def joint_text(joint: Joint, part: str, kind: str, runs: str) -> str:
         rows.append(SAID_BY["user"])
     else:
         look = " Please look at it." if joint.confidence < NEEDS_REVIEW else ""
-        rows.append(f"{percent(joint.confidence)} sure.{look} {SAID_BY[joint.provenance]}".strip())
+        who = SAID_BY[joint.provenance]
+        if joint.provenance == "observed" and joint.basis.rule in ASSUMED:
+            who = "The part was seen; how far it goes was not."
+        rows.append(f"{percent(joint.confidence)} sure.{look} {who}".strip())
     if joint.basis.share < MOVES:
         rows.append(f"It is stuck after {percent(joint.basis.share)} of the usual way.")
     elif joint.basis.of_part < FAR_ENOUGH:

@@ -14,7 +14,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.claims import PICTURE, is_ours, png_mark
-from mam_pipeline.errors import BackendError, MamSimError
+from mam_pipeline.errors import BackendError, HintNeeded, MamSimError
 from mam_pipeline.formats.mesh_files import files_kept
 from mam_pipeline.formats.placement import Decision
 from mam_pipeline.lengths import UnusualSize
@@ -27,6 +27,7 @@ from mam_sim.asking import answered_yes, ask_upload, with_model
 from mam_sim.console import Screen
 from mam_sim.options import Verb, carried
 
+DRAFT = "This asset is a draft: look at it in the report, and confirm or correct what was read."
 LIKELIEST = 3  # dormant joints that are named where none moves
 
 
@@ -64,6 +65,8 @@ class Articulate(Verb):
         describe(screen, asset)
         tell_cost(screen, ledger)
         screen.say(f"report: {asset.folder / 'report.html'}")
+        if tell_draft(asset, self.pipeline.photo.accept_low_confidence):
+            return HintNeeded.exit_code
         if tell_still(asset, self.source, self.out, carried(self, sections=("pipeline",))):
             return 1
         passed = asset.card.checks["executability"]["passed"]
@@ -78,10 +81,14 @@ class Articulate(Verb):
 def make(source: Path, out: Path, config: MakeConfig, on_stage: Callable[[str], None]) -> Asset:
     """`make_asset`, with the pictures of a refused photo written beside `out`.
 
-    On a terminal, an unusual size is asked about.
+    On a terminal, an unusual size is asked about. A draft is returned as what it is.
     """
     try:
         return make_asset(source, out, config, on_stage)
+    except HintNeeded as error:
+        if error.draft is None:
+            raise
+        return Asset.load(error.draft)
     except UnusualSize as error:
         if not answered_yes(str(error)):
             raise
@@ -115,6 +122,14 @@ def made_with_model(
             raise
         print(f"the language model is left out: {error}", file=sys.stderr)
         return make(source, out, config, on_stage)
+
+
+def tell_draft(asset: Asset, accepted: bool) -> bool:
+    """Say of a draft what is doubted and how to settle it; whether that ends the command."""
+    if not asset.card.unconfirmed:
+        return False
+    print(f"{DRAFT}\n{asset.card.unconfirmed}", file=sys.stderr)
+    return not accepted
 
 
 def tell_cost(screen: Screen, ledger: Ledger) -> None:

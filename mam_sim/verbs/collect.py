@@ -57,10 +57,12 @@ class Collect(Verb):
         from mam_pipeline.asset.card import Asset
 
         ROBOTS.check(self.collect.robot)
-        Asset.load(self.asset)  # what is wrong is said before the simulator is loaded
+        draft = Asset.load(self.asset).card.draft  # what is wrong is said before all else
         from mam_policies.collect import collect
 
         screen = Screen(quiet=self.quiet or self.json)
+        if draft:
+            screen.say(draft)
         columns: Any = (BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn())
         text = TextColumn("{task.description}")
         with Progress(*columns, text, console=screen.err, disable=self.quiet) as bar:

@@ -12,13 +12,20 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_envs import ENV_ID
 from mam_envs.config import EnvConfig
+from mam_pipeline.errors import HintNeeded
 from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.models.settings import given
 from mam_sim.asking import ask_upload, with_model
 from mam_sim.console import Screen
 from mam_sim.options import Verb, carried
-from mam_sim.verbs.articulate import describe, made_with_model, tell_cost, tell_still
+from mam_sim.verbs.articulate import (
+    describe,
+    made_with_model,
+    tell_cost,
+    tell_draft,
+    tell_still,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +77,8 @@ class MakeEnv(Verb):
         describe(screen, asset)
         tell_cost(screen, ledger)
         screen.say(f"report: {asset.folder / 'report.html'}")
+        if tell_draft(asset, self.pipeline.photo.accept_low_confidence):
+            return HintNeeded.exit_code
         if tell_still(asset, self.source, out, carried(self, sections=("pipeline",))):
             return 1
         _tell_reach(screen, tried)

@@ -136,7 +136,8 @@ class Train(Verb):
 
         found = asset_folders(self.asset)
         for folder in found:
-            Asset.load(folder)
+            if draft := Asset.load(folder).card.draft:
+                screen.say(draft)
         if len(found) == 1 and self.split is None:
             return (str(found[0]),), {}
         wanted = found

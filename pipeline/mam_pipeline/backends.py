@@ -19,6 +19,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from mam_pipeline.doubt import Doubt
 from mam_pipeline.errors import BackendError, ConfigError, unknown_name
 from mam_pipeline.hints import Hints
 from mam_pipeline.registry import Registry, installed, resolve
@@ -43,7 +44,8 @@ class Reconstruction:
     """A mesh made from a photo, in metres, with what was measured on the way.
 
     Attributes:
-        confidence: cuboid, panels, handles, scale -> "high" | "medium" | "low".
+        confidence: cuboid, panels, handles, scale -> "high" | "medium" | "low" | "given".
+        doubt: why nobody should rely on it before a person has confirmed it; None where one can.
         pictures: name -> (H, W, 3) uint8 RGB pictures for the report (overlay, front ...).
     """
 
@@ -54,6 +56,7 @@ class Reconstruction:
     assumed: tuple[str, ...] = ()
     pictures: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
     details: Mapping[str, Any] = field(default_factory=dict)
+    doubt: Doubt | None = None
 
 
 @dataclass(frozen=True)

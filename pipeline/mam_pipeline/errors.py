@@ -6,6 +6,7 @@ import difflib
 import errno
 import re
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 from mam_pipeline.secrets import masked
@@ -56,9 +57,18 @@ class _PictureError(MamSimError):
 
 
 class HintNeeded(_PictureError):
-    """Confidence is too low to go on; the message names the hint that would help most."""
+    """Confidence is too low to go on; the message names the hint that would help most.
+
+    `draft` is the asset folder that was made all the same, for looking at; None where none was.
+    """
 
     exit_code = 3
+
+    def __init__(
+        self, message: str, pictures: Mapping[str, Any] | None = None, draft: Path | None = None
+    ) -> None:
+        super().__init__(message, pictures)
+        self.draft = draft
 
 
 class NotThisKind(_PictureError):

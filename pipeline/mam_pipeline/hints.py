@@ -19,7 +19,8 @@ One schema for both. Written by the reconstructor, read by the engine, edited by
         box: {center: [x, y, z], size: [x, y, z]}       # metres, asset frame
         parent: body                        # default: the base
         joint: {subtype: slide, axis: [-1, 0, 0], origin: [0, 0, 0], lower: 0, upper: 0.3,
-                hinge_side: left}           # every key optional; subtype fixed forbids motion
+                hinge_side: left,           # every key optional; subtype fixed forbids motion
+                travel: given}              # whence lower and upper: given | usual | depth
         handle: {center: [...], size: [...]}
         confidence: 0.9
         provenance: observed                # observed | inferred | assumed | user
@@ -85,7 +86,11 @@ class HintBox:
 
 @dataclass(frozen=True)
 class HintJoint:
-    """What is known of a joint; None leaves it to the engine. Sides as seen from the front."""
+    """What is known of a joint; None leaves it to the engine. Sides as seen from the front.
+
+    `travel`: where lower and upper come from: given by a person, as far as such parts usually go,
+    or an assumed share of the object's depth.
+    """
 
     __pydantic_config__ = STRICT
     subtype: JointSubtype | None = None
@@ -94,6 +99,7 @@ class HintJoint:
     lower: Finite | None = None
     upper: Finite | None = None
     hinge_side: Literal["left", "right", "top", "bottom"] | None = None
+    travel: Literal["given", "usual", "depth"] = "given"
 
 
 @dataclass(frozen=True)

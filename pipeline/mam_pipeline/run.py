@@ -20,7 +20,7 @@ from mam_pipeline.asset.card import Asset
 from mam_pipeline.backends import Maker
 from mam_pipeline.claims import ASSET, claim_folder
 from mam_pipeline.digests import file_digest
-from mam_pipeline.errors import ConfigError, InputError
+from mam_pipeline.errors import ConfigError, HintNeeded, InputError
 from mam_pipeline.evidence.spec import NOTHING, KinematicSpec
 from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.formats.placement import Decision
@@ -61,6 +61,7 @@ class Source:
     notes: tuple[str, ...] = ()
     shell: bool = False  # perhaps one closed skin: what is cut out of it needs an inside
     thing: str = ""  # the kind of object, by the table of kinds
+    unconfirmed: str = ""  # what is doubted of a photo, and the line that settles it
 
 
 def kind_of(path: Path) -> str:
@@ -96,14 +97,16 @@ def make_asset(
     """Turn a photo, mesh or URDF into an asset folder at `out`, all or nothing.
 
     Raises:
-        MamSimError: one of its subclasses; `out` is then as it was before.
+        HintNeeded: what was read on a photo is doubted. A draft of it is at `out` (`draft`), unless
+            that holds an asset that is none.
+        MamSimError: another of its subclasses; `out` is then as it was before.
     """
     kind = kind_of(source)
     config.check()
     if kind == "urdf" and config.accept:
         raise ConfigError("--accept wakes dormant joints, and a URDF has none")
     claim_folder(out, ASSET)
-    out = out.resolve()
+    named, out = out, out.resolve()
     given = None if config.hints is None else load_hints(config.hints)
     placed_as = standing(config, given)
     with settings.given(config.models.settings()), one_ledger(), folders.work_folder(out) as work:
@@ -112,7 +115,10 @@ def make_asset(
         store = StageStore(work / "stages", out / "stages")
         stages = Stages(config.engine, on_stage, store)
         with outside_allowed(config.allow_outside):
-            read = read_source(source, kind, placed_as, stages)
+            read = read_source(source, kind, placed_as, stages, named)
+        asks = bool(read.unconfirmed) and not config.photo.accept_low_confidence
+        if asks and (out / "asset.json").is_file() and not Asset.card_of(out).card.unconfirmed:
+            raise HintNeeded(read.unconfirmed)
         if read.articulation is None:
             hints = given if given is not None else read.hints
             if config.accept:
@@ -131,6 +137,8 @@ def make_asset(
             yaw @ read.source_to_asset, placed,
             [read.summary, *read.notes, *store.notes, *notes, *assumed],
         )  # fmt: skip
+    if asks:
+        raise HintNeeded(read.unconfirmed, draft=out)
     return Asset(out, asset.card)
 
 
@@ -230,6 +238,7 @@ def _written(
         notes=[note for note in notes if note],
         visuals=config.visuals,
         thing=read.thing,
+        unconfirmed=read.unconfirmed,
     )
     asset = written_and_checked(
         articulation, write, read.kind != "urdf", lambda: stages.tell("check")
@@ -242,15 +251,18 @@ def _written(
     return asset
 
 
-def read_source(source: Path, kind: str, config: MakeConfig, stages: Stages) -> Source:
+def read_source(
+    source: Path, kind: str, config: MakeConfig, stages: Stages, out: Path | None = None
+) -> Source:
     """The source as the engine takes it; a photo is reconstructed first.
 
     Args:
         source: the file. kind: photo | mesh | urdf, as `kind_of` says.
         config: up axis, scale and the photo's settings. stages: reconstructs a photo.
+        out: the folder that the user wants, for the line that settles a doubt.
     """
     if kind == "photo":
-        return _read_photo(source, config, stages)
+        return _read_photo(source, config, stages, out)
     with stages.timed("read"):
         if kind == "urdf":
             from mam_pipeline.formats.urdf.read import read_urdf
@@ -290,10 +302,12 @@ def _size_asked(
         ask_unusual(float(np.ptp(mesh.vertices, axis=0).max()), said, name, usual)
 
 
-def _read_photo(source: Path, config: MakeConfig, stages: Stages) -> Source:
-    from mam_pipeline.evidence.read import named_size
+def _read_photo(source: Path, config: MakeConfig, stages: Stages, out: Path | None) -> Source:
+    from mam_pipeline.evidence.read import CERTAINTIES, kind_named, named_size
 
     options = config.photo.given()
+    if named := kind_named(source, config.what, config.names):
+        options["things"] = {named: 1.0 if config.what else CERTAINTIES.file}
     if config.height is not None:
         options["height"] = config.height
     if config.hints is not None and load_hints(config.hints).photo_front:
@@ -318,7 +332,23 @@ def _read_photo(source: Path, config: MakeConfig, stages: Stages) -> Source:
         known = bool(category) and object_of(category, Said("user", category)) is not None
         word = config.what or (category if known else None)
         spec = spec_of(made.mesh, what=word, use_names=False)
+    asked = ""
+    if made.doubt is not None and config.hints is None:  # hints are a person's word
+        asked = made.doubt.told(source, options, out)
+        still = all(part.kind == "body" for part in made.hints.parts)
+        if still and not config.photo.accept_low_confidence:
+            shown = {k: v for k, v in made.pictures.items() if k != "a_photo"}
+            raise HintNeeded(asked, shown)  # a draft of which nothing moves shows nothing
     return Source(
         "photo", made.mesh, np.eye(4), 1.0, scale_from, hints=made.hints, summary=made.summary,
-        spec=spec, notes=spec.notes, shell=shell, thing=thing,
+        spec=spec, notes=(*_sureness(made.confidence), *spec.notes), shell=shell, thing=thing,
+        unconfirmed=asked,
     )  # fmt: skip
+
+
+def _sureness(words: Mapping[str, str]) -> tuple[str, ...]:
+    """How sure a photo's reading is, quantity by quantity, where its reconstructor says so."""
+    said = ", ".join(
+        f"{'box' if name == 'cuboid' else name} {word}" for name, word in words.items()
+    )
+    return (f"how sure: {said}",) if said else ()

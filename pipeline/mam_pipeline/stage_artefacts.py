@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar
 
@@ -21,6 +21,7 @@ from pydantic import Field
 from mam_pipeline.arrays import Arrays
 from mam_pipeline.backends import KinematicPrior, Reconstruction
 from mam_pipeline.digests import text_digest
+from mam_pipeline.doubt import Doubt
 from mam_pipeline.edited import (
     STRICT,
     Direction,
@@ -454,15 +455,18 @@ def _save_photo(made: Reconstruction, path: Path) -> None:
         Image.fromarray(picture).save(path.with_name(f"{label}.png"))
     told = {"confidence": dict(made.confidence), "summary": made.summary}
     told |= {"assumed": list(made.assumed), "details": dict(made.details)}
+    told["doubt"] = None if made.doubt is None else asdict(made.doubt)
     path.with_name("report.json").write_text(json.dumps(told, indent=1, default=str))
 
 
 def _load_photo(path: Path, shown: Path) -> Reconstruction:
     told = json.loads(path.with_name("report.json").read_text())
     pictures = {p.stem: np.asarray(Image.open(p)) for p in sorted(path.parent.glob("*.png"))}
+    doubt = told.get("doubt")
     return Reconstruction(
         load_mesh(path.with_name("mesh.npz")), load_hints(path, shown), told["confidence"],
         told["summary"], tuple(told["assumed"]), pictures, told["details"],
+        None if doubt is None else Doubt(**{**doubt, "notes": tuple(doubt["notes"])}),
     )  # fmt: skip
 
 

@@ -120,3 +120,33 @@ def test_a_photo_without_an_object_is_refused_and_leaves_nothing(
     assert status in (3, 4)
     assert "Traceback" not in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_doubted_photo_gives_a_draft_that_its_line_confirms(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import shlex
+
+    import cv2
+
+    picture = cv2.imread(str(ROOT / "examples" / "nightstand.jpg"))
+    picture[430:530, 240:480] = picture[410, 360]  # the handle in the middle is hidden
+    photo, out = tmp_path / "hidden.png", tmp_path / "twin"
+    cv2.imwrite(str(photo), picture)
+    assert main(["articulate", str(photo), "--out", str(out), "--quiet"]) == 3
+    line = next(x for x in capsys.readouterr().err.splitlines() if "mam-sim make-env" in x)
+    draft = Asset.load(out)
+    assert draft.card.unconfirmed and draft.card.draft.startswith("twin is a draft")
+    assert line in draft.card.unconfirmed
+    assert "nobody has confirmed" in (out / "report.html").read_text()
+    assert not list(tmp_path.glob("*.png.*")) and len(draft.card.movable) == 3
+
+    words = ["articulate", *shlex.split(line)[2:], "--quiet"]
+    assert main(words) == 0
+    made = Asset.load(out)
+    assert made.card.draft == ""
+    for read, typed in zip(draft.card.joints, made.card.joints, strict=True):
+        assert read.origin == typed.origin and read.upper == typed.upper
+        assert typed.basis.rule == "depth"  # nobody said how far it goes
+    assert main(["articulate", str(photo), "--out", str(out), "--quiet"]) == 3
+    assert Asset.load(out).card.draft == ""  # a draft replaces nothing that was confirmed

@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from mam_pipeline.photo.front import read_front, with_own_handles
 from mam_pipeline.photo.front_network import FrontMaps
 from mam_pipeline.photo.handles import Blob, handles_seen
+from mam_pipeline.photo.options import Layout, parse_layout
 from mam_pipeline.photo.panel import Panel
 from mam_pipeline.photo.repeat import handles_by_repetition
 from mam_pipeline.photo.tiling import best_tiling, seams_of
+from mam_pipeline.photo.verdict import layout_as_read
 from mam_world.photos.painted_front import paint_front
 
 
@@ -138,3 +140,33 @@ def test_handles_stay_within_their_panel() -> None:
     assert right.handles[0].box == pytest.approx((105.5, 40, 130, 60))
     lost = with_own_handles(Panel((0, 0, 100, 200), "door", "left", (Blob((99, 40, 120, 60), 1),)))
     assert [b.provenance for b in lost.handles] == ["assumed"]  # a virtual grasp line instead
+
+
+def test_a_layout_that_is_as_read_moves_no_panel() -> None:
+    image = drawn_front([320], [160, 320])
+    read = read_front(image)
+    text = layout_as_read(read)
+    assert text
+    kept = read_front(image, parse_layout(text))
+    assert [(p.box, p.kind, p.hinge_side) for p in kept.panels] == [
+        (p.box, p.kind, p.hinge_side) for p in read.panels
+    ]
+    assert [p.handles for p in kept.panels] == [p.handles for p in read.panels]
+
+
+def test_what_a_layout_says_otherwise_is_changed_in_its_place() -> None:
+    image = drawn_front([320], [160, 320])
+    read = read_front(image)
+    columns = parse_layout(layout_as_read(read)).columns
+    doors = Layout(
+        tuple(tuple(tuple(("door-right", n) for _, n in row) for row in rows) for rows in columns)
+    )
+    changed = read_front(image, doors)
+    assert [p.box for p in changed.panels] == [p.box for p in read.panels]
+    assert all((p.kind, p.hinge_side) == ("door", "right") for p in changed.panels)
+
+
+def test_kinds_that_are_typed_stay_where_panels_are_alike() -> None:
+    kinds = [p.kind for p in read_front(drawn_front([320], [160, 320]), parse_layout(
+        "drawer, door-left / door-right, drawer / drawer, control panel")).panels]  # fmt: skip
+    assert sorted(kinds) == ["door", "door", "drawer", "drawer", "drawer", "fixed"]

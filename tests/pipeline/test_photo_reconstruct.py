@@ -33,6 +33,7 @@ from mam_pipeline.photo.options import PhotoOptions, parse_options
 from mam_pipeline.photo.quad import aspect_of_quad
 from mam_pipeline.photo.reconstruct import reconstruct_photo
 from mam_pipeline.photo.score import handle_hits, polygon_iou
+from mam_pipeline.photo.verdict import layout_as_read
 from mam_world.photos.synthetic_photo import synthesise
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -235,6 +236,19 @@ def test_corners_and_layout_are_obeyed() -> None:
     assert all(p.provenance == "user" for p in made.hints.parts[1:])
     w, _, h = truth.size
     assert made.details["size"][2] == pytest.approx(h / w, rel=0.06)
+
+
+def test_corners_and_layout_as_read_change_nothing() -> None:
+    image, _ = synthesise(6, "clean", 480)
+    photo = make_photo(image)
+    found = find_object(photo, PhotoOptions())
+    corners = (found.quad / photo.scale).round().astype(int).reshape(-1).tolist()
+    typed = parse_options({"front": corners, "layout": layout_as_read(found.reading)})
+    again = find_object(photo, typed)
+    assert np.array_equal(again.quad, found.quad) and again.shape == found.shape
+    assert again.depth_from == found.depth_from and again.front_given
+    boxes = [[p.box for p in f.reading.panels] for f in (found, again)]
+    assert boxes[0] == boxes[1]
 
 
 @pytest.mark.parametrize("seed", [0, 6, 12])

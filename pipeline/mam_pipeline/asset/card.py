@@ -138,6 +138,8 @@ class AssetCard:
     Attributes:
         joints: as the URDF has them. dormant: joints that may be and are fixed in the URDF, as they
             would be if they were woken; the field is optional in a file.
+        unconfirmed: what is doubted of the photo that a draft was made from, and the line that
+            settles it; empty for what is no draft.
     """
 
     __pydantic_config__ = STRICT
@@ -161,6 +163,13 @@ class AssetCard:
     seconds: dict[str, Finite] = field(default_factory=dict)
     exports: dict[str, str] = field(default_factory=dict)
     notes: list[Text] = field(default_factory=list)
+    unconfirmed: Text = ""
+
+    @property
+    def draft(self) -> str:
+        """One line for those who use the asset, where it is a draft; else empty."""
+        why = self.unconfirmed.partition("\n")[0]
+        return f"{self.name} is a draft that nobody has confirmed: {why}" if why else ""
 
     @property
     def movable(self) -> list[CardJoint]:

@@ -50,6 +50,7 @@ def write_asset(
     notes: Sequence[str] = (),
     visuals: VisualFormat = "obj",
     thing: str = "",
+    unconfirmed: str = "",
 ) -> Asset:
     """Write the folder `out`, replacing an asset that was there; a killed run leaves no half.
 
@@ -62,7 +63,7 @@ def write_asset(
         metres_per_unit, metres_per_unit_source: the scale and who said so. placement: decisions on
             up, unit and front, for the card.
         collision: pieces by link name (asset frame); computed for links that it leaves out.
-        backends, seconds, notes: for the card.
+        backends, seconds, notes, unconfirmed: for the card.
         visuals: format of the visual meshes; OBJ is what every simulator reads.
         thing: the kind of object, by the table of kinds; its masses are those of such things.
 
@@ -100,6 +101,7 @@ def write_asset(
             backends=dict(backends or {}),
             seconds={**(seconds or {}), "write": round(time.perf_counter() - began, 3)},
             notes=[*notes, *written.notes],
+            unconfirmed=unconfirmed,
         )
         card.save(work)
     return Asset(out.resolve(), card)

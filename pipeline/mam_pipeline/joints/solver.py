@@ -37,6 +37,7 @@ from mam_pipeline.types import (
     PartNode,
     Primitives,
     RangeBasis,
+    RangeRule,
 )
 from mam_pipeline.weights import place_of
 
@@ -138,7 +139,7 @@ def joint_of(
         float(limits.closed), float(limits.open), confidence=float(np.clip(confidence, 0.0, 1.0)),
         evidence=evidence, provenance=node.provenance,
         basis=RangeBasis(
-            limits.rule, limits.share, limits.sibling_at is not None, limits.of_part
+            range_rule(limits, node), limits.share, limits.sibling_at is not None, limits.of_part
         ),
     )  # fmt: skip
 
@@ -174,9 +175,19 @@ def _ranking(c: JointCandidate) -> dict[str, float]:
     return {k: round(float(v), 4) for k, v in said.items() if v is not None}
 
 
+def range_rule(limits: Limits, node: PartNode) -> RangeRule:
+    """Why a range is what it is; limits that a photo's hints hold are as usual for such parts."""
+    return node.evidence.get("travel", limits.rule) if limits.rule == "given" else limits.rule
+
+
 def limits_evidence(limits: Limits, node: PartNode) -> dict[str, Any]:
     """How the range came about, for the report."""
-    said = {"rule": limits.rule, "by": node.provenance, **limits.evidence, "share": limits.share}
+    said = {
+        "rule": range_rule(limits, node),
+        "by": node.provenance,
+        **limits.evidence,
+        "share": limits.share,
+    }
     if "range" in node.evidence:
         said["why"] = node.evidence["range"]
     if limits.sibling_at is not None:

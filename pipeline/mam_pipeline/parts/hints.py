@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -176,6 +177,11 @@ def _hinted(part: HintPart, mesh: Mesh, primitives: Primitives, members: IntArra
     limits = None
     if joint.lower is not None and joint.upper is not None:
         limits = (joint.lower, joint.upper)
+    evidence: dict[str, Any] = {"hint": True}
+    if joint.hinge_side is not None:
+        evidence = {"hinge_side": joint.hinge_side}
+    if joint.travel != "given":
+        evidence["travel"] = joint.travel
     return PartNode(
         name=part.name,
         kind=part.kind,
@@ -186,7 +192,7 @@ def _hinted(part: HintPart, mesh: Mesh, primitives: Primitives, members: IntArra
         provenance=part.provenance,  # type: ignore[arg-type]
         candidates=() if candidate is None else (candidate,),
         limits=limits,
-        evidence={"hint": True} if joint.hinge_side is None else {"hinge_side": joint.hinge_side},
+        evidence=evidence,
     )
 
 

@@ -21,16 +21,20 @@ COARSER = 0.8
 DARKER = 1.25  # exponent on the brightness
 
 
+MIRROR = {"door left": "door right", "door right": "door left"}
+
+
 def agreement(reading: FrontReading, category: str | None) -> float:
     """0..1: the lesser share of panels that two other looks at the same front find again."""
     image = reading.image
     h, w = image.shape[:2]
-    mirrored = read_front(np.ascontiguousarray(image[:, ::-1]), None, category).movable
+    flipped = {MIRROR.get(kind, kind): odds for kind, odds in reading.kinds.items()}
+    mirrored = read_front(np.ascontiguousarray(image[:, ::-1]), None, category, flipped).movable
     turned = [replace(p, box=(w - p.box[2], p.box[1], w - p.box[0], p.box[3])) for p in mirrored]
     size = (max(40, round(w * COARSER)), max(40, round(h * COARSER)))
     small = cv2.resize(_darker(image), size, interpolation=cv2.INTER_AREA)
     k = np.array([w / size[0], h / size[1]] * 2)
-    coarse = read_front(np.asarray(small, np.uint8), None, category).movable
+    coarse = read_front(np.asarray(small, np.uint8), None, category, reading.kinds).movable
     coarse_back = [replace(p, box=tuple(np.array(p.box) * k)) for p in coarse]
     own = list(reading.movable)
     return min(shared(own, turned), shared(own, coarse_back))

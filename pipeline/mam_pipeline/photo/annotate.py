@@ -91,7 +91,7 @@ class Annotation:
             check_near(self.photo, front)
             options = parse_options({"front": list(front)})
             options = replace(self.options, front=options.front)
-        found = find_object(self.photo, options)
+        found = find_object(self.photo, options, self.looks)
         sizes = sizes_of(found, self.options, self.looks)
         return {
             "name": self.path.name,

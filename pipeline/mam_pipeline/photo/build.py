@@ -28,11 +28,13 @@ FACE_ORDER = ("front", "back", "right", "left", "bottom", "top")
 @dataclass(frozen=True)
 class HandleSpec:
     """A handle on the front: rectangle (s0, t0, s1, t1) in metres, s to the right from the left
-    edge, t up from the body's bottom; `seen` False for a virtual grasp line without geometry."""
+    edge, t up from the body's bottom; `seen` False for a virtual grasp line without geometry;
+    `color`: of what the photo shows there, 0..1; None takes the body's."""
 
     rect: tuple[float, float, float, float]
     seen: bool = True
     provenance: str = "observed"
+    color: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -87,9 +89,15 @@ class _Builder:
             self.materials.append(Material(f"photo_{face}", (1, 1, 1, 1), data, "jpeg"))
 
     def box(
-        self, name: str, low: Array, high: Array, skins: tuple[str, ...] = (), inside: bool = False
-    ) -> None:
-        """Add a box; faces named in `skins` show the photo of that side of the object."""
+        self, name: str, low: Array, high: Array, skins: tuple[str, ...] = (), inside: bool = False,
+        color: tuple[float, float, float] | None = None,
+    ) -> None:  # fmt: skip
+        """Add a box; faces named in `skins` show the photo of that side of the object.
+
+        Args:
+            color: of the other faces; None takes the body's, or the inside's.
+        """
+        plain = int(inside) if color is None else self._painted(color)
         lo, hi = np.minimum(low, high), np.maximum(low, high)
         grid = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
         corners = lo + grid * (hi - lo)
@@ -102,8 +110,15 @@ class _Builder:
             skin = face in skins and face in self.texture
             self.uv.append(self._project(points, face) if skin else np.zeros((4, 2)))
             self.faces.append(np.array([[0, 1, 2], [0, 2, 3]]) + base)
-            self.material += [self.texture[face] if skin else int(inside)] * 2
+            self.material += [self.texture[face] if skin else plain] * 2
             self.group += [self.names.index(name)] * 2
+
+    def _painted(self, color: tuple[float, float, float]) -> int:
+        """The number of the material of a handle's colour."""
+        made = Material("handle", (*color, 1.0))
+        if made not in self.materials:
+            self.materials.append(made)
+        return self.materials.index(made)
 
     def _project(self, p: Array, face: str) -> Array:
         w, d, h = self.s.width, self.s.depth, self.s.height
@@ -263,7 +278,7 @@ def _movable(b: _Builder, cell: CellSpec) -> HintPart:
     for k, handle in enumerate(cell.handles):
         if handle.seen:
             nodes.append(f"{cell.name}_handle_{k}")
-            _handle(b, nodes[-1], handle.rect)
+            _handle(b, nodes[-1], handle)
     lo, hi = np.minimum(low, high), np.maximum(low, high)
     box = HintBox(tuple(map(float, (lo + hi) / 2)), tuple(map(float, hi - lo)))  # type: ignore[arg-type]
     return HintPart(
@@ -292,21 +307,23 @@ def _drawer_box(b: _Builder, cell: CellSpec, r: tuple[float, float, float, float
     return b.at(x1, r[2], r[3])
 
 
-def _handle(b: _Builder, name: str, rect: tuple[float, float, float, float]) -> None:
-    """A bar with two posts, or a knob on a stem, standing 3 cm proud; its face shows the photo."""
-    s0, t0, s1, t1 = rect
-    w, h = s1 - s0, t1 - t0
+def _handle(b: _Builder, name: str, handle: HandleSpec) -> None:
+    """A bar with two posts, or a knob on a stem, standing 3 cm proud, in the photo's colour."""
+    s0, t0, s1, t1 = handle.rect
+    w, h, color = s1 - s0, t1 - t0, handle.color
     if max(w, h) > 2.0 * min(w, h):
-        b.box(name, b.at(-0.036, s0, t0), b.at(-0.024, s1, t1), ("front",))
+        b.box(name, b.at(-0.036, s0, t0), b.at(-0.024, s1, t1), color=color)
         post = 0.5 * min(min(w, h), 0.012)
         for f in (0.12, 0.88):
             s = (s0 + f * w) if w > h else (s0 + s1) / 2
             t = (t0 + f * h) if h >= w else (t0 + t1) / 2
-            b.box(name, b.at(-0.024, s - post, t - post), b.at(0.0, s + post, t + post))
+            low, high = b.at(-0.024, s - post, t - post), b.at(0.0, s + post, t + post)
+            b.box(name, low, high, color=color)
     else:
         s, t = (s0 + s1) / 2, (t0 + t1) / 2
-        b.box(name, b.at(-0.03, s0, t0), b.at(-0.014, s1, t1), ("front",))
-        b.box(name, b.at(-0.014, s - 0.25 * w, t - 0.25 * h), b.at(0.0, s + 0.25 * w, t + 0.25 * h))
+        b.box(name, b.at(-0.03, s0, t0), b.at(-0.014, s1, t1), color=color)
+        low = b.at(-0.014, s - 0.25 * w, t - 0.25 * h)
+        b.box(name, low, b.at(0.0, s + 0.25 * w, t + 0.25 * h), color=color)
 
 
 def _handle_box(b: _Builder, cell: CellSpec) -> HintBox | None:
@@ -325,7 +342,8 @@ def _joint(b: _Builder, cell: CellSpec, r: tuple[float, float, float, float]) ->
     if cell.kind == "drawer":
         origin = b.at(0, (s0 + s1) / 2, (t0 + t1) / 2)
         travel = max(0.75 * (b.s.depth - 0.05), 0.1 * b.s.depth)  # of a flat body, something
-        return HintJoint("slide", (-1.0, 0.0, 0.0), _xyz(origin), 0.0, float(round(travel, 4)))
+        far = float(round(travel, 4))
+        return HintJoint("slide", (-1.0, 0.0, 0.0), _xyz(origin), 0.0, far, travel="depth")
     side = cell.hinge_side or "left"
     at = {
         "left": b.at(0, s0, (t0 + t1) / 2), "right": b.at(0, s1, (t0 + t1) / 2),
@@ -336,7 +354,7 @@ def _joint(b: _Builder, cell: CellSpec, r: tuple[float, float, float, float]) ->
         "bottom": (0.0, -1.0, 0.0), "top": (0.0, 1.0, 0.0),
     }[side]  # fmt: skip
     upper = 1.5708 if side in ("bottom", "top") else 1.745
-    return HintJoint("hinge", axis, _xyz(at), 0.0, upper, side)  # type: ignore[arg-type]
+    return HintJoint("hinge", axis, _xyz(at), 0.0, upper, side, "usual")  # type: ignore[arg-type]
 
 
 def _xyz(p: Array) -> tuple[float, float, float]:

@@ -12,9 +12,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from mam_pipeline.evidence.kinds import ObjectKind
+from mam_pipeline.evidence.kinds import kinds as kinds_of_things
 from mam_pipeline.package_data import table
 from mam_pipeline.photo import efficientnet
 
+THING = {
+    "drawer_unit": "dresser", "file_cabinet": "filingcabinet", "bookcase": "bookshelf",
+    "fridge": "refrigerator", "washing_machine": "washer",
+}  # fmt: skip
+"""Category of size to what the table of kinds calls it, where that is another word."""
 LIKELY = 0.35  # from this probability on a kind is named
 SHARPER = 1.5  # exponent on the probabilities: the training's label smoothing, undone
 
@@ -65,6 +72,75 @@ class Looks:
                 out[name] = out.get(name, 0.0) + p * share
         total = max(sum(out.values()), 1e-9)
         return {k: v / total for k, v in out.items()}
+
+
+@dataclass(frozen=True)
+class FrontPrior:
+    """How often panels of a kind are on fronts that are read without knowing the object.
+
+    Attributes:
+        drawer, door, flap: share of such objects that have any; flaps hinge below or above.
+        least: no kind of object is taken to have a part less often, or more often than 1 - least.
+        weight: exponent on the odds: the table counts what is inside an object too.
+    """
+
+    drawer: float = 0.6
+    door: float = 0.7
+    flap: float = 0.1
+    least: float = 0.02
+    weight: float = 0.5
+
+
+PRIOR = FrontPrior()
+
+
+def front_kinds(things: Mapping[str, float]) -> dict[str, float]:
+    """Odds of every kind of panel for an object, over those for a thing that is not known.
+
+    Args:
+        things: kind of object, by the table of kinds, to its probability; what is left of 1 is
+            not known.
+
+    Returns:
+        drawer, door left, door right, door bottom, door top to their odds.
+    """
+    known = kinds_of_things().objects
+    unknown = max(1.0 - sum(things.values()), 0.0)
+    out = {}
+    for kind in ("drawer", "door left", "door right", "door bottom", "door top"):
+        name, _, side = kind.partition(" ")
+        usual = PRIOR.flap if side in ("bottom", "top") else getattr(PRIOR, name)
+        often = unknown * usual + sum(
+            p * _has(known[thing], name, side) for thing, p in things.items()
+        )
+        often = min(max(often, PRIOR.least), 1.0 - PRIOR.least)
+        out[kind] = float((often / (1 - often) * (1 - usual) / usual) ** PRIOR.weight)
+    return out
+
+
+def _has(thing: ObjectKind, name: str, side: str) -> float:
+    """How often such a thing has a drawer, or a door or flap with its hinge on a side."""
+    names = (name, "flap") if side else (name,)
+    mine = [p for p in thing.parts if p.kind in names and (not side or side in p.side)]
+    return max((p.often for p in mine), default=0.0)
+
+
+def things_of(
+    looks: Looks | None, category: str | None, named: Mapping[str, float]
+) -> dict[str, float]:
+    """Kind of object to its probability, by what a person says or else by what a photo looks like.
+
+    Args:
+        named: kind of object that a person or the file's name says, to how far that is believed.
+    """
+    if category is not None:
+        return {THING.get(category, category): 1.0}
+    out = dict(named)
+    rest = 0.0 if looks is None else looks.in_scope * (1.0 - sum(named.values()))
+    for name, p in looks.categories().items() if looks is not None else ():
+        thing = THING.get(name, name)
+        out[thing] = out.get(thing, 0.0) + p * rest
+    return out
 
 
 def look(rgb: NDArray[np.uint8]) -> Looks:

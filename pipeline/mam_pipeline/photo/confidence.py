@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mam_pipeline.photo.handles import HALF
+from mam_pipeline.photo.panel import Panel
 
 if TYPE_CHECKING:
     from mam_pipeline.photo.find import Found
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 TOPICS = ("cuboid", "panels", "handles")
 AGAIN = 0.75  # of the panels must be found again where the front is shown differently
 DOUBT = 0.1  # of the front's side: the corners' spread at which the evidence falls to 1/e
+PLACES = (0.15, 0.45)  # agreement of the votes for a panel's place
+BARE = 0.8  # of the evidence is left where no panel shows a handle
 SEEN = 0.35  # score from which a handle counts as seen
 KEPT = Path(__file__).parent / "weights" / "confidence" / "confidence.json"
 
@@ -29,10 +32,11 @@ KEPT = Path(__file__).parent / "weights" / "confidence" / "confidence.json"
 def evidence(found: Found, agree: float = 1.0) -> dict[str, float]:
     """Topic to the evidence that it is right, 0..1.
 
-    For the box, how sure the network is of its front's corners. For panels and handles, that times
-    how well the places of the panels agree (`tiling`) times the mean score of their handles, where
-    every panel shows one, no handle lies beside all panels and the front reads the same again;
-    else 0.
+    For the box, how sure the network is of its front's corners. For panels, that times the weakest
+    panel's: how well its place agrees with what votes for it (`tiling`) times how sure its kind
+    is; where every panel shows a handle, or none shows any, no handle lies where a panel was
+    missed and the front reads the same again; else 0. For handles, that times the weakest handle's
+    score.
 
     Args:
         agree: whether the front reads the same when shown differently (`agreement`).
@@ -42,11 +46,23 @@ def evidence(found: Found, agree: float = 1.0) -> dict[str, float]:
         max((b.score for b in p.handles if b.provenance == "observed"), default=0.0) for p in panels
     ]
     box = box_evidence(found.doubt)
-    witnessed = bool(scores) and min(scores) > SEEN and found.reading.missed < HALF
+    bare = max(scores, default=0.0) == 0.0
+    witnessed = bool(scores) and (bare or min(scores) > SEEN) and found.reading.missed < HALF
     if not witnessed or agree < AGAIN:
         return {"cuboid": box, "panels": 0.0, "handles": 0.0}
-    seen = box * float(np.mean([p.confidence for p in panels])) * float(np.mean(scores))
-    return {"cuboid": box, "panels": seen, "handles": seen}
+    seen = box * min(p.confidence * p.kind_confidence for p in panels)
+    sure = BARE if bare else 1.0
+    return {"cuboid": box, "panels": seen * sure, "handles": seen * (sure if bare else min(scores))}
+
+
+def panel_probability(panel: Panel) -> float:
+    """0..1 that a panel is one, and of that kind.
+
+    On marked photos nearly all panels are right whose votes agree by PLACES[1] or more, and none by
+    PLACES[0] or less.
+    """
+    place = np.interp(panel.confidence, PLACES, (0.05, 0.98))
+    return float(place) * panel.kind_confidence
 
 
 def box_evidence(doubt: float) -> float:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -13,6 +13,7 @@ from mam_pipeline.errors import ConfigError
 from mam_pipeline.hints import HintBox, Hints
 from mam_pipeline.photo.box_network import SEEN, BoxMaps, look_at_photo
 from mam_pipeline.photo.camera import FACES, quad_homography
+from mam_pipeline.photo.category import Looks, front_kinds, things_of
 from mam_pipeline.photo.complete import virtual_grasp
 from mam_pipeline.photo.cuboid import Evidence, fit_cuboid, hold_of_length
 from mam_pipeline.photo.front import FrontReading, read_front
@@ -29,6 +30,7 @@ Array = NDArray[np.float64]
 Window = tuple[int, int, int, int]  # x0, y0, x1, y1 in small pixels
 ROOM = 0.08  # of the side of what the user points at: around it more of the photo is looked at
 LEAST_WINDOW = 400  # pixels
+WHOLE = 0.51  # pixels: so far are corners from those found that were printed as whole numbers
 NEAR = 1.0
 """Corners lie at most so many widths or heights of the photo outside it."""
 SEEN_SHARE = 0.06  # of the visible area: a depth seen more obliquely is not seen
@@ -52,6 +54,9 @@ class Found:
         cost: of the fitted box; 0 where the user gave the front.
         doubt: how far off the network takes the front's corners to be, over the front's mean
             side; 0 where the user gave the front.
+        scale: small pixels per pixel of the file.
+        opened: share of what is seen of the object that the network takes for what stands out of
+            an open one.
     """
 
     picture: tuple[int, int]
@@ -66,11 +71,13 @@ class Found:
     front_given: bool = False
     depth_hold: float = 0.0
     doubt: float = 0.0
+    scale: float = 1.0
+    opened: float = 0.0
 
     @property
     def depth_from(self) -> str:
         """observed; inferred where a side is seen that does not tell how deep it is; assumed."""
-        if self.front_given or self.side_share < SEEN_SHARE:
+        if self.side_share < SEEN_SHARE:
             return "assumed"
         return "observed" if self.depth_hold >= HELD else "inferred"
 
@@ -85,8 +92,11 @@ def check_near(photo: Photo, corners: Sequence[float]) -> None:
             raise ConfigError(f"a corner lies at {value:.4g}, far from the photo ({where})")
 
 
-def find_object(photo: Photo, options: PhotoOptions) -> Found:
+def find_object(photo: Photo, options: PhotoOptions, looks: Looks | None = None) -> Found:
     """Box, front and what is on it; `options` in pixels of the file are scaled here.
+
+    Args:
+        looks: what the photo looks like: what it may be decides which panels are likely.
 
     Raises:
         ConfigError: corners of the front that lie far from the photo.
@@ -94,9 +104,18 @@ def find_object(photo: Photo, options: PhotoOptions) -> Found:
     if options.hints is not None and options.hints.photo_front:
         check_near(photo, options.hints.photo_front)
         return found_in_hints(photo, options.hints)
-    if options.front is not None:
-        check_near(photo, [v for corner in options.front for v in corner])
-        return _from_front(photo, options)
+    kinds = front_kinds(things_of(looks, options.category, options.things))
+    if options.front is None:
+        return _in_box(photo, options, kinds)
+    check_near(photo, [v for corner in options.front for v in corner])
+    found = _in_box(photo, options, kinds)
+    apart = np.abs(found.quad / photo.scale - np.array(options.front)).max()
+    if apart <= WHOLE:  # what was found is confirmed
+        return replace(found, front_given=True, doubt=0.0)
+    return _from_front(photo, options, kinds)
+
+
+def _in_box(photo: Photo, options: PhotoOptions, kinds: Mapping[str, float]) -> Found:
     told = told_mask(photo, options.mask)
     window = _window(photo, options, told)
     maps = look_at_photo(cut(photo.small, window))
@@ -104,7 +123,8 @@ def find_object(photo: Photo, options: PhotoOptions) -> Found:
     cuboid = fit_cuboid(evidence)
     quad = cuboid.quad("front")
     w, d, h = cuboid.extents
-    reading = read_front(rectify(photo, quad, w / h), options.layout, options.category)
+    image = rectify(photo, quad, w / h)
+    reading = read_front(image, options.layout, options.category, kinds)
     others = [(f, cuboid.quad(f)) for f in cuboid.visible if f not in ("front", "bottom")]
     return Found(
         photo.size, quad, (w, d, h), reading, cuboid.cost, side_share(cuboid, "front"),
@@ -112,7 +132,8 @@ def find_object(photo: Photo, options: PhotoOptions) -> Found:
         tuple((f, q) for f, q in others if _thickness(q) > THIN * max(photo.size)),
         legs_below(photo, told, quad),
         depth_hold=hold_of_length(evidence, cuboid, 2),
-        doubt=doubt_of(maps, quad),
+        doubt=doubt_of(maps, quad), scale=photo.scale,
+        opened=float(maps.seen[SEEN.index("opened")].sum() / max((1 - maps.seen[0]).sum(), 1e-9)),
     )  # fmt: skip
 
 
@@ -239,13 +260,13 @@ def legs_below(photo: Photo, told: Array | None, quad: Array) -> float:
     return legs if legs > LEAST_LEGS and slender else 0.0
 
 
-def _from_front(photo: Photo, options: PhotoOptions) -> Found:
+def _from_front(photo: Photo, options: PhotoOptions, kinds: Mapping[str, float]) -> Found:
     quad = np.array(options.front) * photo.scale
     ratio = aspect_of_quad(quad, photo.size)
     if options.width and options.height:
         ratio = options.width / options.height
     image = rectify(photo, quad, ratio)
-    reading = read_front(image, options.layout, options.category)
+    reading = read_front(image, options.layout, options.category, kinds)
     return Found(
         photo.size, quad, (ratio, 0.6, 1.0), reading, 0.0, 0.0, [quad], front_given=True
     )  # fmt: skip

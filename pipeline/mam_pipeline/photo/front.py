@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import cv2
 import numpy as np
@@ -11,13 +13,14 @@ from numpy.typing import NDArray
 from mam_pipeline.photo.complete import complete, round_door, virtual_grasp
 from mam_pipeline.photo.front_network import FrontMaps, look_at_front
 from mam_pipeline.photo.handles import HALF, Blob, handles_seen
-from mam_pipeline.photo.layout import cells_of_layout
+from mam_pipeline.photo.layout import arranged, cells_of_layout, kinds_of
 from mam_pipeline.photo.options import Layout
 from mam_pipeline.photo.panel import Panel
 from mam_pipeline.photo.repeat import handles_by_repetition
-from mam_pipeline.photo.tiling import Tile, best_tiling, seams_of
+from mam_pipeline.photo.tiling import SeamMaps, Tile, best_tiling, seams_of
 
 NARROW = 0.08  # of the front's longer side: no shelf is narrower
+WIDE = 0.5  # of the narrowest panel: where nothing was read a panel may be that narrow
 HINGES = ("left", "right", "bottom", "top")
 
 
@@ -25,13 +28,15 @@ HINGES = ("left", "right", "bottom", "top")
 class FrontReading:
     """A rectified front (h, w, 3) and what was read on it.
 
-    `missed`: the greatest probability of a handle that no panel holds.
+    `missed`: the greatest probability of a handle where a panel might be and none was read.
+    `kinds`: the odds of kinds of panels that it was read with.
     """
 
     image: NDArray[np.uint8]
     panels: tuple[Panel, ...]
     confidence: float = 0.0
     missed: float = 0.0
+    kinds: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def movable(self) -> tuple[Panel, ...]:
@@ -40,31 +45,68 @@ class FrontReading:
 
 
 def read_front(
-    image: NDArray[np.uint8], layout: Layout | None = None, category: str | None = None
+    image: NDArray[np.uint8],
+    layout: Layout | None = None,
+    category: str | None = None,
+    kinds: Mapping[str, float] | None = None,
 ) -> FrontReading:
-    """Find panels and handles on a rectified front picture (h, w, 3)."""
+    """Find panels and handles on a rectified front picture (h, w, 3).
+
+    Args:
+        layout: what a person says is on it. Where as many panels are read in its rows and columns,
+            they stay where they are, and only what is said otherwise changes; else it is cut anew.
+        category: of the object, where a person says it. kinds: odds of KINDS for such an object.
+    """
     maps = look_at_front(image)
     seams, blobs = seams_of(maps), handles_seen(maps)
-    if layout is not None:
+    read = _read(image, maps, seams, blobs, None if layout else category, kinds or {})
+    if layout is None:
+        return read
+    panels = _renamed(read.panels, layout, maps)
+    if not panels:
         cells = cells_of_layout(seams, blobs, layout)
         repeated = handles_by_repetition([box for _, box in cells], blobs)
-        given = [
+        panels = [
             _given_panel(kind, box, blobs, maps, repeated.get(k))
             for k, (kind, box) in enumerate(cells)
         ]
-        done = tuple(with_own_handles(p) for p in complete(given, blobs))
-        return FrontReading(image, done, 1.0)
+        panels = [with_own_handles(p) for p in complete(panels, blobs)]
+    return FrontReading(image, tuple(panels), 1.0, kinds=kinds or {})
+
+
+def _read(
+    image: NDArray[np.uint8], maps: FrontMaps, seams: SeamMaps, blobs: list[Blob],
+    category: str | None, kinds: Mapping[str, float],
+) -> FrontReading:  # fmt: skip
+    """What the maps of a front say by themselves."""
     tiles = best_tiling(maps, seams)
     shut = [tile for tile in tiles if tile.panel]
     repeated = handles_by_repetition([tile.box for tile in shut], blobs)
-    panels = [panel_of(tile, blobs, maps, repeated.get(k)) for k, tile in enumerate(shut)]
+    panels = [panel_of(tile, blobs, maps, repeated.get(k), kinds) for k, tile in enumerate(shut)]
     panels += [_shelf(t) for t in tiles if not t.panel and looks_open(image, t.box)]
     panels.sort(key=lambda p: (round(p.box[1] / 20), p.box[0]))
     panels = complete(panels, blobs)
     panels = [with_own_handles(p) for p in _with_round_door(image, panels, category)]
-    loose = [b.score for b in blobs if not any(_within([b], p.box) for p in panels)]
-    missed = max(loose, default=0.0)
-    return FrontReading(image, tuple(panels), panels_confidence(panels), missed)
+    missed = _missed(panels, [tile.box for tile in tiles if not tile.panel], blobs)
+    return FrontReading(image, tuple(panels), panels_confidence(panels), missed, kinds)
+
+
+def _missed(
+    panels: Sequence[Panel], free: Sequence[tuple[float, float, float, float]], blobs: list[Blob]
+) -> float:
+    """The greatest probability of a handle in what is free and as wide as the narrowest panel.
+
+    What lies on a frame beside a panel is a hinge, a lock or a screw.
+    """
+    narrow = min((_narrow(p.box) for p in panels if p.movable), default=0.0)
+    wide = [box for box in free if _narrow(box) > WIDE * narrow]
+    inside = [b for box in wide for b in _within(blobs, box)]
+    loose = [b.score for b in inside if not any(_within([b], p.box) for p in panels if p.movable)]
+    return max(loose, default=0.0)
+
+
+def _narrow(box: tuple[float, float, float, float]) -> float:
+    return min(box[2] - box[0], box[3] - box[1])
 
 
 def with_own_handles(panel: Panel, rim: float = 0.015) -> Panel:
@@ -87,22 +129,52 @@ def with_own_handles(panel: Panel, rim: float = 0.015) -> Panel:
 
 
 def _given_panel(
-    kind: str,
+    name: str,
     box: tuple[int, int, int, int],
     blobs: list[Blob],
     maps: FrontMaps,
     repeated: Blob | None = None,
 ) -> Panel:
-    """A panel that the user named: only its handle and hinge are to be found."""
-    x0, _, x1, _ = box
+    """A panel that the user named (kind, or kind-hinge): what is not said is to be found."""
     handles = _choose_handles(_likely(_within(blobs, box), repeated), box)
-    side = None
-    if kind == "door":
-        side = max(HINGES, key=lambda s: maps.kind_shares(box)[f"door {s}"])
-        if handles and side in ("left", "right"):
-            side = "left" if handles[0].center[0] > (x0 + x1) / 2 else "right"
     rect = tuple(float(v) for v in box)
-    return Panel(rect, kind, side, handles, 0.95, 1.0, "user")  # type: ignore[arg-type]
+    return _named(Panel(rect, "", None, handles, 0.95, 1.0), name, maps)  # type: ignore[arg-type]
+
+
+def _renamed(panels: Sequence[Panel], layout: Layout, maps: FrontMaps) -> list[Panel]:
+    """The panels as read, called as a layout says; none where it has others or in other places."""
+    columns, named = arranged([p.box for p in panels]), [kinds_of(c) for c in layout.columns]
+    if [list(map(len, rows)) for rows in columns] != [list(map(len, rows)) for rows in named]:
+        return []
+    out = list(panels)
+    for rows, names in zip(columns, named, strict=True):
+        for i, name in zip(chain(*rows), chain(*names), strict=True):
+            out[i] = virtual_grasp(_named(panels[i], name, maps))
+    return out
+
+
+def _named(panel: Panel, name: str, maps: FrontMaps) -> Panel:
+    """A panel of which a person says the kind, and of a door perhaps the hinge.
+
+    The rest stays as read where the kind does; a hinge that nobody says is no person's.
+    """
+    kind, _, side = name.partition("-")
+    if kind != panel.kind:
+        seen = tuple(b for b in panel.handles if b.provenance != "assumed")
+        panel = replace(panel, kind=kind, hinge_side=None, handles=seen if kind != "open" else ())
+    if kind != "door":
+        return replace(panel, kind_confidence=1.0, provenance="user")
+    if not side and panel.hinge_side is None:
+        shares = maps.kind_shares(panel.box)
+        found = max(HINGES, key=lambda s: shares[f"door {s}"])
+        if panel.handles and found in ("left", "right"):
+            middle = (panel.box[0] + panel.box[2]) / 2
+            found = "left" if panel.handles[0].center[0] > middle else "right"
+        panel = replace(panel, hinge_side=found)
+    if side and side != panel.hinge_side:  # a grasp line that was assumed lies across the hinge
+        seen = tuple(b for b in panel.handles if b.provenance != "assumed")
+        panel = replace(panel, hinge_side=side, handles=seen)
+    return replace(panel, kind_confidence=1.0, provenance="user" if side else "observed")
 
 
 def _with_round_door(
@@ -122,14 +194,23 @@ def _with_round_door(
     return [virtual_grasp(door)]
 
 
-def panel_of(tile: Tile, blobs: list[Blob], maps: FrontMaps, repeated: Blob | None = None) -> Panel:
+def panel_of(
+    tile: Tile,
+    blobs: list[Blob],
+    maps: FrontMaps,
+    repeated: Blob | None = None,
+    kinds: Mapping[str, float] | None = None,
+) -> Panel:
     """Turn a tile into a panel with its best handle(s), kind and hinge.
 
     Args:
         repeated: the handle that like panels show too, if any; it goes before all others.
+        kinds: odds of KINDS for such an object.
     """
     handles = _choose_handles(_likely(_within(blobs, tile.box), repeated), tile.box)
     shares = maps.kind_shares(tile.box)
+    weighed = {k: v * (kinds or {}).get(k, 1.0) for k, v in shares.items()}
+    shares = {k: v / sum(weighed.values()) for k, v in weighed.items()}
     best = max(shares, key=lambda k: shares[k])
     kind, _, side = best.partition(" ")
     sure = sum(v for k, v in shares.items() if k.startswith(kind))

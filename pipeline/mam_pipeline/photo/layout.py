@@ -15,6 +15,7 @@ from mam_pipeline.photo.tiling import SeamMaps
 Array = NDArray[np.float64]
 Cell = tuple[str, tuple[int, int, int, int]]
 Placed = tuple[str, Sequence[float] | Array]  # kind, rectangle
+Numbered = tuple[int, Sequence[float] | Array]
 OVERLAP = 0.3  # of a panel: so far may two rows or columns run into each other
 MARGIN = 0.3  # the outermost panels begin within this share of the front
 
@@ -35,12 +36,18 @@ def cells_of_layout(seams: SeamMaps, blobs: list[Blob], layout: Layout) -> list[
     return [(k, (max(a, 0), max(c, 0), min(b, w), min(d, h))) for k, (a, c, b, d) in out]
 
 
+def kinds_of(rows: Rows) -> list[list[str]]:
+    """The kind of every cell, row by row."""
+    return [[kind for kind, n in row for _ in range(n)] for row in rows]
+
+
 def _cells_of_rows(
     horizontal: Array, vertical: Array, knobs: list[tuple[float, float]], rows: Rows
 ) -> list[Cell]:
     """The cells of rows in a window of the front, given the lines and handles in it."""
-    kinds = [[kind for kind, n in row for _ in range(n)] for row in rows]
-    tall = np.array([1.6 if "door" in r and "drawer" not in r else 1.0 for r in kinds])
+    kinds = kinds_of(rows)
+    doors = [any(k.startswith("door") for k in r) and "drawer" not in r for r in kinds]
+    tall = np.where(doors, 1.6, 1.0)
     ys = split(_profile(horizontal, 1), tall, [y for _, y in knobs])
     out: list[Cell] = []
     for row, y0, y1 in zip(kinds, ys[:-1], ys[1:]):
@@ -94,27 +101,38 @@ def split(support: Array, shares: Array, marks: list[float]) -> list[int]:
     return [int(grid[i]) for i in reversed(path)]
 
 
+def arranged(rectangles: Sequence[Sequence[float] | Array]) -> list[list[list[int]]]:
+    """Numbers of rectangles (x0, y0, x1, y1) by column from the left, row from above, and place.
+
+    Empty where they lie neither in rows nor in columns of rows.
+    """
+    numbered = list(enumerate(rectangles))
+    rows = _rows(numbered)
+    if rows or not numbered:
+        return [rows] if rows else []
+    columns = [_rows(column) for column in _apart(numbered, 0)]
+    return columns if len(columns) > 1 and all(columns) else []
+
+
 def layout_text(panels: Sequence[Placed]) -> str:
     """Kinds and rectangles (u0, v0, u1, v1; 0..1 of the front) as `--layout` takes them.
 
     Empty where the panels lie neither in rows nor in columns of rows.
     """
-    rows = _rows_text(panels)
-    if rows or not panels:
-        return rows
-    columns = [_rows_text(column) for column in _apart(panels, 0)]
-    return " | ".join(columns) if len(columns) > 1 and all(columns) else ""
+    columns = arranged([rectangle for _, rectangle in panels])
+    kinds = [[[panels[i][0] for i in row] for row in rows] for rows in columns]
+    return " | ".join(map(_rows_text, kinds))
 
 
-def _apart(panels: Sequence[Placed], axis: int) -> list[list[Placed]]:
+def _apart(numbered: Sequence[Numbered], axis: int) -> list[list[Numbered]]:
     """Panels in groups between which a straight line leads all along the front.
 
     Args:
         axis: 0 for groups from the left, 1 for groups from above.
     """
-    out: list[list[Placed]] = []
+    out: list[list[Numbered]] = []
     reach = -np.inf
-    for panel in sorted(panels, key=lambda p: p[1][axis] + p[1][axis + 2]):
+    for panel in sorted(numbered, key=lambda p: p[1][axis] + p[1][axis + 2]):
         low, high = panel[1][axis], panel[1][axis + 2]
         if low > reach - OVERLAP * (high - low):
             out.append([])
@@ -123,22 +141,26 @@ def _apart(panels: Sequence[Placed], axis: int) -> list[list[Placed]]:
     return out
 
 
-def _rows_text(panels: Sequence[Placed]) -> str:
-    """Rows of panels side by side as "2 drawers / 2 doors"; empty where they do not lie so."""
-    rows = _apart(panels, 1)
-    said = []
-    for row in rows:
-        if len(_apart(row, 0)) != len(row):
-            return ""
-        kinds = [kind for kind, _ in sorted(row, key=lambda p: p[1][0])]
-        cells = []
-        for kind, run in groupby(kinds):
-            n = len(list(run))
-            many = "s" if n > 1 and kind in ("drawer", "door") else ""
-            cells.append(kind if n == 1 else f"{n} {kind}{many}")
-        said.append(", ".join(cells))
+def _rows(numbered: Sequence[Numbered]) -> list[list[int]]:
+    """Numbers of the panels of each row, from the left; empty where they lie in no rows."""
+    rows = _apart(numbered, 1)
+    if any(len(_apart(row, 0)) != len(row) for row in rows):
+        return []
+    return [[i for i, _ in sorted(row, key=lambda p: p[1][0])] for row in rows]
+
+
+def _rows_text(rows: Sequence[Sequence[str]]) -> str:
+    """Rows of kinds as "2 drawers / 2 doors"."""
+    said = [", ".join(_counted(k, len(list(run))) for k, run in groupby(row)) for row in rows]
     if len(said) > 1 and set(said) == {"drawer"}:
         return f"{len(said)} drawers"
-    if len(rows) == 1 and len(rows[0]) > 1 and "," not in said[0]:
-        said = [", ".join([rows[0][0][0]] * len(rows[0]))]  # "3 drawers" alone would be a stack
+    if len(rows) == 1 and len(set(rows[0])) == 1:
+        return ", ".join(rows[0])  # "3 drawers" alone would be a stack
     return " / ".join(said)
+
+
+def _counted(kind: str, count: int) -> str:
+    """door-left, 2 -> 2 doors-left."""
+    name, dash, side = kind.partition("-")
+    many = "s" if name in ("drawer", "door") else ""
+    return kind if count == 1 else f"{count} {name}{many}{dash}{side}"

@@ -23,6 +23,7 @@ TEXTURE_SIDE = 1024
 USUAL = {
     "nightstand": ((0.55, 0.15), (0.47, 0.20), (0.40, 0.15)),
     "drawer_unit": ((0.95, 0.25), (0.75, 0.35), (0.45, 0.15)),
+    "file_cabinet": ((1.00, 0.25), (0.43, 0.15), (0.58, 0.12)),
     "cabinet": ((0.85, 0.20), (0.85, 0.30), (0.42, 0.20)),
     "sideboard": ((0.78, 0.15), (1.45, 0.20), (0.42, 0.12)),
     "wardrobe": ((1.95, 0.10), (1.10, 0.40), (0.58, 0.10)),
@@ -156,7 +157,7 @@ def _fits_panels(category: str, kinds: Sequence[str]) -> float:
     drawers, doors = kinds.count("drawer"), kinds.count("door")
     if category == "nightstand":
         return 1.0 if drawers + doors <= 3 else 0.1
-    if category == "drawer_unit":
+    if category in ("drawer_unit", "file_cabinet"):
         return 1.0 if drawers >= 3 and doors == 0 else 0.3
     if category in ("cabinet", "sideboard"):
         return 1.0 if doors or drawers < 3 else 0.5

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,11 +17,17 @@ from mam_pipeline.hints import Hints, load_hints
 from mam_pipeline.lengths import metres
 
 CATEGORY_NAMES = (
-    "nightstand", "drawer_unit", "cabinet", "sideboard", "wardrobe", "bookcase", "desk", "safe",
-    "fridge", "microwave", "oven", "dishwasher", "washing_machine",
+    "nightstand", "drawer_unit", "file_cabinet", "cabinet", "sideboard", "wardrobe", "bookcase",
+    "desk", "safe", "fridge", "microwave", "oven", "dishwasher", "washing_machine",
 )  # fmt: skip
 Rows = tuple[tuple[tuple[str, int], ...], ...]
-"""Rows from the top; each a tuple of (kind, count) from the left."""
+"""Rows from the top; each a tuple of (kind, count) from the left; a door's hinge after a dash."""
+CELL = re.compile(
+    r"\s*(?:(\d+)\s*[x×]\s*)?(\d+)?\s*"
+    r"(drawer|door|open|shelf|fixed|control panel|control)(?:s|es)?"
+    r"(?:-(left|right|top|bottom))?\s*"
+)
+FIXED = ("fixed", "control panel", "control")
 
 
 @dataclass(frozen=True)
@@ -51,7 +57,8 @@ class PhotoConfig:
     """Corners of the front, pixels, x y each: top left, top right, bottom right, bottom left."""
     layout: str | None = None
     """What the front holds, row by row: "3 drawers", "2x3 drawers", "2 drawers / 2 doors"; columns
-    of rows with |, as in "door | 4 drawers"."""
+    of rows with |, as in "door | 4 drawers". "door-left" has its hinge on the left; "control panel"
+    does not move."""
     width: Length | None = None
     """Width of the object: 55cm, 22in; a bare number is metres."""
     depth: Length | None = None
@@ -77,6 +84,8 @@ class PhotoOptions:
         layout: what the front holds.
         height, width, depth: metres of the whole object; any one fixes the scale.
         hints: an annotated hints file (with `photo_front`): nothing is searched for then.
+        things: kind of object (evidence/kinds.yaml) that the user or the file's name says, to how
+            far that is believed.
     """
 
     bbox: tuple[float, float, float, float] | None = None
@@ -89,6 +98,7 @@ class PhotoOptions:
     category: str | None = None
     accept_low_confidence: bool = False
     hints: Hints | None = None
+    things: Mapping[str, float] = field(default_factory=dict)
 
 
 def parse_options(options: Mapping[str, Any]) -> PhotoOptions:
@@ -143,6 +153,8 @@ def _parse(key: str, value: Any) -> Any:
         return name
     if key == "accept_low_confidence":
         return bool(value)
+    if key == "things":
+        return dict(value)
     if key == "hints":
         return value if isinstance(value, Hints) else load_hints(value)
     try:
@@ -174,17 +186,15 @@ def _rows(text: str, column: str) -> Rows:
         cells: list[tuple[str, int]] = []
         grid = 1
         for item in re.split(r"[,+]", piece):
-            match = re.fullmatch(
-                r"\s*(?:(\d+)\s*[x×]\s*)?(\d+)?\s*(drawer|door|open|shelf|fixed)(?:s|es)?\s*", item
-            )
-            if not match:
+            match = CELL.fullmatch(item)
+            if not match or (match[4] and match[3] != "door"):
                 raise ConfigError(
                     f"layout {text!r}: {item.strip()!r} is not understood; write for example "
-                    '"3 drawers", "2x3 drawers" or "2 drawers / 2 doors"'
+                    '"3 drawers", "2x3 drawers", "2 drawers / 2 doors", "door-left, control panel"'
                 )
             grid = max(grid, int(match[1] or 1))
-            kind = {"shelf": "open"}.get(match[3], match[3])
-            cells.append((kind, int(match[2] or 1)))
+            kind = "fixed" if match[3] in FIXED else {"shelf": "open"}.get(match[3], match[3])
+            cells.append((f"{kind}-{match[4]}" if match[4] else kind, int(match[2] or 1)))
         if len(pieces) == 1 and len(cells) == 1 and grid == 1 and cells[0][0] == "drawer":
             rows += [(("drawer", 1),)] * cells[0][1]  # a lone "3 drawers" is a stack
         else:

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.backends import Availability, Reconstruction
-from mam_pipeline.errors import HintNeeded, NotThisKind
+from mam_pipeline.errors import NotThisKind
 from mam_pipeline.photo.build import BodySpec, CellSpec, HandleSpec, build_object
 from mam_pipeline.photo.category import Looks
+from mam_pipeline.photo.confidence import panel_probability
 from mam_pipeline.photo.find import Found, find_object
 from mam_pipeline.photo.front import FrontReading
 from mam_pipeline.photo.image import Photo, read_photo
@@ -25,18 +26,18 @@ from mam_pipeline.photo.measure import (
     TEXTURE_SIDE,
     Sizes,
     jpeg,
-    rectify,
     settle_sizes,
 )  # fmt: skip
 from mam_pipeline.photo.options import PhotoOptions, parse_options
 from mam_pipeline.photo.overlay import draw_front, draw_overlay
 from mam_pipeline.photo.panel import Panel
+from mam_pipeline.photo.texture import color_of, without, without_background
 from mam_pipeline.photo.verdict import (
     Judgement,
     judge,
     seen_as,
+    stop_if_no_box,
     stop_if_out_of_scope,
-    stop_if_unsure,
 )  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -66,8 +67,6 @@ class EmbeddedReconstructor:
         Raises:
             InputError: the file is no usable picture.
             ConfigError: an option cannot be used.
-            HintNeeded: confidence is low and `accept_low_confidence` is not set; carries
-                `pictures` (overlay, front) for the caller to save.
             NotThisKind: the photo shows another kind of thing, or nothing in it looks like a
                 closed box; carries `pictures` where a box was tried.
         """
@@ -102,8 +101,9 @@ def reconstruct_photo(
     }  # fmt: skip
     pictures["a_photo"] = photo.small
     return Reconstruction(
-        mesh, hints, judged.words, summarise(found.reading, sizes), assumed, pictures, details
-    )
+        mesh, hints, judged.words, summarise(found.reading, sizes), assumed, pictures, details,
+        judged.doubt,
+    )  # fmt: skip
 
 
 def read_object(
@@ -112,20 +112,20 @@ def read_object(
     """What is on a photo, how sure that is, and pictures of it: overlay and front.
 
     Raises:
-        HintNeeded, NotThisKind: see `EmbeddedReconstructor.reconstruct`.
+        NotThisKind: see `EmbeddedReconstructor.reconstruct`.
     """
     cv2.setNumThreads(1)
     looks = seen_as(photo, options)
     stop_if_out_of_scope(looks, options, name)
-    found = find_object(photo, options)
+    found = find_object(photo, options, looks)
     judged = judge(found, options, looks)
     pictures = {
         "overlay": draw_overlay(photo, found.faces, found.quad, found.reading),
         "front": draw_front(found.reading),
     }
     try:
-        stop_if_unsure(found, judged, options, name, photo.scale)
-    except (HintNeeded, NotThisKind) as error:
+        stop_if_no_box(found, options, name)
+    except NotThisKind as error:
         error.pictures = dict(pictures)
         raise
     return found, judged, pictures
@@ -174,21 +174,33 @@ def body_of(photo: Photo, found: Found, sizes: Sizes) -> BodySpec:
             return b[0] * kx, (h - b[3]) * ky, b[2] * kx, (h - b[1]) * ky
 
         handles = tuple(
-            HandleSpec(metric(x.box), x.provenance != "assumed", x.provenance)
+            HandleSpec(
+                metric(x.box), x.provenance != "assumed", x.provenance,
+                color_of(reading.image, x.box),
+            )
             for x in panel.handles
-        )
+        )  # fmt: skip
         cells.append(
             CellSpec(
                 f"{panel.kind}_{n}", panel.kind, metric(panel.box), panel.hinge_side, handles,
-                panel.confidence * panel.kind_confidence, panel.provenance,
+                panel_probability(panel), panel.provenance,
             )
         )  # fmt: skip
-    textures = [("front", jpeg(rectify(photo, found.quad, w / h, TEXTURE_SIDE)))]
+    others = {face for face, _ in found.other_faces}
+    front = without_background(photo, found.quad, w / h, TEXTURE_SIDE, others)
+    modelled = [
+        (b.box[0] / w, b.box[1] / h, b.box[2] / w, b.box[3] / h)
+        for p in reading.panels for b in p.handles if b.provenance != "assumed"
+    ]  # fmt: skip
+    textures = [("front", jpeg(without(front, modelled)))]
     for face, quad in found.other_faces:
         ratio = (
             sizes.depth / sizes.height if face in ("left", "right") else sizes.width / sizes.depth
         )
-        textures.append((face, jpeg(rectify(photo, quad, ratio, TEXTURE_SIDE // 2))))
+        joined = {{"left": "right", "right": "left", "top": "bottom"}[face], *others - {face}}
+        textures.append(
+            (face, jpeg(without_background(photo, quad, ratio, TEXTURE_SIDE // 2, joined)))
+        )
     have = {f for f, _ in textures}
     for face, twin in (("left", "right"), ("right", "left")):
         if face not in have and twin in have:  # the hidden side is assumed to mirror the seen one

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mam_pipeline.errors import HintNeeded, NotThisKind
+from mam_pipeline.doubt import Doubt, annotate_line
+from mam_pipeline.errors import NotThisKind
+from mam_pipeline.evidence.kinds import kinds
 from mam_pipeline.photo import confidence
 from mam_pipeline.photo.agreement import agreement
 from mam_pipeline.photo.box_network import look_at_photo
-from mam_pipeline.photo.category import LIKELY, Looks, look
+from mam_pipeline.photo.category import LIKELY, Looks, look, things_of
 from mam_pipeline.photo.find import Found, around, cut, doubt_of
 from mam_pipeline.photo.front import FrontReading
 from mam_pipeline.photo.image import Photo
@@ -26,15 +27,23 @@ BORDER = 0.01  # of the picture's side: nearer to its edge an object is cut off 
 TALL = 0.85  # width over height of the doors of a room is less
 APPLIANCES = ("refrigerator", "microwave", "oven", "dishwasher", "washing machine", "safe")
 NO_BOX = 0.3  # of the front's side: where its corners are more doubtful, there is no box
-ORDER = ("low", "medium", "high")
+ORDER = ("low", "medium", "high", "given")
+CLEARLY = 0.6  # probability from which a kind of object is taken for known
+OPENED = 0.05  # of what is seen of the object: from then on a panel seems to stand open
+OTHER_FACE = 0.25  # of what is seen of the box beside the front: it may be another face
+CONTROLS = ("microwave", "oven", "dishwasher", "washing_machine", "fridge")
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """Confidence words for cuboid, panels, handles, scale, and what the photo looks like."""
+    """Confidence words for cuboid, panels, handles, scale, and what the photo looks like.
+
+    `doubt`: why nobody should rely on it as it is; None where one can.
+    """
 
     words: Mapping[str, str]
     looks: Looks | None = None
+    doubt: Doubt | None = None
 
 
 def seen_as(photo: Photo, options: PhotoOptions) -> Looks | None:
@@ -93,18 +102,23 @@ def _a(kind: str) -> str:
 
 
 def judge(found: Found, options: PhotoOptions, looks: Looks | None = None) -> Judgement:
-    """Turn what was found into words; what the user gave is high.
+    """Turn what was found into words.
 
-    Panels are never surer than the box that they lie on.
+    What the user says is `given`, which is no measure of how well it was found. Panels are never
+    surer than the box that they lie on, and handles never surer than the panels.
     """
     words = confidence.words(found, read_again(found, options))
     if found.front_given:
-        words["cuboid"] = "high"
-    if options.layout or options.hints:
-        words["panels"] = "high"
+        words["cuboid"] = "given"
     words["panels"] = min(words["panels"], words["cuboid"], key=ORDER.index)
-    words["scale"] = "high" if options.height or options.width or options.depth else "low"
-    return Judgement(words, looks)
+    if options.layout or options.hints:
+        words["handles"] = min(words["handles"], "medium", key=ORDER.index)
+        words["panels"] = "low" if words["cuboid"] == "low" else "given"
+    if options.hints:
+        words["handles"] = "given"
+    words["handles"] = min(words["handles"], words["panels"], key=ORDER.index)
+    words["scale"] = "given" if options.height or options.width or options.depth else "low"
+    return Judgement(words, looks, doubt_about(found, words, options, looks))
 
 
 def read_again(found: Found, options: PhotoOptions) -> float:
@@ -114,42 +128,78 @@ def read_again(found: Found, options: PhotoOptions) -> float:
     return agreement(found.reading, options.category)
 
 
-def stop_if_unsure(
-    found: Found, judged: Judgement, options: PhotoOptions, path: str, scale: float
-) -> None:
-    """Raise where nothing can be relied on; the message ends with lines that can be typed.
-
-    Args:
-        path: of the photo, as the user wrote it. scale: small pixels per pixel of the file.
-
-    Raises:
-        HintNeeded, NotThisKind: see `EmbeddedReconstructor.reconstruct`.
-    """
-    if options.accept_low_confidence:
-        return
-    looks = judged.looks
-    if found.doubt > NO_BOX:
+def stop_if_no_box(found: Found, options: PhotoOptions, path: str) -> None:
+    """Raise NotThisKind where nothing in the photo looks like a closed box."""
+    if found.doubt > NO_BOX and not options.accept_low_confidence:
         raise NotThisKind(
             f"{path} does not look like a closed, box-like object (the corners of its front are "
             f"uncertain by {found.doubt:.0%} of its side); if it is one, mark its front:\n"
-            f"{_annotate(path)}"
+            f"{annotate_line(path)}"
         )
-    if looks is not None and looks.in_scope < SURE and not (found.front_given or options.layout):
+
+
+def doubt_about(
+    found: Found, words: Mapping[str, str], options: PhotoOptions, looks: Looks | None
+) -> Doubt | None:
+    """Why the reading cannot be relied on as it is; None where it can."""
+    if options.hints is not None:
+        return None
+    of_box = words["cuboid"] == "low" or (not found.front_given and fills_the_picture(found))
+    of_thing = looks is not None and looks.in_scope < SURE
+    unlike = of_thing and not (found.front_given or options.layout)
+    of_room = may_be_a_room_door(found, options, looks)
+    opened = found.opened > OPENED or shows_its_inside(found, options, looks)
+    if unlike:
+        assert looks is not None
         few = [f"{_a(k)} ({p:.2f})" for k, p in list(looks.kinds.items())[:2]]
-        why = f"what {path} shows is uncertain: {' or '.join(few)}"
-    elif may_be_a_room_door(found, options, looks):
-        why = f"{path} may show a door of a room or a passage, which has no box behind it"
+        why = f"what it shows is uncertain: {' or '.join(few)}"
+    elif of_room:
+        why = "it may show a door of a room or a passage, which has no box behind it"
+    elif opened and options.layout is None:
+        why = "a drawer or door seems to stand open: close it, or say what each panel is"
     elif not found.front_given and fills_the_picture(found):
-        why = f"the object in {path} is cut off by the picture's edges on all sides"
-    elif judged.words["cuboid"] == "low":
-        why = f"the box around the object in {path} is uncertain"
+        why = "the object is cut off by the picture's edges on all sides"
+    elif of_box:
+        why = "the box around the object is uncertain"
     elif not found.reading.movable:
-        why = f"no drawer or door was found on the front in {path}"
-    elif judged.words["panels"] == "low":
-        why = f"the panels on the front in {path} are uncertain"
+        why = "no drawer or door was found on its front"
+    elif words["panels"] == "low":
+        why = "the panels on its front are uncertain"
     else:
-        return
-    raise HintNeeded(f"{why}.\n{next_step(found, judged, options, path, scale)}")
+        return None
+    if opened and "open" not in why:
+        why += ", and a drawer or door seems to stand open: close it, or say what each panel is"
+    return _settled_by(found, why, options, looks, of_box, of_thing or of_room)
+
+
+def _settled_by(
+    found: Found, why: str, options: PhotoOptions, looks: Looks | None, box: bool, thing: bool
+) -> Doubt:
+    """The doubt with the options that settle it; `box`, `thing`: whether they are doubted."""
+    text = layout_as_read(found.reading)
+    said, others = {}, {}
+    if box and not found.front_given:
+        said["front"] = _corners(found, found.quad)
+        middle = found.quad[:, 0].mean()
+        for face, quad in found.other_faces:
+            if face in ("left", "right") and found.side_share > OTHER_FACE:
+                side = "left" if quad[:, 0].mean() < middle else "right"
+                words = f"If its front is the face to the {side} of that one"
+                others[words] = {"front": _corners(found, quad)}
+    shares = {} if looks is None else looks.categories()
+    likely = max(shares, key=lambda name: shares[name], default="cabinet")
+    if thing and options.category is None:
+        said["category"] = likely
+    if text and not options.layout:
+        said["layout"] = text
+    controls = (options.category or likely) in CONTROLS
+    notes = ('A control panel is typed as such: "door-left, control panel".',) if controls else ()
+    return Doubt(why, text, said, others, notes)
+
+
+def _corners(found: Found, quad: NDArray[np.float64]) -> str:
+    """Corners in whole pixels of the file, as `--front` takes them."""
+    return ",".join(map(str, (quad / found.scale).round().astype(int).reshape(-1)))
 
 
 def may_be_a_room_door(found: Found, options: PhotoOptions, looks: Looks | None = None) -> bool:
@@ -169,6 +219,19 @@ def may_be_a_room_door(found: Found, options: PhotoOptions, looks: Looks | None 
     return all(p.kind == "door" and p.box[3] - p.box[1] > 0.7 * height for p in panels)
 
 
+def shows_its_inside(found: Found, options: PhotoOptions, looks: Looks | None) -> bool:
+    """Whether more opens than such a thing has: shelves and baskets behind an open door.
+
+    Of things that have doors alone; what may be furniture with drawers has no such number.
+    """
+    known = kinds().objects
+    for thing, p in things_of(looks, options.category, options.things).items():
+        parts = {part.kind: part for part in known[thing].parts}
+        if p > CLEARLY and known[thing].machine and "door" in parts:
+            return len(found.reading.movable) > 2 * parts["door"].most
+    return False
+
+
 def fills_the_picture(found: Found) -> bool:
     """Whether the box touches the picture's edge on all four sides."""
     width, height = found.picture
@@ -178,34 +241,7 @@ def fills_the_picture(found: Found) -> bool:
     return bool((low < edge).all() and high[0] > width - edge and high[1] > height - edge)
 
 
-def next_step(
-    found: Found, judged: Judgement, options: PhotoOptions, path: str, scale: float
-) -> str:
-    """What was read, the line that says so, to be corrected and typed, and the page to click on."""
-    words = ["mam-sim", "make-env", path]
-    text = layout_as_read(found.reading)
-    lines = [f"Read: {text}." if text else "What was read cannot be said in rows or columns."]
-    unsure_box = judged.words["cuboid"] == "low" or fills_the_picture(found)
-    if unsure_box and not found.front_given:
-        corners = (found.quad / scale).round().astype(int).reshape(-1)
-        words += ["--front", ",".join(map(str, corners))]
-    doubted = judged.looks is not None and judged.looks.in_scope < SURE
-    if doubted or may_be_a_room_door(found, options, judged.looks):
-        words += ["--category", "cabinet"]
-    if text and not options.layout:
-        words += ["--layout", text]
-    if text:
-        lines += ["Put this right where it is wrong, and type:", f"  {shlex.join(words)}"]
-    lines += ["Or put it right by clicks:", _annotate(path)]
-    return "\n".join(lines)
-
-
 def layout_as_read(reading: FrontReading) -> str:
     """The layout of a front as `--layout` takes it; empty where it cannot be said so."""
-    height, width = reading.image.shape[:2]
-    size = np.array([width, height] * 2)
-    return layout_text([(p.kind, np.array(p.box) / size) for p in reading.panels])
-
-
-def _annotate(path: str) -> str:
-    return f"  {shlex.join(['mam-sim', 'annotate', path])}"
+    names = [f"{p.kind}-{p.hinge_side}" if p.hinge_side else p.kind for p in reading.panels]
+    return layout_text(list(zip(names, [p.box for p in reading.panels], strict=True)))

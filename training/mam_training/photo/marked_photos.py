@@ -57,7 +57,7 @@ def _marked(
             m.kind,
             OTHER_SIDE.get(m.hinge, m.hinge) if flipped and m.hinge else m.hinge,
             to(m.quad),
-            None if m.handle is None else to(m.handle),
+            tuple(to(handle) for handle in m.handles),
         )
         for m in marks_of(truth)
     ]
