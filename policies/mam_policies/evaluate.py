@@ -159,7 +159,7 @@ def evaluate_lerobot(
     def begin(env: Any) -> Callable[[Any], Any]:
         nonlocal actor
         base = env.unwrapped
-        actor = actor or LeRobotActor(folder, base, mapping_of(base, given and str(given)))
+        actor = actor or LeRobotActor(folder, base, mapping_of(base, str(given) if given else None))
         actor.reset()
         return actor.act
 

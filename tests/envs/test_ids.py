@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -78,7 +79,7 @@ def test_sb3_and_gymnasiums_vectors_take_the_numpy_twin(drawer: Path) -> None:
     name = mam_envs.register(drawer, id="Drawer-v1", control_mode="pd_joint_delta_pos")
     assert name == "mam_envs:Drawer-v1"
     vector = make_vec_env("mam_envs:DrawerNumpy-v1", n_envs=2, env_kwargs={"render_mode": None})
-    assert vector.reset().dtype == np.float32
+    assert np.asarray(vector.reset()).dtype == np.float32
     _, rewards, _, _ = vector.step(np.zeros((2, *(vector.action_space.shape or ())), np.float32))
     assert rewards.shape == (2,) and np.isfinite(rewards).all()
     vector.close()
@@ -93,7 +94,7 @@ def test_of_a_folder_one_is_drawn_for_every_episode(tmp_path: Path) -> None:
     for kind in ("drawer", "door"):
         write_asset(folder / kind, kind)
     mam_envs.register(folder, id="Furniture-v1")
-    made = gym.make("Furniture-v1", reconfiguration_freq=None)  # as ppo.py passes it
+    made: Any = gym.make("Furniture-v1", reconfiguration_freq=None)  # as ppo.py passes it
     seen = set()
     for seed in range(8):
         made.reset(seed=seed)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -80,7 +81,11 @@ def test_a_fault_stops_the_arm_with_what_to_do(
     write_setup(twin, setup)
     wire, path = tmp_path / "wire.jsonl", twin.layout.placement.path
     begins = {"hidden_tag": 0, "dead_motor": 5, "slipped_gripper": 50}
-    changes = {"fault": fault, "wire": str(wire), "fault_step": begins.get(fault, 20)}
+    changes: dict[str, Any] = {
+        "fault": fault,
+        "wire": str(wire),
+        "fault_step": begins.get(fault, 20),
+    }
     if fault == "dead_motor":
         changes["fault_joint"] = "panda_joint4"
     ended = ""

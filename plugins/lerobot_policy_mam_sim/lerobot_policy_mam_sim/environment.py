@@ -102,7 +102,7 @@ class MamSimGym(gym.Env):
     ) -> None:
         settings = task_settings(task)
         choice = EnvChoice((asset,), joint, task, robot, max_steps=max_steps, config=settings)
-        more = {"obs_mode": "rgb+state"} if pictures else {}
+        more: dict[str, Any] = {"obs_mode": "rgb+state"} if pictures else {}
         self.interface = RobotInterface(choice, mapping, **more)
         self._max_episode_steps = max_steps
         self._picture = picture
