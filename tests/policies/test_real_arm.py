@@ -38,7 +38,7 @@ def test_calibrate_perceive_deploy(
     robot.write_text(text)
     assert main(["calibrate", *words]) == 2  # nobody is there to answer
     assert "--yes" in capsys.readouterr().err
-    assert main(["calibrate", *words, "--yes", "--json", "--poses", "10", "--share", "1"]) == 0
+    assert main(["calibrate", *words, "--yes", "--json", "--poses", "16", "--share", "1"]) == 0
     found = json.loads(_last(capsys))
     assert found["residual_px"] < 1.0 and 0.005 < found["camera_moved_m"] < 0.06
     assert main(["perceive", *words, "--json"]) == 0
