@@ -99,7 +99,7 @@ def test_articulate_asks_in_a_folder_and_goes_on_when_answered(
     assert [j["name"] for j in card["joints"]] == ["door_joint"]
     assert card["joints"][0]["subtype"] == "hinge"
     assert (out / "stages" / "2_prior" / "masks.npz").is_file()
-    assert "Kinematic masks" in (out / "report.html").read_text()
+    assert "Kinematic masks" in (out / "report.html").read_text(encoding="utf-8")
 
 
 def _photo(folder: Path) -> Path:

@@ -181,7 +181,7 @@ def test_the_category_is_the_engines_word_for_a_learned_shell(
         height=0.5, what=what, reconstructor="triposr", photo=PhotoConfig(category=category)
     )
     stages = Stages(config.engine, None, StageStore(tmp_path / "stages"))
-    read = _read_photo(_photo(tmp_path), config, stages)
+    read = _read_photo(_photo(tmp_path), config, stages, None)
     assert read.shell
     assert [o.word for o in read.spec.objects] == ([word] if word else [])
 

@@ -128,7 +128,7 @@ def test_a_stuck_joint_is_reported(drawer: Path) -> None:
 
 
 def test_it_refuses_control_modes_without_joint_targets(drawer: Path) -> None:
-    env = mam_envs.make(drawer, control_mode="pd_ee_delta_pose")
+    env = mam_envs.make(drawer, control_mode="pd_joint_vel")
     with pytest.raises(ConfigError, match="pd_joint_pos or pd_joint_delta_pos"):
         Expert(env)
     env.close()
