@@ -56,7 +56,8 @@ def test_a_number_is_only_compared_with_one_of_the_same_measure() -> None:
     assert plain(EnvConfig().randomisation) == {
         "position": 0.02, "yaw": 10.0, "robot_qpos": 0.01, "friction": [1.0, 1.0],
         "damping": [1.0, 1.0], "mass": [1.0, 1.0], "spread": False, "start": None,
-        "light": [1.0, 1.0], "light_colour": 0.0, "light_turn": 0.0, "camera": 0.0, "camera_turn": 0.0, "fov": 0.0,
+        "light": [1.0, 1.0], "light_colour": 0.0,
+        "light_turn": 0.0, "camera": 0.0, "camera_turn": 0.0, "fov": 0.0,
         "colour": 0.0, "scenery": 0.0, "noise": 0.0, "blur": 0.0,
             "backgrounds": 0.0,
     }  # fmt: skip
