@@ -453,7 +453,7 @@ def _save_photo(made: Reconstruction, path: Path) -> None:
     save_mesh(made.mesh, path.with_name("mesh.npz"))
     for label, picture in made.pictures.items():
         Image.fromarray(picture).save(path.with_name(f"{label}.png"))
-    told = {"confidence": dict(made.confidence), "summary": made.summary}
+    told: dict[str, Any] = {"confidence": dict(made.confidence), "summary": made.summary}
     told |= {"assumed": list(made.assumed), "details": dict(made.details)}
     told["doubt"] = None if made.doubt is None else asdict(made.doubt)
     path.with_name("report.json").write_text(json.dumps(told, indent=1, default=str))

@@ -130,6 +130,7 @@ def test_a_doubted_photo_gives_a_draft_that_its_line_confirms(
     import cv2
 
     picture = cv2.imread(str(ROOT / "examples" / "nightstand.jpg"))
+    assert picture is not None
     picture[430:530, 240:480] = picture[410, 360]  # the handle in the middle is hidden
     photo, out = tmp_path / "hidden.png", tmp_path / "twin"
     cv2.imwrite(str(photo), picture)

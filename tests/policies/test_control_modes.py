@@ -30,7 +30,7 @@ def test_actions_lie_in_plus_minus_one_and_repeat_the_episode(
     env = gym.make(
         info["env_id"], max_episode_steps=info["max_episode_steps"], **info["env_kwargs"]
     )
-    space = env.unwrapped.single_action_space
+    space = env.unwrapped.get_wrapper_attr("single_action_space")
     assert (space.low == -1).all() and (space.high == 1).all()
     env.reset(**episode["reset_kwargs"])
     won = [bool(env.step(action)[4]["success"][0]) for action in actions]

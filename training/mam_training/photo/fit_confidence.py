@@ -59,10 +59,10 @@ def collect(config: ConfidenceTraining) -> None:
             painted = paint_photo(np.random.default_rng([config.seed, k]))
             photo = make_photo(painted.picture)
             found = find_object(photo, PhotoOptions())
-            truth = painted.corners[list(FACES["front"])]
+            front = painted.corners[list(FACES["front"])]
             row = {
                 "photo": PAINTED, "view": str(k), "x": {"cuboid": evidence(found)["cuboid"]},
-                "right": {"cuboid": polygon_iou(found.quad / photo.scale, truth) >= SAME},
+                "right": {"cuboid": polygon_iou(found.quad / photo.scale, front) >= SAME},
             }  # fmt: skip
             file.write(json.dumps(row) + "\n")
         sets = ((config.photos, config.truth), (config.hard_photos, config.hard_truth))
