@@ -8,6 +8,7 @@ photos, and keeps beside them how many readings were called so and how many of t
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,12 +22,31 @@ if TYPE_CHECKING:
     from mam_pipeline.photo.find import Found
 
 TOPICS = ("cuboid", "panels", "handles")
-AGAIN = 0.75  # of the panels must be found again where the front is shown differently
-DOUBT = 0.1  # of the front's side: the corners' spread at which the evidence falls to 1/e
-PLACES = (0.15, 0.45)  # agreement of the votes for a panel's place
-BARE = 0.8  # of the evidence is left where no panel shows a handle
-SEEN = 0.35  # score from which a handle counts as seen
 KEPT = Path(__file__).parent / "weights" / "confidence" / "confidence.json"
+
+
+@dataclass(frozen=True)
+class EvidenceRules:
+    """What makes evidence, and what a panel's probability is; chosen on the marked photos.
+
+    Attributes:
+        again: share of the panels that must be found again where the front is shown differently.
+        doubt: the corners' spread, over the front's side, at which the box's evidence is 1/e.
+        seen: score from which a handle counts as seen.
+        bare: share of the evidence that is left where no panel shows a handle.
+        places: agreement of the votes for a panel's place at which hardly any panel is right, and
+            from which nearly all are. shares: the probabilities there.
+    """
+
+    again: float = 0.75
+    doubt: float = 0.1
+    seen: float = 0.35
+    bare: float = 0.8
+    places: tuple[float, float] = (0.15, 0.45)
+    shares: tuple[float, float] = (0.05, 0.98)
+
+
+RULES = EvidenceRules()
 
 
 def evidence(found: Found, agree: float = 1.0) -> dict[str, float]:
@@ -47,27 +67,26 @@ def evidence(found: Found, agree: float = 1.0) -> dict[str, float]:
     ]
     box = box_evidence(found.doubt)
     bare = max(scores, default=0.0) == 0.0
-    witnessed = bool(scores) and (bare or min(scores) > SEEN) and found.reading.missed < HALF
-    if not witnessed or agree < AGAIN:
+    witnessed = bool(scores) and (bare or min(scores) > RULES.seen) and found.reading.missed < HALF
+    if not witnessed or agree < RULES.again:
         return {"cuboid": box, "panels": 0.0, "handles": 0.0}
     seen = box * min(p.confidence * p.kind_confidence for p in panels)
-    sure = BARE if bare else 1.0
+    sure = RULES.bare if bare else 1.0
     return {"cuboid": box, "panels": seen * sure, "handles": seen * (sure if bare else min(scores))}
 
 
 def panel_probability(panel: Panel) -> float:
     """0..1 that a panel is one, and of that kind.
 
-    On marked photos nearly all panels are right whose votes agree by PLACES[1] or more, and none by
-    PLACES[0] or less.
+    The first from how well the votes for its place agree (`EvidenceRules.places`).
     """
-    place = np.interp(panel.confidence, PLACES, (0.05, 0.98))
+    place = np.interp(panel.confidence, RULES.places, RULES.shares)
     return float(place) * panel.kind_confidence
 
 
 def box_evidence(doubt: float) -> float:
     """Evidence 0..1 that a box is right whose front's corners are this uncertain (`Found`)."""
-    return float(np.exp(-doubt / DOUBT))
+    return float(np.exp(-doubt / RULES.doubt))
 
 
 @lru_cache(maxsize=1)

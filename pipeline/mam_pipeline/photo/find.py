@@ -30,7 +30,6 @@ Array = NDArray[np.float64]
 Window = tuple[int, int, int, int]  # x0, y0, x1, y1 in small pixels
 ROOM = 0.08  # of the side of what the user points at: around it more of the photo is looked at
 LEAST_WINDOW = 400  # pixels
-WHOLE = 0.51  # pixels: so far are corners from those found that were printed as whole numbers
 NEAR = 1.0
 """Corners lie at most so many widths or heights of the photo outside it."""
 SEEN_SHARE = 0.06  # of the visible area: a depth seen more obliquely is not seen
@@ -109,8 +108,10 @@ def find_object(photo: Photo, options: PhotoOptions, looks: Looks | None = None)
         return _in_box(photo, options, kinds)
     check_near(photo, [v for corner in options.front for v in corner])
     found = _in_box(photo, options, kinds)
-    apart = np.abs(found.quad / photo.scale - np.array(options.front)).max()
-    if apart <= WHOLE:  # what was found is confirmed
+    printed = np.round(
+        found.quad / photo.scale
+    )  # in whole pixels, as the line that is offered has it
+    if np.array_equal(printed, np.round(options.front)):  # what was found is confirmed
         return replace(found, front_given=True, doubt=0.0)
     return _from_front(photo, options, kinds)
 

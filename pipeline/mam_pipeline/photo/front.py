@@ -20,7 +20,6 @@ from mam_pipeline.photo.repeat import handles_by_repetition
 from mam_pipeline.photo.tiling import SeamMaps, Tile, best_tiling, seams_of
 
 NARROW = 0.08  # of the front's longer side: no shelf is narrower
-WIDE = 0.5  # of the narrowest panel: where nothing was read a panel may be that narrow
 HINGES = ("left", "right", "bottom", "top")
 
 
@@ -92,15 +91,19 @@ def _read(
 
 
 def _missed(
-    panels: Sequence[Panel], free: Sequence[tuple[float, float, float, float]], blobs: list[Blob]
-) -> float:
-    """The greatest probability of a handle in what is free and as wide as the narrowest panel.
+    panels: Sequence[Panel], free: Sequence[tuple[float, float, float, float]], blobs: list[Blob],
+    wide: float = 0.5,
+) -> float:  # fmt: skip
+    """The greatest probability of a handle in what is free and roomy enough for a panel.
 
     What lies on a frame beside a panel is a hinge, a lock or a screw.
+
+    Args:
+        wide: share of the narrowest panel's narrow side from which a place may hold a panel.
     """
     narrow = min((_narrow(p.box) for p in panels if p.movable), default=0.0)
-    wide = [box for box in free if _narrow(box) > WIDE * narrow]
-    inside = [b for box in wide for b in _within(blobs, box)]
+    roomy = [box for box in free if _narrow(box) > wide * narrow]
+    inside = [b for box in roomy for b in _within(blobs, box)]
     loose = [b.score for b in inside if not any(_within([b], p.box) for p in panels if p.movable)]
     return max(loose, default=0.0)
 

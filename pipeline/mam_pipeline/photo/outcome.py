@@ -29,7 +29,6 @@ from mam_pipeline.photo.reconstruct import read_object
 from mam_pipeline.photo.score import handle_hits, match, polygon_iou, rect_quad
 
 Array = NDArray[np.float64]
-SAME_FRONT = 0.9  # IoU from which a person takes the corners of a front for right
 OUTCOMES = ("right", "usable", "wrong", "asked", "refused")
 """right: panels, kinds, hinges and handles; usable: all panels, but for kinds, hinges or handles;
 wrong: something was made that is neither; asked: exit status 3; refused: exit status 4."""
@@ -85,10 +84,13 @@ def outcome_of(photo: Path, truth: Mapping[str, Any], options: Mapping[str, Any]
     return Outcome(photo.name, scope, "asked", said, words, outcome_of(photo, truth, line).outcome)
 
 
-def typed(said: str, truth: Mapping[str, Any]) -> dict[str, Any]:
+def typed(said: str, truth: Mapping[str, Any], same: float = 0.9) -> dict[str, Any]:
     """The options of the line that a message offers, put right by a person who knows the truth.
 
-    A corner that is off, the layout and the category are put right; nothing is added.
+    Corners that are off, the layout and the category are put right; nothing is added.
+
+    Args:
+        same: IoU with the true front from which a person leaves the corners as they are.
     """
     line = next((x for x in said.splitlines() if x.strip().startswith("mam-sim make-env")), "")
     words = shlex.split(line)
@@ -101,7 +103,7 @@ def typed(said: str, truth: Mapping[str, Any]) -> dict[str, Any]:
         printed, true = (
             np.array(v, float).reshape(4, 2) for v in (out["front"].split(","), truth["front"])
         )
-        if polygon_iou(printed, true) < SAME_FRONT:
+        if polygon_iou(printed, true) < same:
             out["front"] = truth["front"]
     if "layout" in out:
         out["layout"] = layout_of(truth)

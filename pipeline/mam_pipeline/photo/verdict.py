@@ -28,10 +28,26 @@ TALL = 0.85  # width over height of the doors of a room is less
 APPLIANCES = ("refrigerator", "microwave", "oven", "dishwasher", "washing machine", "safe")
 NO_BOX = 0.3  # of the front's side: where its corners are more doubtful, there is no box
 ORDER = ("low", "medium", "high", "given")
-CLEARLY = 0.6  # probability from which a kind of object is taken for known
-OPENED = 0.05  # of what is seen of the object: from then on a panel seems to stand open
-OTHER_FACE = 0.25  # of what is seen of the box beside the front: it may be another face
 CONTROLS = ("microwave", "oven", "dishwasher", "washing_machine", "fridge")
+
+
+@dataclass(frozen=True)
+class DoubtRules:
+    """When a person is asked; chosen on the marked photos.
+
+    Attributes:
+        clearly: probability from which a kind of object is taken for known.
+        opened: share of what is seen of the object from which a panel seems to stand open.
+        other_face: share of what is seen of the box beside its front from which the front may be
+            another face.
+    """
+
+    clearly: float = 0.6
+    opened: float = 0.05
+    other_face: float = 0.25
+
+
+RULES = DoubtRules()
 
 
 @dataclass(frozen=True)
@@ -148,7 +164,7 @@ def doubt_about(
     of_thing = looks is not None and looks.in_scope < SURE
     unlike = of_thing and not (found.front_given or options.layout)
     of_room = may_be_a_room_door(found, options, looks)
-    opened = found.opened > OPENED or shows_its_inside(found, options, looks)
+    opened = found.opened > RULES.opened or shows_its_inside(found, options, looks)
     if unlike:
         assert looks is not None
         few = [f"{_a(k)} ({p:.2f})" for k, p in list(looks.kinds.items())[:2]]
@@ -182,7 +198,7 @@ def _settled_by(
         said["front"] = _corners(found, found.quad)
         middle = found.quad[:, 0].mean()
         for face, quad in found.other_faces:
-            if face in ("left", "right") and found.side_share > OTHER_FACE:
+            if face in ("left", "right") and found.side_share > RULES.other_face:
                 side = "left" if quad[:, 0].mean() < middle else "right"
                 words = f"If its front is the face to the {side} of that one"
                 others[words] = {"front": _corners(found, quad)}
@@ -227,7 +243,7 @@ def shows_its_inside(found: Found, options: PhotoOptions, looks: Looks | None) -
     known = kinds().objects
     for thing, p in things_of(looks, options.category, options.things).items():
         parts = {part.kind: part for part in known[thing].parts}
-        if p > CLEARLY and known[thing].machine and "door" in parts:
+        if p > RULES.clearly and known[thing].machine and "door" in parts:
             return len(found.reading.movable) > 2 * parts["door"].most
     return False
 
