@@ -166,9 +166,9 @@ def write_rows(found: Mapping[str, Sequence[Record]], dataset: str, command: str
         measured = engine_table.Measured(tuple(records), models_of(records, dataset), command)
         row: dict[str, Any] = engine_table.row_of(wanted, measured, code_state.head())
         row["paths"] = list(PATHS)
+        row["values"]["s"] = None  # the pieces were there, and nobody waited for an answer
         if by != EMBEDDED:
-            row["values"]["s"] = None  # nobody waited for an answer
-            row["models"]["unseen"] = None  # nor knows what the one who answered had seen
+            row["models"]["unseen"] = None  # nobody knows what the one who answered had seen
         engine_table.put(table, row, wanted.id)
     text = json.dumps(table, indent=1, ensure_ascii=False) + "\n"
     (results_page.RESULTS / f"{engine_table.TABLE}.json").write_text(text, encoding="utf-8")
