@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 from rich.console import Console
@@ -47,6 +50,14 @@ class Screen:
         """A line of result."""
         if not self.quiet:
             self.out.print(masked(text), markup=False)
+
+    def next(self, *words: str) -> None:
+        """The last line of a verb: what to type next.
+
+        Args:
+            words: of the command, after `mam-sim`.
+        """
+        self.say(f"next:   mam-sim {shlex.join(words)}")
 
     def table(self, table: Any) -> None:
         """A table of rich."""
@@ -109,9 +120,12 @@ def counting_bar(screen: Screen, total: int, done: int) -> Iterator[Callable[[st
 
 
 class PhaseBar:
-    """A progress bar over named phases; call it with (phase, share of it that is done, words)."""
+    """A progress bar over named phases; call it with (phase, share of it that is done, words).
 
-    def __init__(self, screen: Screen) -> None:
+    Where standard error is no terminal, the start of a phase is a line, and so is every minute.
+    """
+
+    def __init__(self, screen: Screen, clock: Callable[[], float] = time.monotonic) -> None:
         columns = (TextColumn("{task.description}"), BarColumn(24), TimeElapsedColumn())
         self.progress = Progress(
             *columns,
@@ -122,6 +136,7 @@ class PhaseBar:
             disable=screen.quiet,
         )
         self.tasks: dict[str, Any] = {}
+        self._lines = None if screen.quiet or screen.err.is_terminal else MinuteLines(screen, clock)
 
     def __enter__(self) -> Any:
         self.progress.start()
@@ -134,3 +149,48 @@ class PhaseBar:
         if phase not in self.tasks:
             self.tasks[phase] = self.progress.add_task(phase, total=1.0, words="")
         self.progress.update(self.tasks[phase], completed=share, words=words)
+        if self._lines is not None:
+            self._lines(phase, share, words)
+
+
+@dataclass
+class Mark:
+    """Where a phase stood at some time, seconds of the clock."""
+
+    share: float
+    at: float
+
+
+class MinuteLines:
+    """Progress in lines: one where a phase begins, and one a minute with the time that is left."""
+
+    EVERY = 60.0
+    """Seconds between two lines of a phase."""
+
+    def __init__(self, screen: Screen, clock: Callable[[], float]) -> None:
+        self._screen, self._clock = screen, clock
+        self._began: dict[str, Mark] = {}
+        self._last = 0.0
+
+    def __call__(self, phase: str, share: float, words: str) -> None:
+        """Say how far a phase is, where a minute is over since the last line."""
+        now = self._clock()
+        first = self._began.setdefault(phase, Mark(share, now))
+        begins = first.at == now
+        if not begins and now - self._last < self.EVERY:
+            return
+        self._last = now
+        left = ""
+        if share > first.share and not begins:
+            seconds = (now - first.at) * (1 - share) / (share - first.share)
+            left = f", {duration(seconds)} left"
+        text = f"[{phase} {100 * share:.0f} %{left}] {words}".rstrip()
+        self._screen.err.print(text, markup=False, soft_wrap=True)
+
+
+def duration(seconds: float) -> str:
+    """A time for people: "1 h 20 min", "12 min", "under a minute"."""
+    hours, minutes = divmod(round(seconds / 60), 60)
+    if hours:
+        return f"{hours} h {minutes} min"
+    return f"{minutes} min" if minutes else "under a minute"

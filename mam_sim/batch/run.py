@@ -20,6 +20,7 @@ from mam_pipeline.guarded import Limits
 from mam_sim.batch.inputs import Input
 from mam_sim.batch.record import GUARDED, MADE, Record, Target
 from mam_sim.batch.work import Job, Work, job_key
+from mam_sim.console import duration
 from mam_sim.forkserver import on_this_process, run_all
 
 REFRESH = 60.0
@@ -184,7 +185,5 @@ class Pace:
         """For people: "12.5 a minute, 1 h 20 min left"."""
         if not self.per_minute:
             return ""
-        minutes = self.left / self.per_minute
-        hours, rest = divmod(round(minutes), 60)
-        left = f"{hours} h {rest} min" if hours else f"{rest} min" if rest else "under a minute"
+        left = duration(60.0 * self.left / self.per_minute)
         return f"{self.per_minute:.1f} a minute, {left} left"

@@ -74,7 +74,7 @@ class Articulate(Verb):
         if passed and has("sapien"):
             chosen = carried(self, sections=("pipeline",))
             words = ["make-env", str(self.source), "--out", str(self.out), *chosen]
-        screen.say(f"next:   mam-sim {shlex.join(words)}")
+        screen.next(*words)
         return 0 if passed else 1
 
 

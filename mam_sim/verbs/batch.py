@@ -62,7 +62,7 @@ class Batch(Verb):
         from mam_pipeline.guarded import Limits
         from mam_sim.batch.inputs import find_inputs
         from mam_sim.batch.pages import counts, write_pages
-        from mam_sim.batch.record import Target
+        from mam_sim.batch.record import MADE, Target
         from mam_sim.batch.run import held, plan
         from mam_sim.batch.work import Work
 
@@ -88,7 +88,11 @@ class Batch(Verb):
             screen.say(f"  {status:<16} {count}")
         screen.say(f"manifest: {self.out}/manifest.csv")
         screen.say(f"gallery:  {self.out}/index.html")
-        return 0 if set(found) <= {"passes"} else 1
+        done = set(found) <= {"passes"}
+        if any(record.status in MADE for record in records) and "://" not in str(self.out):
+            made = f"{self.out}/assets"
+            screen.next(*(("view", made, "--html") if done else ("studio", made)))
+        return 0 if done else 1
 
     def _check(self) -> None:
         """Raise ConfigError for what cannot be, before anything is loaded."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_pipeline import config_file, folders
@@ -19,7 +18,7 @@ from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.models.settings import given
 from mam_pipeline.weights import standing_in
 from mam_sim.bench.config import BenchConfig
-from mam_sim.console import Screen
+from mam_sim.console import Screen, counting_bar
 from mam_sim.options import Verb, settings
 
 if TYPE_CHECKING:
@@ -87,14 +86,11 @@ class Bench(Verb):
         if self.out is not None:
             self.out.parent.mkdir(parents=True, exist_ok=True)
         log = None if self.out is None else self.out.with_suffix(".jsonl")
-        columns: Any = (BarColumn(24), MofNCompleteColumn(), TextColumn("{task.description}"))
-        with Progress(*columns, TimeElapsedColumn(), console=screen.err, disable=self.quiet) as bar:
-            line = bar.add_task("", total=len(tasks) * self.bench.seeds)
+        with counting_bar(screen, len(tasks) * self.bench.seeds, 0) as tell:
 
             def done(record: Record, reused: bool) -> None:
                 mark = "kept" if reused else f"{record.seconds:.1f} s"
-                text = f"{record.id} {record.scores.miou:.2f} {mark}"
-                bar.update(line, advance=1, description=text)
+                tell(f"{record.id} {record.scores.miou:.2f}", mark)
 
             return [
                 record

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,7 +65,22 @@ class Check(Verb):
             print_table(report)
         if self.picture is not None and report.picture is not None:
             print(f"picture: {self.picture}", file=sys.stderr)
+        if not self.quiet and (words := self._next(report.passed)):
+            print(f"next: mam-sim {shlex.join(words)}", file=sys.stderr)
         return 0 if report.passed else 1
+
+    def _next(self, passed: bool) -> list[str]:
+        """What to type now: an asset of ours is put right by hand, another file is mended."""
+        ours = (self.asset / "asset.json").is_file()
+        if not passed:
+            profile = [] if self.profile is None else ["--profile", self.profile]
+            out = ["--out", f"{self.asset.stem}-mended"]
+            if ours and self.profile is None:
+                return ["studio", str(self.asset)]
+            return [] if ours else ["mend", str(self.asset), *out, *profile]
+        if self.profile is not None:
+            return []
+        return ["view" if ours else "make-env", str(self.asset)]
 
 
 def print_table(report: CheckReport) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -13,7 +12,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 from mam_envs.config import EnvConfig
 from mam_policies.collection import CollectConfig
 from mam_policies.run import task_settings
-from mam_sim.console import Screen
+from mam_sim.console import PhaseBar, Screen
 from mam_sim.options import Verb, carried, defaults, differing, last_value
 
 
@@ -45,14 +44,6 @@ class Collect(Verb):
 
     def run(self) -> int:
         """Collect; print how many attempts it took and where the data is."""
-        from rich.progress import (
-            BarColumn,
-            MofNCompleteColumn,
-            Progress,
-            TextColumn,
-            TimeElapsedColumn,
-        )
-
         from mam_envs.robots import ROBOTS
         from mam_pipeline.asset.card import Asset
 
@@ -63,14 +54,12 @@ class Collect(Verb):
         screen = Screen(quiet=self.quiet or self.json)
         if draft:
             screen.say(draft)
-        columns: Any = (BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn())
-        text = TextColumn("{task.description}")
-        with Progress(*columns, text, console=screen.err, disable=self.quiet) as bar:
-            line = bar.add_task("starting the environment", total=self.collect.episodes)
+        with PhaseBar(screen) as update:
 
             def show(got: int, wanted: int, words: str) -> None:
-                bar.update(line, completed=got, total=wanted, description=words)
+                update("episodes", got / wanted, f"{got} of {wanted}, {words}")
 
+            update("episodes", 0.0, "starting the environment")
             result = collect(self.asset, self.collect, self.out.absolute(), show, self.env)
         if self.json:
             screen.json(asdict(result))
@@ -80,7 +69,7 @@ class Collect(Verb):
             screen.say(f"  failed {count}x: {reason}")
         screen.say(f"h5:       {result.h5}")
         screen.say(f"lerobot:  {result.dataset}")
-        screen.say(f"next:     mam-sim {shlex.join(self._training())}")
+        screen.next(*self._training())
         return 0
 
     def _training(self) -> list[str]:

@@ -130,6 +130,15 @@ class Evaluate(Verb):
             screen.json(result)
         if self.video:
             screen.say(f"video: {self._film()}")
+        if self.policy is not None and not self.foreign:
+            screen.next(
+                "export",
+                str(self.policy),
+                "--to",
+                "lerobot",
+                "--out",
+                f"{self.policy.name}-lerobot",
+            )
         return 0
 
     def _choice(self) -> tuple[Any, tuple[str, ...]]:

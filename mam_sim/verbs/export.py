@@ -47,6 +47,7 @@ class Export(Verb):
         if self.json:
             screen.json({"folder": self.out, "kind": to, "file": file})
         screen.say(f"{to}: {file}")
+        screen.next("check", str(file), "--profile", "mujoco" if to == "mjcf" else "isaac")
         return 0
 
     def _only_format(self) -> str:

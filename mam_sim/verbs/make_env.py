@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -90,10 +89,10 @@ class MakeEnv(Verb):
             words = ["collect", str(out), "--joint", str(tried["joint"]), "--episodes", "20"]
             words += ["--out", f"{out.name}-demos"]
             words += ["--robot", self.robot] if self.robot != MakeEnv.robot else []
-            screen.say(f"next:   mam-sim {shlex.join([*words, *carried(self)])}")
+            screen.next(*words, *carried(self))
         else:
             screen.say(f"env:    none: {tried['why']}")
-            screen.say(f"next:   mam-sim {shlex.join(['view', str(out)])}")
+            screen.next("view", str(out))
         done = asset.card.checks["executability"]["passed"] and (tried["ok"] or self.asset_ok)
         return 0 if done else 1
 

@@ -108,6 +108,7 @@ def _print(screen: Screen, found: Mended) -> None:
         screen.say(f"  left: {line}")
     if found.urdf:
         screen.say(f"written: {found.urdf}")
+        screen.next("make-env" if found.passed else "check", str(found.urdf))
 
 
 def lines(changes: Sequence[Change]) -> list[str]:

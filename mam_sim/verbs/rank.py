@@ -130,6 +130,7 @@ class Rank(Verb):
         screen.table(totals_table(totals))
         if self.out is not None:
             screen.say(f"page: {self.out / 'index.html'}")
+            screen.say("next: open the page in any browser; every failure says why")
         return status
 
     def _save(

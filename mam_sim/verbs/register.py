@@ -77,4 +77,5 @@ class Register(Verb):
         screen.say(f"assets: {len(fit)}{f', {len(refused)} left out' if refused else ''}")
         screen.say(f"id:     {ids['id']}   (ManiSkill's scripts: --env-id {ids['id']})")
         screen.say(f"numpy:  {ids['numpy']}   (Stable-Baselines3, gymnasium's vectors)")
+        screen.say(f'next:   gymnasium.make("{ids["id"]}")')
         return 0

@@ -116,10 +116,8 @@ class Train(Verb):
         if self.json:
             screen.json(result)
         screen.say(f"run:     {self.out}")
-        if divided:
-            screen.say(f"next:    mam-sim eval {self.out} --held-out --episodes 10")
-        else:
-            screen.say(f"next:    mam-sim eval {self.out} --episodes 100 --video")
+        more = ("--held-out", "--episodes", "10") if divided else ("--episodes", "100", "--video")
+        screen.next("eval", str(self.out), *more)
         return 0
 
     def _assets(self, screen: Screen) -> tuple[tuple[str, ...], dict[str, list[str]]]:

@@ -35,8 +35,9 @@ class View(Verb):
     asset: Positional[Path]
     """Asset folder or URDF; with --html also a folder of assets."""
     out: Path | None = None
-    """Where closed.png, open.png and moving.gif go; default: ASSET/view. With --html: the file;
-    default: ASSET/view.html, or FOLDER/gallery.html."""
+    """Where closed.png, open.png and moving.gif go; default: ASSET/view. With --html: the file,
+    to whose name .html is added where it is missing; default: ASSET/view.html, or
+    FOLDER/gallery.html."""
     html: bool = False
     """Write one self-contained web page instead of pictures."""
     size: Annotated[int, Range(16, 4096)] = 360
@@ -83,19 +84,25 @@ class View(Verb):
             print(f"next: mam-sim check {self.asset}", file=sys.stderr)
         return 0
 
+    def _named(self) -> Path | None:
+        """The page that --out names; a browser opens what ends in .html."""
+        if self.out is None or self.out.suffix.lower() in (".html", ".htm"):
+            return self.out
+        return self.out.with_name(f"{self.out.name}.html")
+
     def _write_page(self, articulation: Articulation, folder: Path) -> int:
         from mam_pipeline.folders import write_text
         from mam_pipeline.formats.door import Door
         from mam_sim.viewer import page
 
         name = self.asset.stem if self.asset.is_file() else folder.name
-        target = self.out or Door(folder).may_write(folder / "view.html")
+        target = self._named() or Door(folder).may_write(folder / "view.html")
         claim_file(target, PAGE)
         target.parent.mkdir(parents=True, exist_ok=True)
         write_text(target, page(articulation, name))
         print(target)
         if not self.quiet:
-            print("open it in any browser; it needs no network", file=sys.stderr)
+            print("next: open it in any browser; it needs no network", file=sys.stderr)
         return 0
 
     def _write_gallery(self) -> int:
@@ -106,7 +113,7 @@ class View(Verb):
         from mam_pipeline.geometry.stand_in import lightened
         from mam_sim.viewer import gallery, page
 
-        target = self.out or Door(self.asset).may_write(self.asset / "gallery.html")
+        target = self._named() or Door(self.asset).may_write(self.asset / "gallery.html")
         claim_file(target, PAGE)
         target.parent.mkdir(parents=True, exist_ok=True)
         shown = []
@@ -121,7 +128,7 @@ class View(Verb):
         write_text(target, gallery(shown, f"{self.asset.resolve().name}: {len(shown)} objects"))
         print(target)
         if not self.quiet:
-            print("open it in any browser; keep the folder with it", file=sys.stderr)
+            print("next: open it in any browser; keep the folder with it", file=sys.stderr)
         return 0
 
     def _shown(self, folder: Path, articulation: Articulation, link: str) -> Shown:

@@ -60,3 +60,14 @@ def test_a_gallery_shows_every_asset_and_leads_to_its_page(tmp_path: Path) -> No
     for k in range(2):
         link = f"station_button_00000{k}/view.html"
         assert f'href="{link}"' in page and (tmp_path / "all" / link).is_file()
+
+
+def test_a_page_gets_the_suffix_by_which_a_browser_opens_it(tmp_path: Path) -> None:
+    from mam_sim.verbs.view import View
+    from mam_world.dataset import write_dataset
+
+    write_dataset("station_button", 1, 0, tmp_path)
+    asset = tmp_path / "station_button_000000"
+    for given, written in (("page", "page.html"), ("v1.2", "v1.2.html"), ("a.HTM", "a.HTM")):
+        assert View(asset=asset, html=True, quiet=True, out=tmp_path / given).run() == 0
+        assert (tmp_path / written).read_text(encoding="utf-8").startswith("<!doctype html>")
