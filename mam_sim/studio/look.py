@@ -130,7 +130,7 @@ class Look:
             link = articulation.links[joint.child]
             if work.part in ("", link.name):
                 runs = work.line(joint, joint.child)
-                rows.append(joint_text(joint, link.name, link.kind, runs))
+                rows.append(joint_text(joint, link.name, link.kind, runs, work.open.made_from))
         for part in articulation.dormant:
             if work.part in ("", part.link.name):
                 rows.append(dormant_text(part))

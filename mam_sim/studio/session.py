@@ -107,6 +107,7 @@ class Session:
         self._at = 0
         self._saved: Hints | None = None
         kind = "asset" if place.source is None else kind_of(place.source)
+        self.made_from = kind if place.source else Asset.card_of(place.asset).card.made_from
         if place.source is not None and kind in ("mesh", "photo"):
             with given(place.config.models.settings()):
                 self._open(place.source, kind)

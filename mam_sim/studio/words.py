@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from mam_pipeline.asset.origins import motion_origin, percent, range_origin
 from mam_pipeline.check.report import REASONS
 from mam_pipeline.types import (
     FAR_ENOUGH,
@@ -25,31 +26,6 @@ MOTIONS: dict[JointSubtype, str] = {
     "slide": "slides",
     "fixed": "does not move",
 }
-ENDS = {
-    "given": "as somebody said",
-    "usual": "as far as such parts usually go",
-    "depth": "an assumed share of its depth",
-    "twin": "as far as its twin",
-    "collision": "until it meets something",
-    "contact_loss": "until it would fall out",
-    "endless": "all the way round",
-    "token": "almost nothing is free: something is in its way",
-    "paper": "by the paper's rule",
-    "drawer_box": "as deep as its assumed box",
-}
-ASSUMED = ("usual", "depth")
-"""Rules by which a range is what such parts usually have."""
-SAID_BY = {
-    "user": "You said so.",
-    "observed": "It was seen.",
-    "inferred": "",
-    "assumed": "It is an assumption.",
-}
-
-
-def percent(share: float) -> str:
-    """0.873 -> 87 %; never 100 % of what is less."""
-    return f"{min(round(100 * share), 99) if share < 1 else 100} %"
 
 
 def shown_value(joint: Joint, value: float) -> float:
@@ -117,26 +93,20 @@ def dormant_text(part: DormantPart) -> str:
     )
 
 
-def joint_text(joint: Joint, part: str, kind: str, runs: str) -> str:
+def joint_text(joint: Joint, part: str, kind: str, runs: str, source: str) -> str:
     """A paragraph of Markdown on a joint: what, how sure, why this range.
 
     Args:
-        runs: where its line runs, as `line` says it.
+        runs: where its line runs, as `line` says it. source: kind of what the object is made from.
     """
     if joint.type == "fixed":
         return f"**{part}** ({kind}) does not move against what it hangs on."
     where = runs.partition(" ")[2]
     rows = [f"**{part}** ({kind}) {MOTIONS[joint.subtype]}, {where}."]
-    why = ENDS.get(joint.basis.rule)
-    rows.append(f"{span(joint)}{f', {why}' if why else ''}.")
-    if joint.provenance == "user":
-        rows.append(SAID_BY["user"])
-    else:
-        look = " Please look at it." if joint.confidence < NEEDS_REVIEW else ""
-        who = SAID_BY[joint.provenance]
-        if joint.provenance == "observed" and joint.basis.rule in ASSUMED:
-            who = "The part was seen; how far it goes was not."
-        rows.append(f"{percent(joint.confidence)} sure.{look} {who}".strip())
+    rows.append(f"{span(joint)}; {range_origin(joint, source)}.")
+    look = joint.confidence < NEEDS_REVIEW and joint.provenance != "user"
+    origin = str(motion_origin(joint, source))
+    rows.append(f"{origin[0].upper()}{origin[1:]}.{' Please look at it.' if look else ''}")
     if joint.basis.share < MOVES:
         rows.append(f"It is stuck after {percent(joint.basis.share)} of the usual way.")
     elif joint.basis.of_part < FAR_ENOUGH:

@@ -13,6 +13,7 @@ import numpy as np
 from tyro.conf import OmitArgPrefixes, Positional
 
 from mam_pipeline.asset.card import Asset
+from mam_pipeline.asset.origins import motion_origin, range_origin, size_origin
 from mam_pipeline.claims import PICTURE, is_ours, png_mark
 from mam_pipeline.errors import BackendError, HintNeeded, MamSimError
 from mam_pipeline.formats.mesh_files import files_kept
@@ -171,7 +172,7 @@ def tell_still(asset: Asset, source: Path, out: Path, chosen: Sequence[str]) -> 
 
 def describe(screen: Screen, asset: Asset) -> None:
     """Print what was found: one line per joint, dormant ones last."""
-    card = asset.card
+    card, source = asset.card, asset.card.made_from
     for note in card.notes:
         screen.say(note)
     for row in card.placement:
@@ -186,14 +187,15 @@ def describe(screen: Screen, asset: Asset) -> None:
             span = "without limits"
         else:
             span = f"{joint.lower * factor:.3g} to {joint.upper * factor:.3g} {unit}"
+        origins = f"{motion_origin(joint, source)}; range {range_origin(joint, source)}"
         screen.say(
             f"  {joint.name:<24} {joint.type:<10} {joint.subtype:<6} {span:<22} "
-            f"confidence {joint.confidence:.2f}   {joint.review}".rstrip()
+            f"{origins}   {joint.review}".rstrip()
         )
-    if card.metres_per_unit_source == "assumed":
-        low, high = card.bounds if card.bounds else ([0, 0, 0], [0, 0, 0])
-        tall = high[2] - low[2]
-        screen.say(f"scale ASSUMED: {tall:.2f} m high; fix it with --height")
+    if card.size is not None:
+        origin = size_origin(card.metres_per_unit_source)
+        fix = "; fix it with --height" if origin.kind == "assumed" else ""
+        screen.say(f"size:   {card.size[2]:.2f} m high, {origin}{fix}")
     screen.say(f"asset:  {asset.folder}")
     verdict = card.checks["executability"]
     if verdict["passed"]:

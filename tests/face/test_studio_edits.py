@@ -178,9 +178,9 @@ def test_words_say_where_a_line_runs_as_seen_from_the_front() -> None:
     joint = Joint("j", "revolute", "hinge", 0, 1, np.array([0, 0, 1.0]),
                   np.array([-0.2, 0.23, 0.3]), 0.0, np.pi / 2, confidence=0.4)  # fmt: skip
     runs = line("hinge", joint.axis, joint.origin, box)
-    text = joint_text(joint, "door_0", "door", runs)
+    text = joint_text(joint, "door_0", "door", runs, "mesh")
     assert "at its left, upright" in text and "0 to 90 °" in text
-    assert "40 % sure. Please look at it." in text
+    assert "Inferred, 40 % sure. Please look at it." in text
     assert "runs into another" in verdict_text(False, True, ["penetration"], [])
 
 

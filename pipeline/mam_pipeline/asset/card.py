@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from mam_pipeline import folders
+from mam_pipeline.asset.origins import friction_origin, motion_origin, range_origin
 from mam_pipeline.claims import instead
 from mam_pipeline.edited import (
     STRICT,
@@ -75,7 +76,10 @@ class CardPart:
 
 @dataclass(frozen=True)
 class CardJoint:
-    """A joint in the asset frame at q = 0; infinite limits are stored as null."""
+    """A joint in the asset frame at q = 0; infinite limits are stored as null.
+
+    `origins` says in words where motion, range and friction come from; `AssetCard.save` writes it.
+    """
 
     __pydantic_config__ = STRICT
     name: Word
@@ -100,6 +104,7 @@ class CardJoint:
     provenance: Provenance = "inferred"
     coupling: Coupling | None = None
     dormant: Text = ""
+    origins: dict[str, str] = field(default_factory=dict)
 
     @property
     def review(self) -> str:
@@ -195,9 +200,34 @@ class AssetCard:
         reasons = found.get("reasons") if isinstance(found, dict) else None
         return tuple(r for r in reasons if isinstance(r, str)) if isinstance(reasons, list) else ()
 
+    @property
+    def made_from(self) -> str:
+        """Kind of the source: photo, mesh, urdf or generated."""
+        return str(self.source.get("kind", "urdf"))
+
+    @property
+    def size(self) -> tuple[float, float, float] | None:
+        """Depth (X), width (Y) and height (Z), metres; None for a card without bounds."""
+        if len(self.bounds) != 2:
+            return None
+        x, y, z = (high - low for low, high in zip(*self.bounds))
+        return x, y, z
+
+    def _told(self, joint: CardJoint) -> CardJoint:
+        """A joint with its origins in words."""
+        origins = {
+            "motion": str(motion_origin(joint, self.made_from)),
+            "range": str(range_origin(joint, self.made_from)),
+            "friction": str(friction_origin(joint.friction_range)),
+        }
+        return replace(joint, origins={} if joint.type == "fixed" else origins)
+
     def save(self, folder: Path) -> None:
         """Write asset.json into `folder` (UTF-8, no NaN)."""
-        text = json.dumps(_plain(asdict(self)), indent=1, allow_nan=False, sort_keys=False)
+        told = {key: [self._told(j) for j in getattr(self, key)] for key in ("joints", "dormant")}
+        text = json.dumps(
+            _plain(asdict(replace(self, **told))), indent=1, allow_nan=False, sort_keys=False
+        )
         folders.write_text(folder / "asset.json", text + "\n")
 
 

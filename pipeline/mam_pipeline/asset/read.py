@@ -27,6 +27,7 @@ def read_asset(asset: Asset) -> Articulation:
     def joint(card: CardJoint) -> Joint:
         parent = index[carrier(card.parent, fixed | asleep)]
         fields = {**vars(card), "parent": parent, "child": index.get(card.child, -1)}
+        del fields["origins"]  # words for readers of the card
         fields["lower"] = -np.inf if card.lower is None else card.lower
         fields["upper"] = np.inf if card.upper is None else card.upper
         return Joint(**fields)
