@@ -1,4 +1,4 @@
-"""report.html: one page, offline: an asset to turn and open, and pictures of every stage."""
+"""report.html: one page, offline: what was found, how sure, and pictures of every joint."""
 
 from __future__ import annotations
 
@@ -14,17 +14,31 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
 from mam_pipeline import folders
-from mam_pipeline.asset.card import Asset, CardJoint
+from mam_pipeline.asset.card import Asset, AssetCard
 from mam_pipeline.asset.read import read_asset
 from mam_pipeline.geometry.stand_in import lightened
 from mam_pipeline.render.mesh_pictures import DORMANT, palette, render_mesh
-from mam_pipeline.render.motion import motion_pictures
+from mam_pipeline.render.motion import joint_pictures, motion_pictures
 from mam_pipeline.types import Articulation, FloatArray
-from mam_sim import viewer
+from mam_sim import facts, viewer
 
-SIZE = (420, 360)
-CAMERA: dict[str, Any] = {"size": SIZE, "azimuth": -35.0, "elevation": 22.0}
-LONGEST = 4000  # characters of evidence that a page shows; asset.json has all of it
+CAMERA: dict[str, Any] = {"size": (420, 360), "azimuth": -35.0, "elevation": 22.0}
+
+
+@dataclass(frozen=True)
+class ReportLimits:
+    """What keeps a page small.
+
+    Attributes:
+        pictured: joints of which there are pictures; the surest ones.
+        photo: pixels along the longer side of a photo on the shared page.
+    """
+
+    pictured: int = 12
+    photo: int = 640
+
+
+LIMITS = ReportLimits()
 
 
 @dataclass(frozen=True)
@@ -38,46 +52,86 @@ class Figure:
 def write_report(asset: Asset) -> Path:
     """Draw report.html into the asset folder; returns its path."""
     card, articulation = asset.card, read_asset(asset)
-    turning = viewer.page(lightened(articulation), card.name)
     film = asset.folder / "demo.mp4"
-    motion = motion_pictures(articulation, [0.0, 0.5, 1.0], **CAMERA)
-    pictures = [
-        ("Photo and twin", _photo(asset, motion[-1])),
-        ("Stages", _stages(asset, articulation)),
-        ("Kinematic masks", _masks(asset)),
-        ("Motion", [_figure(p, n) for p, n in zip(motion, ("closed", "half open", "open"))]),
-    ]
+    stages = [*_photo(asset)[1:], *_stages(asset, articulation), *_masks(asset)]
     environment = Environment(
         loader=PackageLoader("mam_sim"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     page = environment.get_template("report.html.j2").render(
         card=card,
-        pictures=[(title, figures) for title, figures in pictures if figures],
-        turning=turning,
+        size=facts.size_fact(card),
+        mass=facts.mass_fact(card),
+        whole=_whole(asset, articulation),
+        turning=viewer.page(lightened(articulation), card.name),
         film="" if not film.is_file() else _film(film.read_bytes()),
-        joints=[_row(j) for j in card.joints],
-        dormant=[_row(j) for j in card.likeliest],
-        checks=_text(card.checks) if card.checks else "",
-        provenance=_text(
-            {"backends": card.backends, "seconds": card.seconds, "source": card.source}
-        ),
+        joints=facts.joint_facts(card, card.movable),
+        pictured=_pictured(card, articulation),
+        dormant=facts.joint_facts(card, card.likeliest),
+        verdict=facts.verdict(card),
+        reasons=facts.check_sentences(card),
+        robot=facts.robot_sentences(card),
+        timeline=facts.timeline(card),
+        stages=stages,
     )
     path = asset.folder / "report.html"
     folders.write_text(path, page)
     return path
 
 
-def _photo(asset: Asset, opened: NDArray[np.uint8]) -> list[Figure]:
-    """The photo, what was read on it, and the asset beside it."""
+def _whole(asset: Asset, articulation: Articulation) -> list[Figure]:
+    """The photo, where there was one, and the asset closed and open."""
+    closed, opened = motion_pictures(articulation, [0.0, 1.0], **CAMERA)
+    return [*_photo(asset)[:1], _figure(closed, "closed"), _figure(opened, "open")]
+
+
+def _pictured(card: AssetCard, articulation: Articulation) -> dict[str, list[Figure]]:
+    """The surest joints closed and open, by name."""
+    surest = sorted(card.movable, key=lambda j: -j.confidence)[: LIMITS.pictured]
+    known = {j.name: j for j in articulation.joints}
+    return {
+        j.name: [
+            _figure(picture, f"{j.child}, {state}")
+            for picture, state in zip(
+                joint_pictures(articulation, known[j.name], **CAMERA), ("closed", "open")
+            )
+        ]
+        for j in surest
+        if j.name in known
+    }
+
+
+def _photo(asset: Asset) -> list[Figure]:
+    """The photo, and what was read on it."""
     folder = asset.folder / "stages" / "0_photo"
-    shown = [p for n in ("a_photo", "overlay") for p in folder.glob(f"{n}.*")]
-    if not shown:
-        return []
-    front = folder / "front.png"
-    figures = [Figure(_data(p.read_bytes()), p.stem.removeprefix("a_")) for p in shown]
-    figures.append(_figure(opened, "opened"))
-    return figures + ([Figure(_data(front.read_bytes()), "front")] if front.is_file() else [])
+    words = {"a_photo": "the photo", "overlay": "what was read on it", "front": "its front"}
+    return [
+        Figure(_data(path.read_bytes()), label)
+        for name, label in words.items()
+        for path in folder.glob(f"{name}.*")
+        if path.suffix in (".png", ".jpg", ".jpeg")
+    ]
+
+
+def photo_url(folder: Path) -> str:
+    """The photo that the asset of a folder was made from, as a data URL; "" where there is none.
+
+    Raises:
+        InputError: it lies outside the folder, or is no picture.
+    """
+    from PIL import Image
+
+    from mam_pipeline.formats.door import Door
+    from mam_pipeline.photo.image import read_photo
+
+    file = Door(folder).find("stages/0_photo/a_photo.png", folder / "asset.json")
+    if file is None:
+        return ""
+    picture = Image.fromarray(read_photo(file).small)
+    picture.thumbnail((LIMITS.photo, LIMITS.photo))
+    buffer = io.BytesIO()
+    picture.save(buffer, format="JPEG", quality=85)
+    return _data(buffer.getvalue())
 
 
 def _stages(asset: Asset, articulation: Articulation) -> list[Figure]:
@@ -110,7 +164,7 @@ def _masks(asset: Asset) -> list[Figure]:
     file = asset.folder / "stages" / "2_prior" / "masks.npz"
     if not file.is_file():
         return []
-    label = "grey: held fast; pale: tied to nothing; one colour: found to move together"
+    label = "Kinematic masks; grey: held fast; pale: tied to nothing; one colour: found to move together"
     return [_figure(mask_sheet(load_masks(file)), label)]
 
 
@@ -118,49 +172,6 @@ def _engine_to_asset(asset: Asset) -> FloatArray:
     """(4, 4) turn about Z between the engine's frame, in which stages are kept, and the asset's."""
     kept = json.loads((asset.folder / "stages" / "frame.json").read_text())
     return np.asarray(kept["asset_T_engine"])
-
-
-def _row(joint: CardJoint) -> dict[str, Any]:
-    """A joint as the table shows it."""
-    factor, unit = (1.0, "m") if joint.type == "prismatic" else (180 / np.pi, "°")
-    span = "unlimited"
-    if joint.lower is not None and joint.upper is not None:
-        span = f"{joint.lower * factor:.3g} … {joint.upper * factor:.3g} {unit}"
-    return {
-        "joint": joint,
-        "range": span,
-        "axis": ", ".join(f"{v:.2f}" for v in joint.axis),
-        "evidence": _text(joint.evidence),
-        "curves": _curves(joint.evidence),
-    }
-
-
-def _text(values: dict[str, Any]) -> str:
-    """Values as YAML for people, cut where there are very many."""
-    import yaml
-
-    from mam_pipeline.stage_artefacts import plain
-
-    text = yaml.safe_dump(plain(values), default_flow_style=None, sort_keys=False, width=100)
-    return text if len(text) < LONGEST else text[:LONGEST] + "\n... (asset.json has all of it)"
-
-
-def _curves(evidence: dict[str, Any]) -> list[dict[str, str]]:
-    """A line of 200 x 50 pixels for every list of numbers in the evidence (losses, penetration)."""
-    out = []
-    for name, values in evidence.items():
-        if not isinstance(values, list) or len(values) < 4:
-            continue
-        if not all(isinstance(v, int | float) for v in values):
-            continue
-        y = np.asarray(values, dtype=float)
-        span = max(float(y.max() - y.min()), 1e-12)
-        points = " ".join(
-            f"{200 * i / (len(y) - 1):.1f},{50 - 46 * (v - y.min()) / span:.1f}"
-            for i, v in enumerate(y)
-        )
-        out.append({"points": points, "label": f"{name}: {y.min():.3g} to {y.max():.3g}"})
-    return out
 
 
 def _figure(picture: NDArray[np.uint8], label: str) -> Figure:

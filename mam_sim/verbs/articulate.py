@@ -195,7 +195,7 @@ def describe(screen: Screen, asset: Asset) -> None:
     if card.size is not None:
         origin = size_origin(card.metres_per_unit_source)
         fix = "; fix it with --height" if origin.kind == "assumed" else ""
-        screen.say(f"size:   {card.size[2]:.2f} m high, {origin}{fix}")
+        screen.say(f"size:   {card.size[2]:.2f} m high; scale {origin}{fix}")
     screen.say(f"asset:  {asset.folder}")
     verdict = card.checks["executability"]
     if verdict["passed"]:

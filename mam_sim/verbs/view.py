@@ -17,6 +17,7 @@ from mam_pipeline.types import Articulation
 from mam_sim.options import Verb
 
 if TYPE_CHECKING:
+    from mam_pipeline.asset.card import AssetCard
     from mam_sim.viewer import Shown
 
 
@@ -62,9 +63,9 @@ class View(Verb):
         if self.html and self.asset.is_dir() and not (self.asset / "asset.json").is_file():
             return self._write_gallery()
         with outside_allowed(self.allow_outside):
-            articulation, folder = _read(self.asset)
+            articulation, folder, card = _read(self.asset)
         if self.html:
-            return self._write_page(articulation, folder)
+            return self._write_page(articulation, folder, card)
         target = self.out or Door(folder).may_write(folder / "view")
         claim_entries(target, "pictures of an asset", VIEWED.__contains__)
         shares = [0.0, 1.0, *there_and_back(self.frames)]
@@ -90,16 +91,17 @@ class View(Verb):
             return self.out
         return self.out.with_name(f"{self.out.name}.html")
 
-    def _write_page(self, articulation: Articulation, folder: Path) -> int:
+    def _write_page(self, articulation: Articulation, folder: Path, card: AssetCard | None) -> int:
         from mam_pipeline.folders import write_text
         from mam_pipeline.formats.door import Door
+        from mam_sim.report import photo_url
         from mam_sim.viewer import page
 
         name = self.asset.stem if self.asset.is_file() else folder.name
         target = self._named() or Door(folder).may_write(folder / "view.html")
         claim_file(target, PAGE)
         target.parent.mkdir(parents=True, exist_ok=True)
-        write_text(target, page(articulation, name))
+        write_text(target, page(articulation, name, card, photo_url(folder) if card else ""))
         print(target)
         if not self.quiet:
             print("next: open it in any browser; it needs no network", file=sys.stderr)
@@ -111,6 +113,7 @@ class View(Verb):
         from mam_pipeline.folders import write_text
         from mam_pipeline.formats.door import Door
         from mam_pipeline.geometry.stand_in import lightened
+        from mam_sim.report import photo_url
         from mam_sim.viewer import gallery, page
 
         target = self._named() or Door(self.asset).may_write(self.asset / "gallery.html")
@@ -120,10 +123,10 @@ class View(Verb):
         for folder in asset_folders([self.asset]):
             if not self.quiet:
                 print(folder.name, file=sys.stderr, flush=True)
-            articulation, _ = _read(folder)
+            articulation, _, card = _read(folder)
             file = Door(folder).may_write(folder / "view.html")
             claim_file(file, PAGE)
-            write_text(file, page(lightened(articulation), folder.name))
+            write_text(file, page(lightened(articulation), folder.name, card, photo_url(folder)))
             shown.append(self._shown(folder, articulation, _relative(file, target.parent)))
         write_text(target, gallery(shown, f"{self.asset.resolve().name}: {len(shown)} objects"))
         print(target)
@@ -157,12 +160,13 @@ def _relative(file: Path, folder: Path) -> str:
     return quote(Path(os.path.relpath(file.resolve(), folder.resolve())).as_posix())
 
 
-def _read(path: Path) -> tuple[Articulation, Path]:
+def _read(path: Path) -> tuple[Articulation, Path, AssetCard | None]:
+    """The object, its folder, and its card where it is an asset of ours."""
     from mam_pipeline.asset.card import Asset
     from mam_pipeline.asset.read import read_asset
     from mam_pipeline.formats.urdf.read import read_urdf
 
     if path.suffix.lower() in (".urdf", ".xml"):
-        return read_urdf(path), path.parent
+        return read_urdf(path), path.parent, None
     asset = Asset.load(path)
-    return read_asset(asset), asset.folder
+    return read_asset(asset), asset.folder, asset.card

@@ -11,16 +11,22 @@ from importlib import resources
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
+from mam_pipeline.asset.card import AssetCard
 from mam_pipeline.formats.gltf_write import glb_bytes
 from mam_pipeline.render.motion import value_at
 from mam_pipeline.types import Articulation, Joint, Mesh
+from mam_sim import facts
 
 
-def page(articulation: Articulation, name: str) -> str:
+def page(
+    articulation: Articulation, name: str, card: AssetCard | None = None, photo: str = ""
+) -> str:
     """HTML that opens offline: geometry, pictures, joints and the script that draws them.
 
     Args:
         articulation: asset frame (metres, Z up, front towards -X). name: of the object.
+        card: whose sizes and joints stand below the sliders. photo: data URL of the one that the
+            object was made from; "" for none.
     """
     mesh = articulation.mesh
     names = [link.name for link in articulation.links]
@@ -37,8 +43,13 @@ def page(articulation: Articulation, name: str) -> str:
     }
     script = resources.files("mam_sim.viewer").joinpath("viewer.js").read_text(encoding="utf-8")
     return _template("page.html.j2").render(
-        name=name, asset=_inside_script(json.dumps(asset)), script=_inside_script(script)
-    )
+        name=name, asset=_inside_script(json.dumps(asset)), script=_inside_script(script),
+        card=card, photo=photo,
+        size=None if card is None else facts.size_fact(card),
+        mass=None if card is None else facts.mass_fact(card),
+        verdict="" if card is None else facts.verdict(card),
+        joints=[] if card is None else facts.joint_facts(card, card.movable),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,12 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from mam_pipeline.asset.card import Asset
+from mam_pipeline.asset.card import Asset, AssetCard, CardJoint, CardPart
 from mam_sim.cli import main
+from mam_sim.facts import check_sentences, joint_facts, timeline, verdict
 from mam_sim.report import write_report
 from mam_world.dataset import write_dataset
 
@@ -17,17 +19,50 @@ from mam_world.dataset import write_dataset
 def test_a_page_shows_joints_and_pictures_and_escapes_what_it_is_given(tmp_path: Path) -> None:
     write_dataset("station_button", 1, 0, tmp_path)
     made = Asset.load(tmp_path / "station_button_000000")
-    card = made.card
-    evidence = {"loss": [3.0, 2.0, 1.0, 0.5], "why": "<img src=x>"}
-    joint = replace(card.joints[0], evidence=evidence)
-    card = replace(card, name="a<b>", notes=["<script>alert(1)</script>"], joints=[joint])
+    card = replace(made.card, name="a<b>", notes=["<script>alert(1)</script>"])
     page = write_report(Asset(made.folder, card)).read_text(encoding="utf-8")
     page, turning = re.sub(r' srcdoc="[^"]*"', "", page), page
+    joint = card.joints[0]
     assert "srcdoc" in turning and joint.name in turning
     assert "<script" not in page and "&lt;script&gt;" in page and "<title>a&lt;b&gt;" in page
-    assert "<img src=x>" not in page and "loss: 0.5 to 3" in page and "<polyline" in page
-    assert page.count('src="data:image/png') == 5  # as read, links, and three of the motion
-    assert "://" not in page and joint.name in page
+    # the whole and the joint, each closed and open; as read; links
+    assert page.count('src="data:image/png') == 6
+    assert "://" not in page and joint.name in page and 'href="asset.json"' in page
+    assert "read from the file" in page
+
+
+def test_a_failed_check_is_told_in_sentences_with_the_place() -> None:
+    joint = CardJoint("lid_joint", "revolute", "hinge", "body", "lid", [0, 0, 1], [0, 0, 0], 0, 2)
+    found = {
+        "passed": False, "driven": True, "reasons": ["penetration", "mesh_missing", "drift"],
+        "joints": [{"joint": "lid_joint", "reasons": ["penetration"], "at": np.pi / 2}],
+        "findings": [{"where": "link lid", "code": "mesh_missing", "message": "no file lid.obj"}],
+    }  # fmt: skip
+    card = AssetCard("a", joints=[joint], checks={"executability": found})
+    assert verdict(card) == "It fails the check."
+    assert check_sentences(card) == [
+        "lid_joint at 90 °: a part runs into another within its range.",
+        "link lid: no file lid.obj.",
+        "the base moves.",
+    ]
+    odd = {"passed": False, "driven": 3, "reasons": "drift", "joints": {"a": 1}, "findings": [7]}
+    assert check_sentences(AssetCard("a", checks={"executability": odd})) == []
+
+
+def test_the_timeline_counts_no_time_twice() -> None:
+    card = AssetCard("a", seconds={"segment": 1.0, "write": 2.0, "asset": 2.5, "check": 1.5})
+    rows = timeline(card)
+    assert [(row.seconds, row.share) for row in rows] == [(1.0, 0.2), (2.5, 0.5), (1.5, 0.3)]
+
+
+def test_masses_and_forces_have_their_ranges() -> None:
+    part = CardPart("lid", "lid", "lid", mass=3.0, mass_range=(2.0, 4.0), material="steel")
+    joint = CardJoint("j", "prismatic", "slide", "body", "lid", [0, 0, 1], [0, 0, 0], 0, 0.3,
+                      friction=5.0, friction_range=(1.0, 9.0))  # fmt: skip
+    card = AssetCard("a", parts=[part], joints=[joint], source={"kind": "mesh"})
+    (row,) = joint_facts(card, card.joints)
+    assert (row.span.value, row.mass.value) == ("0 to 30 cm", "3 kg (2 to 4)")
+    assert row.force.value == "5 N (1 to 9)" and row.mass.origin == "assumed: steel"
 
 
 def test_an_asset_that_no_arm_can_operate_is_told_and_no_success(

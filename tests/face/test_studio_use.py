@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -161,5 +162,10 @@ def test_in_a_browser_a_gallery_leads_to_a_page_and_a_report_shows_its_pictures(
     window.goto(report.as_uri())
     window.wait_for_function(f"document.images.length > 3 && {loaded}", timeout=PATIENCE)
     window.get_by_role("heading", name="Joints").wait_for()
+    pages = re.findall(rb"/Type\s*/Page\b", window.pdf(prefer_css_page_size=True))
+    assert 1 <= len(pages) <= 2
+    for width in (390, 800, 1280, 2560):
+        window.set_viewport_size({"width": width, "height": 900})
+        assert window.evaluate("document.documentElement.scrollWidth") <= width
     assert all(u.startswith(("file:", "blob:", "data:")) for u in requests), requests
     session.place.hints.unlink(missing_ok=True)

@@ -68,6 +68,11 @@ def written_and_checked(
         for j in report.joints
         if j.reasons
     ]
+    faults = [
+        {"where": f.where, "code": f.code, "message": f.message}
+        for f in report.findings
+        if not f.warning
+    ]
     card = replace(
         asset.card,
         notes=[*asset.card.notes, *notes],
@@ -77,6 +82,7 @@ def written_and_checked(
                 "driven": report.driven,
                 "reasons": list(report.reasons),
                 **({"joints": failing} if failing else {}),
+                **({"findings": faults} if faults else {}),
             }
         },
         seconds={**asset.card.seconds, **seconds},

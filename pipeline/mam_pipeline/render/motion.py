@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mam_pipeline.render.mesh_pictures import posed, render_mesh
-from mam_pipeline.types import Articulation, FloatArray, Joint, Mesh
+from mam_pipeline.render.mesh_pictures import palette, posed, render_mesh
+from mam_pipeline.types import Articulation, FloatArray, Joint, Mesh, coupled
 
 
 def motion_pictures(
@@ -32,11 +32,45 @@ def motion_pictures(
     """
 
     def at(share: float) -> Mesh:
-        return posed(articulation, {j.name: value_at(j, share) for j in articulation.joints})
+        return posed(articulation, _values(articulation, share))
 
-    ends = np.stack([at(s).bounds for s in (0.0, 0.5, 1.0)])
-    frame = np.stack([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)])
+    frame = _frame([at(s) for s in (0.0, 0.5, 1.0)])
     return [render_mesh(_framed(at(s), frame), size, azimuth, elevation) for s in shares]
+
+
+def joint_pictures(
+    articulation: Articulation, joint: Joint, size: tuple[int, int], azimuth: float = -35.0,
+    elevation: float = 25.0,
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:  # fmt: skip
+    """A joint closed, what it carries in colour, and open; the others are closed.
+
+    Args:
+        size: (width, height) in pixels. azimuth, elevation: degrees, as of `motion_pictures`.
+
+    Returns:
+        Two (H, W, 3) RGB pictures from one camera.
+    """
+    closed = _values(articulation, 0.0)
+    own = {joint.name: value_at(joint, 1.0)}
+    couplings = {j.name: j.coupling for j in articulation.joints}
+    shut, opened = (posed(articulation, q) for q in (closed, closed | coupled(own, couplings)))
+    carried = np.isin(articulation.face_link, articulation.carried_links(joint))
+    colors = palette(np.append(carried, [0, 0]))  # `_framed` adds two faces
+    frame = _frame([shut, opened])
+    return (
+        render_mesh(_framed(shut, frame), size, azimuth, elevation, face_colors=colors),
+        render_mesh(_framed(opened, frame), size, azimuth, elevation),
+    )
+
+
+def _values(articulation: Articulation, share: float) -> dict[str, float]:
+    return {j.name: value_at(j, share) for j in articulation.joints}
+
+
+def _frame(meshes: Sequence[Mesh]) -> FloatArray:
+    """(2, 3) the box around all."""
+    ends = np.stack([mesh.bounds for mesh in meshes])
+    return np.stack([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)])
 
 
 def there_and_back(frames: int) -> list[float]:

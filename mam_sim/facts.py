@@ -1,0 +1,176 @@
+"""What an asset's card says, in words for people: report and shared page show the same of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mam_pipeline.asset.card import AssetCard, CardJoint, CardPart
+from mam_pipeline.asset.origins import (
+    friction_origin,
+    mass_origin,
+    motion_origin,
+    range_origin,
+    size_origin,
+)
+from mam_pipeline.check.report import REASONS
+from mam_sim.console import STAGES
+
+NESTED = "write"
+"""A time of `seconds` that another one, of the stage `asset`, holds already."""
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A value with its unit, and where it comes from; both for people."""
+
+    value: str
+    origin: str = ""
+
+
+@dataclass(frozen=True)
+class JointFacts:
+    """A joint as a table shows it.
+
+    Attributes:
+        joint: of the card. kind: of its part. span: its range. mass: of its part. force: that moves
+            it against friction. motion: who says that it moves so.
+    """
+
+    joint: CardJoint
+    kind: str
+    span: Fact
+    mass: Fact
+    force: Fact
+    motion: str
+
+
+@dataclass(frozen=True)
+class StageTime:
+    """A stage of the pipeline on the timeline.
+
+    Attributes:
+        words: what it did. seconds: it took. share: of all stages, 0..1.
+    """
+
+    words: str
+    seconds: float
+    share: float
+
+
+def joint_facts(card: AssetCard, joints: Sequence[CardJoint]) -> list[JointFacts]:
+    """Some joints of a card as a table shows them."""
+    parts = {part.link: part for part in card.parts}
+    return [_facts(joint, parts.get(joint.child), card.made_from) for joint in joints]
+
+
+def _facts(joint: CardJoint, part: CardPart | None, source: str) -> JointFacts:
+    slides = joint.type == "prismatic"
+    span = "turns freely"
+    if joint.lower is not None and joint.upper is not None:
+        low, high = shown_value(joint, joint.lower), shown_value(joint, joint.upper)
+        span = f"{low:.3g} to {high:.3g} {'cm' if slides else '°'}"
+    mass = Fact("")
+    if part is not None and part.mass > 0:
+        value = _between(part.mass, part.mass_range, "kg")
+        mass = Fact(value, str(mass_origin(part.material)))
+    force = Fact("")
+    if joint.friction > 0:
+        value = _between(joint.friction, joint.friction_range, "N" if slides else "N m")
+        force = Fact(value, str(friction_origin(joint.friction_range)))
+    return JointFacts(
+        joint, "" if part is None else part.kind, Fact(span, str(range_origin(joint, source))),
+        mass, force, str(motion_origin(joint, source)),
+    )  # fmt: skip
+
+
+def shown_value(joint: CardJoint, value: float) -> float:
+    """A joint value as people read it: centimetres or degrees."""
+    return 100 * value if joint.type == "prismatic" else math.degrees(value)
+
+
+def _between(value: float, ends: tuple[float, float], unit: str) -> str:
+    """A value with the range that it may be in: "3.2 kg (2.5 to 4.2)"."""
+    more = f" ({ends[0]:.2g} to {ends[1]:.2g})" if ends[1] > ends[0] else ""
+    return f"{value:.2g} {unit}{more}"
+
+
+def size_fact(card: AssetCard) -> Fact:
+    """How large the object is."""
+    if card.size is None:
+        return Fact("")
+    depth, width, height = card.size
+    text = f"{width:.2f} m wide, {depth:.2f} m deep, {height:.2f} m high"
+    return Fact(text, f"scale {size_origin(card.metres_per_unit_source)}")
+
+
+def mass_fact(card: AssetCard) -> Fact:
+    """What the object weighs in all."""
+    low, high = (sum(part.mass_range[k] for part in card.parts) for k in (0, 1))
+    total = sum(part.mass for part in card.parts)
+    guessed = any(part.material for part in card.parts)
+    origin = "assumed: by the materials of its parts" if guessed else str(mass_origin(""))
+    return Fact(_between(total, (low, high), "kg"), origin) if total > 0 else Fact("")
+
+
+def verdict(card: AssetCard) -> str:
+    """What the check said, in a sentence."""
+    found = card.checks.get("executability")
+    if card.executable is None or not isinstance(found, Mapping):
+        return "It was not checked."
+    if not card.executable:
+        return "It fails the check."
+    driven = "" if found.get("driven") else " No simulator was installed: nothing was driven."
+    return f"It passes the check.{driven}"
+
+
+def check_sentences(card: AssetCard) -> list[str]:
+    """Why an asset fails its check: the place, then the reason in words."""
+    found = card.checks.get("executability")
+    if not isinstance(found, Mapping) or card.executable is not False:
+        return []
+    known = {joint.name: joint for joint in card.joints}
+    out, told = [], set[str]()
+    for row in _rows(found.get("joints")):
+        codes = [str(code) for code in row.get("reasons", ())]
+        joint, at = known.get(str(row.get("joint"))), row.get("at")
+        place = str(row.get("joint"))
+        if joint is not None and isinstance(at, int | float):
+            unit = "cm" if joint.type == "prismatic" else "°"
+            place += f" at {shown_value(joint, at):.3g} {unit}"
+        out.append(f"{place}: {'; '.join(REASONS.get(code, code) for code in codes)}.")
+        told |= set(codes)
+    for row in _rows(found.get("findings")):
+        out.append(f"{row.get('where')}: {row.get('message')}.")
+        told.add(str(row.get("code")))
+    return out + [f"{REASONS.get(c, c)}." for c in card.check_reasons if c not in told]
+
+
+def robot_sentences(card: AssetCard) -> list[str]:
+    """What the arm of the environment can operate, and why not the rest."""
+    tried = card.checks.get("environment")
+    if not isinstance(tried, Mapping):
+        return []
+    robot = tried.get("robot", "the arm")
+    return [
+        f"{robot} can operate {row.get('joint')}."
+        if row.get("ok")
+        else f"{robot} cannot operate {row.get('joint')}: {row.get('why')}."
+        for row in _rows(tried.get("joints"))
+    ]
+
+
+def timeline(card: AssetCard) -> list[StageTime]:
+    """The stages in their order, with the time each took."""
+    found = {k: v for k, v in card.seconds.items() if not (k == NESTED and "asset" in card.seconds)}
+    total = sum(found.values())
+    if total <= 0:
+        return []
+    return [StageTime(STAGES.get(k, k), v, v / total) for k, v in found.items()]
+
+
+def _rows(value: Any) -> Iterator[Mapping[str, Any]]:
+    """Rows of a list that a person may have edited; what is no row is passed over."""
+    yield from (row for row in value if isinstance(row, Mapping)) if isinstance(value, list) else ()
