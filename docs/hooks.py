@@ -8,6 +8,7 @@ from __future__ import annotations
 import inspect
 import re
 import sys
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,14 @@ import generate_reference  # noqa: E402 - docs/ is no package
 import results_page  # noqa: E402 - nor is benchmarks/
 
 MARK = re.compile(r"\{\{ (\w+)(?:: (\w+))? \}\}")
+
+
+def on_config(config: Any) -> Any:
+    """Lead to the repository that the package names."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    config["repo_url"] = project["urls"]["Repository"]
+    config["repo_name"] = project["name"]
+    return config
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:

@@ -164,7 +164,7 @@ def _masks(asset: Asset) -> list[Figure]:
     file = asset.folder / "stages" / "2_prior" / "masks.npz"
     if not file.is_file():
         return []
-    label = "Kinematic masks; grey: held fast; pale: tied to nothing; one colour: found to move together"
+    label = "Kinematic masks; grey: held fast; pale: tied to nothing; one colour: move together"
     return [_figure(mask_sheet(load_masks(file)), label)]
 
 
