@@ -133,7 +133,7 @@ class PhaseBar:
             TextColumn("{task.fields[words]}"),
             console=screen.err,
             transient=True,
-            disable=screen.quiet,
+            disable=screen.quiet or not screen.err.is_terminal,
         )
         self.tasks: dict[str, Any] = {}
         self._lines = None if screen.quiet or screen.err.is_terminal else MinuteLines(screen, clock)
