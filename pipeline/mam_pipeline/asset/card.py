@@ -224,10 +224,12 @@ class AssetCard:
 
     def save(self, folder: Path) -> None:
         """Write asset.json into `folder` (UTF-8, no NaN)."""
-        told = {key: [self._told(j) for j in getattr(self, key)] for key in ("joints", "dormant")}
-        text = json.dumps(
-            _plain(asdict(replace(self, **told))), indent=1, allow_nan=False, sort_keys=False
+        told = replace(
+            self,
+            joints=[self._told(j) for j in self.joints],
+            dormant=[self._told(j) for j in self.dormant],
         )
+        text = json.dumps(_plain(asdict(told)), indent=1, allow_nan=False, sort_keys=False)
         folders.write_text(folder / "asset.json", text + "\n")
 
 
