@@ -87,8 +87,8 @@ def bind(
     given = dict(arguments)
     steps = int(given.pop("max_episode_steps", max_episode_steps))
     limit = WrapperSpec(
-        "MSTimeLimit",
-        entry_point="mani_skill.utils.registration:TimeLimitWrapper",
+        "BatchedTimeLimit",
+        entry_point="mam_envs.time_limit:BatchedTimeLimit",
         kwargs={"max_episode_steps": steps},
     )
     twin = numpy_id(name)

@@ -12,7 +12,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch
+from gymnasium.utils import RecordConstructorArgs
 from gymnasium.utils.env_checker import check_env
+from mani_skill.utils.wrappers.gymnasium import CPUGymWrapper
 from sapien.wrapper.urdf_loader import URDFLoader
 
 import mam_envs
@@ -129,12 +131,18 @@ def test_an_asset_says_between_what_its_friction_and_masses_are_drawn(
     made.close()
 
 
+class Recorded(CPUGymWrapper, RecordConstructorArgs):
+    """CPUGymWrapper with what it lacks: arguments that gymnasium can make it from again."""
+
+    def __init__(self, env: Any) -> None:
+        RecordConstructorArgs.__init__(self)
+        CPUGymWrapper.__init__(self, env)
+
+
 def test_gymnasium_and_sb3_accept_it(drawer: Path) -> None:
-    from mani_skill.utils.wrappers.gymnasium import CPUGymWrapper
     from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
-    made = CPUGymWrapper(mam_envs.make(drawer, control_mode="pd_joint_delta_pos"))
-    made.unwrapped.spec = None  # ManiSkill's wrappers cannot be rebuilt from a spec
+    made = Recorded(mam_envs.make(drawer, control_mode="pd_joint_delta_pos"))
     check_env(made, skip_render_check=True)
     vector = VecMonitor(DummyVecEnv([lambda: made]), info_keywords=("success",))
     vector.reset()
@@ -142,6 +150,33 @@ def test_gymnasium_and_sb3_accept_it(drawer: Path) -> None:
         obs, reward, _, _ = vector.step(np.stack([vector.action_space.sample()]))
     assert np.asarray(obs).dtype == np.float32 and np.isfinite(reward).all()
     vector.close()
+
+
+def test_what_gymnasium_refuses_is_in_maniskill(drawer: Path) -> None:
+    """CPUGymWrapper cannot be made again, around any environment; PickCube does not get so far."""
+    ours = CPUGymWrapper(mam_envs.make(drawer, control_mode="pd_joint_delta_pos"))
+    check_env(ours, skip_render_check=True, skip_close_check=True)
+    theirs = CPUGymWrapper(gym.make("PickCube-v1", obs_mode="state"))
+    with pytest.raises(AssertionError, match="random number generator"):
+        check_env(theirs, skip_render_check=True, skip_close_check=True)
+    assert ours.spec and theirs.spec
+    with pytest.raises(ValueError, match=r"^CPUGymWrapper wrapper .*cannot be recreated"):
+        ours.spec.make()
+    with pytest.raises(ValueError, match=r"^TimeLimitWrapper wrapper .*cannot be recreated"):
+        theirs.spec.make()
+    ours.close()
+    theirs.close()
+
+
+@pytest.mark.parametrize("limit", [None, 2])
+def test_an_environment_is_made_again_from_its_spec(drawer: Path, limit: int | None) -> None:
+    first = mam_envs.make(drawer, max_episode_steps=limit)
+    again: Any = gym.make(first.spec)
+    expected = limit or mam_envs.MAX_EPISODE_STEPS
+    assert again.get_wrapper_attr("_max_episode_steps") == expected
+    assert again.spec == first.spec and again.spec.kwargs["asset"] == drawer
+    first.close()
+    again.close()
 
 
 def test_make_vec_and_time_limit(drawer: Path) -> None:
