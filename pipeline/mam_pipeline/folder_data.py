@@ -207,14 +207,22 @@ class PolicyFolder:
     """A LeRobot policy folder that wishes nothing but numbers.
 
     Attributes:
-        kind: its type, one of POLICIES. config: its config.json.
+        kind: its type, one of POLICIES. inputs: what it sees, by name.
         files: names of the files that make it up.
     """
 
     folder: Path
     kind: str
-    config: Mapping[str, Any]
+    inputs: Mapping[str, Feature]
     files: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Features:
+    """What goes into a policy and what comes out, by name; None and {} are taken from its data."""
+
+    input_features: dict[Name, Feature] | None = None
+    output_features: dict[Name, Feature] | None = None
 
 
 def policy_folder(folder: Path) -> PolicyFolder:
@@ -233,12 +241,13 @@ def policy_folder(folder: Path) -> PolicyFolder:
     if kind not in POLICIES:
         raise document.wrong(("type",), f"must be one of {', '.join(POLICIES)}, not {shown(kind)}")
     _plain(config, (), document)
+    features: _Features = validated(_Features, document)
     if config.get("use_peft"):
         raise document.wrong(("use_peft",), "wishes adapters of another folder; none are read")
     files = [model, "config.json"]
     for part in ("policy_preprocessor", "policy_postprocessor"):
         files += [f"{part}.json", *_pipeline(folder, f"{part}.json")]
-    return PolicyFolder(folder, str(kind), config, tuple(files))
+    return PolicyFolder(folder, str(kind), features.input_features or {}, tuple(files))
 
 
 def _pipeline(folder: Path, name: str) -> Iterator[str]:

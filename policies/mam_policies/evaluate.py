@@ -151,7 +151,7 @@ def evaluate_lerobot(
     from mam_policies.lerobot.robot_interface import mapping_of
 
     offline()
-    seen = policy_folder(folder).config.get("input_features") or {}
+    seen = policy_folder(folder).inputs
     make = {"obs_mode": "rgb+state"} if any(name.startswith(IMAGES) for name in seen) else {}
     given = mapping or (folder / MAPPING if (folder / MAPPING).is_file() else None)
     actor: LeRobotActor | None = None

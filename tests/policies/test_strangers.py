@@ -10,6 +10,7 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -23,7 +24,7 @@ from mam_policies.evaluate import evaluate_zip
 from mam_policies.mlp import MlpPolicy
 from mam_policies.run import EnvChoice, RunInfo
 from mam_sim.cli import main as mam_sim
-from tests.pipeline.test_folder_data import BEFORE, written
+from tests.pipeline.test_folder_data import BEFORE, CONFIG, NORMAL, written
 
 
 class Poison:
@@ -129,3 +130,75 @@ def test_a_stranger_s_run_does_nothing(
     said = [line for line in done.stderr.splitlines() if line.startswith("mam-sim: ")]
     assert done.returncode == 2 and len(said) == 1 and words in said[0], done.stderr
     assert not mark.exists() and sorted(tmp_path.rglob("*")) == before
+
+
+UPWARDS = {"registry_name": "normalizer_processor", "config": NORMAL, "state_file": "../x.pt"}
+FOLDERS: dict[str, tuple[dict[str, Any], str]] = {
+    "a class": ({"policy_preprocessor": {**BEFORE, "steps": [{"class": "subprocess.Popen"}]}},
+                "wishes 'subprocess.Popen' to be run"),
+    "a path upwards": ({"policy_postprocessor": {"steps": [UPWARDS]}}, "beside it, not '../x.pt'"),
+    "a model elsewhere": ({"config": {**CONFIG, "pretrained_path": "../x"}}, "wishes '../x'"),
+    "a type of list": ({"config": {**CONFIG, "type": ["act"]}}, "type must be one of"),
+    "inputs of list": ({"config": {**CONFIG, "input_features": [1]}}, "input_features must hold"),
+    "a pickle": ({}, "model.safetensors is no file of weights"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", FOLDERS)
+def test_a_stranger_s_policy_folder_does_nothing(
+    case: str, drawer: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A bare folder of LeRobot, given to every verb that takes a policy."""
+    files, words = FOLDERS[case]
+    folder, mark = str(written(tmp_path / "policy", **files)), tmp_path / "mark"
+    if case == "a pickle":
+        (tmp_path / "policy" / "model.safetensors").write_bytes(pickle.dumps(Poison(mark)))
+    before = sorted(tmp_path.rglob("*"))
+    out, setup = str(tmp_path / "out"), ["--setup", str(tmp_path / "setup")]
+    for line in (
+        ["eval", folder, "--asset", str(drawer), "--episodes", "1"],
+        ["export", folder, "--out", out], ["export", folder, "--to", "lerobot", "--out", out],
+        ["deploy", folder, *setup, "--hold-key", "never"], ["perceive", folder, *setup],
+        ["calibrate", folder, *setup], ["park", folder, *setup, "--hold-key", "never"],
+    ):  # fmt: skip
+        assert mam_sim(line) == 2
+        said = capsys.readouterr().err.splitlines()
+        assert len(said) == 1 and said[0].startswith("mam-sim: "), line
+        assert line[0] != "eval" or words in said[0]
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.slow  # starts the simulator and LeRobot
+@pytest.mark.parametrize(("sizes", "words"), [
+    ({"observation.state": (6,)}, r"observation.state of (6,), which is (9,) here"),
+    ({"observation.images.wrist": (3, 24, 32)}, r"which is missing here"),
+    ({"action": (6,)}, r"action of (6,), which is (8,) here"),
+])  # fmt: skip
+def test_a_policy_of_another_robot_is_refused(
+    sizes: dict[str, tuple[int, ...]], words: str, drawer: Path, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    from lerobot.configs.types import FeatureType, PolicyFeature
+    from lerobot.policies.act.configuration_act import ACTConfig
+    from lerobot.policies.act.modeling_act import ACTPolicy
+    from lerobot.policies.factory import make_pre_post_processors
+
+    kinds = {"action": FeatureType.ACTION, "observation.state": FeatureType.STATE,
+             "observation.environment_state": FeatureType.ENV}  # fmt: skip
+    ours = {"action": (8,), "observation.state": (9,), "observation.environment_state": (12,)}
+    features = {
+        name: PolicyFeature(kinds.get(name, FeatureType.VISUAL), shape)
+        for name, shape in {**ours, **sizes}.items()
+    }
+    tiny: Any = {
+        "dim_model": 16, "n_heads": 2, "dim_feedforward": 16, "latent_dim": 4, "chunk_size": 4,
+        "n_action_steps": 4, "n_encoder_layers": 1, "n_vae_encoder_layers": 1, "device": "cpu",
+        "pretrained_backbone_weights": None,
+    }  # fmt: skip
+    output = {"action": features.pop("action")}
+    config = ACTConfig(input_features=features, output_features=output, **tiny)
+    ACTPolicy(config).save_pretrained(tmp_path)
+    for pipeline in make_pre_post_processors(config):
+        pipeline.save_pretrained(tmp_path)
+    assert mam_sim(["eval", str(tmp_path), "--asset", str(drawer), "--episodes", "1"]) == 2
+    assert words in capsys.readouterr().err

@@ -5,6 +5,8 @@ LeRobot sees a folder only after `mam_pipeline.folder_data` has: it would import
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -32,20 +34,26 @@ class LeRobotActor:
         """
         found = policy_folder(folder)
         require("a LeRobot policy", "lerobot")
-        try:
+        with _readable(folder):
             config, self.policy, self.before, self.after = _loaded(found)
-        except (MamSimError, MemoryError):
-            raise
-        except Exception as error:  # each type of policy fails in its own way at wrong numbers
-            why = f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
-            raise InputError(f"{folder} is no policy that LeRobot can read: {why}") from error
-        self.device = torch.device(str(config.device))
-        self.inputs = set(config.input_features)
+        self.device, self.found = torch.device(str(config.device)), found
+        self.inputs = dict(config.input_features)
         self.spec, self.mapping = base.robot_spec, mapping
         self.joints = [j.name for j in base.agent.robot.active_joints]
         self.moved = [*self.spec.arm, self.spec.gripper[0]]
         self.hidden = sum(b - a for _, a, b, secret in base.observation_layout() if secret)
         self.task = task_words(base)
+        self._fit(config.output_features, {"action": (len(self.moved),)})
+
+    def _fit(self, features: dict[str, Any], here: dict[str, Any]) -> None:
+        """Refuse a policy of other sizes, as of another robot; pictures may be of any."""
+        for name, feature in features.items():
+            size, wanted = here.get(name), tuple(feature.shape)
+            if size != wanted and not (size and name.startswith(IMAGES)):
+                raise InputError(
+                    f"{self.found.folder} was trained with {name} of {wanted}, which is "
+                    f"{size or 'missing'} here; name the robot, task and cameras of its training"
+                )
 
     def reset(self) -> None:
         """Start an episode."""
@@ -72,11 +80,26 @@ class LeRobotActor:
             from lerobot.utils.control_utils import predict_action
 
         seen = {k: v for k, v in self.observe(obs).items() if k in self.inputs}
-        target = predict_action(
-            seen, self.policy, self.device, self.before, self.after, False, self.task
-        )
+        if self.found.kind != "mam_sim":  # which makes its own inputs of what is here
+            self._fit(self.inputs, {k: v.shape for k, v in seen.items()})
+        with _readable(self.found.folder):
+            target = predict_action(
+                seen, self.policy, self.device, self.before, self.after, False, self.task
+            )
         sim = self.mapping.to_sim(self.moved, target.reshape(-1).cpu().numpy().astype(float))
         return np.asarray(self.spec.action(sim[:-1], float(sim[-1])), dtype=np.float32)
+
+
+@contextmanager
+def _readable(folder: Path) -> Iterator[None]:
+    """Each type of policy fails in its own way at wrong numbers: all are InputError."""
+    try:
+        yield
+    except (MamSimError, MemoryError):
+        raise
+    except Exception as error:
+        why = f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
+        raise InputError(f"{folder} is no policy that LeRobot can read: {why}") from error
 
 
 def _loaded(found: PolicyFolder) -> tuple[Any, Any, Any, Any]:
