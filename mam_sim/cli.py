@@ -40,7 +40,6 @@ VERBS: dict[str, tuple[str, str]] = {
     "park": ("mam_sim_arm.verbs.park:Park", "an arm that holds somewhere comes to rest"),
     "view": ("mam_sim.verbs.view:View", "pictures or a video of an asset moving its joints"),
     "studio": ("mam_sim.verbs.studio:Studio", "look at an object, and put right what is wrong"),
-    "annotate": ("mam_sim.verbs.annotate:Annotate", "mark corners, panels and handles on a photo"),
     "bench-photo": ("mam_sim.verbs.bench_photo:BenchPhoto", "score the photo reconstructor"),
     "doctor": ("mam_sim.verbs.doctor:Doctor", "what is installed, what is active, and the fixes"),
 }

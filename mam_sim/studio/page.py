@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import io
-from contextlib import redirect_stdout
+import threading
+from contextlib import redirect_stdout, suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
-from mam_pipeline.errors import MamSimError
+from mam_pipeline.errors import HintNeeded, MamSimError, NotThisKind
+from mam_pipeline.formats.suffixes import PHOTOS
 from mam_pipeline.make_config import MakeConfig
 from mam_sim.console import STAGES
 from mam_sim.studio import server as studio_server
 from mam_sim.studio.look import Look
+from mam_sim.studio.marking import Marking, MarkingPage
 from mam_sim.studio.mend import Mend
 from mam_sim.studio.place import Place, place_of
 from mam_sim.studio.pointer import Pointer
@@ -29,7 +33,7 @@ class Page:
     """The page of one object, or of a queue of them.
 
     Attributes:
-        url: where it is.
+        url: where it is. photo: page of the open object's photo, where there is one.
     """
 
     def __init__(self, port: int = 0) -> None:
@@ -50,10 +54,15 @@ class Page:
         self.work = Workspace(self.server, Scene(self.server.scene))
         self.head = gui.add_markdown("Reading …")
         self.url = f"http://{studio_server.HOST}:{self.server.get_port()}/"
+        self.photo: MarkingPage | None = None
         self._build()
 
     def open(self, place: Place) -> None:
-        """Read an object, saying how far it is, and show it."""
+        """Read an object, saying how far it is, and show it; of a photo, its page as well.
+
+        Raises:
+            MamSimError: it cannot be read, and is no photo on which a person might mark it.
+        """
 
         def tell(stage: str) -> None:
             self.head.content = (
@@ -61,13 +70,39 @@ class Page:
             )
 
         try:
+            self._show_photo(place)
             session = Session(place, tell)
         except MamSimError as error:
-            self.head.content = (
-                f"**{(place.source or place.asset).name}** cannot be opened: {error}"
-            )
-            raise
+            name = (place.source or place.asset).name
+            self.head.content = f"**{name}** cannot be opened: {error}{self._photo_link}"
+            if self.photo is None or not isinstance(error, HintNeeded | NotThisKind):
+                raise
+            self.work.drop()
+            return
         self.put(session)
+
+    def _show_photo(self, place: Place) -> None:
+        """Serve the page on which a photo is marked; saving there opens the object again."""
+        if self.photo is not None and self.photo.marking.path == place.source:
+            return  # saved there: its page stays where it is
+        if self.photo is not None:
+            self.photo.stop()
+            self.photo = None
+        if place.source is None or place.source.suffix.lower() not in PHOTOS:
+            return
+        again = partial(threading.Thread, target=self._open_again, args=(place,), daemon=True)
+        options = place.config.photo.given()
+        marking = Marking(place.source, place.hints, options, lambda: again().start())
+        self.photo = MarkingPage(marking)
+
+    def _open_again(self, place: Place) -> None:
+        with self.work.lock, suppress(MamSimError):  # the line on top says what was wrong
+            self.open(place)
+
+    @property
+    def _photo_link(self) -> str:
+        """Markdown, beginning with a space; "" where there is no photo."""
+        return "" if self.photo is None else f" · [Put it right on the photo]({self.photo.url})"
 
     def put(self, session: Session) -> None:
         """Show an open object."""
@@ -97,7 +132,9 @@ class Page:
         go_to(0 if first is None else first)
 
     def stop(self) -> None:
-        """End the server."""
+        """End the servers."""
+        if self.photo is not None:
+            self.photo.stop()
         with redirect_stdout(io.StringIO()):  # it takes leave on stdout
             self.server.stop()
 
@@ -109,7 +146,7 @@ class Page:
         shown, whole = len(session.mesh.faces), session.faces_in_file
         light = f"shown with {shown:,} of {whole:,} triangles" if shown < whole else ""
         rows = [f"**{session.name}**", f"{count} joint{'' if count == 1 else 's'}", saved, light]
-        self.head.content = " · ".join(r for r in rows if r)
+        self.head.content = " · ".join(r for r in rows if r) + self._photo_link
 
     def _build(self) -> None:
         """The panels; they are filled when an object is open."""

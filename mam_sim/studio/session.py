@@ -149,6 +149,8 @@ class Session:
         """The source, standing as the hints say."""
         with outside_allowed(self.place.config.allow_outside):
             config = standing(yielding(self.place.config, hints), hints)
+            if hints is not None and hints.photo_front:  # marked by hand on the photo
+                config = replace(config, hints=self.place.hints)
             return read_source(source, kind_of(source), config, self._stages)
 
     def _ground(self, read: Source, hints: Hints | None) -> Ground:
@@ -204,6 +206,11 @@ class Session:
     def name(self) -> str:
         """Of the object, for people."""
         return (self.place.source or self.place.asset).stem
+
+    @property
+    def why_asked(self) -> str:
+        """What is doubted of a photo, and what settles it; "" where nothing is."""
+        return self.state.ground.read.unconfirmed
 
     @property
     def unsaved(self) -> bool:

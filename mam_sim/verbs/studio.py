@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import webbrowser
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -48,12 +49,14 @@ class Studio(Verb):
         page = Page(self.port)
         print(f"page:  {page.url}   (ctrl-c ends)", file=sys.stderr, flush=True)
         if self.open:
-            import webbrowser
-
             webbrowser.open(page.url)
         try:
             if place is not None:
                 page.open(place)
+                if page.photo is not None:
+                    print(f"photo: {page.photo.url}", file=sys.stderr, flush=True)
+                    if self.open and (page.work.session is None or page.work.open.why_asked):
+                        webbrowser.open(page.photo.url)
             else:
                 assert review is not None
                 page.review(review, self.pipeline)

@@ -43,13 +43,13 @@ class Doubt:
             lines.append(_line(photo, {**given, **self.options}, out))
         for words, options in self.others.items():
             lines += [f"{words}:", _line(photo, {**given, **options}, out)]
-        lines += [*self.notes, "Or put it right by clicks:", annotate_line(photo)]
+        lines += [*self.notes, "Or put it right by clicks:", marking_line(photo)]
         return "\n".join(lines)
 
 
-def annotate_line(photo: Path | str) -> str:
+def marking_line(photo: Path | str) -> str:
     """The command that opens a photo's page."""
-    return f"  {shlex.join(['mam-sim', 'annotate', str(photo)])}"
+    return f"  {shlex.join(['mam-sim', 'studio', str(photo)])}"
 
 
 def _line(photo: Path | str, options: Mapping[str, Any], out: Path | None) -> str:

@@ -133,7 +133,7 @@ class Hints:
     fixed: tuple[Index, ...] = ()
     accept: tuple[Word, ...] = ()
     parts: Annotated[tuple[HintPart, ...], Field(max_length=MOST_PARTS)] = ()
-    photo_front: tuple[Finite, ...] = ()  # pixels of the upright photo; written by annotate
+    photo_front: tuple[Finite, ...] = ()  # pixels of the upright photo; written by the studio
     source: str = field(default="", compare=False, repr=False)
 
     @property

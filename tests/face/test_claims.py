@@ -39,7 +39,6 @@ FILES = {
     "eval": ["eval", "--expert", "--asset", "asset", "--out", "FILE.json"],
     "bench": ["bench", "generated:test", "--limit", "1", "--out", "FILE.json"],
     "bench-photo": ["bench-photo", "--count", "1", "--out", "FILE.json"],
-    "annotate": ["annotate", "photo.jpg", "--no-browser", "--out", "FILE.yaml"],
 }
 """A command line of every verb that writes a file."""
 NAMED = {

@@ -248,7 +248,6 @@ def test_a_missing_file_is_named(capsys: pytest.CaptureFixture[str]) -> None:
         (["eval", "X.zip", "--episodes", "0"], "--episodes must be a number from 1 to"),
         (["train", "X", "--out", "Y", "--noise", "inf"], "--noise must be a number from 0 to 1"),
         (["make-env", "X", "--seed", str(10**20)], "--seed must be a number from 0 to"),
-        (["annotate", "X", "--port", "99999"], "--port must be a number from 0 to 65535"),
         (
             ["collect", "X", "--out", "Y", "--env.randomisation.yaw", "nan"],
             "--env.randomisation.yaw must be a number from 0 to 180, not nan",

@@ -104,7 +104,7 @@ VERBS: dict[str, tuple[str, ...]] = {
     "export": ("export", "{}", "--to", "mjcf", "--out", "out"),
     "view": ("view", "{}.urdf"),
     "studio": ("studio", "{}.glb", "--no-open"),
-    "annotate": ("annotate", "{}.jpg"),
+    "studio photo": ("studio", "{}.jpg", "--no-open"),
     "bench-photo": ("bench-photo", "{}"),
 }
 

@@ -218,7 +218,7 @@ def test_the_line_that_is_offered_can_be_typed() -> None:
     assert given.layout == parse_layout("2 drawers")
     assert options.pipeline.height == 0.5  # type: ignore[attr-defined]
     assert options.out == Path("made here")  # type: ignore[attr-defined]
-    assert any(x.strip() == "mam-sim annotate 'my photo.jpg'" for x in said)
+    assert any(x.strip() == "mam-sim studio 'my photo.jpg'" for x in said)
 
 
 def test_another_face_of_a_doubted_box_is_offered() -> None:

@@ -207,7 +207,7 @@ def found_in_hints(photo: Photo, hints: Hints) -> Found:
     """
     body = next((p for p in hints.parts if p.kind == "body" and p.box is not None), None)
     if body is None or body.box is None:
-        raise ConfigError("annotated hints need a part of kind body with a box (metres)")
+        raise ConfigError("hints with photo_front need a part of kind body with a box (metres)")
     d, w, h = body.box.size
     base = body.box.center[2] - h / 2
     quad = np.array(hints.photo_front).reshape(4, 2) * photo.scale

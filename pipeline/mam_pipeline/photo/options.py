@@ -83,7 +83,7 @@ class PhotoOptions:
         front: (4, 2) corners of the front face TL, TR, BR, BL, pixels of the upright file.
         layout: what the front holds.
         height, width, depth: metres of the whole object; any one fixes the scale.
-        hints: an annotated hints file (with `photo_front`): nothing is searched for then.
+        hints: hints marked on the photo (with `photo_front`): nothing is searched for then.
         things: kind of object (evidence/kinds.yaml) that the user or the file's name says, to how
             far that is believed.
     """

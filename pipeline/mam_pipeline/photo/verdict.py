@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mam_pipeline.doubt import Doubt, annotate_line
+from mam_pipeline.doubt import Doubt, marking_line
 from mam_pipeline.errors import NotThisKind
 from mam_pipeline.evidence.kinds import kinds
 from mam_pipeline.photo import confidence
@@ -150,7 +150,7 @@ def stop_if_no_box(found: Found, options: PhotoOptions, path: str) -> None:
         raise NotThisKind(
             f"{path} does not look like a closed, box-like object (the corners of its front are "
             f"uncertain by {found.doubt:.0%} of its side); if it is one, mark its front:\n"
-            f"{annotate_line(path)}"
+            f"{marking_line(path)}"
         )
 
 

@@ -1,4 +1,4 @@
-"""A person's whole way: annotate a photo in a real browser, save, make-env on the saved hints.
+"""A person's whole way: mark a photo in a real browser, save, make-env on the saved hints.
 
 The page is driven through Chromium's DevTools protocol: real mouse events at real places.
 """
@@ -87,18 +87,21 @@ class Page:
 
 
 @pytest.fixture
-def hints(tmp_path: Path) -> Path:
-    return tmp_path / "marked.yaml"
+def photo(tmp_path: Path) -> Path:
+    return Path(shutil.copy(ROOT / "examples" / "nightstand.jpg", tmp_path))
 
 
 @pytest.fixture
-def page(tmp_path: Path, hints: Path) -> Iterator[Page]:
-    """The page of a running `mam-sim annotate`, in a running browser."""
-    photo = ROOT / "examples" / "nightstand.jpg"
+def hints(photo: Path) -> Path:
+    return photo.with_name("nightstand-hints.yaml")
+
+
+@pytest.fixture
+def page(photo: Path, tmp_path: Path) -> Iterator[Page]:
+    """The photo's page of a running `mam-sim studio`, in a running browser."""
     verb = subprocess.Popen(
-        [sys.executable, "-m", "mam_sim.cli", "annotate", str(photo), "--out", str(hints),
-         "--no-browser"],
-        stderr=subprocess.PIPE, text=True, cwd=ROOT,
+        [sys.executable, "-m", "mam_sim.cli", "studio", str(photo), "--no-open"],
+        stderr=subprocess.PIPE, text=True, cwd=tmp_path,
     )  # fmt: skip
     browser = subprocess.Popen(
         [str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run",
@@ -107,7 +110,7 @@ def page(tmp_path: Path, hints: Path) -> Iterator[Page]:
         stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     try:
-        url = first(verb, r"(http://127\.0\.0\.1:\d+/)")
+        url = first(verb, r"photo: (http://127\.0\.0\.1:\d+/)")
         port = first(browser, r"ws://127\.0\.0\.1:(\d+)/")
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/json/list", timeout=60) as answer:
             target = next(t for t in json.loads(answer.read()) if t["type"] == "page")
@@ -132,7 +135,7 @@ def first(process: subprocess.Popen[str], pattern: str) -> str:
 
 
 def test_what_is_marked_in_the_browser_becomes_the_asset(
-    page: Page, hints: Path, tmp_path: Path
+    page: Page, photo: Path, hints: Path, tmp_path: Path
 ) -> None:
     before = page.js("JSON.parse(JSON.stringify(state))")
     assert [p["kind"] for p in before["panels"]] == ["drawer"] * 3
@@ -165,7 +168,6 @@ def test_what_is_marked_in_the_browser_becomes_the_asset(
     assert [p.kind for p in marked.parts[1:]] == ["drawer", "drawer", "door"]
 
     out = tmp_path / "asset"
-    photo = ROOT / "examples" / "nightstand.jpg"
     assert main(["make-env", str(photo), "--hints", str(hints), "--out", str(out), "--quiet"]) == 0
     card = Asset.load(out).card
     assert [p.kind for p in card.parts if p.kind != "body"] == ["drawer", "drawer", "door"]

@@ -1,4 +1,4 @@
-"""The annotation server and its page, the page in a real headless Chromium where there is one."""
+"""The photo's page of the studio, in a real headless Chromium where there is one."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ import pytest
 
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.hints import load_hints
-from mam_pipeline.photo import annotate
-from mam_pipeline.photo.annotate import Annotation, make_server, spec_of_state
+from mam_sim.studio import marking as module
+from mam_sim.studio.marking import Marking, make_server, spec_of_state
 
 ROOT = Path(__file__).resolve().parents[2]
 CHROMIUM = next(
@@ -36,14 +36,14 @@ STATE: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def annotation(tmp_path_factory: pytest.TempPathFactory) -> Annotation:
-    out = tmp_path_factory.mktemp("annotate") / "hints.yaml"
-    return Annotation(ROOT / "examples" / "nightstand.jpg", out)
+def marking(tmp_path_factory: pytest.TempPathFactory) -> Marking:
+    out = tmp_path_factory.mktemp("marking") / "hints.yaml"
+    return Marking(ROOT / "examples" / "nightstand.jpg", out)
 
 
 @pytest.fixture(scope="module")
-def address(annotation: Annotation) -> Iterator[str]:
-    server = make_server(annotation)
+def address(marking: Marking) -> Iterator[str]:
+    server = make_server(marking)
     thread = threading.Thread(target=server.serve_forever, daemon=True)
     thread.start()
     yield f"http://127.0.0.1:{server.server_address[1]}"
@@ -61,10 +61,10 @@ def post(url: str, body: object, **headers: str) -> tuple[int, dict]:
         return error.code, json.loads(text) if text.startswith(b"{") else {"error": text.decode()}
 
 
-def test_saving_writes_hints_that_load(annotation: Annotation, address: str) -> None:
+def test_saving_writes_hints_that_load(marking: Marking, address: str) -> None:
     code, answer = post(f"{address}/save", STATE)
     assert code == 200 and "--hints" in answer["next"]
-    hints = load_hints(annotation.out)
+    hints = load_hints(marking.out)
     assert hints.photo_front == (100, 100, 300, 110, 290, 400, 105, 390)
     body, drawer, door = hints.parts
     assert body.box is not None and body.box.size == (0.4, 0.6, 0.8)
@@ -110,10 +110,10 @@ def test_strangers_are_turned_away(address: str) -> None:
     ],
 )  # fmt: skip
 def test_no_request_holds_the_server(
-    annotation: Annotation, length: str, body: bytes, answer: bytes, monkeypatch: pytest.MonkeyPatch
+    marking: Marking, length: str, body: bytes, answer: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(annotate, "PATIENCE", 0.5)
-    server = make_server(annotation)
+    monkeypatch.setattr(module, "PATIENCE", 0.5)
+    server = make_server(marking)
     port = server.server_address[1]
     threading.Thread(target=server.serve_forever, daemon=True).start()
     try:
@@ -134,12 +134,46 @@ def test_the_page_needs_nothing_from_elsewhere(address: str) -> None:
         assert answer.read(2) == b"\xff\xd8"
 
 
+def test_what_was_saved_is_shown_again(marking: Marking, address: str) -> None:
+    assert post(f"{address}/save", STATE)[0] == 200
+    again = Marking(marking.path, marking.out).state()
+    assert again["front"] == STATE["front"] and again["width"] == STATE["width"]
+    assert [p["kind"] for p in again["panels"]] == ["drawer", "door"]
+    for panel, was in zip(again["panels"], STATE["panels"], strict=True):
+        assert panel["rect"] == pytest.approx(was["rect"], abs=0.01)
+
+
+def test_a_saved_marking_makes_the_open_object_again(tmp_path: Path) -> None:
+    pytest.importorskip("viser", reason="the studio's page needs the extra studio")
+    from mam_pipeline.make_config import MakeConfig
+    from mam_sim.studio.page import Page
+    from mam_sim.studio.place import place_of
+    from tests.face.studio_window import until
+
+    photo = Path(shutil.copy(ROOT / "examples" / "nightstand.jpg", tmp_path))
+    page = Page()
+    try:
+        page.open(place_of(photo, MakeConfig(), tmp_path / "asset"))
+        assert page.photo is not None and page.photo.url in page.head.content
+        with urllib.request.urlopen(f"{page.photo.url}state", timeout=60) as answer:
+            state = json.loads(answer.read())
+        first = page.work.open
+        state["panels"][-1] |= {"kind": "door", "hinge": "right"}
+        assert post(f"{page.photo.url}save", state)[0] == 200
+        until(lambda: page.work.session not in (None, first))
+        kinds = [n.kind for n in page.work.state.tree.nodes]
+        assert kinds.count("door") == 1 and kinds.count("drawer") == 2
+        assert not page.work.open.unsaved
+    finally:
+        page.stop()
+
+
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
 def test_the_page_drags_labels_and_saves_in_a_browser(
-    annotation: Annotation, address: str, tmp_path: Path
+    marking: Marking, address: str, tmp_path: Path
 ) -> None:
-    before = annotation.state()
-    saved = annotation.saved
+    marking.out.unlink(missing_ok=True)
+    before = marking.state()
     done = subprocess.run(
         [
             str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run",
@@ -149,8 +183,7 @@ def test_the_page_drags_labels_and_saves_in_a_browser(
         capture_output=True, encoding="utf-8", timeout=180, check=False,
     )  # fmt: skip
     assert "<title>self-test passed</title>" in done.stdout, done.stdout[-600:] + done.stderr[-600:]
-    assert annotation.saved == saved + 1
-    hints = load_hints(annotation.out)
+    hints = load_hints(marking.out)
     assert hints.photo_front[0] == pytest.approx(before["front"][0][0] + 6, abs=3.0)
     assert hints.photo_front[1] == pytest.approx(before["front"][0][1] + 4, abs=3.0)
     door = next(p for p in hints.parts if p.kind == "door")

@@ -1,4 +1,4 @@
-"""The annotation page's server: a person marks front, panels and handles; hints are saved.
+"""The photo's page of the studio: a person drags front, panels and handles; hints are saved.
 
 Loopback only. State in the page's words: corners in pixels of the upright photo, rectangles in
 front coordinates (0..1, u to the right, v down), sizes in metres.
@@ -7,7 +7,9 @@ front coordinates (0..1, u to the right, v down), sizes in metres.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+import shlex
+import threading
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
@@ -19,13 +21,13 @@ from pydantic import Field
 
 from mam_pipeline.edited import STRICT, Document, Finite, Range, validated
 from mam_pipeline.errors import ConfigError, MamSimError
-from mam_pipeline.hints import save_hints
+from mam_pipeline.hints import load_hints, save_hints
 from mam_pipeline.local_page import HOST, is_own
 from mam_pipeline.photo.build import BodySpec, CellSpec, HandleSpec, build_object
 from mam_pipeline.photo.find import Found, check_near, find_object
 from mam_pipeline.photo.image import Photo, read_photo
 from mam_pipeline.photo.measure import jpeg
-from mam_pipeline.photo.options import PhotoOptions, parse_options
+from mam_pipeline.photo.options import parse_options
 from mam_pipeline.photo.reconstruct import sizes_of
 from mam_pipeline.photo.verdict import seen_as
 
@@ -74,15 +76,23 @@ class FrontState:
     front: Corners
 
 
-class Annotation:
-    """One photo being annotated: what was found, and saving what the person made of it."""
+class Marking:
+    """One photo being marked: what was found, and saving what the person made of it."""
 
-    def __init__(self, path: Path, out: Path, options: Mapping[str, Any] | None = None) -> None:
-        self.path, self.out = path, out
+    def __init__(
+        self, path: Path, out: Path, options: Mapping[str, Any] | None = None,
+        saved: Callable[[], None] = lambda: None,
+    ) -> None:  # fmt: skip
+        """Read the photo.
+
+        Args:
+            out: the hints file; what it says is shown where it marks this photo.
+            options: photo options as typed. saved: called after each saving.
+        """
+        self.path, self.out, self._tell = path, out, saved
         self.options = parse_options(options or {})
         self.photo: Photo = read_photo(path)
         self.looks = seen_as(self.photo, self.options)
-        self.saved = 0
 
     def state(self, front: Sequence[float] | None = None) -> dict[str, Any]:
         """What is on the photo; with `front` (8 pixels) the corners are taken as given."""
@@ -91,8 +101,10 @@ class Annotation:
             check_near(self.photo, front)
             options = parse_options({"front": list(front)})
             options = replace(self.options, front=options.front)
+        if front is None and self.out.is_file() and load_hints(self.out).photo_front:
+            options = replace(options, hints=load_hints(self.out))
         found = find_object(self.photo, options, self.looks)
-        sizes = sizes_of(found, self.options, self.looks)
+        sizes = sizes_of(found, self.options if front is not None else options, self.looks)
         return {
             "name": self.path.name,
             "size": [round(v / self.photo.scale) for v in self.photo.size],
@@ -106,7 +118,7 @@ class Annotation:
         }
 
     def save(self, state: Mapping[str, Any]) -> str:
-        """Write the hints file from a page's state; returns the next command.
+        """Write the hints file from a page's state; returns what happens next.
 
         Raises:
             ConfigError: numbers are missing, or corners or rectangles that cannot be.
@@ -115,8 +127,8 @@ class Annotation:
         check_near(self.photo, front)
         _, hints = build_object(spec)
         save_hints(replace(hints, photo_front=front), self.out)
-        self.saved += 1
-        return f"mam-sim make-env {self.path} --hints {self.out}"
+        self._tell()
+        return f"mam-sim make-env {shlex.join([str(self.path), '--hints', str(self.out)])}"
 
 
 def _panels(found: Found) -> list[dict[str, Any]]:
@@ -138,7 +150,7 @@ def _panels(found: Found) -> list[dict[str, Any]]:
 
 def spec_of_state(state: Mapping[str, Any]) -> tuple[BodySpec, tuple[float, ...]]:
     """The body to build and the front corners (8 pixels) from a page's state."""
-    page: PageState = validated(PageState, Document(dict(state), "the annotation"))
+    page: PageState = validated(PageState, Document(dict(state), "the marked photo"))
     front = parse_options({"front": [v for corner in page.front for v in corner]}).front
     width, height, depth = page.width, page.height, page.depth
     rows = [(p.kind, p.hinge, _unit_rect(p.rect)) for p in page.panels]
@@ -168,8 +180,8 @@ def _unit_rect(value: Sequence[float]) -> tuple[float, float, float, float]:
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
-def make_server(annotation: Annotation, port: int = 0) -> ThreadingHTTPServer:
-    """A server on 127.0.0.1 (port 0: any free one); call `serve_forever` on it."""
+def make_server(marking: Marking) -> ThreadingHTTPServer:
+    """A server on 127.0.0.1, at any free port; call `serve_forever` on it."""
 
     class Handler(BaseHTTPRequestHandler):
         """Serves the page, the photo and the state; takes new corners and the saved state."""
@@ -203,12 +215,12 @@ def make_server(annotation: Annotation, port: int = 0) -> ThreadingHTTPServer:
                 return
             path = self.path.partition("?")[0]
             if path == "/":
-                page = resources.files("mam_pipeline.photo").joinpath("annotate.html").read_bytes()
+                page = resources.files("mam_sim.studio").joinpath("marking.html").read_bytes()
                 self._send(200, page, "text/html; charset=utf-8")
             elif path == "/photo.jpg":
-                self._send(200, jpeg(annotation.photo.rgb), "image/jpeg")
+                self._send(200, jpeg(marking.photo.rgb), "image/jpeg")
             elif path == "/state":
-                self._answer(lambda _: annotation.state(), {})
+                self._answer(lambda _: marking.state(), {})
             else:
                 self._send(404, b"not found", "text/plain")
 
@@ -222,7 +234,7 @@ def make_server(annotation: Annotation, port: int = 0) -> ThreadingHTTPServer:
             if self.path == "/detect":
                 self._answer(self._front, data)
             elif self.path == "/save":
-                self._answer(lambda d: {"next": annotation.save(d)}, data)
+                self._answer(lambda d: {"next": marking.save(d)}, data)
             else:
                 self._send(404, b"not found", "text/plain")
 
@@ -246,7 +258,7 @@ def make_server(annotation: Annotation, port: int = 0) -> ThreadingHTTPServer:
 
         def _front(self, data: dict[str, Any]) -> dict[str, Any]:
             page: FrontState = validated(FrontState, Document(data, "the request"))
-            return annotation.state([v for corner in page.front for v in corner])
+            return marking.state([v for corner in page.front for v in corner])
 
         def _answer(self, make: Any, data: Any) -> None:
             try:
@@ -256,7 +268,24 @@ def make_server(annotation: Annotation, port: int = 0) -> ThreadingHTTPServer:
             except (KeyError, TypeError) as error:
                 self._json({"error": f"the request is incomplete: {error!r}"}, 400)
 
-    return ThreadingHTTPServer((HOST, port), Handler)
+    return ThreadingHTTPServer((HOST, 0), Handler)
 
 
-__all__ = ["Annotation", "PhotoOptions", "make_server", "spec_of_state"]
+class MarkingPage:
+    """The page of one photo, served in a thread of its own.
+
+    Attributes:
+        url: where it is. marking: what it shows and saves.
+    """
+
+    def __init__(self, marking: Marking) -> None:
+        """Serve it."""
+        self.marking = marking
+        self._server = make_server(marking)
+        self.url = f"http://{HOST}:{self._server.server_address[1]}/"
+        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+
+    def stop(self) -> None:
+        """End the server."""
+        self._server.shutdown()
+        self._server.server_close()
