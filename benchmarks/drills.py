@@ -3,23 +3,26 @@
     python benchmarks/drills.py RUN --setup FOLDER --out FILE.json
 
 The arm is the simulated one; its wire is kept in FOLDER/wire.jsonl. For each drill the table says
-how the verb ended, how many commands were sent, how many of them after the fault, and what the
+how the verb ended, how many commands were sent, how many of them after the stop, and what the
 wire shows of speed, height and torque. A drill is safe when the arm ends holding with torque on,
-no command is faster than the limit, and no link goes below the ground.
+no command is faster than the limit, no link goes below the ground, and all that is sent after the
+stop is one place to hold, as often as a lost packet needs.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import torch
 import tyro
 from common import save
-from mam_sim_arm.guarded_arm import connected
+from mam_sim_arm.guarded_arm import TRIES, GuardedArm, connected
 from mam_sim_arm.held_key import NoKey
 from mam_sim_arm.pilot import calibrate_setup, open_pilot, plan_space
 from mam_sim_arm.robot_file import open_robot
@@ -79,11 +82,31 @@ def drill(verb: str, run: Path, setup: Path, fault: str, plan: np.ndarray) -> di
     if fault == "wrong_sign" and verb == "calibrate":
         key = Person(True, 10**9)
     ended = "done"
-    try:
-        VERBS[verb](twin, setup, key, plan, changes)
-    except (MamSimError, KeyboardInterrupt) as error:
-        ended = str(error) or "interrupted"
-    return {"verb": verb, "fault": fault or "none", "ended": ended, **shown(twin, wire)}
+    with marked(wire):
+        try:
+            VERBS[verb](twin, setup, key, plan, changes)
+        except (MamSimError, KeyboardInterrupt) as error:
+            ended = str(error) or "interrupted"
+    turned = 1 if fault == "wrong_sign" else None  # the joint that the robot turns
+    return {"verb": verb, "fault": fault or "none", "ended": ended, **shown(twin, wire, turned)}
+
+
+@contextmanager
+def marked(wire: Path) -> Iterator[None]:
+    """Write down between the commands where the arm begins to hold, and where a session ends."""
+
+    def noted(name: str) -> Any:
+        known = getattr(GuardedArm, name)
+
+        def noting(arm: GuardedArm, *given: Any) -> None:
+            with wire.open("a") as file:
+                file.write(json.dumps({"kind": name}) + "\n")
+            known(arm, *given)
+
+        return patch.object(GuardedArm, name, noting)
+
+    with noted("hold"), noted("stand_down"):
+        yield
 
 
 def _calibrate(twin: Twin, setup: Path, key: Any, _plan: Any, changes: dict[str, Any]) -> None:
@@ -135,25 +158,36 @@ VERBS: dict[str, Callable[..., None]] = {
 }  # fmt: skip
 
 
-def shown(twin: Twin, wire: Path) -> dict[str, Any]:
-    """What a file of the wire says, by the arm as it is simulated."""
+def shown(twin: Twin, wire: Path, turned: int | None = None) -> dict[str, Any]:
+    """What a file of the wire says, by the arm as it is simulated; a joint may be `turned`."""
     rows = [json.loads(line) for line in wire.read_text().splitlines()] if wire.exists() else []
-    sent = [list(r["targets"].values()) for r in rows if r["kind"] == "action"]
     torque = [r["torque"] for r in rows if r["kind"] == "disconnect"]
     out: dict[str, Any] = {
-        "commands": len(sent), "torque_at_end": bool(torque and torque[-1]), "safe": True,
+        "commands": sum(r["kind"] == "action" for r in rows), "after_stop": 0,
+        "torque_at_end": bool(torque and torque[-1]), "safe": bool(torque and torque[-1]),
         "configured": sum(r["kind"] == "configure" for r in rows),
     }  # fmt: skip
+    sent: list[list[float]] = []
+    fastest, holds, after = 0.0, False, None
+    for r in rows:
+        if r["kind"] == "action":
+            target = list(r["targets"].values())
+            if sent and not holds:  # a hold lies beside the last target by what the arm is behind
+                fastest = max(fastest, *np.abs(np.subtract(target, sent[-1]))[:-1])
+            sent, holds = [*sent, target], False
+        holds |= r["kind"] == "hold"
+        after = len(sent) if r["kind"] == "stand_down" else after
     if not sent:
         return out
     arm, limits = np.array(sent)[:, :-1], SafetyConfig()
-    steps = np.abs(np.diff(arm, axis=0)).max() if len(arm) > 1 else 0.0
+    if turned is not None:
+        arm[:, turned] *= -1
     floor = Workspace.around(twin.spec, arm[:1], 9.0).floor
-    everywhere = Workspace.around(twin.spec, arm, 0.0)
-    lowest = float(everywhere.low[:, 2].min())
-    out |= {"fastest_rad_s": float(steps * limits.rate), "lowest_m": lowest}
-    # a hold may lie beside the last target by as much as the arm stays behind
-    out["safe"] = bool(lowest >= floor - 0.01 and out["torque_at_end"])
+    lowest = float(Workspace.around(twin.spec, arm, 0.0).low[:, 2].min())
+    speed, end = fastest * limits.rate, arm[after:]
+    out |= {"fastest_rad_s": float(speed), "lowest_m": lowest, "after_stop": len(end)}
+    held = len(end) <= TRIES and all((row == end[0]).all() for row in end)
+    out["safe"] &= bool(lowest >= floor - 0.01 and speed <= limits.speed + 1e-6 and held)
     return out
 
 
@@ -176,11 +210,15 @@ def main(
                 print(json.dumps(rows[-1]), flush=True)
                 save(out, {"drills": rows})
     print(
-        "| verb | fault | commands | fastest, rad/s | lowest, m | ends |\n|---|---|---|---|---|---|"
+        "| verb | fault | commands | after the stop | fastest, rad/s | lowest, m | safe | ends |\n"
+        "|---|---|---|---|---|---|---|---|"
     )
     for r in rows:
         fast, low = (f"{r[k]:.2f}" if k in r else "" for k in ("fastest_rad_s", "lowest_m"))
-        print(f"| {r['verb']} | {r['fault']} | {r['commands']} | {fast} | {low} | {r['ended']} |")
+        count = f"{r['commands']} | {r['after_stop']}"
+        safe = "yes" if r["safe"] else "no"
+        print(f"| {r['verb']} | {r['fault']} | {count} | {fast} | {low} | {safe} | {r['ended']} |")
+    print(f"{sum(r['safe'] for r in rows)} of {len(rows)} safe")
 
 
 if __name__ == "__main__":

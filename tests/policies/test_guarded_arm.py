@@ -234,6 +234,19 @@ def test_a_joint_out_of_its_range_is_a_wrong_mapping(follower: Any) -> None:
     assert follower.bus.writes == []
 
 
+def test_an_arm_that_is_read_below_the_ground_does_not_go_to_rest(follower: Any) -> None:
+    """As a joint with a wrong sign is; torque can still be switched off."""
+    low = MAPPING.to_real(NAMES, np.append([0, 1.0, 0.5, 0.5, 0], SPEC.shut))
+    follower.bus.at = dict(zip(NAMES, map(float, low)))
+    said: list[str] = []
+    with arm_of(follower, Keys("rt"), said.append) as arm:
+        arm.engage()
+    assert "cm below the ground it stands on: a sign" in said[1]
+    goals = follower.bus.goals
+    np.testing.assert_allclose(goals, np.tile(goals[0], (len(goals), 1)))  # holds alone
+    assert follower.bus.writes[-1] == ("Torque_Enable", 0)
+
+
 def test_a_person_turns_a_sign_that_is_wrong(follower: Any) -> None:
     said: list[str] = []
     key = Keys(" " + "y " + "n " + "y " * 3 + "q")

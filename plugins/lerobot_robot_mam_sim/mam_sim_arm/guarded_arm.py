@@ -250,7 +250,11 @@ class GuardedArm:
             self.go(row, only)
 
     def rest(self, only: str = "") -> None:
-        """Let go, leave what the hand held, and return to the pose of rest, slowly."""
+        """Let go, leave what the hand held, and return to the pose of rest, slowly.
+
+        Raises:
+            StoppedForSafety: as `send`; or the arm is read where it cannot be.
+        """
         spec, start = self.spec, self.now()[:-1]
         rotation, position, _ = spec.chain.forward(start[None])
         back = np.tile(np.eye(4), (5, 1, 1))
@@ -260,7 +264,13 @@ class GuardedArm:
         good = found.good(0.01, spec.rotation_tolerance).all() and back[-1, 2, 3] > 0
         stops = [*(found.q if good else []), spec.rest_arm]
         ways = [np.linspace(a, b, 12) for a, b in zip([start, *stops], stops)]
-        self.allow(np.concatenate(ways), start[None])
+        floor = self.allow(np.concatenate(ways), start[None]).floor
+        if floor < -self.config.sunk:
+            raise StoppedForSafety(
+                f"the arm is read {-100 * floor:.0f} cm below the ground it stands on: a sign or "
+                "zero in the joint mapping is wrong. Support it, switch its torque off, and run "
+                "`mam-sim calibrate`; if it really hangs there, give more --sunk"
+            )
         self.move(start, spec.opened, REST_SHARE, only=only)
         for stop in stops:
             self.move(stop, spec.opened, REST_SHARE, settle=0, only=only)

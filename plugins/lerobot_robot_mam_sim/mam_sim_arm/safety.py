@@ -41,6 +41,9 @@ class SafetyConfig:
     """Amperes that an arm's motor may take, where the driver reads them (stall is 2.7)."""
     moved: Annotated[float, Range(0, 1, above=True)] = 0.03
     """Metres that the object may move while the policy runs."""
+    sunk: Annotated[float, Range(0, 3)] = 0.015
+    """Metres that the arm may be read below the ground when it shall come to rest; more means that
+    a sign or zero of the joint mapping is wrong."""
     patience: Annotated[int, Range(1, 1000)] = 10
     """Control steps in a row outside a limit after which the arm is stopped."""
 
