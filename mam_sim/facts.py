@@ -16,6 +16,7 @@ from mam_pipeline.asset.origins import (
     size_origin,
 )
 from mam_pipeline.check.report import REASONS
+from mam_pipeline.thresholds import HANDLING
 from mam_sim.console import STAGES
 
 NESTED = "write"
@@ -36,7 +37,8 @@ class JointFacts:
 
     Attributes:
         joint: of the card. kind: of its part. span: its range. mass: of its part. force: that moves
-            it against friction. motion: who says that it moves so.
+            it against friction. handling: what the simulator measured of it, in words; "" where
+            nothing was driven. motion: who says that it moves so.
     """
 
     joint: CardJoint
@@ -44,6 +46,7 @@ class JointFacts:
     span: Fact
     mass: Fact
     force: Fact
+    handling: str
     motion: str
 
 
@@ -62,11 +65,18 @@ class StageTime:
 
 def joint_facts(card: AssetCard, joints: Sequence[CardJoint]) -> list[JointFacts]:
     """Some joints of a card as a table shows them."""
-    parts = {part.link: part for part in card.parts}
-    return [_facts(joint, parts.get(joint.child), card.made_from) for joint in joints]
+    parts, check = {part.link: part for part in card.parts}, card.checks.get("executability")
+    driven = _rows(check.get("measured")) if isinstance(check, Mapping) else ()
+    measured = {str(row.get("joint")): row for row in driven}
+    return [
+        _facts(joint, parts.get(joint.child), measured.get(joint.name, {}), card.made_from)
+        for joint in joints
+    ]
 
 
-def _facts(joint: CardJoint, part: CardPart | None, source: str) -> JointFacts:
+def _facts(
+    joint: CardJoint, part: CardPart | None, measured: Mapping[str, Any], source: str
+) -> JointFacts:
     slides = joint.type == "prismatic"
     span = "turns freely"
     if joint.lower is not None and joint.upper is not None:
@@ -82,8 +92,28 @@ def _facts(joint: CardJoint, part: CardPart | None, source: str) -> JointFacts:
         force = Fact(value, str(friction_origin(joint.friction_range)))
     return JointFacts(
         joint, "" if part is None else part.kind, Fact(span, str(range_origin(joint, source))),
-        mass, force, str(motion_origin(joint, source)),
+        mass, force, _handling(measured, slides), str(motion_origin(joint, source)),
     )  # fmt: skip
+
+
+def _handling(row: Mapping[str, Any], slides: bool) -> str:
+    """How a joint handles in the simulator: what starts it, when it stays, how fast it falls."""
+
+    def told(key: str, unit: str) -> str:
+        value = row.get(key)
+        return f"{value:.2g} {unit}" if isinstance(value, int | float) else ""
+
+    starts, fast = told("breakaway", "N" if slides else "N m"), row.get("let_go")
+    closed, half = (
+        f"{words} or more" if words == f"{HANDLING.tilt:.2g} °" else words
+        for words in (told("tilt_closed", "°"), told("tilt_half", "°"))
+    )
+    words = [
+        f"starts at {starts}" if starts else "",
+        f"stays up to a tilt of {closed} closed and {half} half-open" if closed and half else "",
+        f"let go half-open: {told('let_go', 'm/s' if slides else 'rad/s')}" if fast else "",
+    ]
+    return ", ".join(word for word in words if word)
 
 
 def shown_value(joint: CardJoint, value: float) -> float:

@@ -97,7 +97,10 @@ def print_table(report: CheckReport) -> None:
     console.print("  ".join(f"{name} {marks[held]}" for name, held in report.clauses.items()))
     if report.joints:
         table = Table(box=None, pad_edge=False)
-        for column in ("joint", "range", "reached", "depth", "gap", "hold", "return", "verdict"):
+        for column in (
+            "joint", "range", "reached", "depth", "gap", "hold", "return", "force", "tilt",
+            "verdict",
+        ):  # fmt: skip
             table.add_column(column)
         for joint in report.joints:
             table.add_row(*_row(joint))
@@ -123,8 +126,16 @@ def _row(joint: JointReport) -> list[str]:
         _percent(gap),
         _percent(joint.hold_drift),
         _percent(joint.return_error),
+        _starts(joint),
+        "-" if joint.tilt_half is None else f"{joint.tilt_half:.0f}°",
         ", ".join(joint.reasons) or "ok",
     ]
+
+
+def _starts(joint: JointReport) -> str:
+    """The force or torque that starts a joint."""
+    unit = "N" if joint.type == "prismatic" else "N m"
+    return "-" if joint.breakaway is None else f"{joint.breakaway:.2g} {unit}"
 
 
 def _degrees(value: float) -> str:

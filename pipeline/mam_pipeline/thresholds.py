@@ -51,6 +51,28 @@ class Thresholds:
 
 THRESHOLDS = Thresholds()
 
+
+@dataclass(frozen=True)
+class HandlingRule:
+    """How breakaway force and tilt are searched for.
+
+    Attributes:
+        steps: of the simulator in one trial. moves: a joint moves that is faster than friction
+            creeps by this factor. rounds: of halving what is not known yet.
+        beyond: the most that is pushed, over what friction and gravity alone ask for.
+        least: what nobody feels, N or N m. tilt: the most that is tilted, degrees.
+    """
+
+    steps: int = 20
+    moves: float = 1.5
+    rounds: int = 7
+    beyond: float = 2.0
+    least: float = 0.02
+    tilt: float = 45.0
+
+
+HANDLING = HandlingRule()
+
 MAX_XML_BYTES = 10 << 20
 MAX_MESH_BYTES = 256 << 20
 MAX_LINKS = 300

@@ -365,6 +365,7 @@ def _drive(
                 return_error=d.return_error,
                 hold_drift=d.hold_drift,
                 top_speed=d.top_speed,
+                **({} if d.handling is None else vars(d.handling)),
                 reasons=tuple(reasons),
             )
         )

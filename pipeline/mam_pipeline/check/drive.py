@@ -2,21 +2,24 @@
 
 Gravity is compensated while joints are driven (a controller's task), and left to act alone while
 a pose must hold; then joint friction is all that holds it. Works without a graphics driver.
+What is left of the budget measures how each joint handles: the force that starts it and the tilt at
+which it no longer stays. Friction has closed forms; contacts between parts, which have none, count.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from mam_pipeline.asset.dynamics import set_joint_friction
+from mam_pipeline.asset.dynamics import CREEP, set_joint_friction
 from mam_pipeline.check.simulate import load_physics, physics_scene
-from mam_pipeline.thresholds import MAX_DRIVE, THRESHOLDS, Thresholds
+from mam_pipeline.thresholds import HANDLING, MAX_DRIVE, THRESHOLDS, Thresholds
 from mam_pipeline.types import Coupling, FloatArray, coupled
 
 STEP = 1.0 / 200.0
@@ -30,6 +33,24 @@ _TURN = 2.0 * np.pi
 
 
 @dataclass(frozen=True)
+class Handling:
+    """How a joint handles.
+
+    Attributes:
+        breakaway: least force along a slide (N) or torque about a hinge (N m) that starts it from
+            closed towards open, gravity included; None where nothing that was tried did.
+        tilt_closed, tilt_half: up to which tilt of the whole object, to the worst of four sides,
+            the closed and the half-open part stay where they are; degrees.
+        let_go: top speed of the part that is let go half-open, m/s or rad/s; 0 if it stays.
+    """
+
+    breakaway: float | None
+    tilt_closed: float
+    tilt_half: float
+    let_go: float
+
+
+@dataclass(frozen=True)
 class JointDrive:
     """What driving one joint showed: shares of its range, and its top speed (rad/s or m/s)."""
 
@@ -37,6 +58,8 @@ class JointDrive:
     return_error: float
     hold_drift: float
     top_speed: float
+    let_go: float = 0.0
+    handling: Handling | None = None
 
 
 @dataclass(frozen=True)
@@ -125,10 +148,15 @@ class _Driver:
                 break
             self.rest = self._pose(joint.name)
             reached, back = self._reach(i)
-            held = self._hold(i)
-            out[joint.name] = JointDrive(reached, back, held, self.top[i])
+            held, let_go = self._hold(i)
+            out[joint.name] = JointDrive(reached, back, held, self.top[i], let_go)
             if self.exploded:
                 break
+        for i, joint in enumerate(self.joints):
+            if self.exploded or self.budget <= 0:
+                break
+            handling = self._handling(i, out[joint.name].let_go)
+            out[joint.name] = replace(out[joint.name], handling=handling)
         return DriveResult(out, self.drift, exploded=self.exploded, unfinished=unfinished)
 
     def _pose(self, name: str) -> FloatArray:
@@ -188,25 +216,94 @@ class _Driver:
                 break
         return float(self.robot.get_qpos()[index])
 
-    def _hold(self, index: int) -> float:
-        """Largest drift of the joint, from its rest pose and from half-way, under gravity alone."""
-        worst = 0.0
+    def _hold(self, index: int) -> tuple[float, float]:
+        """Largest drift of the joint, from its rest pose and from half-way, under gravity alone,
+        and its top speed from half-way, 0 where friction holds it."""
+        worst = top = 0.0
         self.robot.set_solver_position_iterations(HOLD_ITERATIONS)
         for value in (self.rest[index], 0.5 * (self.low[index] + self.high[index])):
             if self.exploded:
                 break
-            q = self._with(index, float(value))
-            for joint, slides in zip(self.joints, self.slide):
-                friction, damping = self.frictions.get(joint.name, (0.0, 0.0))
-                kind = "prismatic" if slides else "revolute"
-                set_joint_friction(joint, kind, friction, damping)
+            q, top = self._with(index, float(value)), 0.0
+            self._rub()
             self._reset(q)
             for _ in range(int(self.thresholds.hold_seconds / STEP)):
                 if not self._step():
                     break
+                top = max(top, abs(float(self.robot.get_qvel()[index])))
             moved = abs(float(self.robot.get_qpos()[index]) - float(value))
             worst = max(worst, moved / float(self.span[index]))
-        return worst
+        return worst, top if top > self._creep(index) else 0.0
+
+    def _rub(self) -> None:
+        """Nothing but friction holds the joints."""
+        for joint, slides in zip(self.joints, self.slide):
+            friction, damping = self.frictions.get(joint.name, (0.0, 0.0))
+            kind = "prismatic" if slides else "revolute"
+            set_joint_friction(joint, kind, friction, damping)
+
+    def _creep(self, index: int) -> float:
+        """Speed beyond which a joint moves, and does not merely creep as drives do."""
+        return HANDLING.moves * CREEP["prismatic" if self.slide[index] else "revolute"]
+
+    def _handling(self, index: int, let_go: float) -> Handling:
+        self.rest = self._pose(self.joints[index].name)
+        self._rub()
+        half = self._with(index, 0.5 * float(self.low[index] + self.high[index]))
+        tilts = [self._tilt(index, q) for q in (self.rest, half)]
+        return Handling(self._breakaway(index), tilts[0], tilts[1], let_go)
+
+    def _breakaway(self, index: int) -> float | None:
+        """Force towards the farther end of the range that starts the joint from its rest pose."""
+        self._reset(self.rest)
+        load = abs(float(self.robot.compute_passive_force(True, False)[index]))
+        friction = self.frictions.get(self.joints[index].name, (0.0, 0.0))[0]
+        home = self.rest[index]
+        way = 1.0 if self.high[index] - home >= home - self.low[index] else -1.0
+        if self._moves(index, self.rest, way * HANDLING.least):
+            return 0.0
+        most = HANDLING.beyond * (friction + load + HANDLING.least)
+        found = _least(most, lambda force: self._moves(index, self.rest, way * force))
+        return found if found < most else None
+
+    def _tilt(self, index: int, q: FloatArray) -> float:
+        """Tilt to the side to which gravity pulls most at the joint, which starts it from `q`."""
+        pose, pulls = self.robot.get_root_pose(), list[tuple[float, FloatArray]]()
+        room = (q[index] - self.bounds[index, 0], self.bounds[index, 1] - q[index])
+        for line in np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]]):
+            self._lean(pose, 0.5 * HANDLING.tilt, line)
+            self._reset(q)
+            pull = -float(self.robot.compute_passive_force(True, False)[index])
+            free = room[pull > 0] > 1e-6 * self.span[index]
+            pulls.append((abs(pull) if free else 0.0, line))
+        side = max(pulls, key=lambda row: row[0])[1]
+
+        def falls(degrees: float) -> bool:
+            self._lean(pose, degrees, side)
+            return self._moves(index, q, 0.0)
+
+        found = _least(HANDLING.tilt, falls)
+        self.robot.set_root_pose(pose)
+        return found
+
+    def _lean(self, pose: Any, degrees: float, side: FloatArray) -> None:
+        """Tilt the whole object about a horizontal line."""
+        turn = np.eye(4)
+        turn[:3, :3] = Rotation.from_rotvec(np.radians(degrees) * side).as_matrix()
+        self.robot.set_root_pose(type(pose)(turn) * pose)
+
+    def _moves(self, index: int, q: FloatArray, force: float) -> bool:
+        """Whether a joint starts to move from `q` under gravity and a force of its own."""
+        self._reset(q)
+        forces = np.zeros(len(q), dtype=np.float32)
+        forces[index] = force
+        self.robot.set_qf(forces)
+        for _ in range(HANDLING.steps):
+            self.budget -= len(self.joints)
+            self.scene.step()
+            if not abs(float(self.robot.get_qvel()[index])) <= self._creep(index):
+                return True
+        return False
 
     def _step(self) -> bool:
         """One step; False once the state is no longer sane."""
@@ -222,3 +319,14 @@ class _Driver:
             return False
         self.drift = max(self.drift, math.dist(self.robot.get_root_pose().p.tolist(), self.base))
         return True
+
+
+def _least(most: float, moves: Callable[[float], bool]) -> float:
+    """The least value up to `most` at which something moves, by halving; `most` if none does."""
+    low, high = 0.0, most
+    if not moves(most):
+        return most
+    for _ in range(HANDLING.rounds):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if moves(middle) else (middle, high)
+    return 0.5 * (low + high)

@@ -79,7 +79,10 @@ class Finding:
 class JointReport:
     """Figures of one joint; shares are of the diagonal (lengths) or of the range (motion).
 
-    `askew` is an angle in radians.
+    `askew` is an angle in radians. How the part handles: `breakaway` (N or N m) is the least force
+    that starts it from closed towards open, `tilt_closed` and `tilt_half` (degrees) are the tilts
+    of the whole object up to which the closed and the half-open part stay, `let_go` (m/s or rad/s)
+    is the speed of the part that is let go half-open.
 
     None where a figure was not measured. `after` names the joints that must be open first, as the
     door in front of a drawer; all others are closed while a joint is tested.
@@ -99,6 +102,10 @@ class JointReport:
     hold_drift: float | None = None
     return_error: float | None = None
     top_speed: float | None = None
+    breakaway: float | None = None
+    tilt_closed: float | None = None
+    tilt_half: float | None = None
+    let_go: float | None = None
     apart: float = 0.0
     after: tuple[str, ...] = ()
     reasons: tuple[str, ...] = ()

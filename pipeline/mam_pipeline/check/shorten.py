@@ -68,6 +68,12 @@ def written_and_checked(
         for j in report.joints
         if j.reasons
     ]
+    measured = [
+        {"joint": j.name, "breakaway": j.breakaway, "let_go": j.let_go,
+         "tilt_closed": j.tilt_closed, "tilt_half": j.tilt_half}
+        for j in report.joints
+        if j.tilt_closed is not None
+    ]  # fmt: skip
     faults = [
         {"where": f.where, "code": f.code, "message": f.message}
         for f in report.findings
@@ -82,6 +88,7 @@ def written_and_checked(
                 "driven": report.driven,
                 "reasons": list(report.reasons),
                 **({"joints": failing} if failing else {}),
+                **({"measured": measured} if measured else {}),
                 **({"findings": faults} if faults else {}),
             }
         },
