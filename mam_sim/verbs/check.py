@@ -39,7 +39,7 @@ class Check(Verb):
     """Drive the joints in the simulator too (needs no graphics driver)."""
     profile: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
     """Say instead what a simulator would refuse or ignore of the file: sapien, mujoco, pybullet,
-    isaac, newton or gazebo; nothing is driven."""
+    isaac, newton, gazebo, drake (in strict mode) or physx-gpu; nothing is driven."""
 
     def run(self) -> int:
         """Check, and print or write the report."""

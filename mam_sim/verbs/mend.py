@@ -35,8 +35,8 @@ class Mend(Verb):
     only: tuple[str, ...] = ()
     """Mend these reasons alone (their codes are those of `check`)."""
     profile: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
-    """Mend also what this simulator would refuse or ignore: sapien, mujoco, pybullet, isaac, newton
-    or gazebo."""
+    """Mend also what this simulator would refuse or ignore: sapien, mujoco, pybullet, isaac,
+    newton, gazebo, drake (in strict mode) or physx-gpu."""
     dry_run: bool = False
     """Say what would be changed, and write nothing."""
     allow_outside: bool = False

@@ -27,7 +27,7 @@ PASS = f"""<robot name="r"><!-- an owner's remark -->
  {DOOR}
  <joint name="hinge" type="revolute"><parent link="body"/><child link="door"/>
   <origin xyz="-0.2 -0.2 0"/><axis xyz="0 0 1"/><limit lower="0" upper="1.5" effort="10"
-  velocity="1"/><dynamics damping="0.2" friction="0.5"/></joint>
+  velocity="1"/><dynamics damping="0.2"/></joint>
 </robot>"""
 """A box with a door before it: nothing is to be mended."""
 
@@ -56,6 +56,16 @@ def flipped(folder: Path) -> None:
 def ball(folder: Path) -> None:
     """Three hundred points for a door knob, collision alone."""
     trimesh.creation.icosphere(3, 0.02).export(folder / "knob.obj")
+
+
+def coarse_ball(folder: Path) -> None:
+    """A door knob of 42 points and 80 faces."""
+    trimesh.creation.icosphere(1, 0.02).export(folder / "knob.obj")
+
+
+def cone(folder: Path) -> None:
+    """A door knob on a face of forty corners."""
+    trimesh.creation.cone(0.02, 0.03, sections=40).export(folder / "knob.obj")
 
 
 def hollow(folder: Path) -> None:
@@ -141,6 +151,9 @@ MIMIC = ("</robot>", """<link name="flap"><visual><geometry><box size="0.1 0.1 0
 <joint name="flap" type="revolute"><parent link="body"/><child link="flap"/><origin xyz="0 0 0.25"/>
 <axis xyz="0 0 1"/><limit lower="0" upper="1" effort="1" velocity="1"/><dynamics damping="1"/>
 <mimic joint="nobody"/></joint></robot>""")  # fmt: skip
+KNOB = ("(?=<collision><geometry><mesh filename=\"door)",
+        '<collision><origin xyz="-0.03 0.35 0"/><geometry><mesh filename="knob.obj"/></geometry>'
+        '</collision>')  # fmt: skip
 PIECE = """<collision><origin xyz="-0.01 0.2 0"/><geometry><box size="0.02 0.4 0.4"/></geometry>
 </collision>"""
 Files = Callable[[Path], None] | None
@@ -185,9 +198,13 @@ FAIL: dict[str, tuple[str, list[tuple[str, str]], Files]] = {
     ),
     "no_collision_shape": ("no_collision", [(r"(door.obj\S+\s*)<collision>.*?</collision>", r"\1")],
                            None),
-    "a_fine_hull": ("hull_points", [("(?=<collision><geometry><mesh filename=\"door)",
-        '<collision><origin xyz="-0.03 0.35 0"/><geometry><mesh filename="knob.obj"/></geometry>'
-        '</collision>')], ball),
+    "a_fine_hull": ("hull_points", [KNOB], ball),
+    "a_hull_of_many_faces": ("hull_faces", [KNOB], coarse_ball),
+    "a_face_of_many_corners": ("face_points", [KNOB], cone),
+    "joint_friction": ("friction_refused", [('damping="0.2"', 'damping="0.2" friction="0.5"')],
+                       None),
+    "a_safety_controller": ("tag_refused", [("<dynamics", '<safety_controller k_velocity="1"/>'
+                                             "<dynamics")], None),
     "another_mesh_format": ("mesh_format", [("door.obj", "door.glb")], glb),
     "two_objects_in_a_file": ("several_objects", [], two_objects),
     "a_hull_over_a_corner": ("concave_collision", [], corner),
@@ -219,7 +236,7 @@ FAIL: dict[str, tuple[str, list[tuple[str, str]], Files]] = {
     "a_lid_that_falls": ("sags", [
         ("0 0 1", "0 -1 0"), ("-0.2 -0.2 0", "-0.2 -0.2 -0.2"), ("-0.01 0.2 0", "-0.01 0.2 0.2"),
         ('<geometry><mesh filename="door', '<origin xyz="0 0 0.2"/><geometry><mesh filename="door'),
-        ('friction="0.5"', 'friction="0.01"'),
+        ('damping="0.2"', 'damping="0.2" friction="0.01"'),
     ], None),
     "a_hull_over_a_hollow": ("cavity_filled", [SLIDE], hollow),
 }  # fmt: skip

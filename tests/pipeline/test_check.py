@@ -17,6 +17,7 @@ import mam_pipeline
 from mam_pipeline import thresholds
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.check import REASONS, CheckReport, check_asset
+from mam_pipeline.check.check import check_profile
 from mam_pipeline.check.drive import drive_urdf
 from mam_pipeline.check.report import CLAUSES
 from mam_pipeline.check.shorten import written_and_checked
@@ -89,6 +90,11 @@ def test_the_true_cabinet_passes(good: Path) -> None:
     for joint in report.joints:
         assert joint.reached is not None and joint.reached > 0.99
         assert joint.hold_drift is not None and joint.hold_drift < 0.02
+
+
+def test_an_asset_is_taken_by_a_gpu_and_by_drake_but_for_its_joint_friction(good: Path) -> None:
+    assert check_profile(good, "physx-gpu").findings == ()
+    assert check_profile(good, "drake").reasons == ("friction_refused",)
 
 
 def tilted(axis: np.ndarray, degrees: float) -> np.ndarray:

@@ -235,3 +235,32 @@ def test_a_usd_file_is_looked_at_as_it_is(tmp_path: Path) -> None:
         assert code in check_profile(tmp_path / "changed.usda", "isaac").reasons
     (tmp_path / "broken.usda").write_text("#usda 1.0\n(")
     assert check_profile(tmp_path / "broken.usda", "isaac").reasons == ("file_unreadable",)
+
+
+@pytest.mark.parametrize("name", ["", "friction", "safety_controller", "coulomb_window", "inertia"])
+def test_drake_in_strict_mode_refuses_what_its_profile_names(tmp_path: Path, name: str) -> None:
+    parsing: Any = pytest.importorskip("pydrake.multibody.parsing")
+    from pydrake.multibody.plant import MultibodyPlant
+
+    change = {
+        "": [],
+        "friction": [('damping="0.1"', 'damping="0.1" friction="1"')],
+        "safety_controller": [("<dynamics", '<safety_controller k_velocity="1"/><dynamics')],
+        "coulomb_window": [('damping="0.1"', 'damping="0.1" coulomb_window="1"')],
+        "inertia": [HEAVY],
+    }[name]
+    urdf = written(tmp_path, *change)
+
+    def strict(file: str | Path) -> None:
+        plant = MultibodyPlant(0.001)
+        parser = parsing.Parser(plant)
+        parser.SetStrictParsing()
+        parser.AddModels(str(file))
+
+    assert check_profile(urdf, "drake").passed == (not name)
+    if name:
+        with pytest.raises(RuntimeError):
+            strict(urdf)
+    found = mend(urdf, tmp_path / "out", Order(profile="drake", drive=False))
+    assert check_profile(found.urdf, "drake").passed
+    strict(found.urdf)

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.sim
 
 def codes(urdf: Path) -> set[str]:
     """Reasons of the check, and of the profiles; warnings too."""
-    names = ("isaac", "mujoco", "gazebo")
+    names = ("isaac", "mujoco", "gazebo", "drake", "physx-gpu")
     found = {f.code for n in names for f in check_profile(urdf, n).findings}
     report = check_asset(urdf)
     return found | {f.code for f in report.findings} | set(report.reasons)

@@ -24,7 +24,10 @@ from mam_pipeline.formats.usd_layers import check_layers
 from mam_pipeline.formats.xml_file import Doctype, parse_xml
 from mam_pipeline.optional import require
 
-READERS = {"MJCF": ("mujoco", "isaac", "newton"), "USD": ("isaac", "newton")}
+READERS = {
+    "MJCF": ("mujoco", "isaac", "newton", "physx-gpu"),
+    "USD": ("isaac", "newton", "physx-gpu"),
+}
 """Simulators that read a format by themselves; the others read URDF."""
 _MIMIC = {"newton": "NewtonMimicAPI", "isaac": "PhysxMimicJointAPI"}
 
@@ -101,7 +104,9 @@ def _mjcf(path: Path, name: str, profile: Profile) -> Iterator[Finding]:
             corners = int(model.mesh_graph[model.mesh_graphadr[mesh]])
             if 0 < profile.max_hull_points < corners:
                 text = f"its hull has {corners} vertices; the GPU takes {profile.max_hull_points}"
-                yield Finding("hull_points", model.mesh(mesh).name, text, warning=True)
+                yield Finding(
+                    "hull_points", model.mesh(mesh).name, text, warning=not profile.refuses
+                )
     moved = [model.joint(i) for i in range(model.njnt)]
     if not moved:
         yield Finding("no_joint", path.name, "no joint moves")

@@ -2,8 +2,8 @@
 
 Assets of ours were opened in SAPIEN 3.0, MuJoCo 4.0, PyBullet 3.2 and urdf-usd-converter 0.3,
 through which Isaac Sim and Newton read URDF (docs/results/conformance.md). Not every rule was tried
-by itself. Gazebo's own parser (sdformat 12.3) was run on our assets and on broken ones; the rules
-on Isaac's GPU limits come from documents.
+by itself. The parsers of Gazebo (sdformat 12.3) and Drake (1.51, in strict mode) were run on our
+assets and on broken ones; the limits of PhysX on a GPU come from its documents.
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ from mam_pipeline.errors import MamSimError, unknown_name
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.soup import FileContent, join
 
-ProfileName = Literal["sapien", "mujoco", "pybullet", "isaac", "newton", "gazebo"]
+ProfileName = Literal[
+    "sapien", "mujoco", "pybullet", "isaac", "newton", "gazebo", "drake", "physx-gpu"
+]
 
 
 @dataclass(frozen=True)
@@ -34,31 +36,40 @@ class Profile:
 
     Attributes:
         visual_formats: suffixes of visual meshes that it shows.
-        refuses_format: an unknown mesh format makes it refuse the whole file.
+        refuses_format: of which shapes an unknown mesh format makes it refuse the whole file.
         identifiers: names must be identifiers (letters, digits, _; no digit first).
         max_hulls: convex pieces of one body, 0 for no limit.
-        max_hull_points: vertices of one convex piece, 0 for no limit.
+        max_hull_points: vertices of one convex piece, 0 for no limit. max_hull_faces: its faces,
+            however many corners each has. max_face_points: corners of a face.
+        refuses: what it does not take of a convex piece it refuses, and does not simplify.
         possible_inertia: it refuses an inertia that breaks the triangle inequality.
         turned_inertia: it reads the rotation of an inertial frame.
         mimic: which mimic joints it couples: all, none, or `near` ones: of neighbours, and of
             one link by a multiplier of 1 or -1 without offset.
         needs_effort: without effort and velocity a joint cannot be driven, or is refused.
-        reads_friction: it reads the friction of `<dynamics>`.
+        reads_friction: it reads the friction of `<dynamics>`. refuses_friction: it refuses the
+            file because of it. refused: tags below a joint and attributes of `<dynamics>` that it
+            refuses.
         needs_inertial: it drops a link that has no inertial element.
         first_object: of an OBJ file with several objects it reads the first alone.
         any_joint: it takes floating and planar joints.
     """
 
     visual_formats: frozenset[str]
-    refuses_format: bool = False
+    refuses_format: Literal["all", "collision", "none"] = "none"
     identifiers: bool = False
     max_hulls: int = 0
     max_hull_points: int = 0
+    max_hull_faces: int = 0
+    max_face_points: int = 0
+    refuses: bool = False
     possible_inertia: bool = False
     turned_inertia: bool = True
     mimic: Literal["all", "near", "none"] = "all"
     needs_effort: bool = False
     reads_friction: bool = True
+    refuses_friction: bool = False
+    refused: frozenset[str] = frozenset()
     needs_inertial: bool = False
     first_object: bool = False
     any_joint: bool = False
@@ -71,10 +82,10 @@ PROFILES: dict[str, Profile] = {
         mimic="near",
     ),
     "mujoco": Profile(
-        frozenset({".obj", ".stl"}), refuses_format=True, possible_inertia=True,
+        frozenset({".obj", ".stl"}), refuses_format="all", possible_inertia=True,
         needs_effort=True, first_object=True,
     ),
-    "pybullet": Profile(_GENERAL, refuses_format=True, mimic="none", needs_effort=True),
+    "pybullet": Profile(_GENERAL, refuses_format="all", mimic="none", needs_effort=True),
     "isaac": Profile(
         _GENERAL, identifiers=True, max_hulls=64, max_hull_points=60, turned_inertia=False,
         needs_effort=True,
@@ -84,9 +95,20 @@ PROFILES: dict[str, Profile] = {
         _GENERAL | {".glb", ".gltf"}, needs_effort=True, needs_inertial=True,
         possible_inertia=True, mimic="none",
     ),
+    "drake": Profile(
+        frozenset({".obj", ".gltf", ".vtk"}), refuses_format="collision", possible_inertia=True,
+        refuses_friction=True,
+        refused=frozenset({"calibration", "safety_controller", "coulomb_window"}),
+    ),
+    "physx-gpu": Profile(
+        _GENERAL | {".glb", ".gltf", ".ply"}, max_hull_points=64, max_hull_faces=64,
+        max_face_points=32, refuses=True,
+    ),
 }  # fmt: skip
 CONCAVE_SHARE = 0.8
 """A collision mesh that fills less than this share of its convex hull becomes another shape."""
+FLAT = 1e-3
+"""Angle between triangles of a hull that are one face, radians."""
 DEFAULT_EFFORT, DEFAULT_VELOCITY = 100.0, 2.0
 """N or N m, m/s or rad/s: what `mend` writes where a joint has none, as our own assets do."""
 
@@ -162,9 +184,21 @@ def _joints(linter: Linter, profile: Profile) -> Iterator[Finding]:
             yield Finding("effort_missing", name, text)
         dynamics = joint.find("dynamics")
         rubs = dynamics is not None and _positive(dynamics.get("friction"))
+        if rubs and profile.refuses_friction:
+            text = "joint friction: a parser in strict mode refuses the file, others ignore it"
+            yield Finding("friction_refused", name, text)
+        for key in refused_tags(joint, profile):
+            yield Finding("tag_refused", name, f"<{key}>: in strict mode the file is refused")
         if rubs and not profile.reads_friction:
             text = "the friction of <dynamics> is ignored; set it after loading"
             yield Finding("friction_ignored", name, text, warning=True)
+
+
+def refused_tags(joint: ET.Element, profile: Profile) -> list[str]:
+    """Tags below a joint, and attributes of its `<dynamics>`, because of which it is refused."""
+    dynamics = joint.find("dynamics")
+    told = {e.tag for e in joint} | set(() if dynamics is None else dynamics.attrib)
+    return sorted(told & profile.refused)
 
 
 def _near(joint: ET.Element, mimic: ET.Element, linter: Linter) -> bool:
@@ -199,7 +233,8 @@ def _mesh(
 ) -> Iterator[Finding]:  # fmt: skip
     suffix = file.suffix.lower()
     if suffix not in profile.visual_formats:
-        what = "the whole file is refused" if profile.refuses_format else "the shape is dropped"
+        refused = profile.refuses_format in ("all", kind)
+        what = "the whole file is refused" if refused else "the shape is dropped"
         yield Finding("mesh_format", where, f"{suffix} is not read: {what}")
     scale = [float(w) for w in (mesh.get("scale") or "1").split()]
     if min(scale) < 0:
@@ -224,10 +259,26 @@ def _mesh(
         share = 100.0 * abs(solid.volume) / hull.volume
         text = f"it fills {share:.0f} % of its convex hull, which is what will collide"
         yield Finding("concave_collision", where, text, warning=True)
-    if 0 < profile.max_hull_points < len(hull.vertices):
-        most, count = profile.max_hull_points, len(hull.vertices)
-        text = f"its hull has {count} vertices; the GPU takes {most}"
-        yield Finding("hull_points", where, text, warning=True)
+    for code, (count, most) in too_fine(hull, profile).items():
+        what = {"hull_points": "vertices", "hull_faces": "faces"}.get(code, "corners of a face")
+        text = f"its hull has {count} {what}; the GPU takes {most}"
+        yield Finding(code, where, text, warning=not profile.refuses)
+
+
+def too_fine(hull: trimesh.Trimesh, profile: Profile) -> dict[str, tuple[int, int]]:
+    """Reason -> (count, the most that is taken) of what a GPU does not take of a convex hull.
+
+    Triangles in one plane are one face, as PhysX makes it.
+    """
+    flat = hull.face_adjacency[hull.face_adjacency_angles < FLAT]
+    faces = trimesh.graph.connected_components(flat, nodes=np.arange(len(hull.faces)))
+    corners = max(len(np.unique(hull.faces[face])) for face in faces)
+    told = {
+        "hull_points": (len(hull.vertices), profile.max_hull_points),
+        "hull_faces": (len(faces), profile.max_hull_faces),
+        "face_points": (corners, profile.max_face_points),
+    }
+    return {code: pair for code, pair in told.items() if 0 < pair[1] < pair[0]}
 
 
 ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2),

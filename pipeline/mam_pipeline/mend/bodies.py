@@ -18,7 +18,15 @@ from mam_pipeline.asset.inertia import MIN_MASS, link_inertials
 from mam_pipeline.asset.matter import made_alike
 from mam_pipeline.asset.shapes import few_points, shape_around
 from mam_pipeline.check.model import CheckModel
-from mam_pipeline.check.profiles import CONCAVE_SHARE, ENTRIES, PROFILES, lack, tensor_of, turn_of
+from mam_pipeline.check.profiles import (
+    CONCAVE_SHARE,
+    ENTRIES,
+    PROFILES,
+    lack,
+    tensor_of,
+    too_fine,
+    turn_of,
+)
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.formats.urdf.geometry import shape_triangles
 from mam_pipeline.formats.urdf.read import read_bodies
@@ -268,22 +276,26 @@ def no_collision(work: Work, reason: str = "no_collision") -> None:
 
 def fewer_points(work: Work, reason: str = "hull_points") -> None:
     """Convex hulls of few points in place of those that a GPU refuses."""
-    most = min(p.max_hull_points for p in PROFILES.values() if p.max_hull_points)
+    profile = PROFILES["physx-gpu"]
+    if reason == "hull_points":  # of several simulators; the least that one of them takes
+        few = min(p.max_hull_points for p in PROFILES.values() if p.max_hull_points)
+        profile = replace(profile, max_hull_points=few)
     for link, element, (points, _faces) in list(_collision_points(work)):
         name = str(link.get("name"))
         hull = hull_of(points)
-        if hull is None or len(hull[0]) <= most:
+        faults = {} if hull is None else too_fine(trimesh.Trimesh(*hull), profile)
+        if hull is None or reason not in faults:
             continue
         chunk = Chunk(hull[0], hull[1], 0.0, hull_volume(hull[0]))
         shape = _as_hull(shape_around(chunk, 0.0), chunk)
         link.remove(element)
         _write_pieces(work, link, name, [shape], element.find("origin"))
         away = max(_beyond(points, shape.vertices), _beyond(shape.vertices, points))
-        why = (
-            f"a GPU takes {most} points of a hull; its surface moves by {1e3 * away:.2g} mm at most"
-        )
-        after = f"{len(shape.vertices)} points"
-        work.change(reason, name, f"{len(hull[0])} points", after, why)
+        count, most = faults[reason]
+        what = {"hull_points": "points", "hull_faces": "faces"}.get(reason, "corners of a face")
+        why = f"a GPU takes {most} {what}; the hull's surface moves by {1e3 * away:.2g} mm at most"
+        after = f"a hull of {len(shape.vertices)} points"
+        work.change(reason, name, f"{count} {what}", after, why)
 
 
 def _beyond(points: FloatArray, corners: FloatArray) -> float:

@@ -11,7 +11,12 @@ import numpy as np
 from mam_pipeline.asset.dynamics import with_dynamics
 from mam_pipeline.check.lint import KNOWN, in_degrees
 from mam_pipeline.check.model import CheckModel
-from mam_pipeline.check.profiles import DEFAULT_EFFORT, DEFAULT_VELOCITY
+from mam_pipeline.check.profiles import (
+    DEFAULT_EFFORT,
+    DEFAULT_VELOCITY,
+    PROFILES,
+    refused_tags,
+)
 from mam_pipeline.formats.urdf.write import numbers
 from mam_pipeline.joints.limits import Surroundings, embedded_limits
 from mam_pipeline.mend.bodies import body_inertials
@@ -251,6 +256,27 @@ def friction(work: Work, reason: str = "no_friction") -> None:
         before = f"friction {had[0]:.3g}, damping {had[1]:.3g}"
         after = f"{joint.friction:.3g} {unit}, {damping:.3g} {unit} s/{per}"
         work.change(reason, joint.name, before, after, why)
+
+
+def strict(work: Work, reason: str = "friction_refused") -> None:
+    """Take away what a parser in strict mode refuses: joint friction, or tags that it has not."""
+    for name, element in work.moving():
+        dynamics = element.find("dynamics")
+        keys = (
+            ["friction"]
+            if reason == "friction_refused"
+            else refused_tags(element, PROFILES["drake"])
+        )
+        for key in keys:
+            before = f"<{key}>"
+            for own in element.findall(key):
+                element.remove(own)
+            if dynamics is not None and key in dynamics.attrib:
+                before = f"{key} {dynamics.attrib.pop(key)}"
+            elif key == "friction":
+                continue
+            why = "Drake in strict mode refuses the file because of it, and ignores it otherwise"
+            work.change(reason, name, before, "none", why)
 
 
 def _set(limit: ET.Element, lower: float, upper: float) -> None:

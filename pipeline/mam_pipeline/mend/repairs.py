@@ -72,11 +72,15 @@ REPAIRS: Mapping[str, Repair] = {
     "inertial_turned": Repair("the rotation goes into the tensor", bodies.straight_inertial),
     "no_collision": Repair("convex pieces of what is seen", bodies.no_collision),
     "hull_points": Repair("a hull of fewer points", bodies.fewer_points),
+    "hull_faces": Repair("as `hull_points`", bodies.fewer_points),
+    "face_points": Repair("as `hull_points`", bodies.fewer_points),
     "hull_count": Repair("convex pieces of what is seen", bodies.rebuild),
     "concave_collision": Repair(
         "convex pieces that leave its hollow open", bodies.concave, asked=True
     ),
     "no_friction": Repair("friction and damping by what the part weighs", joints.friction),
+    "friction_refused": Repair("the friction goes, the damping stays", joints.strict, asked=True),
+    "tag_refused": Repair("the element or attribute goes", joints.strict, asked=True),
     "exchanged": Repair(
         "the body holds its part, where both stand; the axis is turned about", motion.turn_round,
         moving=True,
