@@ -131,6 +131,25 @@ def test_an_asset_says_between_what_its_friction_and_masses_are_drawn(
     made.close()
 
 
+def test_a_part_feels_as_its_asset_says(drawer: Path, tmp_path: Path) -> None:
+    own = tmp_path / "drawer"
+    shutil.copytree(drawer, own)
+    card = json.loads((own / "asset.json").read_text())
+    part = next(p for p in card["parts"] if p["link"] == "part_1")
+    part |= {"friction": 0.7, "restitution": 0.1}
+    (own / "asset.json").write_text(json.dumps(card))
+    made = mam_envs.make(own)
+    made.reset(seed=0)
+    links = made.unwrapped.objects[0].links_map
+    for name, friction, restitution in (("part_1", 0.7, 0.1), ("base", 0.4, 0.3)):
+        for shape in links[name]._objs[0].collision_shapes:
+            material = shape.physical_material
+            assert material.static_friction == pytest.approx(friction)
+            assert material.dynamic_friction == pytest.approx(friction)
+            assert material.restitution == pytest.approx(restitution)
+    made.close()
+
+
 class Recorded(CPUGymWrapper, RecordConstructorArgs):
     """CPUGymWrapper with what it lacks: arguments that gymnasium can make it from again."""
 

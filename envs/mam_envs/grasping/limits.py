@@ -22,7 +22,7 @@ class GraspLimits:
             squeezes with 40 N).
         lags: shares of the part's turn that a hand may follow which pivots round a bar.
         friction: between fingertip and part: a little less than the mean of ManiSkill's rubber
-            (2.0) and SAPIEN's default (0.3), which is what the simulator uses.
+            (2.0) and the smoothest material of a part (0.4), which is what the simulator uses.
         patch: metres by which a soft fingertip's contacts may differ in height.
         pad: half the width of a fingertip that counts, metres.
     """

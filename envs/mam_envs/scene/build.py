@@ -18,6 +18,7 @@ from sapien.wrapper.articulation_builder import MimicJointRecord
 from mam_envs.config import CameraSpec, SceneConfig
 from mam_envs.object_model import ObjectModel
 from mam_envs.scene.layout import Layout
+from mam_pipeline.asset.card import AssetCard
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.urdf.admit import through_door
 from mam_pipeline.types import FloatArray
@@ -33,9 +34,25 @@ WOOD, GREY, WHITE = (0.58, 0.44, 0.31, 1.0), (0.35, 0.36, 0.38, 1.0), (0.86, 0.8
 
 
 class ObjectLoader(URDFLoader):
-    """ManiSkill's URDF loader that leaves visuals out where nothing is rendered."""
+    """ManiSkill's URDF loader that gives bodies the contact materials of their asset, and leaves
+    visuals out where nothing is rendered."""
 
     visual_free = False
+
+    def __init__(self, card: AssetCard) -> None:
+        super().__init__()
+        self._contacts = {part.link: (part.friction, part.restitution) for part in card.parts}
+        self._made: dict[tuple[float, float], sapien.physx.PhysxMaterial] = {}
+
+    def _get_material(self, link_name: str, index: int) -> sapien.physx.PhysxMaterial | None:
+        """One material for all that feels alike, since PhysX has room for 65536; None is
+        ManiSkill's own."""
+        contact = self._contacts.get(link_name)
+        if contact is not None and contact not in self._made:
+            friction, restitution = contact
+            made = sapien.physx.PhysxMaterial(friction, friction, restitution)
+            self._made[contact] = made
+        return None if contact is None else self._made[contact]
 
     def _build_link(self, link: Any, builder: Any) -> Any:
         if self.visual_free:
@@ -46,7 +63,7 @@ class ObjectLoader(URDFLoader):
 
 def build_object(scene: ManiSkillScene, layout: Layout, index: int, name: str) -> Articulation:
     """Load one asset into sub-scene `index`, its base fixed to the world."""
-    loader = ObjectLoader()
+    loader = ObjectLoader(layout.model.asset.card)
     loader.set_scene(scene)
     loader.name = name
     loader.fix_root_link = True
