@@ -1,4 +1,5 @@
-"""What Drake makes of URDFs: bodies, joints, visuals and mass; run where Drake is installed.
+"""What Drake makes of URDFs: bodies, joints, visuals, mass, and whether its parser takes them in
+strict mode too; run where Drake is installed.
 
     pip install drake        (in an environment of its own)
     python benchmarks/open_in_drake.py ASSET/object.urdf ...
@@ -11,6 +12,7 @@ from __future__ import annotations
 import importlib
 import sys
 import xml.etree.ElementTree as ET
+from typing import Any
 
 
 def main(files: list[str]) -> None:
@@ -31,8 +33,20 @@ def main(files: list[str]) -> None:
             f"{file}: bodies {len(bodies)}/{len(root.findall('link'))}, "
             f"joints {len(moving)}/{len(wanted)}, "
             f"visuals {shown}/{len(root.findall('link/visual'))}, "
-            f"{sum(b.default_mass() for b in bodies):.3f} kg"
+            f"{sum(b.default_mass() for b in bodies):.3f} kg, strict: {strict(drake, file)}"
         )
+
+
+def strict(drake: Any, file: str) -> str:
+    """What the parser says where a warning is an error; "taken" if nothing."""
+    plant = drake.MultibodyPlant(0.001)
+    parser = drake.Parser(plant)
+    parser.SetStrictParsing()
+    try:
+        parser.AddModels(file)
+    except RuntimeError as error:
+        return str(error).splitlines()[0]
+    return "taken"
 
 
 if __name__ == "__main__":
