@@ -69,19 +69,17 @@ class Hands:
 
     def all_to(self, share: int) -> bool:
         """Open (100) or close (0) everything by its slider; whether something moves."""
-        look: Any = self.page.work.panels[1]
-        if look.all is None:
+        parts: Any = self.page.parts
+        if parts.all is None:
             return False
-        self.tab("Look")
         self.acts.drags += 1
         self.acts.steps.append("open all" if share else "close all")
         slider = self.window.get_by_role("slider").first
         slider.focus()
         for key in ("Home", "End") if share else ("End", "Home"):
             slider.press(key)
-        until(lambda: look.all.value == share, 20.0)
+        until(lambda: parts.all.value == share, 20.0)
         self.window.wait_for_timeout(300)
-        self.tab("Put right")
         return True
 
     def point_at(self, place: FloatArray) -> bool:
@@ -203,7 +201,7 @@ class Hands:
     def pick(self, label: str, option: str, edit: bool = True) -> None:
         """Take an option of a list: two clicks."""
         self.settled()
-        panel: Any = self.page.work.panels[2]
+        panel: Any = self.page.mend
         target = label == "Other part"
         if target and panel.target.value == option:
             return

@@ -170,7 +170,7 @@ class Person(Hands):
         for k, c in enumerate(self.session.ways(name)):
             if self.fits(c, joint):
                 self.settled()
-                panel: Any = self.page.work.panels[2]
+                panel: Any = self.page.mend
                 self.pick("Line", panel.way.options[k + 1])
                 return True
         return False
@@ -305,7 +305,7 @@ class Person(Hands):
         self.fresh = False
 
     def choose(self, name: str) -> None:
-        """Choose a part: by a click on it where it is seen, else from the list."""
+        """Choose a part: by a click on it where it is seen, else in the tree."""
         node = self.node(name)
         if self.page.work.part == name or node is None:
             return
@@ -313,12 +313,14 @@ class Person(Hands):
             self.click(at, piece, more=False)
             break
         if not until(lambda: self.page.work.part == name, 2.0, fail=False):
-            self.pick("Part", name, edit=False)
+            self.acts.clicks += 1
+            self.window.locator(f'.part[title^="{name} "]').click()
+            until(lambda: self.page.work.part == name, 20.0)
 
     def make(self, patience: float) -> bool:
         """Make and check the asset; whether the check passes."""
         self.tab("Try")
-        trying = self.page.work.panels[3]
+        trying = self.page.trying
         self.acts.clicks += 1
         trying.verdict.content = ""
         self.window.get_by_role("button", name="Make and check the asset").click()

@@ -91,7 +91,7 @@ def one(truth: GroundTruth, browser: Any, folder: Path) -> dict[str, Any] | None
         "person_s": round(acts.seconds, 1), "total_s": round(took + acts.seconds, 1),
         "before": before, "after": after, "bound": round(bound(person), 3),
         "unseen": len(person.unseen), "right": after["right"], "passes": passes,
-        "verdict": page.work.panels[3].verdict.content if not passes else "",
+        "verdict": page.trying.verdict.content if not passes else "",
         "same": same(session, file, folder / "again" / truth.id), "steps": acts.steps,
     }  # fmt: skip
 

@@ -50,7 +50,7 @@ def main(out: Path, width: int, height: int) -> None:
             link = min(session.state.articulation.links[1:], key=lambda k: _leftness(session, k))
             node = next(n for n in session.state.tree.nodes if n.name == link.name)
             page.work.selected = set(node.primitives)
-            page.work.scene.pose(all_at(session.state.articulation, 0.35))
+            page.parts.pose(all_at(session.state.articulation, 0.35))
             page.work.choose(link.name)
             time.sleep(3)
             for notice in window.get_by_label("Close notification").all():

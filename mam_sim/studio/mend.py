@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -13,9 +14,10 @@ from mam_pipeline.geometry.sampling import unit as unit_vector
 from mam_pipeline.hints import Hints
 from mam_pipeline.types import Joint, JointCandidate, KinematicTree
 from mam_sim.studio import edits, words
-from mam_sim.studio.look import Look
+from mam_sim.studio.parts import Parts
 from mam_sim.studio.picking import line_at, snapped, snaps
 from mam_sim.studio.preview import Preview
+from mam_sim.studio.session import Session
 from mam_sim.studio.stand import Stand
 from mam_sim.studio.workspace import Picks, Workspace
 
@@ -23,7 +25,8 @@ KINDS = ("door", "drawer", "lid", "knob", "handle", "wheel", "lever", "button", 
 MOTIONS = ("hinge", "spin", "slide", "fixed")
 NONE = "(none)"
 TURNS, SLIDES = "It turns about the clicked edge", "It slides out of the clicked face"
-HELP = "*A click selects, with Shift one more. Shift and drag selects what lies in a box.*"
+UNCHOSEN = "No part is chosen: click one in the tree or on the object, or press its digit."
+EMPTY = "Nothing is selected: click on the object; with Shift, one more, or drag a box."
 PICKS: dict[str, Picks] = {
     "whole pieces": "pieces", "faces up to an edge": "areas", "faces under a brush": "brush",
 }  # fmt: skip
@@ -32,13 +35,30 @@ PICKS: dict[str, Picks] = {
 class Mend:
     """Edits of the open object; each is one step that can be undone."""
 
-    def __init__(self, work: Workspace, look: Look) -> None:
-        self.work, self.look = work, look
+    def __init__(self, work: Workspace, parts: Parts) -> None:
+        self.work, self.parts = work, parts
         gui: Any = work.server.gui
         on = work.guarded
-        self.steps = gui.add_button_group("Steps", ("Undo", "Redo", "Save"))
-        self.steps.on_click(on(self._step))
-        gui.add_markdown(HELP)
+        self.about = gui.add_folder("Chosen part")
+        with self.about:
+            self.part = gui.add_markdown("")
+            self.wake = self._button("Wake it: it moves", lambda: self.awake(self._named()), True)
+            self.motion = gui.add_dropdown("Moves", MOTIONS)
+            self.way = gui.add_dropdown("Line", (NONE,), hint="Other lines, the likeliest first")
+            self.preview = Preview(work, parts)
+            self.low = gui.add_number("From", 0.0, step=0.5)
+            self.high = gui.add_number("To", 0.0, step=0.5)
+            self.clicked = self._button(TURNS, self._from_click)
+            self._turn = self._button("Other direction", self.flip)
+            self.name = gui.add_text("Name", "")
+            self.kind = gui.add_text("Kind", "")
+            self.parent = gui.add_dropdown("Hangs on", (NONE,))
+            self._merging = self._button("Merge with the other part", self._merge)
+            self._of_part = [
+                self.clicked, self._turn, self._merging,
+                self._button("Select its pieces", self._select),
+                self._button("As the engine says", self._reset),
+            ]  # fmt: skip
         with gui.add_folder("Selection"):
             self.picks = gui.add_dropdown(
                 "Select", tuple(PICKS), hint="Faces become a piece of their own"
@@ -46,42 +66,25 @@ class Mend:
             self.brush = gui.add_slider("Brush (%)", 0.5, 20, 0.5, 3, visible=False)
             self.selection = gui.add_markdown("")
             self.new_kind = gui.add_dropdown("New part is a", KINDS)
-            self._button("Make a part of them", self._make, main=True)
+            make = self._button("Make a part of them", self.make, main=True)
             self.target = gui.add_dropdown("Other part", (NONE,))
-            self._button("Add to the other part", self._add)
-            self._button("They do not move", self._fix)
-        self.about = gui.add_folder("Chosen part")
-        with self.about:
-            self.part = gui.add_dropdown("Part", (NONE,))
-            self.name = gui.add_text("Name", "")
-            self.kind = gui.add_text("Kind", "")
-            self.parent = gui.add_dropdown("Hangs on", (NONE,))
-            self.motion = gui.add_dropdown("Moves", MOTIONS)
-            self.way = gui.add_dropdown("Line", (NONE,), hint="Other lines, the likeliest first")
-            self.preview = Preview(work, look, lambda: self._ways)
-            self.low = gui.add_number("From", 0.0, step=0.5)
-            self.high = gui.add_number("To", 0.0, step=0.5)
-            self.clicked = self._button(TURNS, self._from_click)
-            self.wake = self._button("Wake it: it moves", self._wake, main=True)
-            self._of_part = [
-                self.clicked,
-                self._button("Other direction", self._flip),
-                self._button("Merge with the other part", self._merge),
-                self._button("Select its pieces", self._select),
-                self._button("As the engine says", self._reset),
+            self._of_selection = [
+                make,
+                self._button("Add to the other part", self._add),
+                self._button("They do not move", self._fix),
             ]
         with gui.add_folder("Axis by hand", expand_by_default=False):
             gui.add_markdown("*The blue arrow is the axis; it snaps to edges, faces and circles.*")
             self.hand = gui.add_checkbox("Show the handles", False)
             self.snap = gui.add_checkbox("Snap", True)
             self.snapped = gui.add_markdown("")
-            self._button("Take this axis", self._take_axis)
+            self._taking = self._button("Take this axis", self._take_axis)
         self.stand = Stand(work)
         self._ways: list[JointCandidate] = []
         self._gizmo: Any = None
         for handle, change in (
-            (self.part, self._choose), (self.name, self._rename), (self.kind, self._rekind),
-            (self.parent, self._hang), (self.motion, self._move), (self.way, self._line),
+            (self.name, self._rename), (self.kind, self._rekind),
+            (self.parent, self._hang), (self.motion, self.move), (self.way, self._line),
             (self.low, self._lower), (self.high, self._upper),
         ):  # fmt: skip
             handle.on_update(self._typed(change))
@@ -119,13 +122,15 @@ class Mend:
         work, nodes = self.work, self.work.state.tree.nodes
         chosen = sorted(work.selected)
         shown = ", ".join(map(str, chosen[:12])) + (" …" if len(chosen) > 12 else "")
-        rows = [f"{_count(len(chosen), 'piece')}: {shown}"] if chosen else []
-        rows += [_count(len(work.brushed), "face")] if work.brushed else []
-        self.selection.content = ", and ".join(rows) or "Nothing is selected."
+        numbers = "number" if len(chosen) == 1 else "numbers"
+        rows = [f"{_count(len(chosen), 'piece')} selected ({numbers} {shown})"] if chosen else []
+        rows += [f"{_count(len(work.brushed), 'face')} selected"] if work.brushed else []
+        self.selection.content = ", and ".join(rows) or EMPTY
+        for button in self._of_selection:
+            button.disabled = not rows or bool(work.open.why_fixed)
+        self._taking.disabled = self._gizmo is None
         names = [n.name for n in nodes]
-        moving = names[1:]
         _options(self.target, names, self.target.value)
-        _options(self.part, [NONE, *moving], work.part if work.part in moving else NONE)
         node = next((n for n in nodes[1:] if n.name == work.part), None)
         about = (self.name, self.kind, self.parent, self.motion, self.way, self.low, self.high)
         for handle in about:
@@ -135,6 +140,12 @@ class Mend:
         self.wake.visible = node is not None and bool(node.dormant)
         joint = work.joint()
         self.preview.show(joint is not None)
+        for handle in self._of_part:
+            handle.disabled = bool(work.open.why_fixed)
+        self.clicked.disabled |= work.face is None or joint is None
+        self._turn.disabled |= joint is None
+        self._merging.disabled |= self.target.value == work.part
+        self.part.content = UNCHOSEN if node is None else f"**{work.called(node.name)}**"
         if node is None:
             self.name.value, self.kind.value = "", ""
             self._fill_ways(None)
@@ -143,6 +154,7 @@ class Mend:
         _options(self.parent, [n for n in names if n != node.name], nodes[node.parent].name)
         self.motion.value = node.subtype
         label = SLIDES if node.subtype == "slide" else TURNS
+        label += "" if work.face is not None else " (click one)"
         if self.clicked.label != label:
             self.clicked.label = label
         self._fill_ways(joint)
@@ -153,29 +165,28 @@ class Mend:
             self.high.value = round(words.shown_value(joint, joint.upper), 2)
 
     def _fill_ways(self, joint: Joint | None) -> None:
-        self._ways, texts = [], []
-        if joint is not None:
-            texts = [f"now: {self.work.line(joint, joint.child)}"]
-            self._ways = self.work.open.ways(self.work.part)
-            texts += [
-                f"{k + 1}. {self.work.line(c, joint.child)} · {words.chance(c)}"
-                for k, c in enumerate(self._ways)
-            ]
-        _options(self.way, texts or [NONE], (texts or [NONE])[0])
+        """The other lines; where they are not known yet, they are added when they are."""
+        work, part, state = self.work, self.work.part, self.work.state
+        self._ways = []
+        if joint is None:
+            _options(self.way, [NONE], NONE)
+            return
+        now = f"now: {work.line(joint, joint.child)}"
+        if work.open.knows_ways(part):
+            self._ways = work.open.ways(part)
+            others = [f"{k}. {work.line(c, joint.child)} · {words.chance(c)}"
+                      for k, c in enumerate(self._ways, 1)]  # fmt: skip
+            _options(self.way, [now, *others], now)
+            return
 
-    def _step(self, event: Any) -> None:
-        session = self.work.open
-        ground = session.state.ground
-        if self.steps.value == "Undo":
-            session.undo()
-        elif self.steps.value == "Redo":
-            session.redo()
-        else:
-            path = session.save()
-            self.work.say(event, "Saved", f"{path}", "green")
-        self.work.after_edit()
-        if session.state.ground is not ground:
-            self.work.look_at_the_front()
+        def look(session: Session = work.open) -> None:
+            session.ways(part)
+            with work.lock:
+                if work.session is session and work.state is state and work.part == part:
+                    self._fill_ways(joint)
+
+        _options(self.way, [now], now)
+        threading.Thread(target=look, daemon=True).start()
 
     def _pick_by(self) -> None:
         """What a click takes from now on."""
@@ -197,7 +208,8 @@ class Mend:
 
         self.work.edit(changed)
 
-    def _make(self) -> None:
+    def make(self) -> None:
+        """The selection becomes a part of its own."""
         work = self.work
         kind = "part" if self.new_kind.value == "other" else self.new_kind.value
         subtype = work.open.best_subtype(work.chosen_faces())
@@ -222,9 +234,6 @@ class Mend:
         kept, other = self._named(), self.target.value
         self.work.edit(lambda h, t: edits.merge(h, t, kept, other))
 
-    def _choose(self, name: str) -> None:
-        self.work.choose("" if name == NONE else name)
-
     def _rename(self, new: str) -> None:
         old = self._named()
         if new.strip() and new != old:
@@ -239,7 +248,8 @@ class Mend:
         name = self._named()
         self.work.edit(lambda h, t: edits.set_parent(h, t, name, parent))
 
-    def _move(self, subtype: str) -> None:
+    def move(self, subtype: str) -> None:
+        """The chosen part moves in another way."""
         name = self._named()
         self.work.edit(lambda h, t: edits.set_subtype(h, t, name, subtype))
 
@@ -273,18 +283,56 @@ class Mend:
         joint = self._joint()
         self._limits(joint, joint.lower, words.kept_value(joint, value))
 
+    def turn_to(self, axis: int) -> None:
+        """The chosen part moves along or about an axis; asked again, on the next line along it.
+
+        Args:
+            axis: 0 to the front, 1 to the left, 2 upwards, as the object stands.
+        """
+        work, name, joint = self.work, self._named(), self._joint()
+        along = work.state.turn.T[:, axis]
+        near = 0.03 * work.state.articulation.mesh.diagonal
+        lines = [c for c in work.open.ways(name)
+                 if (c.subtype == "slide") == (joint.subtype == "slide")
+                 and abs(float(c.axis @ along)) > 0.9]  # fmt: skip
+        apart = [np.linalg.norm(np.cross(c.origin - joint.origin, c.axis)) for c in lines]
+        here = [k for k, c in enumerate(lines)
+                if apart[k] < near and abs(float(c.axis @ joint.axis)) > 0.9]  # fmt: skip
+        if lines:
+            line = lines[(here[0] + 1) % len(lines) if here else 0]
+            axis_of, origin = line.axis, line.origin
+        else:
+            axis_of = work.open.opening(name, joint.subtype, along, joint.origin)
+            origin = joint.origin
+        work.edit(lambda h, t: edits.set_line(h, t, name, joint.subtype, axis_of, origin))
+        self._open_it()
+
+    def next_motion(self) -> None:
+        """The chosen part moves in the next way: hinge, spin, slide."""
+        nodes = {n.name: n for n in self.work.state.tree.nodes}
+        ways = MOTIONS[:-1]
+        now = nodes[self._named()].subtype
+        self.move(ways[(ways.index(now) + 1) % len(ways)] if now in ways else ways[0])
+
+    def still(self) -> None:
+        """The chosen part does not move any more."""
+        self._named()
+        self.move("fixed")
+
     def _limits(self, joint: Joint, low: float, high: float) -> None:
         name = self._named()
         self.work.edit(lambda h, t: edits.set_limits(h, t, name, joint, low, high))
         self._open_it()
 
-    def _flip(self) -> None:
+    def flip(self) -> None:
+        """Positive motion the other way."""
         name, joint = self._named(), self._joint()
         self.work.edit(lambda h, t: edits.flip(h, t, name, joint))
         self._open_it()
 
-    def _wake(self) -> None:
-        name = self._named()
+    def awake(self, name: str) -> None:
+        """A dormant part moves."""
+        self.work.choose(name)
         self.work.edit(lambda h, t: edits.wake(h, t, name))
         self._open_it()
 
@@ -297,7 +345,7 @@ class Mend:
         joint = self.work.joint()
         if joint is not None and np.isfinite([joint.lower, joint.upper]).all():
             far = joint.upper if abs(joint.upper) >= abs(joint.lower) else joint.lower
-            self.look.pose({joint.name: far})
+            self.parts.pose({joint.name: far})
 
     def _handles(self) -> None:
         if self._gizmo is not None:
@@ -307,7 +355,7 @@ class Mend:
             return
         joint = self._joint()
         size = self.work.state.articulation.mesh.diagonal
-        self.look.pose({joint.name: 0.0})
+        self.parts.pose({joint.name: 0.0})
         turn = Rotation.align_vectors([joint.axis], [[0, 0, 1.0]])[0].as_quat()
         scene = self.work.server.scene
         self._gizmo = scene.add_transform_controls(

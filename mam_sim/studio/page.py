@@ -7,6 +7,7 @@ import threading
 from contextlib import redirect_stdout, suppress
 from dataclasses import replace
 from functools import partial
+from html import escape
 from typing import Any
 
 from mam_pipeline.errors import HintNeeded, MamSimError, NotThisKind
@@ -14,9 +15,11 @@ from mam_pipeline.formats.suffixes import PHOTOS
 from mam_pipeline.make_config import MakeConfig
 from mam_sim.console import STAGES
 from mam_sim.studio import server as studio_server
+from mam_sim.studio.keys import Keys
 from mam_sim.studio.look import Look
 from mam_sim.studio.marking import Marking, MarkingPage
 from mam_sim.studio.mend import Mend
+from mam_sim.studio.parts import Parts
 from mam_sim.studio.place import Place, place_of
 from mam_sim.studio.pointer import Pointer
 from mam_sim.studio.queue import Queue
@@ -27,13 +30,19 @@ from mam_sim.studio.trying import Trying
 from mam_sim.studio.workspace import Workspace
 
 ORANGE = (230, 110, 20)
+HEAD = '<div class="head">{text}</div><div class="bar">{buttons}</div>'
+BUSY = (
+    '<div class="busy"><i></i><span>{text} …</span>'
+    '<button data-key="escape" title="Esc">Cancel</button></div>'
+)
 
 
 class Page:
     """The page of one object, or of a queue of them.
 
     Attributes:
-        url: where it is. photo: page of the open object's photo, where there is one.
+        url: where it is. parts, look, mend, trying: its panels.
+        photo: page of the open object's photo, where there is one.
     """
 
     def __init__(self, port: int = 0) -> None:
@@ -52,7 +61,9 @@ class Page:
         self.server.scene.configure_default_lights(False)  # `Scene.light` has its own
         self.server.scene.configure_environment_map(None)  # would halve the frames a second
         self.work = Workspace(self.server, Scene(self.server.scene))
-        self.head = gui.add_markdown("Reading …")
+        self.head = gui.add_html(HEAD.format(text="Reading …", buttons=""))
+        self.busy = gui.add_html("", visible=False)
+        self.work.tell = self._tell
         self.url = f"http://{studio_server.HOST}:{self.server.get_port()}/"
         self.photo: MarkingPage | None = None
         self._build()
@@ -65,21 +76,22 @@ class Page:
         """
 
         def tell(stage: str) -> None:
-            self.head.content = (
-                f"**{(place.source or place.asset).name}**: {STAGES.get(stage, stage)} …"
-            )
+            self._tell(f"{STAGES.get(stage, stage)}: {name}")
 
+        name = (place.source or place.asset).name
         try:
             self._show_photo(place)
             session = Session(place, tell)
         except MamSimError as error:
-            name = (place.source or place.asset).name
-            self.head.content = f"**{name}** cannot be opened: {error}{self._photo_link}"
+            self._failed(name, error)
             if self.photo is None or not isinstance(error, HintNeeded | NotThisKind):
                 raise
             self.work.drop()
             return
+        finally:
+            self._tell("")
         self.put(session)
+        threading.Thread(target=session.prepare, daemon=True).start()
 
     def _show_photo(self, place: Place) -> None:
         """Serve the page on which a photo is marked; saving there opens the object again."""
@@ -101,8 +113,10 @@ class Page:
 
     @property
     def _photo_link(self) -> str:
-        """Markdown, beginning with a space; "" where there is no photo."""
-        return "" if self.photo is None else f" · [Put it right on the photo]({self.photo.url})"
+        """HTML, beginning with a space; "" where there is no photo."""
+        if self.photo is None:
+            return ""
+        return f' · <a href="{self.photo.url}" target="_blank">Put it right on the photo</a>'
 
     def put(self, session: Session) -> None:
         """Show an open object."""
@@ -122,7 +136,7 @@ class Page:
                 self.open(place_of(given, replace(config, hints=None), out))
             except MamSimError as error:
                 self.work.drop()
-                self.head.content = f"**{given.name}** cannot be opened: {error}"
+                self._failed(given.name, error)
             queue.opened(index)
 
         with self._tabs.add_tab("Queue", icon="list-check"):
@@ -139,25 +153,29 @@ class Page:
             self.server.stop()
 
     def refresh(self) -> None:
-        """The line on top: what is open, and whether it is saved."""
+        """The lines on top: what is open, whether it is saved, and what can be done with it."""
         session = self.work.open
         count = sum(j.type != "fixed" for j in session.state.articulation.joints)
         saved = "not saved" if session.unsaved else "saved" if session.can_undo else ""
         shown, whole = len(session.mesh.faces), session.faces_in_file
         light = f"shown with {shown:,} of {whole:,} triangles" if shown < whole else ""
-        rows = [f"**{session.name}**", f"{count} joint{'' if count == 1 else 's'}", saved, light]
-        self.head.content = " · ".join(r for r in rows if r) + self._photo_link
+        rows = [f"<b>{escape(session.name)}</b>", f"{count} joint{'' if count == 1 else 's'}"]
+        rows += [row for row in (saved, light) if row]
+        text = " · ".join(rows) + self._photo_link
+        self.head.content = HEAD.format(text=text, buttons=self._keys.buttons())
 
     def _build(self) -> None:
         """The panels; they are filled when an object is open."""
         gui: Any = self.server.gui
         work = self.work
+        self.parts = Parts(work)
         self._tabs = tabs = gui.add_tab_group()
         with tabs.add_tab("Look", icon="eye"):
-            look = Look(work)
+            self.look = Look(work)
         with tabs.add_tab("Put right", icon="tool"):
-            mend = Mend(work, look)
+            self.mend = Mend(work, self.parts)
         with tabs.add_tab("Try", icon="player-play"):
-            trying = Trying(work, look)
-        work.panels = [self, look, mend, trying]
+            self.trying = Trying(work, self.parts)
+        self._keys = Keys(work, self.parts, self.mend)
+        work.panels = [self.parts, self._keys, self, self.look, self.mend, self.trying]
         Pointer(work)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from mam_pipeline.types import JointCandidate
 from mam_sim.studio import words
-from mam_sim.studio.look import Look
+from mam_sim.studio.parts import Parts
 from mam_sim.studio.scene import merged_bounds
 from mam_sim.studio.workspace import Workspace
 
@@ -21,13 +20,9 @@ SECONDS, PICTURES = 1.6, 16  # for one way there and back; pictures a second
 class Preview:
     """A button that plays the ways of the chosen part, and says which is played."""
 
-    def __init__(self, work: Workspace, look: Look, ways: Callable[[], list[JointCandidate]]):
-        """Build the button.
-
-        Args:
-            ways: those of the chosen part, the likeliest first.
-        """
-        self.work, self.look, self.ways = work, look, ways
+    def __init__(self, work: Workspace, parts: Parts) -> None:
+        """Build the button."""
+        self.work, self.parts = work, parts
         gui: Any = work.server.gui
         self.button = gui.add_button("Play the other lines", color="gray", icon="player-play")
         self.told = gui.add_markdown("")
@@ -40,13 +35,13 @@ class Preview:
 
     def _play(self) -> None:
         work, state, part = self.work, self.work.state, self.work.part
-        joint, ways = work.joint(), self.ways()
+        joint, ways = work.joint(), work.open.ways(part)
         if joint is None or not self._playing.acquire(blocking=False):
             return
         try:
             with work.lock:
                 before = dict(work.scene.values)
-                self.look.pose(dict.fromkeys(before, 0.0))
+                self.parts.pose(dict.fromkeys(before, 0.0))
             carried = state.articulation.carried_links(joint)
             size = np.ptp(merged_bounds(state.articulation, joint.child), axis=0)
             for number, way in enumerate(ways, 1):
@@ -65,7 +60,7 @@ class Preview:
                 self.told.content = ""
                 work.scene.preview((), None, 0.0)
                 if work.state is state:
-                    self.look.pose(before)
+                    self.parts.pose(before)
             self._playing.release()
 
 

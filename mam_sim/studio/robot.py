@@ -13,21 +13,22 @@ from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import BackendError, ConfigError
 from mam_pipeline.optional import require
 from mam_pipeline.types import FloatArray
-from mam_sim.studio.look import Look
+from mam_sim.studio.parts import Parts
 from mam_sim.studio.workspace import Workspace
 
 COLOR = (225, 227, 230)
+UNMADE = "*Make the asset first: the robot tries what was made.*"
 SIDE = 70.0  # degrees from the front, from where one sees object and robot beside each other
 
 
 class Robot:
     """Runs the scripted expert on the asset in the simulator, and plays what it did."""
 
-    def __init__(self, work: Workspace, look: Look) -> None:
+    def __init__(self, work: Workspace, parts: Parts) -> None:
         """Build the panel; nothing of the simulator is imported here."""
         from mam_envs.robots import ROBOTS
 
-        self.work, self.look = work, look
+        self.work, self.parts = work, parts
         gui: Any = work.server.gui
         with gui.add_folder("Robot", expand_by_default=False):
             self.joint = gui.add_dropdown("Part", ("(none)",))
@@ -43,6 +44,7 @@ class Robot:
         self._links: list[Any] = []
         self._attempt: Any = None
         self._playing = threading.Lock()
+        self._trying = False
 
     def refresh(self) -> None:
         """The parts that can be tried; an attempt on what has been edited since goes away."""
@@ -56,6 +58,12 @@ class Robot:
             self.joint.value = self.work.part
         if self._attempt is not None and self._of is not self.work.state:
             self._clear()
+        session = self.work.open
+        made = (session.place.asset / "asset.json").is_file() and not session.unsaved
+        if not self._trying:
+            self.go.disabled = not made or names == ["(none)"]
+            if not made or self.told.content == UNMADE:
+                self.told.content = "" if made else UNMADE
 
     def _clear(self) -> None:
         self._attempt = None
@@ -77,6 +85,7 @@ class Robot:
         if joint is None:
             raise ConfigError(f"{self.joint.value} does not move in the asset: make it again")
         self._clear()
+        self._trying = True
         self.go.disabled, self.told.content = True, "*The robot plans and tries; a minute or so.*"
         try:
             done = attempt(folder, joint, self.robot.value)
@@ -84,7 +93,7 @@ class Robot:
             self.told.content = f"**It cannot try**: {error}"
             return
         finally:
-            self.go.disabled = False
+            self.go.disabled = self._trying = False
         with work.lock:
             self._attempt, self._of = done, state
             self._draw(engine_of(folder))
@@ -149,7 +158,9 @@ class Robot:
             for node, pose, turn in zip(self._links, poses, turns):
                 node.position, node.wxyz = pose[:3, 3], turn
             known = self.work.scene.values
-            self.look.pose({n: float(v) for n, v in zip(done.joints, done.values[k]) if n in known})
+            self.parts.pose(
+                {n: float(v) for n, v in zip(done.joints, done.values[k]) if n in known}
+            )
 
 
 def engine_of(folder: Any) -> FloatArray:

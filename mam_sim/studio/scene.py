@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -25,6 +25,7 @@ from mam_pipeline.types import (
     joint_motion,
 )
 from mam_sim.studio.picking import seen_spots
+from mam_sim.studio.words import span
 
 if TYPE_CHECKING:
     import viser
@@ -35,6 +36,7 @@ EDGES = (70, 80, 95)
 SELECTED, AXIS, CHOSEN, BAD = (255, 140, 0), (60, 110, 200), (230, 70, 50), (214, 52, 44)
 CONTACT = (20, 150, 90)
 NUMBERS = 150  # pieces that can be told apart by a number
+NAMED = 12  # joints that can all have their names in the view
 CELLS = tuple(float(m * 10.0**e) for e in range(-4, 3) for m in (1, 2, 5))  # metres
 SIDES, SIDES_TURNED = ("deep", "wide", "high"), ("wide", "deep", "high")
 GROUND, SUN = (150, 145, 140), np.array([-2.2, -1.0, 3.0])  # SUN: towards it, front at -X
@@ -185,8 +187,13 @@ class Scene:
                 point_size=0.006 * self.articulation.mesh.diagonal,
             ))  # fmt: skip
 
-    def axes(self, on: bool, chosen: str = "") -> None:
-        """An arrow along every joint's axis, with its range; that of the chosen part in red."""
+    def axes(self, on: bool, chosen: str, called: Callable[[str], str]) -> None:
+        """An arrow along every joint's axis, with its range and the part's name.
+
+        Args:
+            chosen: name of the part whose axis is red; its range is written down. called: what
+                people call a part; where there are many, only the chosen one is named.
+        """
         self._drop("axes")
         if not on:
             return
@@ -194,7 +201,8 @@ class Scene:
         for joint in self.articulation.joints:
             if joint.type == "fixed":
                 continue
-            color = CHOSEN if self.articulation.links[joint.child].name == chosen else AXIS
+            name = self.articulation.links[joint.child].name
+            color = CHOSEN if name == chosen else AXIS
             where = f"/object/{joint.parent}/axis_{joint.child}"
             start, end = _axis_ends(self.articulation, joint)
             self._keep("axes", self.api.add_arrows(
@@ -206,6 +214,11 @@ class Scene:
                 f"{where}_range", np.stack([arc[:-1], arc[1:]], axis=1), color,
                 thickness=0.006 * size,
             ))  # fmt: skip
+            if name == chosen or len(self.articulation.joints) <= NAMED:
+                told = f"{called(name)}: {span(joint)}" if name == chosen else called(name)
+                self._keep("axes", self.api.add_label(
+                    f"{where}_name", told, position=arc[len(arc) // 2], anchor="bottom-center",
+                ))  # fmt: skip
 
     def select(self, chosen: NDArray[np.bool_]) -> None:
         """Lay colour over some faces (F,)."""

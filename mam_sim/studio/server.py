@@ -40,11 +40,80 @@ LIGHT = """
 """
 """Where the processor draws, smooth edges and the pixels of a fine screen would take most of the
 frames a second: both are left out. Viser's notice about such drawing would stay for good."""
-NOTICES = """
+KEYS = """
+{
+  const page = document.documentElement;
+  const letter = /^(Key.|Digit.|Space)$/;
+  const press = (keys) => {
+    const held = keys.split("+"), key = held.pop(), has = (name) => held.includes(name);
+    page.dispatchEvent(new KeyboardEvent("keydown", {
+      key, ctrlKey: has("ctrl"), shiftKey: has("shift"), bubbles: true,
+    }));
+  };
+  page.addEventListener("keydown", (e) => /^Key[WASDQE]$/.test(e.code) && e.stopPropagation());
+  addEventListener("keydown", (e) => {
+    if (e.repeat && letter.test(e.code)) e.stopImmediatePropagation();
+    else if (e.key === "?" && e.shiftKey && !e.target.closest?.("input, textarea")) press("?");
+  }, true);
+  const ready = setInterval(() => {
+    if (!document.querySelector(".part")) return;
+    clearInterval(ready);
+    const large = matchMedia("(min-width: 2400px)");
+    const fit = () => press(large.matches ? "large window" : "small window");
+    if (large.matches) fit();
+    large.addEventListener("change", fit);
+  }, 200);
+  addEventListener("click", (e) => {
+    if (e.detail && e.target.closest?.("button, [role=tab]")) document.activeElement?.blur();
+    const acts = e.target.closest?.("[data-key]:not([disabled])");
+    if (acts) press(acts.dataset.key);
+  }, true);
+}
+"""
+"""Letters are keys of the studio, not of viser's camera; held ones act once. A click on what has a
+`data-key` is the press of that key. A button that was clicked does not keep the space bar. Viser
+takes the panel's width in pixels, so a window says by a key of its own whether it is large."""
+STYLE = """
+@media (min-width: 1800px) { html { font-size: 115% !important; } }
+@media (min-width: 2400px) { html { font-size: 140% !important; } }
 .mantine-Notification-root { pointer-events: none; }
 .mantine-Notification-closeButton { pointer-events: auto; }
+.head { padding: .4em .75em .1em; overflow-wrap: anywhere; }
+.bar { display: flex; flex-wrap: wrap; gap: .35em; padding: .2em .75em .4em; }
+.bar button, .busy button, .part button {
+  font: inherit; font-size: .85em; padding: .15em .6em; border: 1px solid #8886; cursor: pointer;
+  border-radius: .3em; background: none; color: inherit;
+}
+.bar button[disabled] { opacity: .4; cursor: not-allowed; }
+.busy { display: flex; gap: .5em; align-items: center; padding: .2em .75em; font-size: .9em; }
+.busy span { flex: 1; }
+.busy i {
+  width: 1em; height: 1em; border: .15em solid #8886; border-top-color: #e66e14;
+  border-radius: 50%; animation: round .8s linear infinite;
+}
+@keyframes round { to { transform: rotate(1turn); } }
+.part {
+  display: flex; gap: .4em; align-items: center; padding: .15em .75em .15em 0; cursor: pointer;
+  font-size: .9em; line-height: 1.4;
+}
+div:has(> div > .part) { max-height: 45vh; overflow-y: auto; }
+.part:hover { background: #e66e1418; }
+.part.chosen { background: #e66e1433; }
+.part kbd { width: .8em; opacity: .6; font-size: .8em; text-align: center; }
+.part i { width: .7em; height: .7em; border-radius: 50%; flex: none; }
+.part b { font-weight: 600; overflow-wrap: anywhere; }
+.part svg { flex: none; }
+div:has(> .part) + div > .mantine-Flex-root > :first-child { width: 2.2em !important; }
+div:has(> .part) + div > .mantine-Flex-root > :first-child label { display: none; }
+.part span { margin-left: auto; opacity: .75; text-align: right; white-space: nowrap; }
+.part.review span { color: #b8360b; opacity: 1; font-weight: 600; }
+.part.dormant b, .part.dormant svg { opacity: .5; font-weight: 400; }
+.keys { border-collapse: collapse; }
+.keys { font-size: .85em; line-height: 1.3; }
+.keys td { padding: .1em 1em .1em 0; }
+.keys kbd, .bar kbd { border: 1px solid #8886; border-radius: .25em; padding: 0 .35em; }
 """
-"""Notices lie over the view; a click is meant for what is under them."""
+"""Of the page's own parts. Notices lie over the view; a click is meant for what is under them."""
 
 
 def start(port: int, label: str) -> viser.ViserServer:
@@ -103,12 +172,12 @@ def _patient(handler: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 
 def _with_script(response: Any) -> Any:
-    """The page, with `LIGHT` and `NOTICES` before all else; other answers as they are."""
+    """The page, with `LIGHT`, `KEYS` and `STYLE` before all else; other answers as they are."""
     if response is None or response.headers.get("Content-Type") != "text/html":
         return response
     packed = response.headers.get("Content-Encoding") == "gzip"
     body = gzip.decompress(response.body) if packed else response.body
-    head = f"<head><script>{LIGHT}</script><style>{NOTICES}</style>"
+    head = f"<head><script>{LIGHT}{KEYS}</script><style>{STYLE}</style>"
     body = body.replace(b"<head>", head.encode(), 1)
     response.body = gzip.compress(body, 1) if packed else body
     del response.headers["Content-Length"]

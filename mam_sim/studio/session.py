@@ -26,7 +26,7 @@ from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.geometry.stand_in import stand_in
 from mam_pipeline.hints import Hints, load_hints, save_hints
 from mam_pipeline.joints.candidates import rank_hypotheses
-from mam_pipeline.joints.estimate import faces_around, same_joint
+from mam_pipeline.joints.estimate import PartFaces, faces_around, same_joint
 from mam_pipeline.models.settings import given
 from mam_pipeline.parts.cut import with_cuts, with_cuts_in_tree
 from mam_pipeline.parts.hints import along_nodes, apply_hints
@@ -90,6 +90,7 @@ class Session:
 
     Attributes:
         place: files. why_fixed: why nothing can be edited; empty where it can.
+        checkpoint: asked between the steps of an edit; what it raises ends it.
     """
 
     def __init__(self, place: Place, tell: Tell = lambda _text: None) -> None:
@@ -100,7 +101,8 @@ class Session:
         """
         self.place, self.why_fixed = place, ""
         self._tell = tell
-        self._thinking = threading.Lock()
+        self.checkpoint: Callable[[], None] = lambda: None
+        self._thinking, self._ranking = threading.Lock(), threading.Lock()
         self._history: list[State] = []
         self._engine_trees: list[tuple[Ground, KinematicTree]] = []
         self._rankings: dict[tuple[int, bytes, bytes], list[JointCandidate]] = {}
@@ -143,6 +145,8 @@ class Session:
         self._cut_by_hints = self._split_by(ground, hints)
         prior = self._stages.observe(ground.mesh, ground.primitives, hints)
         tree = self._stages.reason(ground.mesh, ground.primitives, prior, hints, read.spec)
+        if hints is None and "reason" in self._stages.seconds:  # nobody has edited it
+            self._engine_trees.append((ground, tree))
         self._history = [self._solved(self._stages, ground, tree, hints)]
 
     def _read(self, source: Path, hints: Hints | None) -> Source:
@@ -286,6 +290,7 @@ class Session:
 
     def _add(self, made: State) -> State:
         """A new state after the one that is shown."""
+        self.checkpoint()
         self._history = [*self._history[: self._at + 1], made]
         self._at += 1
         return made
@@ -337,14 +342,23 @@ class Session:
         ranked = self._ranked(np.flatnonzero(chosen), np.flatnonzero(~chosen))
         return next((c.subtype for c in ranked if c.subtype != "fixed"), "hinge")
 
-    def ways(self, name: str) -> list[JointCandidate]:
-        """Other ways in which a part may move, most probable first, no two of them alike."""
+    def knows_ways(self, name: str) -> bool:
+        """Whether `ways` answers at once."""
+        around = self._around(name)
+        return around is None or self._ranking_key(around.moving, around.static) in self._rankings
+
+    def _around(self, name: str) -> PartFaces | None:
+        """What moves with a part, by the tree, and what stands still; None for the base."""
         tree = self.state.tree
         index = next((i for i, n in enumerate(tree.nodes) if n.name == name), 0)
-        if self.why_fixed or index == 0:
+        fixed = self.why_fixed or index == 0
+        return None if fixed else faces_around(tree, self.primitives, index)
+
+    def ways(self, name: str) -> list[JointCandidate]:
+        """Other ways in which a part may move, most probable first, no two of them alike."""
+        around = self._around(name)
+        if around is None:
             return []
-        # what moves with the part moves with it: faces around it are those of the tree
-        around = faces_around(tree, self.primitives, index)
         near = 0.03 * self.mesh.diagonal
         found: list[JointCandidate] = []
         for c in self._ranked(around.moving, around.static):
@@ -387,11 +401,15 @@ class Session:
         """Ranked hypotheses for faces, in the frame of the mesh; remembered."""
         if not len(part) or not len(rest):
             return []
-        key = (id(self.state.ground), part.tobytes(), rest.tobytes())
-        if key not in self._rankings:
-            fused = self.primitives.is_fused
-            self._rankings[key] = rank_hypotheses(self.mesh, part, rest, fused=fused, top=60)
-        return self._rankings[key]
+        key = self._ranking_key(part, rest)
+        with self._ranking:
+            if key not in self._rankings:
+                fused = self.primitives.is_fused
+                self._rankings[key] = rank_hypotheses(self.mesh, part, rest, fused=fused, top=60)
+            return self._rankings[key]
+
+    def _ranking_key(self, part: np.ndarray, rest: np.ndarray) -> tuple[int, bytes, bytes]:
+        return id(self.state.ground), part.tobytes(), rest.tobytes()
 
     def _engine_says(self, ground: Ground) -> KinematicTree:
         """The engine's own tree, without any word of a person's; edits in `stages/` are none."""
@@ -438,7 +456,7 @@ class Session:
     @cached_property
     def _fresh(self) -> Stages:
         """Stages without a store: estimates are remembered in memory."""
-        return Stages(self.place.config.engine)
+        return Stages(self.place.config.engine, lambda _stage: self.checkpoint())
 
 
 def _file_axis(read: Source, direction: ArrayLike) -> Axis:

@@ -23,17 +23,19 @@ class Stand:
             self.length = gui.add_number("Metres", 1.0, min=0.0, step=0.01)
             gui.add_button("Set the size", color="gray").on_click(work.guarded(self._size))
             gui.add_markdown(HELP)
-            gui.add_button("The clicked face is the front", color="gray").on_click(
-                work.guarded(self._front)
-            )
-            gui.add_button("The clicked face is on top", color="gray").on_click(
-                work.guarded(self._up)
-            )
+            self.of_face = [
+                gui.add_button(f"The clicked face is {what}", color="gray", disabled=True)
+                for what in ("the front", "on top")
+            ]
+        for button, say in zip(self.of_face, (self._front, self._up)):
+            button.on_click(work.guarded(say))
         self.side.on_update(work.guarded(self._fill))
 
     def refresh(self) -> None:
-        """Fill in the length that is asked about."""
+        """Fill in the length that is asked about; what needs a clicked face waits for one."""
         self._fill()
+        for button in self.of_face:
+            button.disabled = self.work.face is None
 
     def _fill(self) -> None:
         self.length.value = round(float(self.work.size()[SIDES.index(self.side.value)]), 4)

@@ -19,7 +19,7 @@ from mam_pipeline.formats.door import Door, is_file
 from mam_pipeline.geometry.surface import hull_of
 from mam_pipeline.types import Mesh
 from mam_sim.console import STAGES
-from mam_sim.studio.look import Look
+from mam_sim.studio.parts import Parts
 from mam_sim.studio.robot import Robot, engine_of
 from mam_sim.studio.words import shown_value, unit, verdict_text
 from mam_sim.studio.workspace import Workspace
@@ -30,8 +30,8 @@ ORDER = ("read", "segment", "prior", "reason", "joints", "asset", "check")
 class Trying:
     """Makes the asset as the command line does, and shows the check's verdict at its place."""
 
-    def __init__(self, work: Workspace, look: Look) -> None:
-        self.work, self.look = work, look
+    def __init__(self, work: Workspace, parts: Parts) -> None:
+        self.work, self.parts = work, parts
         gui: Any = work.server.gui
         gui.add_markdown("*Making saves first. It is what `mam-sim articulate --hints` does.*")
         self.make = gui.add_button("Make and check the asset", icon="player-play")
@@ -40,7 +40,7 @@ class Trying:
         self.verdict = gui.add_markdown("")
         self.places = gui.add_dropdown("Show where", ("",), visible=False)
         self.export = gui.add_button_group("Take along", ("ZIP", "MuJoCo", "USD"))
-        self.robot = Robot(work, look)
+        self.robot = Robot(work, parts)
         self.make.on_click(work.guarded(self._make, alone=False))
         self.places.on_update(work.guarded(self._show))
         self.export.on_click(work.guarded(self._export))
@@ -51,6 +51,7 @@ class Trying:
         """The verdict of an asset that was opened; none for what has been edited since."""
         session = self.work.open
         self.robot.refresh()
+        self.export.visible = (session.place.asset / "asset.json").is_file()
         if session is not self._opened:
             self._opened = session
             made = session.place.asset
@@ -67,7 +68,8 @@ class Trying:
     def _make(self, event: Any) -> None:
         self.make.disabled, self.progress.visible = True, True
         try:
-            asset = self.work.open.make(self._stage)
+            with self.work.busy("Making and checking the asset"):
+                asset = self.work.open.make(self._stage)
         finally:
             self.make.disabled, self.progress.visible, self.doing.content = False, False, ""
         with self.work.lock:
@@ -76,6 +78,7 @@ class Trying:
         self.work.say(event, "Made", f"{asset.folder}", "green")
 
     def _stage(self, stage: str) -> None:
+        self.work.check()
         self.doing.content = f"*{STAGES.get(stage, stage)} …*"
         if stage in ORDER:
             self.progress.value = 100 * ORDER.index(stage) / len(ORDER)
@@ -114,7 +117,7 @@ class Trying:
             name, value = self._at[self.places.value]
             articulation = work.state.articulation
             joint = next(j for j in articulation.joints if j.name == name)
-            self.look.pose({j.name: 0.0 for j in articulation.joints} | {name: value})
+            self.parts.pose({j.name: 0.0 for j in articulation.joints} | {name: value})
             work.bad = tuple(articulation.carried_links(joint))
         work.mark()
 

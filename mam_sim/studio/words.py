@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,12 +22,84 @@ from mam_pipeline.types import (
     JointSubtype,
 )
 
+
+@dataclass(frozen=True)
+class Chances:
+    """Words for a confidence.
+
+    Attributes:
+        sure: 0..1 from which a joint is called sure; between this and `NEEDS_REVIEW` it is likely.
+    """
+
+    sure: float = 0.9
+
+
+CHANCES = Chances()
 MOTIONS: dict[JointSubtype, str] = {
     "hinge": "swings like a door or a lid",
     "spin": "turns like a knob or a wheel",
     "slide": "slides",
     "fixed": "does not move",
 }
+
+
+ALONG = {1: ("left", "right"), 2: ("upper", "lower")}  # the side of a higher and a lower Y, Z
+
+
+def callings(parts: Mapping[str, tuple[str, FloatArray]]) -> dict[str, str]:
+    """What people call each part: "door" where it is the only one, else "left door", "drawer 3".
+
+    A name that a person gave stays. Parts of a kind stand beside each other, from the upper left.
+
+    Args:
+        parts: kind and middle (3,) by name, as seen from the front (which faces -X; left is +Y).
+    """
+    out: dict[str, str] = {}
+    for kind in dict.fromkeys(kind for kind, _ in parts.values()):
+        same = [n for n in parts if parts[n][0] == kind]
+        middles = np.stack([parts[n][1] for n in same])
+        wide, high = np.ptp(middles[:, 1:], axis=0)
+        rows = np.round(middles[:, 2] / max(0.25 * high, 0.2 * wide, 1e-9))
+        same = [same[k] for k in np.lexsort((-middles[:, 1], -rows))]
+        counted = [n for n in same if re.fullmatch(rf"{re.escape(kind)}(_\d+)?", n)]
+        sides = ALONG[1 if wide >= high else 2]
+        for name in same:
+            number = counted.index(name) if name in counted else -1
+            if number < 0:
+                out[name] = name.replace("_", " ")
+            elif len(counted) == 1:
+                out[name] = kind
+            elif len(counted) == 2 and max(wide, high) > 1e-6:
+                out[name] = f"{sides[number]} {kind}"
+            else:
+                out[name] = f"{kind} {number + 1}"
+    return out
+
+
+def needs_review(joint: Joint) -> bool:
+    """Whether a person should look at a joint: the engine is not sure, and nobody said so."""
+    return joint.confidence < NEEDS_REVIEW and joint.provenance != "user"
+
+
+def sureness(joint: Joint, source: str) -> str:
+    """How sure a joint is, in a few words.
+
+    Args:
+        source: kind of what the object is made from.
+    """
+    if joint.type == "fixed":
+        return "does not move"
+    origin = motion_origin(joint, source)
+    if origin.kind != "inferred":
+        return str(origin).partition(":")[0]
+    sure = (
+        "needs review"
+        if needs_review(joint)
+        else "likely"
+        if joint.confidence < CHANCES.sure
+        else "sure"
+    )
+    return f"{sure}, {percent(joint.confidence)}"
 
 
 def shown_value(joint: Joint, value: float) -> float:
@@ -89,22 +163,23 @@ def dormant_text(part: DormantPart) -> str:
     joint, link = part.joint, part.link
     return (
         f"*{link.name}* ({link.kind}) is dormant: it may be one that {MOTIONS[joint.subtype]}, "
-        f"{percent(joint.confidence)} sure; {joint.dormant}. *Put right* wakes it."
+        f"{percent(joint.confidence)} sure; {joint.dormant}."
     )
 
 
-def joint_text(joint: Joint, part: str, kind: str, runs: str, source: str) -> str:
+def joint_text(joint: Joint, part: str, name: str, runs: str, source: str) -> str:
     """A paragraph of Markdown on a joint: what, how sure, why this range.
 
     Args:
+        part: as people call it. name: of its link.
         runs: where its line runs, as `line` says it. source: kind of what the object is made from.
     """
     if joint.type == "fixed":
-        return f"**{part}** ({kind}) does not move against what it hangs on."
+        return f"**{part}** ({name}) does not move against what it hangs on."
     where = runs.partition(" ")[2]
-    rows = [f"**{part}** ({kind}) {MOTIONS[joint.subtype]}, {where}."]
+    rows = [f"**{part}** ({name}) {MOTIONS[joint.subtype]}, {where}."]
     rows.append(f"{span(joint)}; {range_origin(joint, source)}.")
-    look = joint.confidence < NEEDS_REVIEW and joint.provenance != "user"
+    look = needs_review(joint)
     origin = str(motion_origin(joint, source))
     rows.append(f"{origin[0].upper()}{origin[1:]}.{' Please look at it.' if look else ''}")
     if joint.basis.share < MOVES:

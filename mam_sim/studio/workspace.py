@@ -5,8 +5,8 @@ from __future__ import annotations
 import inspect
 import threading
 import traceback
-from collections.abc import Callable, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Literal, Protocol
@@ -54,6 +54,8 @@ class Workspace:
         face: last one that was clicked; seen_along: (3,) the ray to it, and
             at: (3,) where it was clicked, metres, both as with the object at rest.
         bad: links that run into something, drawn red. panels: told of every change.
+        doing: what is being computed, in words; tell: shows it on the page.
+        cancelled: set where the person wants none of it.
     """
 
     server: viser.ViserServer
@@ -74,7 +76,11 @@ class Workspace:
     hulls: dict[str, Sequence[Mesh]] = field(default_factory=dict)
     bad: tuple[int, ...] = ()
     panels: list[Panel] = field(default_factory=list)
+    doing: str = ""
+    tell: Callable[[str], None] = lambda _text: None
+    cancelled: threading.Event = field(default_factory=threading.Event)
     lock: threading.RLock = field(default_factory=threading.RLock)
+    _called: tuple[State | None, dict[str, str]] = field(default=(None, {}), repr=False)
 
     @property
     def open(self) -> Session:
@@ -131,6 +137,7 @@ class Workspace:
         """Open another object."""
         with self.lock:
             self.session, self.part = session, ""
+            session.checkpoint = self.check
             self.select_nothing()
             self.face = None
             self.hulls, self.bad = {}, ()
@@ -145,14 +152,66 @@ class Workspace:
             self.select_nothing()
             self.scene.clear()
 
+    def called(self, name: str) -> str:
+        """What people call a part."""
+        return self._callings().get(name, name)
+
+    def names(self) -> list[str]:
+        """Of all parts, kind by kind, from the upper left."""
+        return list(self._callings())
+
+    def _callings(self) -> dict[str, str]:
+        state = self.state
+        if self._called[0] is not state:
+            mesh, links = state.articulation.mesh, list(state.articulation.links)
+            links += [part.link for part in state.articulation.dormant]
+            middles = mesh.vertices[mesh.faces].mean(axis=1) @ state.turn.T
+            parts = {k.name: (k.kind, middles[k.faces].mean(axis=0)) for k in links if len(k.faces)}
+            self._called = state, words.callings(parts)
+        return self._called[1]
+
+    @contextmanager
+    def busy(self, what: str) -> Iterator[None]:
+        """Show on the page what is being computed, until it is done or cancelled."""
+        self.cancelled.clear()
+        self.doing = what
+        self.tell(what)
+        try:
+            yield
+        finally:
+            self.doing = ""
+            self.tell("")
+
+    def check(self) -> None:
+        """Go on, or not.
+
+        Raises:
+            MamSimError: the person has cancelled.
+        """
+        if self.cancelled.is_set():
+            raise MamSimError("cancelled: nothing was changed")
+
+    def cancel(self) -> None:
+        """End what is being computed; where nothing is, choose nothing."""
+        if self.doing:
+            self.cancelled.set()
+            self.tell("Cancelling")
+        else:
+            with self.lock:
+                self.select_nothing()
+                self.choose("")
+
     def edit(self, change: Change) -> None:
         """Change the hints and draw what comes of it; the collision pieces are then out of date."""
-        self.open.edit(change)
+        of = self.called(self.part) if self.part else "it"
+        with self.busy(f"Working out how {of} moves"):
+            self.open.edit(change)
         self.after_edit()
 
     def stand(self, **said: Any) -> None:
         """Say how the object stands, as `Session.stand`, and look at its front again."""
-        self.open.stand(**said)
+        with self.busy("Working out how it stands"):
+            self.open.stand(**said)
         self.face = None
         self.after_edit()
         self.look_at_the_front()
@@ -185,7 +244,7 @@ class Workspace:
 
     def mark(self) -> None:
         """Draw axes, sizes and selection again; the surfaces stay."""
-        self.scene.axes(self.axes, self.part)
+        self.scene.axes(self.axes, self.part, self.called)
         self.scene.sizes(self.sizes)
         self.scene.contacts(self._touching() if self.contacts else np.zeros((0, 3)))
         if self.bad:

@@ -86,7 +86,7 @@ def show(page: Any, window: Any, tab: str = "") -> None:
     """Open the studio's page, wait until the object is drawn, and go to a tab."""
     with page.work.lock:
         page.work.refresh()
-        page.work.panels[1].pose(dict.fromkeys(page.work.scene.values, 0.0))
+        page.parts.pose(dict.fromkeys(page.work.scene.values, 0.0))
     window.goto(page.url)
     window.get_by_text("cabinet").wait_for()
     until(lambda: len(page.server.get_clients()) > 0)

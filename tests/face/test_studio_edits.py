@@ -21,7 +21,7 @@ from mam_sim.studio.picking import (
     snapped,
     snaps,
 )
-from mam_sim.studio.words import dialogue_text, joint_text, line, verdict_text
+from mam_sim.studio.words import callings, dialogue_text, joint_text, line, verdict_text
 
 Change = Callable[..., object]
 
@@ -220,3 +220,22 @@ def test_a_click_near_an_edge_gives_its_line_and_of_a_rim_its_middle_axis() -> N
     ball = trimesh.creation.icosphere(3)
     smooth = Mesh(ball.vertices, ball.faces)
     assert line_at(smooth, np.arange(len(ball.faces)), np.array([1.0, 0, 0])) is None
+
+
+def test_parts_are_called_by_their_place_as_seen_from_the_front() -> None:
+    def at(*places: tuple[str, str, float, float]) -> dict[str, str]:
+        return callings({n: (kind, np.array([0.0, y, z])) for n, kind, y, z in places})
+
+    assert at(("door_0", "door", 0, 0)) == {"door_0": "door"}
+    two = at(("door_0", "door", -0.3, 0.5), ("door_1", "door", 0.3, 0.5), ("base", "body", 0, 0))
+    assert two == {"door_1": "left door", "door_0": "right door", "base": "base"}
+    assert list(two) == ["door_1", "door_0", "base"]
+    above = at(("drawer_0", "drawer", 0, 0.1), ("drawer_1", "drawer", 0, 0.4))
+    assert above == {"drawer_1": "upper drawer", "drawer_0": "lower drawer"}
+    grid = [(f"drawer_{k}", "drawer", 0.3 - 0.6 * (k % 2), 0.3 * (k // 2)) for k in range(4)]
+    assert at(*grid) == {
+        "drawer_2": "drawer 1", "drawer_3": "drawer 2", "drawer_0": "drawer 3",
+        "drawer_1": "drawer 4",
+    }  # fmt: skip
+    own = at(("glass_door", "door", 0.3, 0), ("door_1", "door", -0.3, 0))
+    assert own == {"glass_door": "glass door", "door_1": "door"}

@@ -81,7 +81,7 @@ def test_in_a_browser_a_typed_length_sets_the_size(
     length = window.get_by_label("Metres")
     length.fill("1.2")
     length.press("Tab")
-    until(lambda: page.work.panels[2].stand.length.value == 1.2)
+    until(lambda: page.mend.stand.length.value == 1.2)
     window.get_by_role("button", name="Set the size").click()
     until(lambda: bool(np.isclose(page.work.size()[2], 1.2)))
     assert session.state.hints.height == pytest.approx(1.2)

@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mam_pipeline.errors import MamSimError
+from mam_sim.studio import edits
 from mam_sim.studio.session import Session
 from tests.face.studio_window import (
     PATIENCE,
+    camera_of,
     canvas,
     changed,
     door,
@@ -62,6 +65,56 @@ def test_in_a_browser_a_part_turns_about_the_edge_that_was_clicked(
     assert opened > 0, "positive motion brings the free side to the front"
 
 
+def test_in_a_browser_the_tree_chooses_and_keys_edit_the_chosen_part(
+    page: Any, window: Any, session: Session
+) -> None:
+    show(page, window)
+    part = door(session).name
+    joint, called = joint_of(session, part), page.work.called(part)
+    undo = window.get_by_role("button", name="Undo")
+    assert undo.is_disabled() and undo.get_attribute("title") == "nothing to undo"
+    window.locator(".part", has_text=called).click()
+    until(lambda: page.work.part == part)
+    before = camera_of(page).position
+    window.keyboard.press("f")
+    until(lambda: bool(np.allclose(joint_of(session, part).axis, -joint.axis)))
+    window.locator(".part", has_text="said by you").wait_for()
+    undo.click()
+    until(lambda: joint_of(session, part) is joint)
+    window.keyboard.press("t")
+    until(lambda: joint_of(session, part).subtype == "spin")
+    window.keyboard.press("Control+z")
+    until(lambda: joint_of(session, part) is joint)
+    window.keyboard.press("d")  # a key of viser's camera
+    window.keyboard.press("Space")
+    until(lambda: bool(abs(page.work.scene.values[joint.name]) > 0.1))
+    window.keyboard.press("Space")
+    window.keyboard.press("?")
+    window.get_by_text("Show the keys").wait_for()
+    window.keyboard.press("Escape")
+    window.get_by_text("Show the keys").wait_for(state="detached")
+    assert page.work.part == part, "Escape has closed the window of the keys alone"
+    assert np.allclose(camera_of(page).position, before)
+
+
+def test_an_edit_that_is_cancelled_changes_nothing(page: Any, session: Session) -> None:
+    work, part, state = page.work, door(session).name, session.state
+    work.choose(part)
+    told: list[str] = []
+
+    def tell(text: str) -> None:
+        told.append(text)
+        if len(told) == 1:
+            work.cancel()
+
+    work.tell = tell
+    with pytest.raises(MamSimError, match="cancelled"):
+        work.edit(lambda h, t: edits.flip(h, t, part, joint_of(session, part)))
+    assert session.state is state and not work.doing
+    assert told[0] == f"Working out how {work.called(part)} moves" and told[-1] == ""
+    work.tell = page._tell
+
+
 def test_in_a_browser_the_other_lines_are_played_and_nothing_is_changed(
     page: Any, window: Any, session: Session
 ) -> None:
@@ -73,7 +126,7 @@ def test_in_a_browser_the_other_lines_are_played_and_nothing_is_changed(
     assert len(page.work.scene._extras["contacts"]) == 1, "the closed door touches the carcass"
     page.work.contacts = False
     window.get_by_role("button", name="Play the other lines").click()
-    told = page.work.panels[2].preview.told
+    told = page.mend.preview.told
     until(lambda: told.content.startswith("**1.**"))
     node = page.work.scene._links[joint_of(session, part).child]
     until(lambda: bool(abs(node.wxyz[0]) < 0.99 or np.linalg.norm(node.position) > 0.05))
@@ -111,7 +164,7 @@ def test_in_a_browser_the_robots_attempt_is_played(
     before, box = seen(window), canvas(window)
     window.get_by_text("Robot", exact=True).click()
     window.get_by_role("button", name="Let the robot try").click()
-    robot: Any = page.work.panels[3].robot
+    robot: Any = page.trying.robot
     until(lambda: robot._attempt is not None and robot.at.value >= robot.at.max - 0.1, 400)
     done = robot._attempt
     window.get_by_text("It succeeds" if done.success else "It fails").wait_for()

@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import hashlib
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mam_pipeline.geometry.frames import ObjectFrame
 from mam_pipeline.geometry.hinge_line import HingeBodies
+from mam_pipeline.geometry.motion import Motion
 from mam_pipeline.geometry.sweep import SweepScene
 from mam_pipeline.joints.candidates import rank_hypotheses
 from mam_pipeline.joints.closing import closing_of
@@ -27,12 +28,15 @@ from mam_pipeline.thresholds import THRESHOLDS
 from mam_pipeline.types import (
     MOVES,
     IntArray,
+    Joint,
     JointCandidate,
     KinematicTree,
     Mesh,
     PartNode,
     Primitives,
 )
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,7 @@ class EstimateThresholds:
         close_own: diagonals of the part that such lines may lie apart.
         on_line: share of the check's tolerance that a line may stray from both bodies.
         remembered: estimates that are kept for who asks again.
+        surroundings: of as many parts, for who asks about another line of the same part.
     """
 
     fallbacks: int = 12
@@ -64,6 +69,7 @@ class EstimateThresholds:
     close_own: float = 0.1
     on_line: float = 0.9
     remembered: int = 64
+    surroundings: int = 8
 
 
 ESTIMATE = EstimateThresholds()
@@ -144,13 +150,31 @@ class JointEstimator:
         if node.subtype == "fixed" or not len(faces.moving) or not len(faces.static):
             return None
         key = self._key(node, faces)
-        if key in _REMEMBERED:
-            _REMEMBERED.move_to_end(key)
-        else:
-            _REMEMBERED[key] = self._estimate(node, faces)
-            while len(_REMEMBERED) > ESTIMATE.remembered:
-                _REMEMBERED.popitem(last=False)
-        return _REMEMBERED[key]
+        return _kept(_REMEMBERED, key, ESTIMATE.remembered, lambda: self._estimate(node, faces))
+
+    def free(self, faces: PartFaces, joint: Joint, end: float) -> float:
+        """How far towards `end` (signed) a joint's part goes before it meets something."""
+        motion: Motion = "prismatic" if joint.type == "prismatic" else "revolute"
+        line = joint.axis.tobytes() + joint.origin.tobytes()
+        key = self._around_key(faces.moving, faces.static) + repr((motion, line, end))
+
+        def found() -> float:
+            around = self._around(faces.moving, faces.static)
+            return around.free(motion, joint.axis, joint.origin, end)[0]
+
+        return _kept(_FREE, key, ESTIMATE.remembered, found)
+
+    def _around_key(self, moving: IntArray, static: IntArray) -> str:
+        digest = self._digest.copy()
+        digest.update(moving.tobytes() + b"|" + static.tobytes() + bytes(str(self.seed), "ascii"))
+        return digest.hexdigest()
+
+    def _around(self, moving: IntArray, static: IntArray) -> Surroundings:
+        """What a part may run into; the same for all lines of it that are asked about."""
+        return _kept(
+            _AROUND, self._around_key(moving, static), ESTIMATE.surroundings,
+            lambda: Surroundings.of(self.mesh, moving, static, self.seed),
+        )  # fmt: skip
 
     def _key(self, node: PartNode, faces: PartFaces) -> str:
         digest = self._digest.copy()
@@ -166,13 +190,13 @@ class JointEstimator:
 
     def _estimate(self, node: PartNode, faces: PartFaces) -> Estimate:
         mesh, rules = self.mesh, self.rules
-        around = Surroundings.of(mesh, faces.moving, faces.static, self.seed)
+        around = self._around(faces.moving, faces.static)
         ranked = candidates = choose_candidates(mesh, self.frame, node, faces, self.seed, rules)
         if rules.on_both_bodies and node.subtype != "slide" and node.provenance != "user":
             candidates = on_both(mesh, faces, candidates, around.paths.rest_gap)
         alone = None
         if rules.siblings and len(faces.fixed) < len(faces.static) and len(faces.fixed):
-            alone = cache(lambda: Surroundings.of(mesh, faces.moving, faces.fixed, self.seed))
+            alone = cache(lambda: self._around(faces.moving, faces.fixed))
 
         def limits_of(c: JointCandidate, closing: float = 0.0) -> Limits:
             given = node.limits if c is candidates[0] else None
@@ -213,6 +237,21 @@ class JointEstimator:
 
 
 _REMEMBERED: OrderedDict[str, Estimate] = OrderedDict()
+_AROUND: OrderedDict[str, Surroundings] = OrderedDict()
+_FREE: OrderedDict[str, float] = OrderedDict()
+
+
+def _kept(store: OrderedDict[str, T], key: str, most: int, make: Callable[[], T]) -> T:
+    """What is remembered under a key, or made and remembered; what was asked for longest ago goes.
+
+    Args:
+        most: values that are kept.
+    """
+    found = store.pop(key, None)
+    store[key] = found = make() if found is None else found
+    while len(store) > most:
+        store.popitem(last=False)
+    return found
 
 
 def faces_around(tree: KinematicTree, primitives: Primitives, index: int) -> PartFaces:

@@ -11,9 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mam_pipeline.geometry.motion import Motion
 from mam_pipeline.joints.estimate import JointEstimator
-from mam_pipeline.joints.limits import Surroundings
 from mam_pipeline.types import FloatArray, Joint, KinematicTree
 
 
@@ -69,10 +67,7 @@ def _as_its_twins(
     far = max(twins, key=lambda other: other.upper, default=joint)
     if joint.upper >= TWINS.alike * far.upper:
         return joint
-    faces = estimator.faces(tree, joint.child)
-    around = Surroundings.of(estimator.mesh, faces.moving, faces.static, estimator.seed)
-    motion: Motion = "prismatic" if joint.type == "prismatic" else "revolute"
-    free = around.free(motion, joint.axis, joint.origin, far.upper)[0]
+    free = estimator.free(estimator.faces(tree, joint.child), joint, far.upper)
     if free < TWINS.alike * far.upper:
         return joint
     basis = replace(joint.basis, rule="twin", share=far.basis.share, of_part=far.basis.of_part)
