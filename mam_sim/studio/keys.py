@@ -47,8 +47,7 @@ class Keys:
         on("Cancel what is being computed; else choose nothing", "escape", self._leave, alone=False)
         on("Show the keys", "?", self._show, alone=False)
         for window, width in WIDTHS.items():
-            command = self._gui.add_command(f"Panel for a {window}", hotkey=window)
-            command.on_trigger(partial(_widen, width))
+            self._command(f"Panel for a {window}", window, partial(_widen, width))
 
     def refresh(self) -> None:
         """Keys for the rows of the tree."""
@@ -84,18 +83,23 @@ class Keys:
         self, label: str, key: str, act: Callable[..., Any], modifier: str | None = None,
         alone: bool = True,
     ) -> None:  # fmt: skip
-        command = self._gui.add_command(label, hotkey=key, modifier=modifier)
-        command.on_trigger(self.work.guarded(act, alone))
+        self._command(label, key, self.work.guarded(act, alone), modifier)
         held = f"{modifier.replace('cmd/', '').title()}+" if modifier else ""
         self._told.append((f"<kbd>{held}{key.replace('escape', 'Esc')}</kbd>", escape(label)))
+
+    def _command(
+        self, label: str, key: str, act: Callable[[Any], None], modifier: str | None = None
+    ) -> Any:
+        """Viser passes on any name of a key, also one that only a click of the page presses."""
+        command = self._gui.add_command(label, hotkey=key, modifier=modifier)
+        command.on_trigger(act)
+        return command
 
     def _row(self, number: int) -> tuple[Any, Any]:
         """Commands of a row: to choose it and to wake it."""
         made = []
         for key, act in ((key_of(number), self._choose), (f"wake {number}", self._wake)):
-            command = self._gui.add_command("", hotkey=key)
-            command.on_trigger(self.work.guarded(partial(act, number)))
-            made.append(command)
+            made.append(self._command("", key, self.work.guarded(partial(act, number))))
         return made[0], made[1]
 
     def _choose(self, number: int) -> None:

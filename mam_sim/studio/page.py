@@ -23,7 +23,7 @@ from mam_sim.studio.parts import Parts
 from mam_sim.studio.place import Place, place_of
 from mam_sim.studio.pointer import Pointer
 from mam_sim.studio.queue import Queue
-from mam_sim.studio.review import Review
+from mam_sim.studio.review import Review, asset_of
 from mam_sim.studio.scene import Scene
 from mam_sim.studio.session import Session
 from mam_sim.studio.trying import Trying
@@ -64,6 +64,7 @@ class Page:
         self.head = gui.add_html(HEAD.format(text="Reading …", buttons=""))
         self.busy = gui.add_html("", visible=False)
         self.work.tell = self._tell
+        self._queue: Queue | None = None
         self.url = f"http://{studio_server.HOST}:{self.server.get_port()}/"
         self.photo: MarkingPage | None = None
         self._build()
@@ -129,24 +130,30 @@ class Page:
             review: of the folder. config: with which assets are made.
         """
 
-        def go_to(index: int) -> None:
+        def place(index: int) -> Place:
             given = review.folder / review.entries[index].path
-            out = None if given.is_dir() else given.with_name(f"{given.stem}-asset")
+            out = None if given.is_dir() else asset_of(given)
+            return place_of(given, replace(config, hints=None), out)
+
+        def go_to(index: int) -> None:
+            name = review.entries[index].path
             try:
-                self.open(place_of(given, replace(config, hints=None), out))
+                self.open(place(index))
             except MamSimError as error:
                 self.work.drop()
-                self._failed(given.name, error)
-            queue.opened(index)
+                self._failed(name, error)
+            queue.opened(review.index(name))
 
         with self._tabs.add_tab("Queue", icon="list-check"):
-            queue = Queue(self.work, review, go_to)
+            self._queue = queue = Queue(self.work, review, go_to, place)
         self.work.panels.append(queue)
         first = review.next_from(-1)
         go_to(0 if first is None else first)
 
     def stop(self) -> None:
-        """End the servers."""
+        """End the servers, and what is made in the background."""
+        if self._queue is not None:
+            self._queue.ahead.stop()
         if self.photo is not None:
             self.photo.stop()
         with redirect_stdout(io.StringIO()):  # it takes leave on stdout

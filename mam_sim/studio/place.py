@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mam_pipeline import config_file
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.digests import file_digest
+from mam_pipeline.errors import ConfigError
 from mam_pipeline.folder_data import asset_settings
 from mam_pipeline.formats.door import Door
-from mam_pipeline.hints import Hints
+from mam_pipeline.hints import Hints, load_hints
 from mam_pipeline.make_config import MakeConfig
-from mam_pipeline.run import kind_of
+from mam_pipeline.run import kind_of, make_asset
 
 
 @dataclass(frozen=True)
@@ -85,3 +87,17 @@ def yielding(config: MakeConfig, hints: Hints | None) -> MakeConfig:
         up="auto" if hints.up else config.up,
         facing="auto" if hints.facing else config.facing,
     )
+
+
+def make(place: Place, tell: Callable[[str], None] = lambda _stage: None) -> Asset:
+    """Write and check the asset exactly as `articulate` does, with the hints file that is there.
+
+    Raises:
+        MamSimError: as `make_asset`.
+    """
+    if place.source is None:
+        raise ConfigError(f"{place.asset} was made already, and its source is not beside it")
+    config = place.config
+    if place.hints.is_file() and kind_of(place.source) != "urdf":
+        config = replace(yielding(config, load_hints(place.hints)), hints=place.hints)
+    return make_asset(place.source, place.asset, config, tell)

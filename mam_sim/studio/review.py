@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Literal, get_args
@@ -58,13 +59,19 @@ class Review:
         found = [_doubted(folder, path) for path in _objects(folder)]
         if not found:
             raise InputError(f"{folder} holds no asset, mesh, photo or URDF")
-        found.sort(key=lambda e: (-e.doubt, e.path))
-        self.entries = [
-            replace(e, decision=k.decision, note=k.note, seconds=k.seconds)
-            if (k := known.get(e.path)) is not None
-            else e
-            for e in found
-        ]
+        self.entries = sorted((_decided(e, known) for e in found), key=_order)
+
+    def index(self, path: str) -> int:
+        """Of the entry of an object, by its file or by the asset that was made of it."""
+        made = str(asset_of(Path(path)))
+        return next(i for i, e in enumerate(self.entries) if e.path in (path, made))
+
+    def look_again(self, path: str) -> None:
+        """An object was made meanwhile: its entry is the asset's, and moves by its doubt."""
+        old = self.entries.pop(self.index(path))
+        asset = self.folder / asset_of(Path(path))
+        self.entries.append(_decided(_doubted(self.folder, asset), {asset.name: old}))
+        self.entries.sort(key=_order)
 
     @property
     def done(self) -> int:
@@ -118,6 +125,24 @@ def doubt(card: AssetCard) -> tuple[float, str]:
     if looked_at:
         return max(0.6, unsure), "; ".join(f"{j.name} {j.review}" for j in looked_at)
     return round(min(unsure, 0.5), 4), ""
+
+
+def asset_of(file: Path) -> Path:
+    """The asset that is made of a file of the folder; of an asset, itself."""
+    return file.with_name(f"{file.stem}-asset") if file.suffix else file
+
+
+def _order(entry: Entry) -> tuple[float, str]:
+    return -entry.doubt, entry.path
+
+
+def _decided(entry: Entry, known: Mapping[str, Entry]) -> Entry:
+    """An entry with what was decided on it, or on the file that its asset was made of."""
+    file = next((p for p in known if str(asset_of(Path(p))) == entry.path), entry.path)
+    old = known.get(entry.path, known.get(file))
+    if old is None:
+        return entry
+    return replace(entry, decision=old.decision, note=old.note, seconds=old.seconds)
 
 
 def _decision(text: str) -> Decision:

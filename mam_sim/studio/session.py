@@ -30,7 +30,7 @@ from mam_pipeline.joints.estimate import PartFaces, faces_around, same_joint
 from mam_pipeline.models.settings import given
 from mam_pipeline.parts.cut import with_cuts, with_cuts_in_tree
 from mam_pipeline.parts.hints import along_nodes, apply_hints
-from mam_pipeline.run import Source, kind_of, make_asset, read_source, standing, turned_to_front
+from mam_pipeline.run import Source, kind_of, read_source, standing, turned_to_front
 from mam_pipeline.stage_store import StageStore, copy_stages
 from mam_pipeline.stages import Stages
 from mam_pipeline.types import (
@@ -46,7 +46,7 @@ from mam_pipeline.types import (
 )
 from mam_sim.studio import edits
 from mam_sim.studio.edits import explicit, with_living_parents
-from mam_sim.studio.place import Place, yielding
+from mam_sim.studio.place import Place, make, yielding
 
 Tell = Callable[[str], None]
 Change = Callable[[Hints, KinematicTree], Hints]
@@ -327,15 +327,9 @@ class Session:
         Raises:
             MamSimError: as `make_asset`.
         """
-        place = self.place
-        if place.source is None:
-            raise ConfigError(self.why_fixed)
-        config = place.config
         if self.unsaved:
             self.save()
-        if not self.why_fixed and place.hints.is_file():
-            config = replace(yielding(config, self.state.hints), hints=place.hints)
-        return make_asset(place.source, place.asset, config, tell)
+        return make(self.place, tell)
 
     def best_subtype(self, chosen: NDArray[np.bool_]) -> str:
         """How faces (F,) would move if they were a part of their own: slide, hinge or spin."""

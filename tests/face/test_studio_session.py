@@ -16,7 +16,7 @@ from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.run import make_asset
 from mam_pipeline.types import KinematicTree, Mesh
 from mam_sim.studio import edits
-from mam_sim.studio.place import place_of
+from mam_sim.studio.place import Place, place_of
 from mam_sim.studio.review import Review
 from mam_sim.studio.session import Session
 from tests.face.studio_window import (
@@ -233,6 +233,43 @@ def test_a_folder_is_reviewed_in_order_of_doubt_and_goes_on_where_it_stopped(
     (tmp_path / "none").mkdir()
     with pytest.raises(InputError, match="holds no asset"):
         Review(tmp_path / "none")
+
+
+def test_an_object_that_is_made_in_the_background_takes_its_place_in_the_review(
+    tmp_path: Path,
+) -> None:
+    import threading
+
+    import trimesh
+
+    from mam_sim.studio.ahead import Ahead
+    from mam_sim.studio.review import asset_of
+
+    box = trimesh.creation.box((0.3, 0.4, 0.5))
+    save_glb(Mesh(box.vertices, box.faces), tmp_path / "box.glb")
+    (tmp_path / "broken.glb").touch()
+    review = Review(tmp_path)
+    review.decide(review.index("box.glb"), "mend", "a note", 2.0)
+    ended, errors = threading.Event(), dict[str, str]()
+
+    def done(place: Place, error: str) -> None:
+        errors[place.asset.name] = error
+        if len(errors) == 2:
+            ended.set()
+
+    ahead = Ahead(done)
+    files = [tmp_path / entry.path for entry in review.entries]
+    ahead.want([place_of(file, MakeConfig(), asset_of(file)) for file in files])
+    assert ended.wait(120)
+    ahead.stop()
+    assert errors["box-asset"] == "" and "broken.glb" in errors["broken-asset"]
+    review.look_again("box.glb")
+    entry = review.entries[review.index("box.glb")]
+    assert (entry.path, entry.decision, entry.note) == ("box-asset", "mend", "a note")
+    assert entry.why.startswith("nothing moves") and review.entries[0] == entry
+    again = Review(tmp_path)
+    assert [e.path for e in again.entries] == ["box-asset", "broken.glb"]
+    assert again.entries[0].note == "a note"
 
 
 @pytest.mark.parametrize("executability", [
