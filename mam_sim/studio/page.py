@@ -171,6 +171,15 @@ class Page:
         text = " · ".join(rows) + self._photo_link
         self.head.content = HEAD.format(text=text, buttons=self._keys.buttons())
 
+    def _failed(self, name: str, error: MamSimError) -> None:
+        text = f"<b>{escape(name)}</b> cannot be opened: {escape(str(error))}{self._photo_link}"
+        self.head.content = HEAD.format(text=text, buttons="")
+
+    def _tell(self, doing: str) -> None:
+        """What is being computed; nothing where nothing is."""
+        self.busy.visible = bool(doing)
+        self.busy.content = BUSY.format(text=escape(doing))
+
     def _build(self) -> None:
         """The panels; they are filled when an object is open."""
         gui: Any = self.server.gui
