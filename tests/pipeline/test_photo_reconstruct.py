@@ -182,6 +182,20 @@ def test_opening_never_moves_a_panel_into_the_body() -> None:
                     assert depth.min() < 1e-9, (moving, fixed)
 
 
+@pytest.mark.parametrize(("scale", "room"), [(1.0, 0.012), (0.3, 0.018)])
+def test_a_drawers_box_is_near_the_walls_that_guide_it(scale: float, room: float) -> None:
+    """By 12 mm in furniture, by a share of the diagonal in what is small; 2 % would be a gap."""
+    size = w, d, h = 0.5 * scale, 0.45 * scale, 0.6 * scale
+    cell = CellSpec("drawer_0", "drawer", (0.0, 0.0, w, h))
+    boxes = _group_boxes(build_object(BodySpec(w, d, h, (cell,)))[0])
+    wall, box = (np.array(boxes[name]) for name in ("carcass_left", "drawer_0_box"))
+    outside = float(wall[:, 1, 1].max() - box[:, 1, 1].max())  # the viewer's left is +y
+    expected = room * (1.0 if scale == 1.0 else float(np.linalg.norm(size)))
+    inside = float(np.ptp(wall[0, :, 1]))
+    assert outside == pytest.approx(max(expected + 0.0015, inside + 0.5 * expected), abs=1e-6)
+    assert outside - inside < 0.02 * float(np.linalg.norm(size))
+
+
 def _group_boxes(mesh) -> dict[str, list[np.ndarray]]:  # type: ignore[no-untyped-def]
     out: dict[str, list[np.ndarray]] = {}
     for k in range(0, len(mesh.faces), 12):  # every box has twelve triangles

@@ -70,8 +70,8 @@ class _Builder:
     def __init__(self, spec: BodySpec) -> None:
         self.s = spec
         # a hinge line runs along the front's face, and must not lie far from the body behind it
-        size = float(np.linalg.norm([spec.width, spec.depth, spec.height]))
-        self.board = min(BOARD, 0.018 * size - GAP)
+        self.size = float(np.linalg.norm([spec.width, spec.depth, spec.height]))
+        self.board = min(BOARD, 0.018 * self.size - GAP)
         self.vertices: list[Array] = []
         self.uv: list[Array] = []
         self.faces: list[NDArray[np.int64]] = []
@@ -293,9 +293,10 @@ def _drawer_box(b: _Builder, cell: CellSpec, r: tuple[float, float, float, float
     """Five boards behind the front (floor, two sides, back); returns the far upper corner."""
     w, d, h = b.s.width, b.s.depth, b.s.height
     t = min(b.board, 0.06 * w, 0.06 * h)
-    play = 0.006
-    s0, s1 = max(r[0] + 0.012, t + play), min(r[2] - 0.012, w - t - play)
-    t0, t1 = max(r[1] + 0.012, t + play), min(r[3] - 0.02, h - t - play)
+    # room for runners; in a small body less, or nothing would guide the box beside its walls
+    play, room = min(0.006, 0.009 * b.size), min(0.012, 0.018 * b.size)
+    s0, s1 = max(r[0] + room, t + play), min(r[2] - room, w - t - play)
+    t0, t1 = max(r[1] + room, t + play), min(r[3] - 0.02, h - t - play)
     t1 = max(t0 + 0.03, t0 + 0.75 * (t1 - t0))
     x0, x1 = b.board, max(b.board + 0.05, d - 0.008 - 0.02)
     k = min(THIN, 0.2 * (s1 - s0), 0.3 * (t1 - t0))
