@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 os.environ.setdefault("HF_HUB_OFFLINE", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "2")
 
+Answer = Callable[[str, bytes], tuple[int, str, bytes]]
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER_MARKS = {"envs": "sim", "policies": "sim", "conformance": "sim", "training": "slow"}
 """What every test of a folder needs; `make test-fast` leaves `sim` and `slow` out."""
@@ -63,3 +68,81 @@ def _placements(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MAM_SIM_PLACEMENTS", str(tmp_path_factory.getbasetemp() / "placements"))
         yield
+
+
+@pytest.fixture
+def serve() -> Iterator[Callable[[Answer], str]]:
+    """Start a loopback server that answers every request with a function of path and body."""
+    running = []
+
+    def start(answer: Answer) -> str:
+        class Handler(BaseHTTPRequestHandler):
+            def _do(self) -> None:
+                length = int(self.headers.get("Content-Length") or 0)
+                status, kind, body = answer(self.path, self.rfile.read(length))
+                try:
+                    self.send_response(status)
+                    self.send_header("Content-Type", kind)
+                    self.send_header("Content-Length", str(len(body)))
+                    self.end_headers()
+                    self.wfile.write(body)
+                except (BrokenPipeError, ConnectionResetError):
+                    pass  # the client did not wait
+
+            do_GET = do_POST = _do
+
+            def log_message(self, *_: Any) -> None:
+                pass
+
+        server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        server.daemon_threads = True
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        running.append(server)
+        return f"http://127.0.0.1:{server.server_port}"
+
+    yield start
+    for server in running:
+        server.shutdown()
+        server.server_close()
+
+
+class Endpoint:
+    """Answers chat completions from a list (the last one for ever); remembers what was asked."""
+
+    def __init__(self, answers: list[tuple[int, str]]) -> None:
+        self.answers = answers
+        self.asked: list[Any] = []
+
+    def __call__(self, path: str, body: bytes) -> tuple[int, str, bytes]:
+        assert path.endswith("/chat/completions")
+        self.asked.append(json.loads(body))
+        status, text = self.answers[min(len(self.asked), len(self.answers)) - 1]
+        if status != 200:
+            return status, "application/json", json.dumps({"error": {"message": text}}).encode()
+        choice = {
+            "index": 0,
+            "finish_reason": "stop",
+            "message": {"role": "assistant", "content": text},
+        }
+        usage = {"prompt_tokens": 1000, "completion_tokens": 100, "total_tokens": 1100}
+        head = {"id": "x", "object": "chat.completion", "created": 0, "model": "m"}
+        made = json.dumps({**head, "choices": [choice], "usage": usage})
+        return 200, "application/json", made.encode()
+
+
+@pytest.fixture
+def endpoint(
+    serve: Callable[[Answer], str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> Callable[[list[tuple[int, str]]], Endpoint]:
+    """Start an OpenAI-compatible endpoint with given answers; the environment points to it."""
+
+    def start(answers: list[tuple[int, str]]) -> Endpoint:
+        pytest.importorskip("openai", reason="the vlm extra is not installed")
+        made = Endpoint(answers)
+        monkeypatch.setenv("OPENAI_BASE_URL", serve(made) + "/v1")
+        monkeypatch.setenv("OPENAI_API_KEY", "sk-secret-of-the-user")
+        monkeypatch.setenv("MAM_SIM_VLM_CACHE", str(tmp_path / "answers"))
+        monkeypatch.setenv("MAM_SIM_VLM_MODEL", "gpt-4o")
+        return made
+
+    return start

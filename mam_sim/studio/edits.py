@@ -72,6 +72,20 @@ def make_part(
     return _with(_without(hints, chosen), part)
 
 
+def as_proposed(
+    hints: Hints, node: PartNode, primitives: Iterable[int], parent: str, joint: Joint
+) -> Hints:
+    """A part with its primitives, what it hangs on and its joint, all as somebody proposed it."""
+    ends = np.isfinite([joint.lower, joint.upper]).all()
+    line = HintJoint(
+        joint.subtype, axis=_triple(joint.axis), origin=_triple(joint.origin),
+        lower=joint.lower if ends else None, upper=joint.upper if ends else None,
+    )  # fmt: skip
+    chosen = _some(primitives)
+    part = HintPart(node.name, node.kind, tuple(chosen), parent=parent, joint=line)
+    return _with(_without(hints, chosen), part)
+
+
 def add_to(hints: Hints, tree: KinematicTree, name: str, primitives: Iterable[int]) -> Hints:
     """Primitives become part of another part; of the base, they do not move."""
     chosen = _some(primitives)

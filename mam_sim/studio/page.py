@@ -15,6 +15,7 @@ from mam_pipeline.formats.suffixes import PHOTOS
 from mam_pipeline.make_config import MakeConfig
 from mam_sim.console import STAGES
 from mam_sim.studio import server as studio_server
+from mam_sim.studio.ask import Ask
 from mam_sim.studio.keys import Keys
 from mam_sim.studio.look import Look
 from mam_sim.studio.marking import Marking, MarkingPage
@@ -192,6 +193,10 @@ class Page:
             self.mend = Mend(work, self.parts)
         with tabs.add_tab("Try", icon="player-play"):
             self.trying = Trying(work, self.parts)
+        with tabs.add_tab("Ask", icon="message-question"):
+            self.ask = Ask(work)
         self._keys = Keys(work, self.parts, self.mend)
-        work.panels = [self.parts, self._keys, self, self.look, self.mend, self.trying]
+        work.panels = [
+            self.parts, self._keys, self, self.look, self.mend, self.trying, self.ask
+        ]  # fmt: skip
         Pointer(work)

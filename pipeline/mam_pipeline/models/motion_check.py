@@ -79,20 +79,20 @@ BASE, OTHER, MOVING, CARRIED, LINE = (
 
 
 def motion_question(
-    album: albums.Album, articulation: Articulation, lines: Mapping[str, Lines], turn: int,
+    album: albums.Album, articulation: Articulation, lines: Mapping[str, Lines], name: str,
     ranges: Mapping[str, str],
 ) -> Question:  # fmt: skip
     """Ask whether the joints of an articulation move as they should.
 
     Args:
-        lines: the other lines to show of a part, by its name. turn: 3 for the third question.
+        lines: the other lines to show of a part, by its name. name: of the question.
         ranges: why a part has its range where it is not a measured one, by its name.
     """
     base, joints = articulation.links[0].name, moving_joints(articulation)
     told = [
-        verdict(articulation, joint, len(lines.get(name, ())), ranges.get(name, ""))
+        verdict(articulation, joint, len(lines.get(part, ())), ranges.get(part, ""))
         for joint in joints
-        for name in [_part(articulation, joint)]
+        for part in [_part(articulation, joint)]
     ]
     text = questions.MOVED.format(
         base=base,
@@ -103,7 +103,7 @@ def motion_question(
     )
     subject = [articulation.face_link.tobytes().hex(), *(_in_words(j) for j in joints)]
     return Question(
-        f"{turn}_motion",
+        name,
         questions.SYSTEM,
         text,
         partial(_drawn, album, articulation, lines),

@@ -107,7 +107,7 @@ RANGES = (
     "overlaps on the way."
 )
 MOVED = (
-    "From your answer the joints below were made. Each sheet shows some of them, a joint in two "
+    "These joints were made. Each sheet shows some of them, a joint in two "
     "rows: from two sides, closed, half open and open, or as it stands and turned by 45 and 90 "
     "degrees where it turns without end. The part that moves is orange, what it carries is yellow, "
     "the magenta line is what it turns about, or the way it slides. {lines}'pieces' shows the "

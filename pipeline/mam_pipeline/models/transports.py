@@ -259,6 +259,11 @@ class FileTransport:
         self.wait = settings.number("MAM_SIM_WAIT", 0)
         self.ledger = Ledger(cap=float("inf"))
 
+    def place(self, question: Question) -> Path:
+        """The folder of a question and its answer."""
+        turn = f"-{len(question.history) + 1}" if question.history else ""
+        return self.folder / f"{question.name}{turn}"
+
     def ask(self, question: Question) -> str:
         """The answer from <folder>/<question>/answer.json.
 
@@ -266,8 +271,7 @@ class FileTransport:
             HintNeeded: there is no answer yet; the message says where to put it.
             BackendError: the answer was given about other pieces than those of today.
         """
-        turn = f"-{len(question.history) + 1}" if question.history else ""
-        place = self.folder / f"{question.name}{turn}"
+        place = self.place(question)
         answer_file = place / "answer.json"
         if not answer_file.is_file():
             self._write(place, question)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Self, TypeVar
@@ -36,7 +36,7 @@ from mam_pipeline.parts.settle import settled
 from mam_pipeline.render import orbit_views as views
 from mam_pipeline.secrets import bare_url
 from mam_pipeline.segment.topology import without_repeats
-from mam_pipeline.types import IntArray, KinematicTree, Mesh, Primitives
+from mam_pipeline.types import Articulation, IntArray, KinematicTree, Mesh, Primitives
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,20 @@ Answer = TypeVar("Answer", bound=BaseModel)
 Seen = TypeVar("Seen", questions.Grouping, questions.MountedParts)
 Dialogue = list[dict[str, Any]]
 Nodes = dict[str, tuple[int, ...]]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What is shown of how an object moves.
+
+    Attributes:
+        name: of the question. found: the object; its joints that move are shown.
+        lines: the other lines that are shown of a part, by its name.
+    """
+
+    name: str
+    found: Articulation
+    lines: Mapping[str, answers.Lines]
 
 
 class VlmReasoner:
@@ -300,11 +314,20 @@ def _looked_at(
         for name, joint in joints.items()
         if motion_check.in_doubt(joint)
     }
-    ranges = {n.name: str(n.evidence["range"]) for n in tree.nodes if "range" in n.evidence}
-    question = motion_check.motion_question(album, found, shown, turn, ranges)
-    nodes = tree.nodes
+    return checked(transport, album, made, Shown(f"{turn}_motion", found, shown), dialogue, seed)
+
+
+def checked(
+    transport: Transport, album: albums.Album, made: answers.Answered, shown: Shown,
+    dialogue: Dialogue, seed: int = 0,
+) -> tuple[answers.Answered, bool]:  # fmt: skip
+    """The tree after a look at its motion, as `_looked_at`; the dialogue gets what was said."""
+    nodes, found, lines = made.tree.nodes, shown.found, shown.lines
+    joints = {found.links[j.child].name: j for j in motion_check.moving_joints(found)}
+    ranges = {n.name: str(n.evidence["range"]) for n in nodes if "range" in n.evidence}
+    question = motion_check.motion_question(album, found, lines, shown.name, ranges)
     parents = {n.name: "" if n.parent < 0 else nodes[n.parent].name for n in nodes}
-    counts = {name: len(lines) for name, lines in shown.items()}
+    counts = {name: len(lines) for name, lines in lines.items()}
     check = settle_answer(
         transport,
         question,
@@ -316,7 +339,8 @@ def _looked_at(
     check = check.beside(made.mounts)
     if check.all_right:
         return made, True
-    new = answers.corrected(made, check, shown, joints, mesh, primitives, seed)
+    mesh, primitives = album.mesh, album.primitives
+    new = answers.corrected(made, check, lines, joints, mesh, primitives, seed)
     return new, check.only_numbers
 
 
