@@ -310,12 +310,15 @@ def _read_photo(source: Path, config: MakeConfig, stages: Stages, out: Path | No
         options["things"] = {named: 1.0 if config.what else CERTAINTIES.file}
     if config.height is not None:
         options["height"] = config.height
+    words: Mapping[str, str] = {}
+    agreed: tuple[str, ...] = ()
     if config.hints is not None and load_hints(config.hints).photo_front:
         options["hints"] = config.hints  # marked by hand on the photo: build exactly that
     elif config.photo.reader != "auto":
         from mam_pipeline.models.photo_reader import read_by_model
 
-        options = read_by_model(source, config.photo.reader, options)
+        read = read_by_model(source, config.photo.reader, options)
+        options, words, agreed = read.options, read.words, read.notes
     made = stages.reconstruct(source, options, config.reconstructor)
     given = {name: options.get(name) for name in ("height", "width", "depth")}
     name = str(options.get("category") or config.what or "").replace("_", " ")
@@ -341,8 +344,8 @@ def _read_photo(source: Path, config: MakeConfig, stages: Stages, out: Path | No
             raise HintNeeded(asked, shown)  # a draft of which nothing moves shows nothing
     return Source(
         "photo", made.mesh, np.eye(4), 1.0, scale_from, hints=made.hints, summary=made.summary,
-        spec=spec, notes=(*_sureness(made.confidence), *spec.notes), shell=shell, thing=thing,
-        unconfirmed=asked,
+        spec=spec, notes=(*agreed, *_sureness({**made.confidence, **words}), *spec.notes),
+        shell=shell, thing=thing, unconfirmed=asked,
     )  # fmt: skip
 
 

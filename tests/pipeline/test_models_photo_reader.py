@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +13,13 @@ import numpy as np
 import pytest
 
 from mam_pipeline.errors import BackendError, HintNeeded, NotThisKind
+from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.models import photo_reader
-from mam_pipeline.models.photo_reader import PhotoReading, faults, read_by_model
+from mam_pipeline.models.photo_reader import Own, PhotoReading, faults, read_by_model
 from mam_pipeline.models.settings import given
-from mam_pipeline.photo.options import parse_options
+from mam_pipeline.photo.image import read_photo
+from mam_pipeline.photo.options import PhotoOptions, parse_options
+from mam_pipeline.run import make_asset
 
 GOOD: dict[str, Any] = {
     "in_scope": True, "what": "a small cabinet", "category": "cabinet",
@@ -26,6 +31,8 @@ GOOD: dict[str, Any] = {
 @pytest.fixture
 def photo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(photo_reader, "contradiction", lambda *_: "")
+    monkeypatch.setattr(photo_reader, "alike", lambda *_: False)  # a grey picture has no front
+    monkeypatch.setattr(photo_reader, "beside", lambda *_: ({}, ()))
     path = tmp_path / "a.png"
     cv2.imwrite(str(path), np.full((200, 400, 3), 128, np.uint8))
     return path
@@ -49,7 +56,7 @@ def test_the_question_is_put_once_and_its_answer_becomes_options(
             "category" in json.loads((folder / "photo" / "schema.json").read_text())["properties"]
         )
         answered(folder, "photo", GOOD)
-        options = read_by_model(photo, "file", {"layout": "3 drawers"})
+        options = read_by_model(photo, "file", {"layout": "3 drawers"}).options
     assert options["category"] == "cabinet" and options["layout"] == "3 drawers"  # the user's
     assert options["front"] == [40, 40, 360, 40, 360, 160, 40, 160]
     parse_options(options)
@@ -61,7 +68,7 @@ def test_a_faulty_answer_is_asked_again(photo: Path, tmp_path: Path) -> None:
     answered(folder, "photo", bad)
     answered(folder, "photo-2", GOOD)
     with given({"MAM_SIM_QUESTIONS": str(folder)}):
-        assert read_by_model(photo, "file", {})["layout"] == "drawer / door, door"
+        assert read_by_model(photo, "file", {}).options["layout"] == "drawer / door, door"
         answered(folder, "photo-2", bad)
         answered(folder, "photo-3", bad)
         with pytest.raises(BackendError, match="front must be four corners"):
@@ -89,13 +96,60 @@ def test_faults_are_told(change: dict[str, Any], fault: str) -> None:
     assert faults(PhotoReading(**GOOD)) == ""
 
 
-def test_a_front_far_from_the_measured_one_is_challenged() -> None:
-    from mam_pipeline.photo.image import read_photo
-
+@pytest.fixture(scope="module")
+def nightstand() -> Own:
     root = Path(__file__).resolve().parents[2]
-    photo = read_photo(root / "examples" / "nightstand.jpg")
+    return Own(read_photo(root / "examples" / "nightstand.jpg"), PhotoOptions())
+
+
+def thousandths(own: Own, off: float = 0.0) -> Any:
+    """The measured front as an answer gives it, moved by some thousandths."""
+    return (own.found.quad / np.array(own.photo.size) * 1000 + off).round().tolist()
+
+
+def test_a_front_far_from_the_measured_one_is_challenged(nightstand: Own) -> None:
     off = PhotoReading(**{**GOOD, "front": [[0, 0], [50, 0], [50, 50], [0, 50]]})
-    said = photo_reader.contradiction(off, photo, {})
+    said = photo_reader.contradiction(off, nightstand, {})
     assert said.startswith("the lines in the photo fit a box")
     corners = json.loads(said[said.index("[[") :])
-    assert photo_reader.contradiction(PhotoReading(**{**GOOD, "front": corners}), photo, {}) == ""
+    same = PhotoReading(**{**GOOD, "front": corners})
+    assert photo_reader.contradiction(same, nightstand, {}) == ""
+
+
+def test_what_both_read_alike_is_of_high_confidence_and_the_rest_is_told(nightstand: Own) -> None:
+    three = {**GOOD, "front": thousandths(nightstand, 8.0), "rows": [["drawer"]] * 3}
+    seen = sum(len(p.handles) for p in nightstand.found.reading.movable)
+    words, notes = photo_reader.beside(PhotoReading(**three, handles=seen), nightstand, {}, "vlm")
+    assert words == dict.fromkeys(("cuboid", "panels", "handles"), "high")
+    assert notes == ("the vlm reader and this program agree on box and panels and handles",)
+    other = {**three, "rows": [["door-left"]], "height": 0.6}
+    words, notes = photo_reader.beside(PhotoReading(**other), nightstand, {}, "vlm")
+    assert words == {"cuboid": "high", "panels": "medium"}
+    assert "differ on panels: it reads door-left, this program 3 drawers" in notes[1]
+    assert "0.6 m high" in notes[2]
+    assert photo_reader.beside(
+        PhotoReading(**other), nightstand, {"front": 1, "layout": 1, "height": 1}, "vlm"
+    ) == ({}, ())
+
+
+def test_an_endpoint_reads_a_photo_and_the_measured_corners_are_taken(
+    nightstand: Own, endpoint: Callable[[list[tuple[int, str]]], Any], tmp_path: Path
+) -> None:
+    answer = {**GOOD, "category": "nightstand", "front": thousandths(nightstand, 8.0),
+              "rows": [["drawer"], ["drawer"], ["drawer"]], "handles": 3}  # fmt: skip
+    stand = endpoint([(200, json.dumps(answer))])
+    photo = Path(__file__).resolve().parents[2] / "examples" / "nightstand.jpg"
+    config = replace(MakeConfig(), photo=replace(MakeConfig().photo, reader="vlm"))
+    asset = make_asset(photo, tmp_path / "made", config)
+    assert len(stand.asked) == 1
+    assert [j.subtype for j in asset.card.joints] == ["slide"] * 3
+    assert any("agree on box and panels" in note for note in asset.card.notes)
+    assert any("box high, panels high" in note for note in asset.card.notes)
+
+
+def test_an_open_object_is_asked_to_be_closed(photo: Path, tmp_path: Path) -> None:
+    answered(tmp_path / "q", "photo", {**GOOD, "opened": True})
+    with given({"MAM_SIM_QUESTIONS": str(tmp_path / "q")}):
+        with pytest.raises(HintNeeded, match="stands open, as the file reader says"):
+            read_by_model(photo, "file", {})
+        assert read_by_model(photo, "file", {"layout": "door"}).options["layout"] == "door"

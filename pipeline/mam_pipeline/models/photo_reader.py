@@ -1,12 +1,18 @@
 """A vision-language model, a person or another program as the reader of a photo.
 
-One question: what the photo shows, the corners of its front, and its panels row by row. The answer
-is checked against its schema, and against the box that the photo's lines were fitted with: where
-both are sure and differ, the model is challenged once with what was measured.
+One question: what the photo shows, the corners of its front, its panels row by row with their
+hinges, its handles, whether it stands open, and how high it is. The answer is checked against its
+schema, and against what this program reads alone, with the box that it fits to the photo's lines.
+Where both are sure of a box and differ, the model is challenged once with what was measured. What
+both read alike is of high confidence, and the corners are then the measured ones; what they read
+differently is said.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,19 +21,26 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from mam_pipeline.errors import ConfigError, NotThisKind
+from mam_pipeline.errors import ConfigError, HintNeeded, NotThisKind
 from mam_pipeline.models import settings
 from mam_pipeline.models.transports import FileTransport, OpenAITransport, Question, Transport
 from mam_pipeline.models.vlm import settle_answer
-from mam_pipeline.photo.find import find_object
+from mam_pipeline.photo.find import Found, find_object
 from mam_pipeline.photo.image import Photo, read_photo
-from mam_pipeline.photo.options import CATEGORY_NAMES, PhotoOptions, parse_options
+from mam_pipeline.photo.layout import kinds_of
+from mam_pipeline.photo.options import (
+    CATEGORY_NAMES,
+    PhotoOptions,
+    parse_layout,
+    parse_options,
+)
 from mam_pipeline.photo.score import polygon_iou
-from mam_pipeline.photo.verdict import judge
+from mam_pipeline.photo.verdict import judge, layout_as_read
 from mam_pipeline.stage_store import file_digest
 
 SIDE = 1024  # pixels of the picture's longer side, as it is shown
 APART = 0.5  # IoU of the measured front with the answered one below which the answer is doubted
+ALIKE = 0.75  # from which both are the same front: corners are answered some percent off
 OUTSIDE = 100  # thousandths of the picture that a corner may lie outside it
 
 SYSTEM = (
@@ -36,19 +49,23 @@ SYSTEM = (
     "nothing else."
 )
 TEXT = (
-    "in_scope: whether the photo shows one closed piece of box-like furniture or one such "
-    "appliance (a cabinet, a chest of drawers, a wardrobe, a fridge, a microwave ...). A door of a "
-    "room, a whole room, a laptop, a bin or an object that stands open is not. what: what it is, "
-    "in a few words.\n"
+    "in_scope: whether the photo shows one piece of box-like furniture or one such appliance (a "
+    "cabinet, a chest of drawers, a wardrobe, a fridge, a microwave ...) whose front can be read. "
+    "A door of a room, a whole room, a laptop or a bin is not. what: what it is, in a few words.\n"
     "If it is in scope: category: the nearest of the list. front: the four corners of its front "
     "face without legs, [x, y] each, in thousandths of the picture's width and height from the top "
     "left, in the order top left, top right, bottom right, bottom left of the front.\n"
-    "rows: what the front holds, row by row from the top, each row from the left: drawer, door, "
-    "open (a compartment without a door) or fixed (a panel that does not move). Where columns have "
-    "rows of their own, give each column as an entry of columns instead, from the left, and leave "
-    "rows empty."
+    "rows: what the front holds, row by row from the top, each row from the left: drawer, door "
+    "(door-left where its hinge is seen or surely is on the left, door-right, door-top or "
+    "door-bottom alike), open (a compartment without a door), control panel, or fixed (a panel "
+    "that does not move). Where columns have rows of their own, give each column as an entry of "
+    "columns instead, from the left, and leave rows empty.\n"
+    "opened: whether a door or drawer of it stands open. handles: how many handles and knobs you "
+    "see on its doors and drawers; null if that cannot be told. height: metres from its foot to "
+    "its top, as you judge it; null if you cannot."
 )
-Kind = Literal["drawer", "door", "open", "fixed"]
+Kind = Literal["drawer", "door", "door-left", "door-right", "door-top", "door-bottom", "open",
+               "control panel", "fixed"]  # fmt: skip
 Rows = Annotated[list[Annotated[list[Kind], Field(min_length=1)]], Field(max_length=20)]
 Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
 
@@ -63,6 +80,9 @@ class PhotoReading(BaseModel):
     front: Annotated[list[Corner], Field(max_length=4)] = []
     rows: Rows = []
     columns: Annotated[list[Rows], Field(max_length=10)] = []
+    opened: bool = False
+    handles: Annotated[int, Field(ge=0, le=200)] | None = None
+    height: Annotated[float, Field(ge=0.02, le=20)] | None = None
 
     @property
     def layout(self) -> str:
@@ -71,33 +91,126 @@ class PhotoReading(BaseModel):
         return " | ".join(" / ".join(", ".join(row) for row in rows) for rows in columns)
 
 
-def read_by_model(path: Path, reader: str, given: dict[str, Any]) -> dict[str, Any]:
-    """Options for the reconstructor as a model answers them; what the user gave stays.
+@dataclass(frozen=True)
+class ModelReading:
+    """A model's reading of a photo beside this program's own.
+
+    Attributes:
+        options: for the reconstructor; what the user gave stays.
+        words: how sure box, panels and handles are, where the model spoke of them.
+        notes: a sentence on where both agree and where they differ.
+    """
+
+    options: dict[str, Any]
+    words: dict[str, str]
+    notes: tuple[str, ...]
+
+
+def read_by_model(path: Path, reader: str, given: dict[str, Any]) -> ModelReading:
+    """Ask about a photo, and check the answer.
 
     Args:
         reader: vlm (an endpoint) or file (a folder that somebody answers in).
+        given: the user's own options.
 
     Raises:
-        ConfigError: no folder for `file`. BackendError, HintNeeded: no usable answer yet.
+        ConfigError: no folder for `file`. BackendError: no usable answer.
+        HintNeeded: there is no answer yet, or the object stands open.
         NotThisKind: the model says that the photo shows something else.
     """
     photo = read_photo(path)
+    own = Own(photo, parse_options({k: v for k, v in given.items() if k in ("bbox", "mask")}))
     answer = settle_answer(
         transport(reader), question(photo, path), PhotoReading, faults,
-        lambda a: contradiction(a, photo, given),
+        lambda a: contradiction(a, own, given),
     )  # fmt: skip
+    says = f"as the {reader} reader says"
     if not answer.in_scope:
         raise NotThisKind(
-            f"{path} shows {answer.what}, as the {reader} reader says: mam-sim reads the closed "
+            f"{path} shows {answer.what}, {says}: mam-sim reads the closed "
             "fronts of furniture and kitchen appliances; make other things from a mesh"
         )
-    pixels = front_of(answer, photo) / photo.scale
+    if answer.opened and not {"layout", "accept_low_confidence"} & set(given):
+        raise HintNeeded(
+            f"{path} shows {answer.what} of which a door or drawer stands open, {says}: take a "
+            "photo with all of them closed, or say what its panels are with --layout"
+        )
+    same_front = alike(answer, own)
+    pixels = (own.found.quad if same_front else front_of(answer, photo)) / photo.scale
+    digits = 0 if same_front else 1  # the measured box is known again by its whole pixels
     out = {
         "category": answer.category,
-        "front": [round(float(v), 1) for v in pixels.reshape(-1)],
+        "front": [round(float(v), digits) for v in pixels.reshape(-1)],
         "layout": answer.layout,
     }
-    return {**{k: v for k, v in out.items() if v}, **given}
+    words, notes = beside(answer, own, given, reader)
+    return ModelReading({**{k: v for k, v in out.items() if v}, **given}, words, notes)
+
+
+@dataclass(frozen=True)
+class Own:
+    """This program's own reading of a photo, made when it is first needed.
+
+    Attributes:
+        options: what the user said of where the object is.
+    """
+
+    photo: Photo
+    options: PhotoOptions
+
+    @cached_property
+    def found(self) -> Found:
+        """The box and what is on its front."""
+        return find_object(self.photo, self.options)
+
+    @cached_property
+    def words(self) -> Mapping[str, str]:
+        """How sure it is."""
+        return judge(self.found, self.options).words
+
+
+def alike(answer: PhotoReading, own: Own) -> bool:
+    """Whether the answered front is the measured one."""
+    return polygon_iou(own.found.quad, front_of(answer, own.photo)) >= ALIKE
+
+
+def beside(
+    answer: PhotoReading, own: Own, given: dict[str, Any], reader: str
+) -> tuple[dict[str, str], tuple[str, ...]]:
+    """How sure a model's reading is beside this program's own, topic by topic, and that in words.
+
+    What both read alike is high, else medium; of what the user gave nothing is said.
+    """
+    reading, agreed, differ = own.found.reading, list[str](), list[str]()
+    words: dict[str, str] = {}
+
+    def compare(topic: str, name: str, same: bool, theirs: str, ours: str) -> None:
+        words[topic] = "high" if same else "medium"
+        agreed.extend([name] if same else [])
+        differ.extend([] if same else [f"{name}: it reads {theirs}, this program {ours}"])
+
+    if "front" not in given:
+        compare("cuboid", "box", alike(answer, own), "another front", "the one that lines show")
+    if "layout" not in given and answer.layout:
+        ours = layout_as_read(reading)
+        same = bool(ours) and kinds_in(ours) == kinds_in(answer.layout)
+        compare("panels", "panels", same, answer.layout, ours or "no rows or columns")
+    if answer.handles is not None:
+        seen = sum(b.provenance == "observed" for p in reading.movable for b in p.handles)
+        compare("handles", "handles", seen == answer.handles, f"{answer.handles}", f"{seen}")
+    notes = [f"the {reader} reader and this program agree on {' and '.join(agreed)}"] * bool(agreed)
+    notes += [f"the {reader} reader and this program differ on {'; on '.join(differ)}"] * bool(
+        differ
+    )
+    if answer.height is not None and not {"height", "width", "depth"} & set(given):
+        notes.append(f"the {reader} reader takes it to be {answer.height:.2g} m high (--height)")
+    return words, tuple(notes)
+
+
+def kinds_in(layout: str) -> list[list[list[str]]]:
+    """The kinds of the panels by column, row and place, without their hinges."""
+    columns = [kinds_of(rows) for rows in parse_layout(layout).columns]
+    return [[[kind.partition("-")[0] for kind in row] for row in rows] for rows in columns]
 
 
 def transport(reader: str) -> Transport:
@@ -147,14 +260,12 @@ def faults(answer: PhotoReading) -> str:
     return ""
 
 
-def contradiction(answer: PhotoReading, photo: Photo, given: dict[str, Any]) -> str:
+def contradiction(answer: PhotoReading, own: Own, given: dict[str, Any]) -> str:
     """The front that was measured, where it is believed and lies elsewhere; "" where both agree."""
-    if not answer.in_scope or "front" in given:
+    if not answer.in_scope or "front" in given or own.words["cuboid"] == "low":
         return ""
-    found = find_object(photo, PhotoOptions())
-    if judge(found, PhotoOptions()).words["cuboid"] == "low":
+    quad, photo = own.found.quad, own.photo
+    if polygon_iou(quad, front_of(answer, photo)) >= APART:
         return ""
-    if polygon_iou(found.quad, front_of(answer, photo)) >= APART:
-        return ""
-    corners = (found.quad / np.array(photo.size) * 1000).round().astype(int).tolist()
+    corners = (quad / np.array(photo.size) * 1000).round().astype(int).tolist()
     return f"the lines in the photo fit a box whose front has the corners {corners}"
