@@ -2,6 +2,7 @@
 
     python benchmarks/language_model.py DATASET [--answers ARCHIVE ...] [--out FILE.json]
     python benchmarks/language_model.py ../shared/bench/dev --rows      # and the README's rows
+    python benchmarks/language_model.py ../shared/corpus/photos         # photos, read by both
 
 An archive holds one folder per object: what was answered from the pictures alone, the pieces that
 were shown (pieces.npz), and by `subject.txt` what each answer is about. Its about.json says who
@@ -10,17 +11,24 @@ same prior and the same solver. Where the object moves otherwise than it did whe
 that look no longer counts, and the table says for how many objects that is so.
 `python -m mam_training.labels pack` makes an archive of a folder of questions.
 
+Of photos (DATASET has a boxes.csv: id, class, x_center, y_center, width, height) both readers'
+panels are compared with the boxes that somebody else drew round the doors and drawers of a photo,
+whatever they belong to: found is what lies on one by IoU 0.5. A box of another piece of furniture
+counts as missed, for both readers alike.
+
 An answer tells nothing of what fewer pictures would have shown. A table by their number needs the
 questions put again, each number into an archive (`--vlm-images`); each archive is a row here.
 """
 
 from __future__ import annotations
 
+import csv
 import json
 import sys
 import tempfile
 import time
 import zipfile
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -36,11 +44,17 @@ from tyro.conf import Positional
 
 from mam_pipeline.asset.interiors import add_interiors
 from mam_pipeline.backends import KinematicPrior
-from mam_pipeline.errors import BackendError, HintNeeded, MamSimError
+from mam_pipeline.errors import BackendError, HintNeeded, MamSimError, NotThisKind
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.make_config import EngineConfig
 from mam_pipeline.metrics import score
 from mam_pipeline.models import settings
+from mam_pipeline.models.photo_reader import read_by_model
+from mam_pipeline.photo import reconstruct
+from mam_pipeline.photo.evaluate import score_boxes
+from mam_pipeline.photo.find import Found
+from mam_pipeline.photo.image import read_photo
+from mam_pipeline.photo.options import parse_options
 from mam_pipeline.stages import Stages
 from mam_pipeline.types import Articulation, KinematicTree, Primitives
 from mam_pipeline.weights import noting
@@ -48,9 +62,11 @@ from mam_sim.bench.runner import Record, execute
 from mam_sim.bench.table import Row, models_of, summarise
 
 ANSWERS = tuple(
-    ROOT / "tests" / "pipeline" / name for name in ("answers.zip", "answers_kitchen.zip")
+    ROOT / "tests" / "pipeline" / name
+    for name in ("answers.zip", "answers_kitchen.zip", "answers_photos.zip")
 )
 EMBEDDED = "the embedded reasoner"
+OWN = "our own reading"
 COLUMNS = ("miou", "count", "type_error", "axis", "pivot", "executable")
 PATHS = (
     "pipeline/mam_pipeline", ":!pipeline/mam_pipeline/photo", "mam_sim/bench",
@@ -148,6 +164,66 @@ def judged(
     return record, current
 
 
+def boxes_of(file: Path) -> dict[str, list[tuple[str, Any]]]:
+    """The boxes of each photo: class and (4, 2) corners, 0..1 of the picture."""
+    out: dict[str, list[tuple[str, Any]]] = {}
+    with file.open(encoding="utf-8") as rows:
+        for row in csv.DictReader(rows):
+            x, y, w, h = (float(row[k]) for k in ("x_center", "y_center", "width", "height"))
+            corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * (w / 2, h / 2) + (x, y)
+            out.setdefault(row["id"], []).append((row["class"], corners))
+    return out
+
+
+def seen_on(photo: Path, answers: Path | None) -> tuple[str, Found | None]:
+    """What a reader makes of a photo: right away, or why not, and what it found.
+
+    Args:
+        answers: folder of them, for the reader that looks at them; None for the embedded one.
+    """
+    given = {"MAM_SIM_QUESTIONS": str(answers), settings.SUBJECT: photo.stem}
+    try:
+        options = {}
+        if answers is not None:
+            with settings.given(given):
+                options = read_by_model(photo, "file", {}).options
+        seen = read_photo(photo)
+        found, judged, _ = reconstruct.read_object(seen, parse_options(options), photo.name)
+    except HintNeeded:
+        return "asked", None
+    except NotThisKind:
+        return "refused", None
+    return "asked" if judged.doubt else "made", found
+
+
+def read_photos(folder: Path, known: Sequence[Archive], only: tuple[str, ...]) -> dict[str, Any]:
+    """Panels of both readers against the boxes of photos; prints a row a photo and the sums.
+
+    Drafts count, too: what is asked about is built as it was read.
+    """
+    boxes = boxes_of(folder / "boxes.csv")
+    total: dict[str, Counter[str]] = {}
+    print("| photo, reader | outcome | boxes | panels | found |\n|---|---|---|---|---|")
+    for archive in known:
+        for name in sorted(p.name for p in archive.folder.iterdir() if p.name in boxes):
+            photo = folder / f"{name}.jpg"
+            if (only and name not in only) or not photo.is_file():
+                continue
+            seen = {archive.by: seen_on(photo, archive.folder), OWN: seen_on(photo, None)}
+            both = all(found is not None for _, found in seen.values())
+            for by, (outcome, found) in seen.items():
+                counts = {} if found is None else score_boxes(found, boxes[name])
+                n, ours, hit = (counts.get(k, 0) for k in ("panels", "found", "matched50"))
+                total.setdefault(by, Counter()).update({outcome: 1, "photos": 1, "both": both})
+                total[by].update({"boxes": n, "panels": ours, "found": hit} if both else {})
+                print(f"| {name}, {by} | {outcome} | {n} | {ours} | {hit} |", flush=True)
+    for by, sums in total.items():
+        shares = (sums["found"] / max(sums[k], 1) for k in ("panels", "boxes"))
+        print(f"**{by}**: {dict(sums)}; where both read the photo, precision and recall of panels",
+              *(f"{share:.2f}" for share in shares))  # fmt: skip
+    return {by: dict(sums) for by, sums in total.items()}
+
+
 def line(name: str, records: Sequence[Record]) -> str:
     """One Markdown row of means; pivot over the objects that have one."""
     total: Row = summarise(name, records)
@@ -203,6 +279,9 @@ def main(
     past: list[str] = []
     with tempfile.TemporaryDirectory() as scratch:
         known = [Archive.of(file, Path(scratch) / str(k)) for k, file in enumerate(answers)]
+        if (Path(dataset) / "boxes.csv").is_file():
+            save(out, read_photos(Path(dataset), known, only))
+            return
         print(f"| object, reasoner | n | {' | '.join(COLUMNS)} |\n|---|---|{'---|' * len(COLUMNS)}")
         for name, category, urdf in list_objects(dataset):
             asked = [a for a in known if (a.folder / name / "pieces.npz").is_file()]

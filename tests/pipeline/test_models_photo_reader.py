@@ -121,7 +121,7 @@ def test_what_both_read_alike_is_of_high_confidence_and_the_rest_is_told(nightst
     seen = sum(len(p.handles) for p in nightstand.found.reading.movable)
     words, notes = photo_reader.beside(PhotoReading(**three, handles=seen), nightstand, {}, "vlm")
     assert words == dict.fromkeys(("cuboid", "panels", "handles"), "high")
-    assert notes == ("the vlm reader and this program agree on box and panels and handles",)
+    assert notes == ("the vlm reader and this program agree on box, panels, handles",)
     other = {**three, "rows": [["door-left"]], "height": 0.6}
     words, notes = photo_reader.beside(PhotoReading(**other), nightstand, {}, "vlm")
     assert words == {"cuboid": "high", "panels": "medium"}
@@ -143,7 +143,7 @@ def test_an_endpoint_reads_a_photo_and_the_measured_corners_are_taken(
     asset = make_asset(photo, tmp_path / "made", config)
     assert len(stand.asked) == 1
     assert [j.subtype for j in asset.card.joints] == ["slide"] * 3
-    assert any("agree on box and panels" in note for note in asset.card.notes)
+    assert any("agree on box, panels" in note for note in asset.card.notes)
     assert any("box high, panels high" in note for note in asset.card.notes)
 
 

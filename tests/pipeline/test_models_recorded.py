@@ -16,7 +16,7 @@ import pytest
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.make_config import EngineConfig
 from mam_pipeline.metrics import score
-from mam_pipeline.models import questions, settings
+from mam_pipeline.models import photo_reader, questions, settings
 from mam_pipeline.stages import Stages
 from mam_pipeline.types import KinematicTree, Primitives
 
@@ -61,6 +61,18 @@ def test_answers_fit_the_schema_of_today(name: str, answers: Path) -> None:
     mounting = questions.Mounting.model_validate_json(second)
     names = [p.name for p in sorted(grouping.parts, key=lambda p: not p.is_base)]
     assert questions.faults_of_mounting(mounting, names, names[0]) == ""
+
+
+def test_answers_about_photos_fit_the_question_of_today() -> None:
+    with zipfile.ZipFile(ARCHIVE.with_name("answers_photos.zip")) as archive:
+        about = json.loads(archive.read("about.json"))
+        names = [n for n in archive.namelist() if n.endswith("answer.json")]
+        read = [photo_reader.PhotoReading.model_validate_json(archive.read(n)) for n in names]
+        digests = [archive.read(f"{name}/photo/subject.txt") for name in about["objects"]]
+    assert "language model" in about["by"] and len(set(digests)) == len(about["objects"]) == 20
+    assert [photo_reader.faults(answer) for answer in read] == [""] * len(read)
+    assert sum(not answer.in_scope for answer in read) == 4
+    assert sum(answer.opened for answer in read) == 2
 
 
 @pytest.mark.bench_data

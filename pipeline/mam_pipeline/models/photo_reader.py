@@ -198,10 +198,9 @@ def beside(
     if answer.handles is not None:
         seen = sum(b.provenance == "observed" for p in reading.movable for b in p.handles)
         compare("handles", "handles", seen == answer.handles, f"{answer.handles}", f"{seen}")
-    notes = [f"the {reader} reader and this program agree on {' and '.join(agreed)}"] * bool(agreed)
-    notes += [f"the {reader} reader and this program differ on {'; on '.join(differ)}"] * bool(
-        differ
-    )
+    both = f"the {reader} reader and this program"
+    notes = [f"{both} agree on {', '.join(agreed)}"] if agreed else []
+    notes += [f"{both} differ on {'; on '.join(differ)}"] if differ else []
     if answer.height is not None and not {"height", "width", "depth"} & set(given):
         notes.append(f"the {reader} reader takes it to be {answer.height:.2g} m high (--height)")
     return words, tuple(notes)

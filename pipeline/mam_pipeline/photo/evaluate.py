@@ -136,8 +136,16 @@ def score_yolo(
 ) -> dict[str, int]:
     """Counts for one photo with YOLO boxes: panels at IoU 0.5 and handle centres inside."""
     photo = read_photo(path)
-    quad, _, panels, _, _ = predict(photo, parse_options(options))
-    size = np.array(photo.size, float)
+    return score_boxes(find_object(photo, parse_options(options)), boxes)
+
+
+def score_boxes(found: Found, boxes: list[tuple[str, Array]]) -> dict[str, int]:
+    """The counts of `score_yolo` for what was found.
+
+    Args:
+        boxes: class and (4, 2) corners, 0..1 of the picture.
+    """
+    size, panels, quad = np.array(found.picture, float), panels_of(found), found.quad
 
     def upright(q: Array) -> Array:
         low, high = q.min(axis=0), q.max(axis=0)
@@ -149,11 +157,11 @@ def score_yolo(
     theirs = [b * size for n, b in boxes if n != "handle"]
     iou = np.array([[polygon_iou(t, o) for o in ours] for t in theirs]).reshape(len(theirs), -1)
     handles = [b * size for n, b in boxes if n == "handle"]
-    found = [upright(rect_quad(k, quad)) for p in panels for k in p.handles]
-    hit, right = handle_hits(handles, found)
+    grips = [upright(rect_quad(k, quad)) for p in panels for k in p.handles]
+    hit, right = handle_hits(handles, grips)
     return {
         "panels": len(theirs), "found": len(ours), "matched50": len(match(iou, 0.5)),
-        "handles": len(handles), "handles_hit": hit, "handles_found": len(found),
+        "handles": len(handles), "handles_hit": hit, "handles_found": len(grips),
         "handles_right": right,
     }  # fmt: skip
 
