@@ -32,10 +32,8 @@ from mam_sim.studio.workspace import Workspace
 
 ORANGE = (230, 110, 20)
 HEAD = '<div class="head">{text}</div><div class="bar">{buttons}</div>'
-BUSY = (
-    '<div class="busy"><i></i><span>{text} …</span>'
-    '<button data-key="escape" title="Esc">Cancel</button></div>'
-)
+BUSY = '<div class="busy"><i></i><span>{text} …</span>{button}</div>'
+CANCEL = '<button data-key="escape" title="Esc">Cancel</button>'
 
 
 class Page:
@@ -78,8 +76,10 @@ class Page:
         """
 
         def tell(stage: str) -> None:
-            self._tell(f"{STAGES.get(stage, stage)}: {name}")
+            if not read.is_set():
+                self._tell(f"{STAGES.get(stage, stage)}: {name}")
 
+        read = threading.Event()  # what is prepared after it is of no concern to the person
         name = (place.source or place.asset).name
         try:
             self._show_photo(place)
@@ -91,6 +91,7 @@ class Page:
             self.work.drop()
             return
         finally:
+            read.set()
             self._tell("")
         self.put(session)
         threading.Thread(target=session.prepare, daemon=True).start()
@@ -177,9 +178,11 @@ class Page:
         self.head.content = HEAD.format(text=text, buttons="")
 
     def _tell(self, doing: str) -> None:
-        """What is being computed; nothing where nothing is."""
+        """What is being computed, with a button where it can be cancelled; else nothing."""
         self.busy.visible = bool(doing)
-        self.busy.content = BUSY.format(text=escape(doing))
+        self.busy.content = BUSY.format(
+            text=escape(doing), button=CANCEL if self.work.doing else ""
+        )
 
     def _build(self) -> None:
         """The panels; they are filled when an object is open."""

@@ -196,7 +196,7 @@ class Workspace:
         if self.doing:
             self.cancelled.set()
             self.tell("Cancelling")
-        else:
+        elif self.session is not None:
             with self.lock:
                 self.select_nothing()
                 self.choose("")
