@@ -25,6 +25,7 @@ KINDS = ("door", "drawer", "lid", "knob", "handle", "wheel", "lever", "button", 
 MOTIONS = ("hinge", "spin", "slide", "fixed")
 NONE = "(none)"
 TURNS, SLIDES = "It turns about the clicked edge", "It slides out of the clicked face"
+ASK_EDGE, ASK_FACE = "Click an edge to turn about", "Click a face to slide out of"
 UNCHOSEN = "No part is chosen: click one in the tree or on the object, or press its digit."
 EMPTY = "Nothing is selected: click on the object; with Shift, one more, or drag a box."
 PICKS: dict[str, Picks] = {
@@ -153,8 +154,8 @@ class Mend:
         self.name.value, self.kind.value = node.name, node.kind
         _options(self.parent, [n for n in names if n != node.name], nodes[node.parent].name)
         self.motion.value = node.subtype
-        label = SLIDES if node.subtype == "slide" else TURNS
-        label += "" if work.face is not None else " (click one)"
+        slides, clicked = node.subtype == "slide", work.face is not None
+        label = (SLIDES if slides else TURNS) if clicked else (ASK_FACE if slides else ASK_EDGE)
         if self.clicked.label != label:
             self.clicked.label = label
         self._fill_ways(joint)
