@@ -61,6 +61,8 @@ class Person(NoKey):
         self.pressed += 1
         if self.left < 0:
             return "q" if self.pressed % 2 else _interrupt()
+        if self.pressed > 100:  # the arm has stopped, and asks what to do
+            return "q"
         return "n" if self.wrong and self.pressed == 4 else "y"
 
 
