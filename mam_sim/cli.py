@@ -63,6 +63,8 @@ def main(argv: list[str] | None = None) -> int:
         from mam_sim.stopping import watch_over
 
         watch_over()
+    if args[0] == "studio":  # OpenBLAS hangs where two threads of a page start its own at once
+        os.environ["OPENBLAS_NUM_THREADS"] = "1"
     lean.install()
     for stream in (sys.stdout, sys.stderr):  # the name of a file need not be text
         if isinstance(stream, io.TextIOWrapper):

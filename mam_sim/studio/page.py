@@ -94,7 +94,8 @@ class Page:
             read.set()
             self._tell("")
         self.put(session)
-        threading.Thread(target=session.prepare, daemon=True).start()
+        if self.photo is None:  # whose page reads it at the same time
+            threading.Thread(target=session.prepare, daemon=True).start()
 
     def _show_photo(self, place: Place) -> None:
         """Serve the page on which a photo is marked; saving there opens the object again."""
