@@ -1,15 +1,17 @@
-"""Objects of a review that are made in the background, in a process that yields to the page."""
+"""Objects of a review that are made in the background, each in a process with limits."""
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
+from mam_pipeline.errors import MamSimError
+from mam_pipeline.folders import Scratch
+from mam_pipeline.guarded import Limits
+from mam_sim.forkserver import ForkServer
 from mam_sim.studio.place import Place, make
 
 
@@ -28,6 +30,26 @@ class AheadSettings:
 AHEAD = AheadSettings()
 
 
+@dataclass(frozen=True)
+class Making:
+    """What the process does: an asset, and a file with what went wrong."""
+
+    place: Place
+    told: Path
+    limits: Limits = field(default_factory=Limits)
+
+    def warm(self) -> None:
+        """Nothing more than what is imported here."""
+
+    def run(self) -> None:
+        """Make it, in the child."""
+        os.nice(AHEAD.nice)
+        try:
+            make(self.place)
+        except (MamSimError, OSError) as error:
+            self.told.write_text(str(error), encoding="utf-8")
+
+
 class Ahead:
     """Makes one object after the other."""
 
@@ -38,7 +60,7 @@ class Ahead:
             done: told of each object that was made, and what went wrong ("" for nothing).
         """
         self._done = done
-        self._pool: Any = None
+        self._server, self._pool = ForkServer(), ThreadPoolExecutor(1)
         self._waiting: set[Path] = set()
 
     def want(self, places: Sequence[Place]) -> None:
@@ -50,17 +72,20 @@ class Ahead:
     def make(self, place: Place) -> None:
         """Make an object after those that wait, also where it was made or waits already."""
         self._waiting.add(place.asset)
-        if self._pool is None:  # fresh: threads of the ray caster do not survive a fork
-            context = multiprocessing.get_context("spawn")
-            self._pool = context.Pool(1, os.nice, (AHEAD.nice,))
-        end = partial(self._end, place)
-        self._pool.apply_async(make, (place,), callback=end, error_callback=end)
+        self._pool.submit(self._make, place)
 
     def stop(self) -> None:
         """End what is being made."""
-        if self._pool is not None:
-            self._pool.terminate()
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        self._server.close()
 
-    def _end(self, place: Place, found: Any) -> None:
+    def _make(self, place: Place) -> None:
+        with Scratch() as folder:
+            told = Path(folder) / "told.txt"
+            try:
+                ending = self._server.run(Making(place, told))
+            except KeyboardInterrupt:  # stopped
+                return
+            error = told.read_text(encoding="utf-8") if told.is_file() else ending.why
         self._waiting.discard(place.asset)
-        self._done(place, str(found) if isinstance(found, BaseException) else "")
+        self._done(place, error)
