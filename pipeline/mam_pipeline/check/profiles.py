@@ -105,10 +105,22 @@ PROFILES: dict[str, Profile] = {
         max_face_points=32, refuses=True,
     ),
 }  # fmt: skip
-CONCAVE_SHARE = 0.8
-"""A collision mesh that fills less than this share of its convex hull becomes another shape."""
-FLAT = 1e-3
-"""Angle between triangles of a hull that are one face, radians."""
+
+
+@dataclass(frozen=True)
+class HullRules:
+    """How convex pieces are judged.
+
+    Attributes:
+        filled: share of its convex hull; a collision mesh that fills less becomes another shape.
+        flat: angle between triangles of a hull that are one face, radians.
+    """
+
+    filled: float = 0.8
+    flat: float = 1e-3
+
+
+HULLS = HullRules()
 DEFAULT_EFFORT, DEFAULT_VELOCITY = 100.0, 2.0
 """N or N m, m/s or rad/s: what `mend` writes where a joint has none, as our own assets do."""
 
@@ -255,7 +267,7 @@ def _mesh(
     except Exception:  # flat or worse: the lint and the simulators say what they think of it
         return
     solid = trimesh.Trimesh(whole.vertices, whole.faces, process=True)
-    if solid.is_watertight and abs(solid.volume) < CONCAVE_SHARE * hull.volume:
+    if solid.is_watertight and abs(solid.volume) < HULLS.filled * hull.volume:
         share = 100.0 * abs(solid.volume) / hull.volume
         text = f"it fills {share:.0f} % of its convex hull, which is what will collide"
         yield Finding("concave_collision", where, text, warning=True)
@@ -270,7 +282,7 @@ def too_fine(hull: trimesh.Trimesh, profile: Profile) -> dict[str, tuple[int, in
 
     Triangles in one plane are one face, as PhysX makes it.
     """
-    flat = hull.face_adjacency[hull.face_adjacency_angles < FLAT]
+    flat = hull.face_adjacency[hull.face_adjacency_angles < HULLS.flat]
     faces = trimesh.graph.connected_components(flat, nodes=np.arange(len(hull.faces)))
     corners = max(len(np.unique(hull.faces[face])) for face in faces)
     told = {

@@ -19,8 +19,8 @@ from mam_pipeline.asset.matter import made_alike
 from mam_pipeline.asset.shapes import few_points, shape_around
 from mam_pipeline.check.model import CheckModel
 from mam_pipeline.check.profiles import (
-    CONCAVE_SHARE,
     ENTRIES,
+    HULLS,
     PROFILES,
     lack,
     tensor_of,
@@ -319,7 +319,7 @@ def concave(work: Work, reason: str = "concave_collision") -> None:
         name = str(link.get("name"))
         full = hull_volume(vertices)
         solid = trimesh.Trimesh(vertices, faces)
-        if not solid.is_watertight or abs(solid.volume) >= CONCAVE_SHARE * full:
+        if not solid.is_watertight or abs(solid.volume) >= HULLS.filled * full:
             continue
         whole = Articulation(
             Mesh(vertices, faces), (Link(name, "body", np.arange(len(faces))),), ()

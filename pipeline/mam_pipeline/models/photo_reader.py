@@ -38,10 +38,25 @@ from mam_pipeline.photo.score import polygon_iou
 from mam_pipeline.photo.verdict import judge, layout_as_read
 from mam_pipeline.stage_store import file_digest
 
-SIDE = 1024  # pixels of the picture's longer side, as it is shown
-APART = 0.5  # IoU of the measured front with the answered one below which the answer is doubted
-ALIKE = 0.75  # from which both are the same front: corners are answered some percent off
-OUTSIDE = 100  # thousandths of the picture that a corner may lie outside it
+
+@dataclass(frozen=True)
+class ReaderRules:
+    """How a photo is shown, and how an answered front is held against the measured one.
+
+    Attributes:
+        side: pixels of the picture's longer side, as it is shown.
+        apart: IoU of both fronts below which the answer is doubted.
+        alike: from which both are the same; corners are answered some percent off.
+        outside: thousandths of the picture that a corner may lie outside it.
+    """
+
+    side: int = 1024
+    apart: float = 0.5
+    alike: float = 0.75
+    outside: int = 100
+
+
+RULES = ReaderRules()
 
 SYSTEM = (
     "You look at one photo for a robot simulator that turns box-like furniture and kitchen "
@@ -171,7 +186,7 @@ class Own:
 
 def alike(answer: PhotoReading, own: Own) -> bool:
     """Whether the answered front is the measured one."""
-    return polygon_iou(own.found.quad, front_of(answer, own.photo)) >= ALIKE
+    return polygon_iou(own.found.quad, front_of(answer, own.photo)) >= RULES.alike
 
 
 def beside(
@@ -224,7 +239,7 @@ def transport(reader: str) -> Transport:
 
 def question(photo: Photo, path: Path) -> Question:
     """The one question, with the photo as its picture."""
-    shrink = min(1.0, SIDE / max(photo.rgb.shape[:2]))
+    shrink = min(1.0, RULES.side / max(photo.rgb.shape[:2]))
     size = (round(photo.rgb.shape[1] * shrink), round(photo.rgb.shape[0] * shrink))
     picture = np.asarray(cv2.resize(photo.rgb, size, interpolation=cv2.INTER_AREA), np.uint8)
     schema = PhotoReading.model_json_schema()
@@ -248,7 +263,7 @@ def faults(answer: PhotoReading) -> str:
     values = np.array(answer.front, float).reshape(-1)
     if len(values) != 8:
         return "front must be four corners"
-    if not ((values >= -OUTSIDE) & (values <= 1000 + OUTSIDE)).all():
+    if not ((values >= -RULES.outside) & (values <= 1000 + RULES.outside)).all():
         return "front must lie in the picture: thousandths of its width and height, 0 to 1000"
     try:
         parse_options({"front": values.tolist()})
@@ -264,7 +279,7 @@ def contradiction(answer: PhotoReading, own: Own, given: dict[str, Any]) -> str:
     if not answer.in_scope or "front" in given or own.words["cuboid"] == "low":
         return ""
     quad, photo = own.found.quad, own.photo
-    if polygon_iou(quad, front_of(answer, photo)) >= APART:
+    if polygon_iou(quad, front_of(answer, photo)) >= RULES.apart:
         return ""
     corners = (quad / np.array(photo.size) * 1000).round().astype(int).tolist()
     return f"the lines in the photo fit a box whose front has the corners {corners}"
