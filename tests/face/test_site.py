@@ -5,13 +5,14 @@ from __future__ import annotations
 import functools
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from http.server import SimpleHTTPRequestHandler
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from tests.local_server import served
 
 ROOT = Path(__file__).resolve().parents[2]
 WIDTHS = (390, 800, 1280, 2560)
@@ -31,28 +32,32 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, str]]
     folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-d", str(folder)]
     subprocess.run(command, cwd=ROOT, check=True, timeout=300)
-    server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=folder))
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    yield folder, f"http://127.0.0.1:{server.server_port}/"
-    server.shutdown()
-    server.server_close()
+    with served(functools.partial(Quiet, directory=folder)) as address:
+        yield folder, f"{address}/"
+
+
+@pytest.fixture
+def reader(window: Any, site: tuple[Path, str]) -> Any:
+    """A window that reaches the site alone."""
+    own = site[1]
+    window.route("**/*", lambda r: r.continue_() if r.request.url.startswith(own) else r.abort())
+    return window
 
 
 @pytest.mark.slow
 def test_in_a_browser_no_page_of_the_site_is_wider_than_its_window(
-    window: Any, site: tuple[Path, str]
+    reader: Any, site: tuple[Path, str]
 ) -> None:
     folder, url = site
-    window.route("**/*", lambda r: r.continue_() if r.request.url.startswith(url) else r.abort())
     pages = [p.relative_to(folder).parent.as_posix() for p in sorted(folder.rglob("index.html"))]
     assert len(pages) > 30
     wide = []
     for page in pages:
-        window.goto(f"{url}{page}/")
-        window.add_style_tag(content=STILL)
+        reader.goto(f"{url}{page}/")
+        reader.add_style_tag(content=STILL)
         for width in WIDTHS:
-            window.set_viewport_size({"width": width, "height": 900})
-            over = window.evaluate("document.documentElement.scrollWidth") - width
+            reader.set_viewport_size({"width": width, "height": 900})
+            over = reader.evaluate("document.documentElement.scrollWidth") - width
             if over > 0:
                 wide.append(f"{page} at {width}: {over} pixels too wide")
     assert not wide, wide
@@ -60,17 +65,16 @@ def test_in_a_browser_no_page_of_the_site_is_wider_than_its_window(
 
 @pytest.mark.slow
 def test_in_a_browser_the_results_are_not_cut_and_the_site_is_searched(
-    window: Any, site: tuple[Path, str]
+    reader: Any, site: tuple[Path, str]
 ) -> None:
     import tomllib
 
     _, url = site
-    window.route("**/*", lambda r: r.continue_() if r.request.url.startswith(url) else r.abort())
-    window.set_viewport_size({"width": 1280, "height": 900})
-    window.goto(f"{url}results/")
-    assert not window.evaluate(CUT)
+    reader.set_viewport_size({"width": 1280, "height": 900})
+    reader.goto(f"{url}results/")
+    assert not reader.evaluate(CUT)
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    leads = window.locator(".md-header__source a").get_attribute("href")
+    leads = reader.locator(".md-header__source a").get_attribute("href")
     assert leads == project["urls"]["Repository"]
-    window.get_by_placeholder("Search").fill("dormant")
-    window.locator(".md-search-result__item").first.wait_for()
+    reader.get_by_placeholder("Search").fill("dormant")
+    reader.locator(".md-search-result__item").first.wait_for()

@@ -5,11 +5,9 @@ from __future__ import annotations
 import base64
 import io
 import json
-import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +32,7 @@ from mam_pipeline.errors import BackendError, ConfigError
 from mam_pipeline.models import consent, settings
 from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.secrets import Secret
+from tests.local_server import Replies, served
 
 GLB = trimesh.creation.box().export(file_type="glb")
 PICTURE = b"\x89PNG a photo"
@@ -128,32 +127,16 @@ def stand_in() -> Iterator[StandIn]:
     """A running stand-in."""
     world = StandIn()
 
-    class Handler(BaseHTTPRequestHandler):
-        def _do(self) -> None:
-            length = int(self.headers.get("Content-Length") or 0)
+    class Handler(Replies):
+        def reply(self, body: bytes) -> tuple[int, str, bytes]:
             world.heard.append((self.command, self.path, self.headers.get("Authorization", "")))
-            status, said = world.answer(self.command, self.path, self.rfile.read(length))
-            data = said if isinstance(said, bytes) else json.dumps(said).encode()
-            try:
-                self.send_response(status)
-                self.send_header("Content-Length", str(len(data)))
-                self.end_headers()
-                self.wfile.write(data)
-            except (BrokenPipeError, ConnectionResetError):
-                pass  # the client has enough
+            status, said = world.answer(self.command, self.path, body)
+            if isinstance(said, bytes):
+                return status, "application/octet-stream", said
+            return status, "application/json", json.dumps(said).encode()
 
-        do_GET = do_POST = _do
-
-        def log_message(self, *_: Any) -> None:
-            pass
-
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    server.daemon_threads = True
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    world.url = f"http://127.0.0.1:{server.server_port}"
-    yield world
-    server.shutdown()
-    server.server_close()
+    with served(Handler) as world.url:
+        yield world
 
 
 @pytest.fixture(autouse=True)
