@@ -17,8 +17,10 @@ from mam_pipeline.asset.origins import (
 )
 from mam_pipeline.check.report import REASONS
 from mam_pipeline.thresholds import HANDLING
+from mam_pipeline.types import Joint
 from mam_sim.console import STAGES
 
+AnyJoint = CardJoint | Joint
 NESTED = "write"
 """A time of `seconds` that another one, of the stage `asset`, holds already."""
 
@@ -78,10 +80,6 @@ def _facts(
     joint: CardJoint, part: CardPart | None, measured: Mapping[str, Any], source: str
 ) -> JointFacts:
     slides = joint.type == "prismatic"
-    span = "turns freely"
-    if joint.lower is not None and joint.upper is not None:
-        low, high = shown_value(joint, joint.lower), shown_value(joint, joint.upper)
-        span = f"{low:.3g} to {high:.3g} {'cm' if slides else '°'}"
     mass = Fact("")
     if part is not None and part.mass > 0:
         value = _between(part.mass, part.mass_range, "kg")
@@ -90,10 +88,9 @@ def _facts(
     if joint.friction > 0:
         value = _between(joint.friction, joint.friction_range, "N" if slides else "N m")
         force = Fact(value, str(friction_origin(joint.friction_range)))
-    return JointFacts(
-        joint, "" if part is None else part.kind, Fact(span, str(range_origin(joint, source))),
-        mass, force, _handling(measured, slides), str(motion_origin(joint, source)),
-    )  # fmt: skip
+    way = Fact(span(joint), str(range_origin(joint, source)))
+    kind, motion = "" if part is None else part.kind, str(motion_origin(joint, source))
+    return JointFacts(joint, kind, way, mass, force, _handling(measured, slides), motion)
 
 
 def _handling(row: Mapping[str, Any], slides: bool) -> str:
@@ -116,9 +113,22 @@ def _handling(row: Mapping[str, Any], slides: bool) -> str:
     return ", ".join(word for word in words if word)
 
 
-def shown_value(joint: CardJoint, value: float) -> float:
+def shown_value(joint: AnyJoint, value: float) -> float:
     """A joint value as people read it: centimetres or degrees."""
     return 100 * value if joint.type == "prismatic" else math.degrees(value)
+
+
+def unit(joint: AnyJoint) -> str:
+    """Of `shown_value`."""
+    return "cm" if joint.type == "prismatic" else "°"
+
+
+def span(joint: AnyJoint) -> str:
+    """The range of a joint."""
+    low, high = joint.lower, joint.upper
+    if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
+        return "turns freely"
+    return f"{shown_value(joint, low):.3g} to {shown_value(joint, high):.3g} {unit(joint)}"
 
 
 def _between(value: float, ends: tuple[float, float], unit: str) -> str:
@@ -168,8 +178,7 @@ def check_sentences(card: AssetCard) -> list[str]:
         joint, at = known.get(str(row.get("joint"))), row.get("at")
         place = str(row.get("joint"))
         if joint is not None and isinstance(at, int | float):
-            unit = "cm" if joint.type == "prismatic" else "°"
-            place += f" at {shown_value(joint, at):.3g} {unit}"
+            place += f" at {shown_value(joint, at):.3g} {unit(joint)}"
         out.append(f"{place}: {'; '.join(REASONS.get(code, code) for code in codes)}.")
         told |= set(codes)
     for row in _rows(found.get("findings")):

@@ -99,12 +99,11 @@ class Marking:
         options = self.options
         if front is not None:
             check_near(self.photo, front)
-            options = parse_options({"front": list(front)})
-            options = replace(self.options, front=options.front)
-        if front is None and self.out.is_file() and load_hints(self.out).photo_front:
-            options = replace(options, hints=load_hints(self.out))
+            options = replace(options, front=parse_options({"front": list(front)}).front)
+        elif self.out.is_file() and (saved := load_hints(self.out)).photo_front:
+            options = replace(options, hints=saved)
         found = find_object(self.photo, options, self.looks)
-        sizes = sizes_of(found, self.options if front is not None else options, self.looks)
+        sizes = sizes_of(found, options, self.looks)
         return {
             "name": self.path.name,
             "size": [round(v / self.photo.scale) for v in self.photo.size],

@@ -13,6 +13,7 @@ from mam_pipeline.errors import ConfigError
 from mam_pipeline.geometry.sampling import unit as unit_vector
 from mam_pipeline.hints import Hints
 from mam_pipeline.types import Joint, JointCandidate, KinematicTree
+from mam_sim.facts import shown_value
 from mam_sim.studio import edits, words
 from mam_sim.studio.parts import Parts
 from mam_sim.studio.picking import line_at, snapped, snaps
@@ -162,8 +163,8 @@ class Mend:
         free = joint is None or not np.isfinite([joint.lower, joint.upper]).all()
         self.low.disabled = self.high.disabled = free or bool(work.open.why_fixed)
         if joint is not None and not free:
-            self.low.value = round(words.shown_value(joint, joint.lower), 2)
-            self.high.value = round(words.shown_value(joint, joint.upper), 2)
+            self.low.value = round(shown_value(joint, joint.lower), 2)
+            self.high.value = round(shown_value(joint, joint.upper), 2)
 
     def _fill_ways(self, joint: Joint | None) -> None:
         """The other lines; where they are not known yet, they are added when they are."""

@@ -13,9 +13,10 @@ import numpy as np
 
 from mam_pipeline.render.mesh_pictures import palette
 from mam_pipeline.types import Articulation, Joint
+from mam_sim.facts import shown_value, span, unit
 from mam_sim.studio import words
 from mam_sim.studio.scene import all_at
-from mam_sim.studio.words import kept_value, shown_value
+from mam_sim.studio.words import kept_value
 from mam_sim.studio.workspace import Workspace
 
 
@@ -183,8 +184,8 @@ class Parts:
         now = _shown(joint, self.work.scene.values[joint.name])
         name = self.work.state.articulation.links[joint.child].name
         slider = self.work.server.gui.add_slider(
-            f"{name} ({words.unit(joint)})", low, max(high, low + step), step, now,
-            hint=words.span(joint),
+            f"{name} ({unit(joint)})", low, max(high, low + step), step, now,
+            hint=span(joint),
         )  # fmt: skip
 
         def move(event: Any) -> None:
@@ -207,7 +208,7 @@ class Parts:
         sure, motion, more = "", "does not move", ""
         if row.joint is not None:
             sure = words.sureness(row.joint, work.open.made_from)
-            motion = f"{words.MOTIONS[row.joint.subtype]}; {words.span(row.joint)}"
+            motion = f"{words.MOTIONS[row.joint.subtype]}; {span(row.joint)}"
             more = " review" if words.needs_review(row.joint) and not dormant else ""
         if dormant:
             more, sure = " dormant", f"may move {WAKE.format(number=number)}"

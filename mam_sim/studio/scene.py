@@ -24,8 +24,8 @@ from mam_pipeline.types import (
     Mesh,
     joint_motion,
 )
+from mam_sim.facts import span
 from mam_sim.studio.picking import seen_spots
-from mam_sim.studio.words import span
 
 if TYPE_CHECKING:
     import viser
@@ -272,9 +272,9 @@ class Scene:
         low, high = self.articulation.mesh.bounds
         size = float(np.ptp(np.stack([low, high]), axis=0).max())
         cell = max((c for c in CELLS if c <= size / 4), default=CELLS[0])
-        span = np.ceil(4 * size / cell) * cell
+        wide = np.ceil(4 * size / cell) * cell
         self.api.add_grid(
-            "/floor", float(span), float(span), cell_size=cell, section_size=5 * cell,
+            "/floor", float(wide), float(wide), cell_size=cell, section_size=5 * cell,
             cell_color=(222, 222, 222), section_color=(196, 196, 196), shadow_opacity=0.25,
             position=(float((low[0] + high[0]) / 2), float((low[1] + high[1]) / 2), float(low[2])),
         )  # fmt: skip

@@ -19,9 +19,10 @@ from mam_pipeline.formats.door import Door, is_file
 from mam_pipeline.geometry.surface import hull_of
 from mam_pipeline.types import Mesh
 from mam_sim.console import STAGES
+from mam_sim.facts import shown_value, unit
 from mam_sim.studio.parts import Parts
 from mam_sim.studio.robot import Robot, engine_of
-from mam_sim.studio.words import shown_value, unit, verdict_text
+from mam_sim.studio.words import verdict_text
 from mam_sim.studio.workspace import Workspace
 
 ORDER = ("read", "segment", "prior", "reason", "joints", "asset", "check")

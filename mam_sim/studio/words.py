@@ -21,6 +21,7 @@ from mam_pipeline.types import (
     JointCandidate,
     JointSubtype,
 )
+from mam_sim.facts import span
 
 
 @dataclass(frozen=True)
@@ -102,27 +103,9 @@ def sureness(joint: Joint, source: str) -> str:
     return f"{sure}, {percent(joint.confidence)}"
 
 
-def shown_value(joint: Joint, value: float) -> float:
-    """A joint value as people read it: centimetres or degrees."""
-    return 100 * value if joint.type == "prismatic" else float(np.degrees(value))
-
-
 def kept_value(joint: Joint, shown: float) -> float:
-    """The reverse of `shown_value`: metres or radians."""
+    """The reverse of `facts.shown_value`: metres or radians."""
     return shown / 100 if joint.type == "prismatic" else float(np.radians(shown))
-
-
-def unit(joint: Joint) -> str:
-    """Of `shown_value`."""
-    return "cm" if joint.type == "prismatic" else "°"
-
-
-def span(joint: Joint) -> str:
-    """The range of a joint."""
-    if not np.isfinite([joint.lower, joint.upper]).all():
-        return "turns freely"
-    low, high = shown_value(joint, joint.lower), shown_value(joint, joint.upper)
-    return f"{low:.3g} to {high:.3g} {unit(joint)}"
 
 
 def line(subtype: str, axis: FloatArray, origin: FloatArray, box: FloatArray) -> str:
