@@ -3,6 +3,7 @@
     python benchmarks/language_model.py DATASET [--answers ARCHIVE ...] [--out FILE.json]
     python benchmarks/language_model.py ../shared/bench/dev --rows      # and the README's rows
     python benchmarks/language_model.py ../shared/corpus/photos         # photos, read by both
+    python benchmarks/language_model.py ../shared/corpus/photos --rows  # and the site's table
 
 An archive holds one folder per object: what was answered from the pictures alone, the pieces that
 were shown (pieces.npz), and by `subject.txt` what each answer is about. Its about.json says who
@@ -12,9 +13,11 @@ that look no longer counts, and the table says for how many objects that is so.
 `python -m mam_training.labels pack` makes an archive of a folder of questions.
 
 Of photos (DATASET has a boxes.csv: id, class, x_center, y_center, width, height) both readers'
-panels are compared with the boxes that somebody else drew round the doors and drawers of a photo,
-whatever they belong to: found is what lies on one by IoU 0.5. A box of another piece of furniture
-counts as missed, for both readers alike.
+panels are compared with the boxes that somebody else drew round doors and drawers, those of rooms
+left out. A panel is right where it lies on one by IoU 0.5. A reading is right where every panel
+is, and none is missing of those whose middle lies in the front that was read: boxes are loose, and
+some are missing, so look at the rest (`--pictures`). Precision and recall of panels are of photos
+that both read, with the boxes in either's front: who takes another piece of furniture misses them.
 
 An answer tells nothing of what fewer pictures would have shown. A table by their number needs the
 questions put again, each number into an archive (`--vlm-images`); each archive is a row here.
@@ -28,18 +31,18 @@ import sys
 import tempfile
 import time
 import zipfile
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import code_state
+import cv2
 import engine_table
 import numpy as np
 import results_page
 import tyro
-from common import ROOT, save
+from common import ROOT, machine, save
 from tyro.conf import Positional
 
 from mam_pipeline.asset.interiors import add_interiors
@@ -67,12 +70,18 @@ ANSWERS = tuple(
 )
 EMBEDDED = "the embedded reasoner"
 OWN = "our own reading"
+ROOM_DOOR = "room door"
 COLUMNS = ("miou", "count", "type_error", "axis", "pivot", "executable")
 PATHS = (
     "pipeline/mam_pipeline", ":!pipeline/mam_pipeline/photo", "mam_sim/bench",
     "benchmarks/language_model.py", "tests/pipeline/answers*.zip",
 )  # fmt: skip
 """What the rows depend on: the questions and the pictures, too."""
+PHOTO_PATHS = (
+    "pipeline/mam_pipeline/photo", "pipeline/mam_pipeline/models", "benchmarks/language_model.py",
+    "tests/pipeline/answers_photos.zip",
+)  # fmt: skip
+"""What the rows of photos depend on."""
 
 
 @dataclass(frozen=True)
@@ -164,22 +173,66 @@ def judged(
     return record, current
 
 
+@dataclass
+class Photos:
+    """What one reader made of photos, and how its panels lie beside the boxes of others.
+
+    Attributes:
+        made, asked, refused: photos by outcome.
+        made_right, asked_right: those whose panels are all right.
+        boxes, panels, found: of photos that both readers read.
+    """
+
+    made: int = 0
+    asked: int = 0
+    refused: int = 0
+    made_right: int = 0
+    asked_right: int = 0
+    boxes: int = 0
+    panels: int = 0
+    found: int = 0
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """As the columns of the site's table."""
+        return {
+            "photos": self.made + self.asked + self.refused,
+            "made": self.made, "panels as the boxes": self.made_right,
+            "asked": self.asked, "as the boxes, too": self.asked_right,
+            "refused": self.refused,
+            "panels precision": round(self.found / max(self.panels, 1), 4),
+            "panels recall": round(self.found / max(self.boxes, 1), 4),
+        }  # fmt: skip
+
+
 def boxes_of(file: Path) -> dict[str, list[tuple[str, Any]]]:
-    """The boxes of each photo: class and (4, 2) corners, 0..1 of the picture."""
+    """The boxes of each photo but doors of rooms: class and (4, 2) corners, 0..1 of the picture."""
     out: dict[str, list[tuple[str, Any]]] = {}
     with file.open(encoding="utf-8") as rows:
         for row in csv.DictReader(rows):
             x, y, w, h = (float(row[k]) for k in ("x_center", "y_center", "width", "height"))
             corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * (w / 2, h / 2) + (x, y)
-            out.setdefault(row["id"], []).append((row["class"], corners))
+            here = out.setdefault(row["id"], [])
+            here += [] if row["class"] == ROOM_DOOR else [(row["class"], corners)]
     return out
 
 
-def seen_on(photo: Path, answers: Path | None) -> tuple[str, Found | None]:
+def inside(boxes: Sequence[tuple[str, Any]], found: Sequence[Found]) -> list[tuple[str, Any]]:
+    """The boxes whose middle lies in one of the fronts that were found."""
+    fronts = [(one.quad / np.array(one.picture)).astype(np.float32) for one in found]
+    middles = [tuple(map(float, corners.mean(axis=0))) for _, corners in boxes]
+    return [
+        box for box, middle in zip(boxes, middles, strict=True)
+        if any(cv2.pointPolygonTest(front, middle, measureDist=False) >= 0 for front in fronts)
+    ]  # fmt: skip
+
+
+def seen_on(photo: Path, answers: Path | None, picture: Path | None) -> tuple[str, Found | None]:
     """What a reader makes of a photo: right away, or why not, and what it found.
 
     Args:
         answers: folder of them, for the reader that looks at them; None for the embedded one.
+        picture: file for what was found, drawn on the photo.
     """
     given = {"MAM_SIM_QUESTIONS": str(answers), settings.SUBJECT: photo.stem}
     try:
@@ -188,40 +241,72 @@ def seen_on(photo: Path, answers: Path | None) -> tuple[str, Found | None]:
             with settings.given(given):
                 options = read_by_model(photo, "file", {}).options
         seen = read_photo(photo)
-        found, judged, _ = reconstruct.read_object(seen, parse_options(options), photo.name)
+        found, judged, drawn = reconstruct.read_object(seen, parse_options(options), photo.name)
     except HintNeeded:
         return "asked", None
     except NotThisKind:
         return "refused", None
+    if picture is not None:
+        cv2.imwrite(str(picture), drawn["overlay"][:, :, ::-1])
     return "asked" if judged.doubt else "made", found
 
 
-def read_photos(folder: Path, known: Sequence[Archive], only: tuple[str, ...]) -> dict[str, Any]:
+def read_photos(
+    folder: Path, known: Sequence[Archive], only: tuple[str, ...], pictures: Path | None
+) -> dict[str, dict[str, Any]]:
     """Panels of both readers against the boxes of photos; prints a row a photo and the sums.
 
     Drafts count, too: what is asked about is built as it was read.
     """
     boxes = boxes_of(folder / "boxes.csv")
-    total: dict[str, Counter[str]] = {}
+    total: dict[str, Photos] = {}
     print("| photo, reader | outcome | boxes | panels | found |\n|---|---|---|---|---|")
     for archive in known:
         for name in sorted(p.name for p in archive.folder.iterdir() if p.name in boxes):
             photo = folder / f"{name}.jpg"
             if (only and name not in only) or not photo.is_file():
                 continue
-            seen = {archive.by: seen_on(photo, archive.folder), OWN: seen_on(photo, None)}
-            both = all(found is not None for _, found in seen.values())
+            seen: dict[str, tuple[str, Found | None]] = {}
+            for k, (by, answers) in enumerate(((archive.by, archive.folder), (OWN, None))):
+                picture = None if pictures is None else pictures / f"{name}_{k}.png"
+                seen[by] = seen_on(photo, answers, picture)
+            fronts = [found for _, found in seen.values() if found is not None]
             for by, (outcome, found) in seen.items():
-                counts = {} if found is None else score_boxes(found, boxes[name])
-                n, ours, hit = (counts.get(k, 0) for k in ("panels", "found", "matched50"))
-                total.setdefault(by, Counter()).update({outcome: 1, "photos": 1, "both": both})
-                total[by].update({"boxes": n, "panels": ours, "found": hit} if both else {})
+                sums = total.setdefault(by, Photos())
+                setattr(sums, outcome, getattr(sums, outcome) + 1)
+                if found is None:
+                    print(f"| {name}, {by} | {outcome} | | | |", flush=True)
+                    continue
+                alone = score_boxes(found, inside(boxes[name], [found]))
+                right = alone["panels"] == alone["found"] == alone["matched50"] > 0
+                setattr(sums, f"{outcome}_right", getattr(sums, f"{outcome}_right") + right)
+                if len(fronts) == len(seen):
+                    both = score_boxes(found, inside(boxes[name], fronts))
+                    sums.boxes += both["panels"]
+                    sums.panels += both["found"]
+                    sums.found += both["matched50"]
+                n, ours, hit = (alone[k] for k in ("panels", "found", "matched50"))
                 print(f"| {name}, {by} | {outcome} | {n} | {ours} | {hit} |", flush=True)
     for by, sums in total.items():
-        shares = (sums["found"] / max(sums[k], 1) for k in ("panels", "boxes"))
-        print(f"**{by}**: {dict(sums)}; where both read the photo, precision and recall of panels",
-              *(f"{share:.2f}" for share in shares))  # fmt: skip
-    return {by: dict(sums) for by, sums in total.items()}
+        print(f"**{by}**: {sums.values}")
+    return {by: sums.values for by, sums in total.items()}
+
+
+def write_photos(found: Mapping[str, Mapping[str, Any]], command: str) -> None:
+    """Write the site's table of photos."""
+    table = {
+        "title": "Photos, read by a vision-language model",
+        "columns": dict.fromkeys(next(iter(found.values())), "d")
+        | {"panels precision": ".2f", "panels recall": ".2f"},
+        "paths": list(PHOTO_PATHS),
+        "rows": [
+            {"id": f"read-{k}", "name": by, "values": values, "command": command,
+             "commit": code_state.head(), "machine": machine()}
+            for k, (by, values) in enumerate(found.items())
+        ],
+    }  # fmt: skip
+    text = json.dumps(table, indent=1, ensure_ascii=False) + "\n"
+    (results_page.RESULTS / "photos_read.json").write_text(text, encoding="utf-8")
 
 
 def line(name: str, records: Sequence[Record]) -> str:
@@ -262,6 +347,7 @@ def main(
     only: tuple[str, ...] = (),
     rows: bool = False,
     out: Path | None = None,
+    pictures: Path | None = None,
 ) -> None:
     """Score every object that has answers and print the table.
 
@@ -269,18 +355,24 @@ def main(
         dataset: folder of ground-truth URDFs. answers: archives. prior: of both reasoners.
         embedded: score the embedded reasoner, too. only: some objects.
         simulate: write each asset and test it in the simulator.
-        rows: write the rows of the README. out: JSON file for the scores.
+        rows: write the rows of the README, or the site's table of photos.
+        out: JSON file for the scores. pictures: folder for photos with what was read drawn on.
     """
     if rows and (only or not simulate):
         sys.exit("rows are of all objects, with the check: leave out --only and --no-simulate")
-    if rows and (changed := code_state.changes(PATHS)):
+    photos = (Path(dataset) / "boxes.csv").is_file()
+    paths = PHOTO_PATHS if photos else PATHS
+    if rows and (changed := code_state.changes(paths)):
         sys.exit(f"a row names a commit, and {changed[0]} differs from it; commit first")
     found: dict[str, list[Record]] = {}
     past: list[str] = []
     with tempfile.TemporaryDirectory() as scratch:
         known = [Archive.of(file, Path(scratch) / str(k)) for k, file in enumerate(answers)]
-        if (Path(dataset) / "boxes.csv").is_file():
-            save(out, read_photos(Path(dataset), known, only))
+        if photos:
+            read = read_photos(Path(dataset), known, only, pictures)
+            if rows:
+                write_photos(read, "python benchmarks/language_model.py PHOTOS --rows")
+            save(out, read, PHOTO_PATHS)
             return
         print(f"| object, reasoner | n | {' | '.join(COLUMNS)} |\n|---|---|{'---|' * len(COLUMNS)}")
         for name, category, urdf in list_objects(dataset):
