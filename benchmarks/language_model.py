@@ -31,6 +31,7 @@ import sys
 import tempfile
 import time
 import zipfile
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -42,7 +43,7 @@ import engine_table
 import numpy as np
 import results_page
 import tyro
-from common import ROOT, machine, save
+from common import ROOT, load, machine, save
 from tyro.conf import Positional
 
 from mam_pipeline.asset.interiors import add_interiors
@@ -54,10 +55,11 @@ from mam_pipeline.metrics import score
 from mam_pipeline.models import settings
 from mam_pipeline.models.photo_reader import read_by_model
 from mam_pipeline.photo import reconstruct
-from mam_pipeline.photo.evaluate import score_boxes
+from mam_pipeline.photo.evaluate import panels_of
 from mam_pipeline.photo.find import Found
 from mam_pipeline.photo.image import read_photo
 from mam_pipeline.photo.options import parse_options
+from mam_pipeline.photo.score import match, polygon_iou, rect_quad
 from mam_pipeline.stages import Stages
 from mam_pipeline.types import Articulation, KinematicTree, Primitives
 from mam_pipeline.weights import noting
@@ -70,7 +72,7 @@ ANSWERS = tuple(
 )
 EMBEDDED = "the embedded reasoner"
 OWN = "our own reading"
-ROOM_DOOR = "room door"
+OTHERS = ("handle", "room door")  # classes of boxes
 COLUMNS = ("miou", "count", "type_error", "axis", "pivot", "executable")
 PATHS = (
     "pipeline/mam_pipeline", ":!pipeline/mam_pipeline/photo", "mam_sim/bench",
@@ -173,61 +175,57 @@ def judged(
     return record, current
 
 
-@dataclass
-class Photos:
-    """What one reader made of photos, and how its panels lie beside the boxes of others.
+@dataclass(frozen=True)
+class Seen:
+    """What one reader made of one photo.
 
     Attributes:
-        made, asked, refused: photos by outcome.
-        made_right, asked_right: those whose panels are all right.
-        boxes, panels, found: of photos that both readers read.
+        outcome: made, asked or refused.
+        front, panels: corners, 0..1 of the picture; none where nothing was read. The panels are
+            upright, as the boxes of others are.
     """
 
-    made: int = 0
-    asked: int = 0
-    refused: int = 0
-    made_right: int = 0
-    asked_right: int = 0
-    boxes: int = 0
-    panels: int = 0
-    found: int = 0
+    outcome: str
+    front: Sequence[Sequence[float]] = ()
+    panels: Sequence[Sequence[Sequence[float]]] = ()
 
-    @property
-    def values(self) -> dict[str, Any]:
-        """As the columns of the site's table."""
-        return {
-            "photos": self.made + self.asked + self.refused,
-            "made": self.made, "panels as the boxes": self.made_right,
-            "asked": self.asked, "as the boxes, too": self.asked_right,
-            "refused": self.refused,
-            "panels precision": round(self.found / max(self.panels, 1), 4),
-            "panels recall": round(self.found / max(self.boxes, 1), 4),
-        }  # fmt: skip
+    @staticmethod
+    def of(outcome: str, found: Found) -> Seen:
+        """What was found."""
+        size = np.array(found.picture, float)
+        quads = [rect_quad(p.rect, found.quad) / size for p in panels_of(found)]
+        low, high = (np.array([f(q, axis=0) for q in quads]) for f in (np.min, np.max))
+        upright = [[(a, b), (c, b), (c, d), (a, d)] for (a, b), (c, d) in zip(low, high)]
+        return Seen(outcome, (found.quad / size).tolist(), upright)
+
+    def beside(self, boxes: Sequence[Any]) -> tuple[int, int, int]:
+        """How many boxes there are, how many panels, and how many of these lie on one."""
+        iou = [[polygon_iou(box, np.array(panel)) for panel in self.panels] for box in boxes]
+        hits = match(np.array(iou).reshape(len(boxes), len(self.panels)), 0.5)
+        return len(boxes), len(self.panels), len(hits)
 
 
-def boxes_of(file: Path) -> dict[str, list[tuple[str, Any]]]:
-    """The boxes of each photo but doors of rooms: class and (4, 2) corners, 0..1 of the picture."""
-    out: dict[str, list[tuple[str, Any]]] = {}
+def boxes_of(file: Path) -> dict[str, list[Any]]:
+    """The boxes round doors and drawers of each photo, (4, 2) corners, 0..1 of the picture."""
+    out: dict[str, list[Any]] = {}
     with file.open(encoding="utf-8") as rows:
         for row in csv.DictReader(rows):
             x, y, w, h = (float(row[k]) for k in ("x_center", "y_center", "width", "height"))
             corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * (w / 2, h / 2) + (x, y)
-            here = out.setdefault(row["id"], [])
-            here += [] if row["class"] == ROOM_DOOR else [(row["class"], corners)]
+            out.setdefault(row["id"], []).extend([corners] if row["class"] not in OTHERS else [])
     return out
 
 
-def inside(boxes: Sequence[tuple[str, Any]], found: Sequence[Found]) -> list[tuple[str, Any]]:
-    """The boxes whose middle lies in one of the fronts that were found."""
-    fronts = [(one.quad / np.array(one.picture)).astype(np.float32) for one in found]
-    middles = [tuple(map(float, corners.mean(axis=0))) for _, corners in boxes]
+def inside(boxes: Sequence[Any], *seen: Seen) -> list[Any]:
+    """The boxes whose middle lies in one of the fronts that were read."""
+    fronts = [np.array(one.front, np.float32) for one in seen]
     return [
-        box for box, middle in zip(boxes, middles, strict=True)
-        if any(cv2.pointPolygonTest(front, middle, measureDist=False) >= 0 for front in fronts)
+        box for box in boxes
+        if any(cv2.pointPolygonTest(f, tuple(box.mean(axis=0)), False) >= 0 for f in fronts)
     ]  # fmt: skip
 
 
-def seen_on(photo: Path, answers: Path | None, picture: Path | None) -> tuple[str, Found | None]:
+def seen_on(photo: Path, answers: Path | None, picture: Path | None) -> Seen:
     """What a reader makes of a photo: right away, or why not, and what it found.
 
     Args:
@@ -243,53 +241,78 @@ def seen_on(photo: Path, answers: Path | None, picture: Path | None) -> tuple[st
         seen = read_photo(photo)
         found, judged, drawn = reconstruct.read_object(seen, parse_options(options), photo.name)
     except HintNeeded:
-        return "asked", None
+        return Seen("asked")
     except NotThisKind:
-        return "refused", None
+        return Seen("refused")
     if picture is not None:
         cv2.imwrite(str(picture), drawn["overlay"][:, :, ::-1])
-    return "asked" if judged.doubt else "made", found
+    return Seen.of("asked" if judged.doubt else "made", found)
 
 
 def read_photos(
-    folder: Path, known: Sequence[Archive], only: tuple[str, ...], pictures: Path | None
-) -> dict[str, dict[str, Any]]:
-    """Panels of both readers against the boxes of photos; prints a row a photo and the sums.
+    folder: Path, known: Sequence[Archive], only: tuple[str, ...], pictures: Path | None,
+    out: Path | None,
+) -> dict[str, dict[str, Any]]:  # fmt: skip
+    """Both readers on every photo with answers and boxes; prints a row a photo and the sums.
 
-    Drafts count, too: what is asked about is built as it was read.
+    Args:
+        out: every photo is kept there, and a run that was cut short goes on.
     """
     boxes = boxes_of(folder / "boxes.csv")
-    total: dict[str, Photos] = {}
+    readers = {archive.by: archive.folder for archive in known}
+    asked = sorted(
+        name for name in boxes
+        if (folder / f"{name}.jpg").is_file() and (not only or name in only)
+        and any((at / name / "photo").is_dir() for at in readers.values())
+    )  # fmt: skip
+    kept: dict[str, dict[str, Any]] = load(out) or {}
     print("| photo, reader | outcome | boxes | panels | found |\n|---|---|---|---|---|")
-    for archive in known:
-        for name in sorted(p.name for p in archive.folder.iterdir() if p.name in boxes):
-            photo = folder / f"{name}.jpg"
-            if (only and name not in only) or not photo.is_file():
+    for k, (by, answers) in enumerate([*readers.items(), (OWN, None)]):
+        done = kept.setdefault(by, {})
+        for name in asked:
+            if answers is not None and not (answers / name / "photo").is_dir():
                 continue
-            seen: dict[str, tuple[str, Found | None]] = {}
-            for k, (by, answers) in enumerate(((archive.by, archive.folder), (OWN, None))):
+            if name not in done:
                 picture = None if pictures is None else pictures / f"{name}_{k}.png"
-                seen[by] = seen_on(photo, answers, picture)
-            fronts = [found for _, found in seen.values() if found is not None]
-            for by, (outcome, found) in seen.items():
-                sums = total.setdefault(by, Photos())
-                setattr(sums, outcome, getattr(sums, outcome) + 1)
-                if found is None:
-                    print(f"| {name}, {by} | {outcome} | | | |", flush=True)
-                    continue
-                alone = score_boxes(found, inside(boxes[name], [found]))
-                right = alone["panels"] == alone["found"] == alone["matched50"] > 0
-                setattr(sums, f"{outcome}_right", getattr(sums, f"{outcome}_right") + right)
-                if len(fronts) == len(seen):
-                    both = score_boxes(found, inside(boxes[name], fronts))
-                    sums.boxes += both["panels"]
-                    sums.panels += both["found"]
-                    sums.found += both["matched50"]
-                n, ours, hit = (alone[k] for k in ("panels", "found", "matched50"))
-                print(f"| {name}, {by} | {outcome} | {n} | {ours} | {hit} |", flush=True)
+                done[name] = asdict(seen_on(folder / f"{name}.jpg", answers, picture))
+                save(out, kept, PHOTO_PATHS)
+            one = Seen(**done[name])
+            figures = one.beside(inside(boxes[name], one)) if one.front else ("", "", "")
+            print(f"| {name}, {by} | {one.outcome} |", *(f"{n} |" for n in figures), flush=True)
+    seen = {by: {n: Seen(**one) for n, one in done.items()} for by, done in kept.items() if done}
+    total = {by: sums_of(by, seen, boxes) for by in seen}
     for by, sums in total.items():
-        print(f"**{by}**: {sums.values}")
-    return {by: sums.values for by, sums in total.items()}
+        print(f"**{by}**: {sums}")
+    return total
+
+
+def sums_of(
+    by: str, readers: Mapping[str, Mapping[str, Seen]], boxes: Mapping[str, Sequence[Any]]
+) -> dict[str, Any]:
+    """What one reader made of all photos, as the columns of the site's table.
+
+    Precision and recall are of photos of which every reader read something.
+    """
+    seen = readers[by]
+    outcomes = Counter(one.outcome for one in seen.values())
+    alone = {n: one.beside(inside(boxes[n], one)) for n, one in seen.items() if one.front}
+    right = Counter(
+        seen[n].outcome for n, figures in alone.items() if 0 < min(figures) == max(figures)
+    )
+    sides = {n: [done[n] for done in readers.values() if n in done] for n in seen}
+    both = [
+        seen[n].beside(inside(boxes[n], *here)) for n, here in sides.items()
+        if all(one.front for one in here)
+    ]  # fmt: skip
+    n, panels, hits = np.array(both, int).reshape(-1, 3).sum(axis=0).tolist()
+    return {
+        "photos": len(seen),
+        "made": outcomes["made"], "panels as the boxes": right["made"],
+        "asked": outcomes["asked"], "as the boxes, too": right["asked"],
+        "refused": outcomes["refused"],
+        "panels precision": round(hits / max(panels, 1), 4),
+        "panels recall": round(hits / max(n, 1), 4),
+    }  # fmt: skip
 
 
 def write_photos(found: Mapping[str, Mapping[str, Any]], command: str) -> None:
@@ -369,10 +392,9 @@ def main(
     with tempfile.TemporaryDirectory() as scratch:
         known = [Archive.of(file, Path(scratch) / str(k)) for k, file in enumerate(answers)]
         if photos:
-            read = read_photos(Path(dataset), known, only, pictures)
+            read = read_photos(Path(dataset), known, only, pictures, out)
             if rows:
                 write_photos(read, "python benchmarks/language_model.py PHOTOS --rows")
-            save(out, read, PHOTO_PATHS)
             return
         print(f"| object, reasoner | n | {' | '.join(COLUMNS)} |\n|---|---|{'---|' * len(COLUMNS)}")
         for name, category, urdf in list_objects(dataset):

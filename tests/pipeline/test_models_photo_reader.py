@@ -153,3 +153,12 @@ def test_an_open_object_is_asked_to_be_closed(photo: Path, tmp_path: Path) -> No
         with pytest.raises(HintNeeded, match="stands open, as the file reader says"):
             read_by_model(photo, "file", {})
         assert read_by_model(photo, "file", {"layout": "door"}).options["layout"] == "door"
+
+
+def test_an_open_object_is_not_measured_against_the_answer(tmp_path: Path) -> None:
+    path = tmp_path / "a.png"
+    cv2.imwrite(str(path), np.full((200, 400, 3), 128, np.uint8))
+    own = Own(read_photo(path), PhotoOptions())
+    answer = PhotoReading.model_validate({**GOOD, "opened": True})
+    assert photo_reader.contradiction(answer, own, {}) == ""
+    assert "found" not in vars(own)

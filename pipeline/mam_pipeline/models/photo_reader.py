@@ -275,8 +275,11 @@ def faults(answer: PhotoReading) -> str:
 
 
 def contradiction(answer: PhotoReading, own: Own, given: dict[str, Any]) -> str:
-    """The front that was measured, where it is believed and lies elsewhere; "" where both agree."""
-    if not answer.in_scope or "front" in given or own.words["cuboid"] == "low":
+    """The front that was measured, where it is believed and lies elsewhere; "" where both agree.
+
+    Of an object that stands open this program measures nothing that could be held against it.
+    """
+    if not answer.in_scope or answer.opened or "front" in given or own.words["cuboid"] == "low":
         return ""
     quad, photo = own.found.quad, own.photo
     if polygon_iou(quad, front_of(answer, photo)) >= RULES.apart:

@@ -155,7 +155,9 @@ def score_boxes(found: Found, boxes: list[tuple[str, Array]]) -> dict[str, int]:
 
     ours = [upright(rect_quad(p.rect, quad)) for p in panels]
     theirs = [b * size for n, b in boxes if n != "handle"]
-    iou = np.array([[polygon_iou(t, o) for o in ours] for t in theirs]).reshape(len(theirs), -1)
+    iou = np.array([[polygon_iou(t, o) for o in ours] for t in theirs]).reshape(
+        len(theirs), len(ours)
+    )
     handles = [b * size for n, b in boxes if n == "handle"]
     grips = [upright(rect_quad(k, quad)) for p in panels for k in p.handles]
     hit, right = handle_hits(handles, grips)
