@@ -159,8 +159,15 @@ def sizes_of(found: Found, options: PhotoOptions, looks: Looks | None = None) ->
     )
 
 
-def body_of(photo: Photo, found: Found, sizes: Sizes) -> BodySpec:
-    """What to build, in metres: cells from the reading, textures from the visible faces."""
+def body_of(photo: Photo, found: Found, sizes: Sizes, digits: int = 4) -> BodySpec:
+    """What to build, in metres: cells from the reading, textures from the visible faces.
+
+    Other processors and numbers of threads give other last digits, and of twin drawers these would
+    decide which one gets the lower number.
+
+    Args:
+        digits: of a metre that are kept.
+    """
     reading = found.reading
     h, w = reading.image.shape[:2]
     kx, ky = sizes.width / w, sizes.height / h
@@ -171,7 +178,10 @@ def body_of(photo: Photo, found: Found, sizes: Sizes) -> BodySpec:
         numbers[panel.kind] = n + 1
 
         def metric(b: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
-            return b[0] * kx, (h - b[3]) * ky, b[2] * kx, (h - b[1]) * ky
+            x0, y0, x1, y1 = (
+                round(v, digits) for v in (b[0] * kx, (h - b[3]) * ky, b[2] * kx, (h - b[1]) * ky)
+            )
+            return x0, y0, x1, y1
 
         handles = tuple(
             HandleSpec(
@@ -208,8 +218,12 @@ def body_of(photo: Photo, found: Found, sizes: Sizes) -> BodySpec:
             image = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), 1))
             textures.append((face, jpeg(np.ascontiguousarray(image[:, ::-1, ::-1]))))
     color = np.median(reading.image.reshape(-1, 3), axis=0) / 255.0
+    width, depth, height, legs = (
+        round(v, digits)
+        for v in (sizes.width, sizes.depth, sizes.height, found.legs * sizes.height)
+    )
     return BodySpec(
-        sizes.width, sizes.depth, sizes.height, tuple(cells), found.legs * sizes.height,
+        width, depth, height, tuple(cells), legs,
         color=(float(color[0]), float(color[1]), float(color[2])), textures=tuple(textures),
     )  # fmt: skip
 
