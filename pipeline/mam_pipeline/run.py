@@ -312,13 +312,15 @@ def _read_photo(source: Path, config: MakeConfig, stages: Stages, out: Path | No
         options["height"] = config.height
     words: Mapping[str, str] = {}
     agreed: tuple[str, ...] = ()
+    seen = ""
     if config.hints is not None and load_hints(config.hints).photo_front:
         options["hints"] = config.hints  # marked by hand on the photo: build exactly that
     elif config.photo.reader != "auto":
         from mam_pipeline.models.photo_reader import read_by_model
 
-        read = read_by_model(source, config.photo.reader, options)
-        options, words, agreed = read.options, read.words, read.notes
+        boxes = backends.resolved("reconstructor", config.reconstructor) == "embedded"
+        read = read_by_model(source, config.photo.reader, options, boxes_only=boxes)
+        options, words, agreed, seen = read.options, read.words, read.notes, read.what
     made = stages.reconstruct(source, options, config.reconstructor)
     given = {name: options.get(name) for name in ("height", "width", "depth")}
     name = str(options.get("category") or config.what or "").replace("_", " ")
@@ -331,9 +333,9 @@ def _read_photo(source: Path, config: MakeConfig, stages: Stages, out: Path | No
         from mam_pipeline.evidence.read import object_of, spec_of
         from mam_pipeline.evidence.spec import Said
 
-        category = str(options.get("category", "")).replace("_", " ")
-        known = bool(category) and object_of(category, Said("user", category)) is not None
-        word = config.what or (category if known else None)
+        read_as = (str(options.get("category", "")).replace("_", " "), seen)
+        known = (w for w in read_as if w and object_of(w, Said("user", w)) is not None)
+        word = config.what or next(known, None)
         spec = spec_of(made.mesh, what=word, use_names=False)
     asked = ""
     if made.doubt is not None and config.hints is None:  # hints are a person's word

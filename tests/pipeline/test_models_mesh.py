@@ -7,6 +7,7 @@ import io
 import json
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,10 @@ from mam_sim_models.image_to_mesh import TripoSrReconstructor, ask_server, cut_o
 from mam_sim_models.retexture import adopt
 from PIL import Image
 
-from mam_pipeline.errors import BackendError, ConfigError
+from mam_pipeline.errors import BackendError, ConfigError, NotThisKind
 from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.models.retexture import repainted
+from mam_pipeline.models.settings import given
 from mam_pipeline.photo.options import PhotoConfig
 from mam_pipeline.run import _read_photo
 from mam_pipeline.stage_store import StageStore
@@ -184,6 +186,26 @@ def test_the_category_is_the_engines_word_for_a_learned_shell(
     read = _read_photo(_photo(tmp_path), config, stages, None)
     assert read.shell
     assert [o.word for o in read.spec.objects] == ([word] if word else [])
+
+
+def test_what_a_model_sees_on_a_photo_is_the_word_for_the_mesh_of_another(
+    script: Callable[[str], str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "box.glb").write_bytes(GLB)
+    source = str(tmp_path / "box.glb")
+    code = f"(out / 'mesh.glb').write_bytes(pathlib.Path({source!r}).read_bytes())"
+    monkeypatch.setenv("MAM_SIM_TRIPOSR", script(code))
+    answer = tmp_path / "questions" / "photo" / "answer.json"
+    answer.parent.mkdir(parents=True)
+    answer.write_text(json.dumps({"in_scope": False, "what": "a white kettle with a lid"}))
+    config = MakeConfig(height=0.2, reconstructor="triposr", photo=PhotoConfig(reader="file"))
+    stages = Stages(config.engine, None, StageStore(tmp_path / "stages"))
+    with given({"MAM_SIM_QUESTIONS": str(tmp_path / "questions")}):
+        read = _read_photo(_photo(tmp_path), config, stages, None)
+        assert [o.word for o in read.spec.objects] == ["kettle"]
+        assert "the photo shows a white kettle with a lid" in read.notes[0]
+        with pytest.raises(NotThisKind, match="--reconstructor"):
+            _read_photo(_photo(tmp_path), replace(config, reconstructor="auto"), stages, None)
 
 
 def test_the_object_is_cut_out_of_its_photo(tmp_path: Path) -> None:

@@ -114,19 +114,24 @@ class ModelReading:
         options: for the reconstructor; what the user gave stays.
         words: how sure box, panels and handles are, where the model spoke of them.
         notes: a sentence on where both agree and where they differ.
+        what: the photo shows, in a few words.
     """
 
     options: dict[str, Any]
     words: dict[str, str]
     notes: tuple[str, ...]
+    what: str
 
 
-def read_by_model(path: Path, reader: str, given: dict[str, Any]) -> ModelReading:
+def read_by_model(
+    path: Path, reader: str, given: dict[str, Any], boxes_only: bool = True
+) -> ModelReading:
     """Ask about a photo, and check the answer.
 
     Args:
         reader: vlm (an endpoint) or file (a folder that somebody answers in).
         given: the user's own options.
+        boxes_only: refuse what is no box; else its reading has nothing but what it is.
 
     Raises:
         ConfigError: no folder for `file`. BackendError: no usable answer.
@@ -140,12 +145,15 @@ def read_by_model(path: Path, reader: str, given: dict[str, Any]) -> ModelReadin
         lambda a: contradiction(a, own, given),
     )  # fmt: skip
     says = f"as the {reader} reader says"
+    if not answer.in_scope and not boxes_only:
+        return ModelReading(given, {}, (f"the photo shows {answer.what}, {says}",), answer.what)
     if not answer.in_scope:
         raise NotThisKind(
-            f"{path} shows {answer.what}, {says}: mam-sim reads the closed "
-            "fronts of furniture and kitchen appliances; make other things from a mesh"
+            f"{path} shows {answer.what}, {says}: mam-sim reads the closed fronts of furniture "
+            "and kitchen appliances; make other things from a mesh, or with an image-to-mesh "
+            "model (--reconstructor; mam-sim doctor lists them)"
         )
-    if answer.opened and not {"layout", "accept_low_confidence"} & set(given):
+    if boxes_only and answer.opened and not {"layout", "accept_low_confidence"} & set(given):
         raise HintNeeded(
             f"{path} shows {answer.what} of which a door or drawer stands open, {says}: take a "
             "photo with all of them closed, or say what its panels are with --layout"
@@ -159,7 +167,8 @@ def read_by_model(path: Path, reader: str, given: dict[str, Any]) -> ModelReadin
         "layout": answer.layout,
     }
     words, notes = beside(answer, own, given, reader)
-    return ModelReading({**{k: v for k, v in out.items() if v}, **given}, words, notes)
+    said = {k: v for k, v in out.items() if v}
+    return ModelReading({**said, **given}, words, notes, answer.what)
 
 
 @dataclass(frozen=True)
