@@ -204,7 +204,7 @@ def _children(process: int) -> list[int]:
     found: list[int] = []
     with contextlib.suppress(OSError):  # it is gone
         for thread in os.listdir(f"/proc/{process}/task"):
-            text = Path(f"/proc/{process}/task/{thread}/children").read_text()
+            text = Path(f"/proc/{process}/task/{thread}/children").read_text(encoding="utf-8")
             found += [int(word) for word in text.split()]
     return found
 
@@ -222,13 +222,29 @@ def kill_family(process: int) -> None:
 
 
 def resident(processes: Sequence[int]) -> float:
-    """Megabytes of memory that processes hold; what they share counts once where that matters."""
-    page = os.sysconf("SC_PAGESIZE")
-    total = 0.0
+    """Megabytes of memory that processes hold.
+
+    One that has been started and runs nothing of its own yet (vfork) lies in its parent's memory,
+    which counts once.
+
+    Args:
+        processes: parents before their children.
+    """
+    sizes: dict[int, str] = {}
+    total = 0
     for process in processes:
         with contextlib.suppress(OSError, IndexError):  # it is gone
-            total += int(Path(f"/proc/{process}/statm").read_text().split()[1]) * page / MIB
-    return total
+            size = Path(f"/proc/{process}/statm").read_text(encoding="utf-8")
+            parent = int(
+                Path(f"/proc/{process}/stat")
+                .read_text(encoding="utf-8")
+                .rpartition(")")[2]
+                .split()[1]
+            )
+            sizes[process] = size
+            if size != sizes.get(parent):
+                total += int(size.split()[1])
+    return total * os.sysconf("SC_PAGESIZE") / MIB
 
 
 def guarded(command: Sequence[str], limits: Limits) -> list[str]:
