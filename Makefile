@@ -4,6 +4,7 @@
 .PHONY: setup setup-demo demo test test-fast lint docs clean
 VENV := .venv/bin
 export HF_HUB_OFFLINE ?= 1
+export PYTHONUTF8 ?= 1
 export NO_MKDOCS_2_WARNING = 1
 
 setup:

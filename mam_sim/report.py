@@ -170,7 +170,7 @@ def _masks(asset: Asset) -> list[Figure]:
 
 def _engine_to_asset(asset: Asset) -> FloatArray:
     """(4, 4) turn about Z between the engine's frame, in which stages are kept, and the asset's."""
-    kept = json.loads((asset.folder / "stages" / "frame.json").read_text())
+    kept = json.loads((asset.folder / "stages" / "frame.json").read_text(encoding="utf-8"))
     return np.asarray(kept["asset_T_engine"])
 
 

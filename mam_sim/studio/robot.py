@@ -170,4 +170,6 @@ def engine_of(folder: Any) -> FloatArray:
     frame = folder / "stages" / "frame.json"
     if not frame.is_file():
         return np.eye(4)
-    return np.linalg.inv(np.asarray(json.loads(frame.read_text())["asset_T_engine"]))
+    return np.linalg.inv(
+        np.asarray(json.loads(frame.read_text(encoding="utf-8"))["asset_T_engine"])
+    )

@@ -351,7 +351,7 @@ def _unlock(lock: int | None) -> None:
 def _written_by(pid: int, file: Path) -> bool:
     """Whether the process that has this number now may be writing a file: it is the older one."""
     try:
-        words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        words = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
         age = time.clock_gettime(time.CLOCK_BOOTTIME) - int(words[19]) / os.sysconf("SC_CLK_TCK")
         return time.time() - file.lstat().st_ctime < age + _CLOCK
     except (OSError, IndexError, ValueError):  # one of the two is gone

@@ -251,7 +251,9 @@ def tree_codec(count: int) -> Codec[KinematicTree]:
 def _save_tree(tree: KinematicTree, path: Path) -> None:
     rows = [_node_row(node) for node in tree.nodes]
     header = "# Parts and joint types. Edit and run again: only what follows is computed anew.\n"
-    path.write_text(header + yaml.safe_dump(rows, sort_keys=False, default_flow_style=None))
+    path.write_text(
+        header + yaml.safe_dump(rows, sort_keys=False, default_flow_style=None), encoding="utf-8"
+    )
 
 
 def _node_row(node: PartNode) -> dict[str, Any]:
@@ -347,7 +349,10 @@ def articulation_codec(mesh: Mesh) -> Codec[Articulation]:
         if asleep:
             rows["dormant"] = listed(asleep)
         text = yaml.safe_dump(rows, sort_keys=False, default_flow_style=None)
-        path.write_text("# Joints in the engine's frame (metres, radians). Edit freely.\n" + text)
+        path.write_text(
+            "# Joints in the engine's frame (metres, radians). Edit freely.\n" + text,
+            encoding="utf-8",
+        )
 
     def load(path: Path, shown: Path) -> Articulation:
         document = read_yaml(path, shown)
@@ -460,7 +465,7 @@ def _save_photo(made: Reconstruction, path: Path) -> None:
 
 
 def _load_photo(path: Path, shown: Path) -> Reconstruction:
-    told = json.loads(path.with_name("report.json").read_text())
+    told = json.loads(path.with_name("report.json").read_text(encoding="utf-8"))
     pictures = {p.stem: np.asarray(Image.open(p)) for p in sorted(path.parent.glob("*.png"))}
     doubt = told.get("doubt")
     return Reconstruction(

@@ -72,7 +72,10 @@ def apart(work: Callable[[], T], file: Path, kind: str, instead: str = "export i
 
 def _answer(work: Callable[[], object], found: IO[bytes], bounds: Bounds) -> None:
     """Write what the work gives, or our error about it."""
-    page, size = resource.getpagesize(), int(Path("/proc/self/statm").read_text().split()[5])
+    page, size = (
+        resource.getpagesize(),
+        int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[5]),
+    )
     most = size * page + int(bounds.memory * 2**30)
     for kind, limit in ((resource.RLIMIT_DATA, most), (resource.RLIMIT_FSIZE, bounds.answer)):
         hard = resource.getrlimit(kind)[1]

@@ -121,7 +121,7 @@ class OpenAITransport:
             kept = self._kept(question, content)
             if kept is not None and kept.is_file():
                 self.ledger.cached += 1
-                return str(json.loads(kept.read_text())["answer"])
+                return str(json.loads(kept.read_text(encoding="utf-8"))["answer"])
             messages = _messages(question, content)
             self.ledger.allow(price_of(self.model), tokens_of(messages), self._tokens)
             try:
@@ -284,7 +284,7 @@ class FileTransport:
                 "then run the same command again"
             )
         about = place / "subject.txt"
-        if about.is_file() and about.read_text().strip() != question.subject:
+        if about.is_file() and about.read_text(encoding="utf-8").strip() != question.subject:
             raise BackendError(
                 f"{answer_file} answers a question about other pieces than today's; "
                 f"remove {place} to be asked again"
@@ -301,7 +301,7 @@ class FileTransport:
         for label, picture in fewer(question.draw(), self.most_pictures(question)):
             (place / f"{label}.png").write_bytes(pictures.png(picture))
         (place / "schema.json").write_text(json.dumps(question.schema, indent=1))
-        (place / "subject.txt").write_text(question.subject + "\n")
+        (place / "subject.txt").write_text(question.subject + "\n", encoding="utf-8")
         said = [question.system, question.text]
         for answer, reply in question.history:
             said += [f"The earlier answer was:\n\n{answer}", reply]

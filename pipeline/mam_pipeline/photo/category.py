@@ -181,7 +181,7 @@ def _table() -> dict[str, dict[str, Any]]:
 def class_names() -> tuple[str, ...]:
     """The 1000 names of ImageNet's classes."""
     folder = resources.files("mam_pipeline.photo").joinpath("imagenet", "classes.txt")
-    return tuple(folder.read_text().split("\n")[:1000])
+    return tuple(folder.read_text(encoding="utf-8").split("\n")[:1000])
 
 
 @lru_cache(maxsize=1)

@@ -58,7 +58,7 @@ class P3SamSegmenter:
 
 def write_bare_obj(mesh: Mesh, path: Path) -> None:
     """Vertices and faces alone, in order."""
-    with path.open("w") as file:
+    with path.open("w", encoding="utf-8") as file:
         np.savetxt(file, mesh.vertices, fmt="v %.9g %.9g %.9g")
         np.savetxt(file, mesh.faces + 1, fmt="f %d %d %d")
 

@@ -115,7 +115,7 @@ def export_run(
 def _export_lerobot_policy(run: Path, info: RunInfo, out: Path, mapping: Path | None) -> Exported:
     """LeRobot's own policy as it is, in the units it was trained in; only files that were checked
     go along."""
-    if mapping is not None and mapping.read_text() != file_of(run, MAPPING).read_text():
+    if mapping is not None and mapping.read_bytes() != file_of(run, MAPPING).read_bytes():
         raise ConfigError(f"{run} was trained in other units; train it with --mapping {mapping}")
     found = policy_folder(run / "policy")
     given = file_of(run, MAPPING)

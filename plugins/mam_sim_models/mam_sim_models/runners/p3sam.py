@@ -18,7 +18,7 @@ def main() -> None:
     parser.add_argument("--input", type=Path)
     parser.add_argument("--output", type=Path)
     args = parser.parse_args()
-    request = json.loads((args.input / "request.json").read_text())
+    request = json.loads((args.input / "request.json").read_text(encoding="utf-8"))
     home = Path(os.environ["P3SAM_HOME"]).resolve() / "P3-SAM" / "demo"
     source, target = (args.input / request["mesh"]).resolve(), args.output.resolve()
     # its modules are found through the working directory

@@ -19,7 +19,7 @@ def main() -> None:
     parser.add_argument("--input", type=Path)
     parser.add_argument("--output", type=Path)
     args = parser.parse_args()
-    request = json.loads((args.input / "request.json").read_text())
+    request = json.loads((args.input / "request.json").read_text(encoding="utf-8"))
     source, target = (args.input / request["frames"]).resolve(), args.output.resolve()
     home = Path(os.environ["SP4D_HOME"]).resolve()
     os.chdir(home)

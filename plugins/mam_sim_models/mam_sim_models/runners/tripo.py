@@ -28,7 +28,7 @@ def main() -> None:
     parser.add_argument("--input", type=Path)
     parser.add_argument("--output", type=Path)
     args = parser.parse_args()
-    request = json.loads((args.input / "request.json").read_text())
+    request = json.loads((args.input / "request.json").read_text(encoding="utf-8"))
     home = f"{args.model.upper()}_HOME"
     if not Path(os.environ.get(home, "")).is_dir() or not os.environ.get(home):
         sys.exit(f"{home} must name the checkout of {args.model}")
