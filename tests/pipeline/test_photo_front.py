@@ -166,6 +166,19 @@ def test_what_a_layout_says_otherwise_is_changed_in_its_place() -> None:
     assert all((p.kind, p.hinge_side) == ("door", "right") for p in changed.panels)
 
 
+@pytest.mark.parametrize(("side", "seen"), [("left", 9), ("right", 0), ("top", 9)])
+def test_what_lies_at_a_hinge_that_is_told_is_no_handle(side: str, seen: int) -> None:
+    image = np.full((480, 640, 3), 215, np.uint8)
+    for x in (0, 213, 426):
+        for y in (0, 160, 320):
+            cv2.rectangle(image, (x, y), (x + 213, y + 160), (70, 70, 70), 4)
+            cv2.circle(image, (x + 180, y + 80), 11, (60, 55, 50), -1)
+    layout = parse_layout(" / ".join([", ".join([f"door-{side}"] * 3)] * 3))
+    reading = read_front(np.asarray(cv2.GaussianBlur(image, (0, 0), 1.0), np.uint8), layout)
+    observed = [b for p in reading.panels for b in p.handles if b.provenance == "observed"]
+    assert len(reading.panels) == 9 and len(observed) == seen
+
+
 def test_kinds_that_are_typed_stay_where_panels_are_alike() -> None:
     kinds = [p.kind for p in read_front(drawn_front([320], [160, 320]), parse_layout(
         "drawer, door-left / door-right, drawer / drawer, control panel")).panels]  # fmt: skip

@@ -139,8 +139,9 @@ def _given_panel(
     repeated: Blob | None = None,
 ) -> Panel:
     """A panel that the user named (kind, or kind-hinge): what is not said is to be found."""
-    handles = _choose_handles(_likely(_within(blobs, box), repeated), box)
     rect = tuple(float(v) for v in box)
+    likely = _off_the_hinge(_likely(_within(blobs, box), repeated), rect, name.partition("-")[2])
+    handles = _choose_handles(likely, box)
     return _named(Panel(rect, "", None, handles, 0.95, 1.0), name, maps)  # type: ignore[arg-type]
 
 
@@ -177,6 +178,7 @@ def _named(panel: Panel, name: str, maps: FrontMaps) -> Panel:
     if side and side != panel.hinge_side:  # a grasp line that was assumed lies across the hinge
         seen = tuple(b for b in panel.handles if b.provenance != "assumed")
         panel = replace(panel, hinge_side=side, handles=seen)
+    panel = replace(panel, handles=tuple(_off_the_hinge(panel.handles, panel.box, side)))
     return replace(panel, kind_confidence=1.0, provenance="user" if side else "observed")
 
 
@@ -243,6 +245,23 @@ def looks_open(image: NDArray[np.uint8], box: tuple[float, float, float, float])
 def _within(blobs: list[Blob], box: tuple[float, float, float, float]) -> list[Blob]:
     x0, y0, x1, y1 = box
     return [b for b in blobs if x0 < b.center[0] < x1 and y0 < b.center[1] < y1]
+
+
+def _off_the_hinge(
+    blobs: Sequence[Blob], box: tuple[float, ...], side: str, apart: float = 0.4
+) -> list[Blob]:
+    """Those of a door that may be its handle: what lies near a hinge that is known opens nothing.
+
+    Args:
+        side: of the hinge; "" where nobody says it.
+        apart: share of the door's width, or of a flap's height, from the hinge to a handle.
+    """
+    if not side:
+        return list(blobs)
+    at = 0 if side in ("left", "right") else 1
+    low, high = box[at], box[at + 2]
+    near, far = (low, high) if side in ("left", "top") else (high, low)
+    return [b for b in blobs if (b.center[at] - near) / (far - near) >= apart]
 
 
 def _likely(blobs: list[Blob], repeated: Blob | None) -> list[Blob]:
