@@ -13,7 +13,7 @@ import tempfile
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import tyro
@@ -58,6 +58,10 @@ class Count:
         self.worse += found.before and not found.passed
         self.had.update(found.reasons_before)
         self.left.update({line.partition(":")[0] for line in found.left})
+
+    def row(self) -> dict[str, object]:
+        """As JSON takes it."""
+        return {**vars(self), "had": dict(self.had), "left": dict(self.left)}
 
 
 def _still(found: Mended) -> bool:
@@ -114,7 +118,7 @@ def main(
     _print("files", whole)
     for name, count in kinds.items():
         _print(name, count)
-    save(out, {"files": asdict(whole), "broken": {k: asdict(v) for k, v in kinds.items()}})
+    save(out, {"files": whole.row(), "broken": {k: v.row() for k, v in kinds.items()}})
 
 
 def _broken(source: Path, folder: Path, order: Order, kinds: dict[str, Count]) -> None:

@@ -73,6 +73,14 @@ def test_a_stray_face_tells_nothing() -> None:
     assert askew(mesh, [np.concatenate([faces, one])], tilted(Z, 5.0, Y)) == 0.0
 
 
+def test_a_body_without_a_shape_tells_nothing() -> None:
+    mesh, (rotor,) = joined(trimesh.creation.box([0.1, 0.1, 1.0]))
+    nothing = np.empty(0, np.int64)
+    speck = Mesh(1e-9 * np.eye(3), np.array([[0, 1, 2]]))
+    assert askew(mesh, [nothing], Z) == 0.0 and askew(speck, [np.array([0])], Z) == 0.0
+    assert askew(mesh, [rotor, nothing], Z) == 0.0
+
+
 def test_a_wheel_turns_about_its_middle() -> None:
     spokes = [
         trimesh.creation.box(bounds=[[0, -0.01, 0], [0.2, 0.01, 0.02]]).apply_transform(

@@ -87,6 +87,8 @@ def _angle(directions: FloatArray, weights: FloatArray, axis: FloatArray) -> flo
 def _evidence(mesh: Mesh, faces: IntArray) -> list[tuple[FloatArray, FloatArray]]:
     """Unit vectors (n, 3) and weights (n,): creases by length, then normals by area."""
     vertices, faces, _ = weld(mesh.vertices[mesh.faces[faces]], 1e-5 * mesh.diagonal)
+    if not len(faces):  # a link without a shape, or of specks alone
+        return []
     corners = vertices[faces]
     area = triangle_areas(corners)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
