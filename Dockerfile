@@ -5,7 +5,7 @@
 #
 # PyTorch's default wheels bring several GB of CUDA libraries. To leave them out, give the address of an
 # index with PyTorch's CPU wheels:   docker build --build-arg MAM_SIM_TORCH_INDEX=... -t mam-sim .
-FROM python:3.11-slim
+FROM python:3.12-slim
 
 ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignore
 WORKDIR /opt/mam-sim

@@ -32,7 +32,7 @@ fi
 usable() { "$1" -c 'import ensurepip, sys; raise SystemExit(not ((3, 11) <= sys.version_info[:2] < (3, 13)))' >/dev/null 2>&1; }
 if [ ! -x .venv/bin/python ]; then
   pyenv=$(pyenv root 2>/dev/null || true)
-  candidates=(python3.11 "$pyenv"/versions/3.11*/bin/python python3.12 "$pyenv"/versions/3.12*/bin/python python3)
+  candidates=(python3.12 "$pyenv"/versions/3.12*/bin/python python3.11 "$pyenv"/versions/3.11*/bin/python python3)
   [ -z "${PYTHON:-}" ] || candidates=("$PYTHON")
   python=
   for p in "${candidates[@]}"; do [ -n "$python" ] || ! usable "$p" || python=$p; done
