@@ -30,12 +30,12 @@ fi
 
 # Only an interpreter that runs and can make environments counts: pyenv answers to every name that it knows.
 usable() { "$1" -c 'import ensurepip, sys; raise SystemExit(not ((3, 11) <= sys.version_info[:2] < (3, 13)))' >/dev/null 2>&1; }
+first() { for p in "$@"; do ! usable "$p" || { echo "$p"; return; }; done; }
+pyenv=$(pyenv root 2>/dev/null || true)
 if [ ! -x .venv/bin/python ]; then
-  pyenv=$(pyenv root 2>/dev/null || true)
   candidates=(python3.12 "$pyenv"/versions/3.12*/bin/python python3.11 "$pyenv"/versions/3.11*/bin/python python3)
   [ -z "${PYTHON:-}" ] || candidates=("$PYTHON")
-  python=
-  for p in "${candidates[@]}"; do [ -n "$python" ] || ! usable "$p" || python=$p; done
+  python=$(first "${candidates[@]}")
   [ -n "$python" ] ||
     { say "no Python 3.11 or 3.12 with its venv module at ${PYTHON:-hand}; docs/install.md says where to get one, PYTHON names one"; exit 2; }
   say "making .venv with $("$python" --version)"
@@ -66,5 +66,11 @@ if .venv/bin/python -m pip show -q opencv-python 2>/dev/null; then
   install --no-deps --force-reinstall -c constraints.txt opencv-python-headless
 fi
 .venv/bin/python -c 'import cv2, open3d, sapien, torch' || say "an import failed; see: .venv/bin/mam-sim doctor"
+# PyBullet has no wheel for Python 3.12: its tests reach it in an environment of 3.11, where there is one.
+older=$(first python3.11 "$pyenv"/versions/3.11*/bin/python)
+if [ $level = dev ] && [ -n "$older" ] && ! .venv/bin/python -c 'import pybullet' 2>/dev/null; then
+  "$older" -m venv .venv/pybullet
+  .venv/pybullet/bin/python -m pip install --quiet --progress-bar off -c constraints.txt pybullet numpy
+fi
 echo "$digest $level" > "$stamp"
 say "done; try: .venv/bin/mam-sim doctor"

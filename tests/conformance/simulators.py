@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.formats.mesh_files import read_file
+from tests.conformance.bullet import bullet
 
 Values = Mapping[str, float]
 Box = np.ndarray
@@ -247,7 +248,7 @@ def mujoco(asset: Asset) -> Opened:
 
 def pybullet(asset: Asset) -> Opened:
     """The URDF as PyBullet loads it; its axis-aligned boxes carry a margin and are left out."""
-    import pybullet as library
+    library = bullet()
 
     client = library.connect(library.DIRECT)
     try:

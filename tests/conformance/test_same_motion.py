@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mam_pipeline.asset.card import Asset, CardJoint
+from tests.conformance.bullet import bullet
 
 STEP = 1 / 500
 DRIVEN, LEFT = 1000, 2500
@@ -23,7 +24,7 @@ def test_a_drawer_moves_alike(
     asset_named: Callable[[str], Asset], motion: dict[str, dict[str, float]]
 ) -> None:
     pytest.importorskip("mujoco")
-    pytest.importorskip("pybullet")
+    bullet()
     asset = asset_named("generated")
     slide = next(j for j in asset.card.joints if j.type == "prismatic")
     assert slide.lower is not None and slide.upper is not None
@@ -91,8 +92,7 @@ def _mujoco(asset: Asset, slide: CardJoint, force: Force) -> tuple[np.ndarray, f
 
 
 def _pybullet(asset: Asset, slide: CardJoint, force: Force) -> tuple[np.ndarray, float]:
-    import pybullet
-
+    pybullet = bullet()
     client = pybullet.connect(pybullet.DIRECT)
     try:
         pybullet.setGravity(0, 0, -9.81)

@@ -16,6 +16,7 @@ from mam_pipeline.check.profiles import PROFILES, ProfileName
 from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.mend import Order, mend
 from mam_pipeline.types import Articulation, Joint, Link, Mesh
+from tests.conformance.bullet import bullet
 
 GOOD = """<robot name="r">
  <link name="body"><visual><geometry><mesh filename="box.obj"/></geometry></visual>
@@ -99,7 +100,7 @@ def test_a_cabinet_in_one_concave_mesh_is_told(tmp_path: Path) -> None:
 
 
 def test_pybullet_refuses_what_its_profile_names(tmp_path: Path) -> None:
-    pybullet = pytest.importorskip("pybullet")
+    pybullet = bullet()
     urdf = written(tmp_path, (r"box\.obj", "box.glb"))
     trimesh.creation.box((0.2, 0.2, 0.2)).export(tmp_path / "box.glb")
     assert "mesh_format" in check_profile(urdf, "pybullet").reasons
