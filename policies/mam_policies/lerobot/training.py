@@ -52,10 +52,12 @@ RESUMED = "resumed.json"
 
 @dataclass(frozen=True)
 class _Step:
-    """training_step.json: steps that are done."""
+    """training_step.json: steps that are done, and since LeRobot 0.6 by how many and how large."""
 
     __pydantic_config__ = STRICT
     step: Index
+    num_processes: Index | None = None
+    batch_size: Index | None = None
 
 
 def train_policy(
