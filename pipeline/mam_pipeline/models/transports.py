@@ -30,7 +30,8 @@ class EndpointLimits:
         tokens: of an answer; a cut-off one is asked again with twice as many, up to `most_tokens`.
         sizes: pictures of a question, from the first on as many as the user allows.
         forms: of the answer: a strict schema, any JSON, or no promise (then faults are repaired).
-        letters: of text a token has at most: fewer tokens read mean that some were not.
+        letters: of text a token has at most: fewer tokens read mean that some were not, and of an
+            answer no more is read than `most_tokens` can have.
     """
 
     tokens: int = 6000
@@ -174,7 +175,8 @@ class OpenAITransport:
             raise BackendError("a filter of the endpoint withheld the answer")
         if not choice.message.content:
             raise BackendError("the endpoint sent an empty answer")
-        return masked(str(choice.message.content)), usage
+        read = str(choice.message.content)[: LIMITS.letters * LIMITS.most_tokens]
+        return masked(read), usage
 
     def _wishes(self, question: Question) -> dict[str, Any]:
         """What is asked of the endpoint beside the question, without what it has refused."""
