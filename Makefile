@@ -22,7 +22,6 @@ test: setup
 	@$(VENV)/lint-imports
 	@$(VENV)/python -m mypy
 	@$(VENV)/python benchmarks/results_page.py --check
-	@$(VENV)/python -m mkdocs build --strict --quiet
 	@$(VENV)/python -m pytest -n 2 --dist loadfile
 
 test-fast: setup

@@ -36,13 +36,18 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark every test by its folder, and by the real objects that it asks for."""
+    """Mark every test by its folder, and by the real objects that it asks for.
+
+    Files with slow tests come first, so that no process has the last one alone.
+    """
     for item in items:
         mark = FOLDER_MARKS.get(_folder(item.path))
         if mark:
             item.add_marker(getattr(pytest.mark, mark))
         if {"bench_dev", "bench_photos"} & set(getattr(item, "fixturenames", ())):
             item.add_marker(pytest.mark.bench_data)
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
 
 
 @pytest.fixture(scope="session")

@@ -45,6 +45,11 @@ def reader(window: Any, site: tuple[Path, str]) -> Any:
 
 
 @pytest.mark.slow
+def test_the_site_is_built_without_a_warning(site: tuple[Path, str]) -> None:
+    assert (site[0] / "index.html").is_file()
+
+
+@pytest.mark.slow
 def test_in_a_browser_no_page_of_the_site_is_wider_than_its_window(
     reader: Any, site: tuple[Path, str]
 ) -> None:

@@ -170,7 +170,12 @@ def test_native_code_that_lets_nothing_else_run_is_ended_all_the_same(
     tmp_path: Path, number: signal.Signals
 ) -> None:
     note, out = tmp_path / "note", tmp_path / "made" / "out"
-    with subprocess.Popen([sys.executable, "-c", BUSY, str(out), str(note)]) as process:
+    before = signal.signal(number, signal.SIG_DFL)  # nohup, say, has SIGHUP ignored
+    try:
+        process = subprocess.Popen([sys.executable, "-c", BUSY, str(out), str(note)])
+    finally:
+        signal.signal(number, before)
+    with process:
         scratch = _written(note)
         assert scratch.is_dir() and list(out.parent.iterdir())
         process.send_signal(number)
