@@ -10,7 +10,11 @@ model that saw it. Where the shipped models saw a source, a second row has their
 
 Rows go to docs/results/engine.json as each is done, with the commit, what every model was trained
 on, and the paths they depend on, which must have no changes. Figures are means over the objects
-in which something moves; `false joints` counts the others.
+in which something moves; `false joints` counts the others. `true parts` are those of which a part
+that was found has half of the surface or more (IoU).
+
+`labels_unseen` is made by `python -m mam_training.labels dataset build/labels_unseen --corpus
+CORPUS --unseen`. What is "true" there is what somebody saw in pictures.
 """
 
 from __future__ import annotations
@@ -65,16 +69,19 @@ class Wanted:
 NAMES = {
     "kitchen": "kitchen objects that nobody tuned on",
     "labels": "objects of many public repositories, labelled by eye",
+    "labels_unseen": "objects labelled by eye that no model was trained on",
     "dev": "objects from robot simulators",
     "sweet_home": "pieces of furniture (Sweet Home 3D)",
     "scene_synthesizer": "objects of scene-synthesizer",
 }  # fmt: skip
 """What a source is, by its folder."""
+LONG = ("labels_unseen",)
+"""Sources that take hours: not in the README, whose rows are measured again with every change."""
 
 
 def wanted_rows() -> tuple[Wanted, ...]:
     """All rows, in the order of the table."""
-    rows = [Wanted(k, name, k, readme=True) for k, name in NAMES.items()]
+    rows = [Wanted(k, name, k, readme=k not in LONG) for k, name in NAMES.items()]
     rows += [
         Wanted(f"{k}-shipped", name, k, shipped=True, readme=True)
         for k, name in NAMES.items() if shipped_saw(k)
@@ -151,6 +158,7 @@ def row_of(wanted: Wanted, found: Measured, commit: str) -> dict[str, Any]:
     }
     false = sum(r.scores.predicted_parts > 0 for r in still)
     values["false joints"] = f"{false} of {len(still)}" if still else None
+    values["true parts"] = parts_of(moving)
     name = f"{len(moving)} {wanted.name}"
     if not wanted.shipped and NOTHING_WITHHELD[0] in found.command:
         name += ", nothing withheld"
@@ -159,6 +167,13 @@ def row_of(wanted: Wanted, found: Measured, commit: str) -> dict[str, Any]:
         "commit": commit, "machine": machine(), "models": models_of(found),
         **({"readme": True} if wanted.readme else {}),
     }  # fmt: skip
+
+
+def parts_of(records: Sequence[Record]) -> str:
+    """How many true parts are found and awake, and how many are found and dormant."""
+    true = sum(r.scores.true_parts for r in records)
+    awake, dormant = (sum(getattr(r, k) or 0 for r in records) for k in ("awake", "dormant"))
+    return f"{awake} of {true}, {dormant} dormant"
 
 
 def models_of(found: Measured) -> dict[str, Any]:

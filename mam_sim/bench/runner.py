@@ -22,7 +22,7 @@ from mam_pipeline.evidence.spec import NOTHING, KindCount, KinematicSpec, Said
 from mam_pipeline.folders import Scratch
 from mam_pipeline.geometry.front import moved
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
-from mam_pipeline.metrics import FoundJoint, JointScore, Scores, score
+from mam_pipeline.metrics import RIGHT_IOU, FoundJoint, JointScore, Scores, score
 from mam_pipeline.models import settings
 from mam_pipeline.stages import articulate_mesh
 from mam_pipeline.types import Articulation
@@ -63,6 +63,8 @@ class Record:
         status: ok | nothing (no joint is awake) | asked (a question waits for its
             answer; such a record is not kept) | error.
         bound: mIoU that a perfect grouping of the primitives would reach; None without them.
+        awake: true parts of which a part that moves has half (IoU); dormant: further ones of which
+            a dormant part has; None if not counted.
         executable: all clauses of the check hold; None if not tested.
         reasons: reason codes of the check.
         weights: the rooms whose weights were read (`mam_pipeline.weights`).
@@ -79,6 +81,8 @@ class Record:
     faces: int
     primitives: int
     bound: float | None
+    awake: int | None = None
+    dormant: int | None = None
     executable: bool | None = None
     reasons: tuple[str, ...] = ()
     used: dict[str, str] = field(default_factory=dict)
@@ -141,6 +145,11 @@ def run_task(task: Task, config: BenchConfig) -> Record:
     except Exception as error:  # one broken object must not end the run
         status, why = "error", f"{type(error).__name__}: {error}"
     seconds = time.perf_counter() - began
+    scores = score(found, truth)
+    awake = sum(j.iou >= RIGHT_IOU for j in scores.joints)
+    every = awake
+    if run is not None and run.articulation.dormant:
+        every = sum(j.iou >= RIGHT_IOU for j in score(_woken(run.articulation), truth).joints)
     executable: bool | None = None
     reasons: tuple[str, ...] = ()
     if found is not None and config.execute:
@@ -153,7 +162,9 @@ def run_task(task: Task, config: BenchConfig) -> Record:
         key=task_key(task, config),
         status=status,
         why=why,
-        scores=score(found, truth),
+        scores=scores,
+        awake=awake,
+        dormant=max(every - awake, 0),
         seconds=round(seconds, 3),
         stages={} if run is None else {k: round(v, 3) for k, v in run.seconds.items()},
         faces=len(mesh.faces),
@@ -164,6 +175,18 @@ def run_task(task: Task, config: BenchConfig) -> Record:
         used={} if run is None else dict(run.used),
         weights=tuple(sorted(rooms)),
     )
+
+
+def _woken(found: Articulation) -> Articulation:
+    """The articulation in which every dormant part is a link that moves."""
+    links, joints = list(found.links), list(found.joints)
+    for part in found.dormant:
+        host = links[part.joint.parent]
+        left = np.setdiff1d(host.faces, part.link.faces)
+        links[part.joint.parent] = replace(host, faces=left)
+        joints.append(replace(part.joint, child=len(links)))
+        links.append(part.link)
+    return replace(found, links=tuple(links), joints=tuple(joints), dormant=())
 
 
 def _spec(truth: GroundTruth, config: BenchConfig) -> KinematicSpec:

@@ -39,12 +39,14 @@ class Learned:
             folder.
         reproducible: whether a command makes it again.
         digest: of its manifest, which holds a digest of every file.
+        objects: ids of the training objects, where the manifest names them.
     """
 
     room: str
     trained_on: tuple[str, ...]
     reproducible: bool
     digest: str
+    objects: tuple[str, ...] = ()
 
 
 def place_of(room: str) -> Traversable:
@@ -125,6 +127,13 @@ def learned(rooms: Sequence[str]) -> list[Learned]:
             raise ConfigError(f"{file} does not say `trained_on`, the sources of its objects")
         out.append(Learned(
             room, tuple(kept["trained_on"]), bool(kept.get("reproducible")),
-            bytes_digest(content),
+            bytes_digest(content), tuple(kept.get("data", {}).get("ids", ())),
         ))  # fmt: skip
     return out
+
+
+def rooms() -> list[str]:
+    """All rooms of the package that have a manifest, sorted."""
+    package = Path(str(resources.files("mam_pipeline")))
+    found = [p.parent.relative_to(package).parts for p in package.glob(f"*/weights/**/{MANIFEST}")]
+    return sorted("/".join((wing, *rest)) for wing, _, *rest in found)

@@ -13,7 +13,12 @@ from mam_pipeline.models.motion_check import motion_sheets
 from mam_pipeline.render import pictures
 from mam_training.labels.ask import ask_all, items_of, read_item
 from mam_training.labels.ask import pack as pack_answers
-from mam_training.labels.dataset import agreement_table, labels_in, write_dataset
+from mam_training.labels.dataset import (
+    agreement_table,
+    labels_in,
+    seen_by_weights,
+    write_dataset,
+)
 from mam_training.labels.label import Label
 
 LABELS = Path("labels")
@@ -70,14 +75,18 @@ def agree(one: Positional[Path], other: Positional[Path], corpus: Path) -> int:
     return 0
 
 
-def dataset(out: Positional[Path], corpus: Path, labels: Path = LABELS) -> int:
+def dataset(
+    out: Positional[Path], corpus: Path, labels: Path = LABELS, unseen: bool = False
+) -> int:
     """Write all labelled objects in the form that `mam-sim bench` reads.
 
     Args:
         out: folder to write. corpus: folder with MANIFEST.csv and files/.
         labels: folder of the labels.
+        unseen: only objects that none of the package's weights was trained on.
     """
-    count = write_dataset(labels_in(labels), corpus, out)
+    without = seen_by_weights() if unseen else frozenset()
+    count = write_dataset(labels_in(labels), corpus, out, without)
     print(f"{count} objects in {out}; score an engine on them: mam-sim bench {out}")
     return 0
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -11,12 +11,15 @@ import numpy as np
 import trimesh
 
 from mam_pipeline import folders
-from mam_pipeline.errors import InputError
+from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.ground_truth import GroundTruth
 from mam_pipeline.metrics import Scores, score
 from mam_pipeline.types import Articulation, FloatArray
+from mam_pipeline.weights import learned, rooms
 from mam_training.labels.ask import items_of, read_item
 from mam_training.labels.label import Label
+
+SOURCE = "labels"  # what manifests of weights call these objects
 
 
 def labels_in(folder: Path) -> list[Path]:
@@ -37,12 +40,34 @@ def on_mesh(label: Label, corpus: Path) -> Articulation:
     return label.articulation(read.mesh, read.source_to_asset)
 
 
-def write_dataset(files: Sequence[Path], corpus: Path, out: Path) -> int:
-    """One folder with a URDF per labelled object, and MANIFEST.csv; the number of objects."""
+def seen_by_weights() -> frozenset[str]:
+    """Ids of the labelled objects that some of the package's weights were trained on.
+
+    Raises:
+        ConfigError: a manifest says that labels were, and not which.
+    """
+    found = [one for one in learned(rooms()) if SOURCE in one.trained_on]
+    for one in found:
+        if not one.objects:
+            raise ConfigError(
+                f"the manifest of {one.room} does not name the labels that it was trained on "
+                "(`data.ids`); train it again"
+            )
+    return frozenset(name for one in found for name in one.objects)
+
+
+def write_dataset(
+    files: Sequence[Path], corpus: Path, out: Path, without: Collection[str] = ()
+) -> int:
+    """One folder with a URDF per labelled object, and MANIFEST.csv; the number of objects.
+
+    Args:
+        without: ids of objects that are left out.
+    """
     rows = []
     for file in files:
         label = Label.load(file)
-        if label.out_of_scope:
+        if label.out_of_scope or label.id in without:
             continue
         write_urdf(on_mesh(label, corpus), out / label.id, label.id)
         rows.append((label.id, label.category, label.repository, label.by))

@@ -199,10 +199,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     config.cache.parent.mkdir(parents=True, exist_ok=True)
     collect(config.cache, config.labels)
     wanted = {n: r for n, r in repositories(config.labels).items() if r != config.without}
-    rows = sorted(
-        (r for r in read(config.cache) if r["name"] in wanted and r["parts"]),
-        key=lambda r: str(r["name"]),
+    seen = sorted(
+        (r for r in read(config.cache) if r["name"] in wanted), key=lambda r: str(r["name"])
     )
+    rows = [r for r in seen if r["parts"]]
     chance = crossed(rows)
     bias, weights = fitted(rows)
     named = {n: round(float(w), 4) for n, w in zip(SIGNS, weights)}
@@ -216,7 +216,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         config,
         {"samplings": EngineConfig().seed},
         {"objects": len(rows), "repositories": len({r["repo"] for r in rows}),
-         "sha256": manifest.data_digest(json.dumps(r, sort_keys=True).encode() for r in rows)},
+         "sha256": manifest.data_digest(json.dumps(r, sort_keys=True).encode() for r in rows),
+         "ids": [r["name"] for r in seen]},
         ["labels"],
     )  # fmt: skip
     print(json.dumps({**asdict(config), **kept["record"]}, indent=1, default=str))
