@@ -54,6 +54,7 @@ ENDLESS = (-np.inf, np.inf)
         ("drawer", {**SLIDE, "endless": True}, None),  # no slide is
         ("drawer", {**SLIDE, "upper": 50}, (0.0, 0.01)),  # of the 2 cm that it is thick
         ("drawer", {**SLIDE, "upper": 50, "of": "carrier"}, (0.0, DEPTH / 2)),
+        ("drawer", {**SLIDE, "upper": 50, "of": "object"}, (0.0, 0.3)),  # it is 60 cm high
         ("drawer", {**SLIDE, "usual": True}, (0.0, 0.775 * DEPTH)),
     ],
 )

@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
-from mam_pipeline.errors import ConfigError
+from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.ground_truth import list_objects, read_object
-from mam_training.labels.ask import ask_all, items_of, label_file
-from mam_training.labels.dataset import agreement, agreement_table, labels_in, write_dataset
+from mam_pipeline.weights import standing_in
+from mam_training.labels.ask import ask_all, items_of, label_file, pack, unpack
+from mam_training.labels.dataset import (
+    agreement,
+    agreement_table,
+    labels_in,
+    seen_by_weights,
+    write_dataset,
+)
 from mam_training.labels.label import Label, faces_of, runs_of
 
+LABELS = Path(__file__).resolve().parents[2] / "labels"
 PARTS = {"base": "body", "parts": [{
     "name": "door", "kind": "door", "pieces": [], "motion": "hinge", "axis": "z", "side": "-y",
     "opens": "-x",
@@ -87,7 +96,9 @@ def test_two_labels_agree_in_part_and_differ_in_line(corpus: Path, tmp_path: Pat
     assert "| mean of 1 | 1.00 |" in agreement_table([(one, other)], corpus)
 
 
-def test_a_coarse_piece_is_cut_and_asked_about_anew(corpus: Path, tmp_path: Path) -> None:
+def test_a_coarse_piece_is_cut_and_asked_about_anew(
+    corpus: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     items, folder = items_of(corpus, ["a__cabinet"]), tmp_path / "a__cabinet"
     assert ask_all(items, tmp_path, "a test", tmp_path / "labels") == 3
     (folder / "1_parts" / "answer.json").write_text("{}")
@@ -96,8 +107,64 @@ def test_a_coarse_piece_is_cut_and_asked_about_anew(corpus: Path, tmp_path: Path
     assert not (folder / "1_parts" / "answer.json").exists()
     with np.load(folder / "pieces.npz") as data:
         assert np.bincount(data["labels"]).tolist() == [2, 12, 2, 2, 2, 2, 2]  # a box's six sides
-    (folder / "notes.json").write_text('{"split": [99]}')
-    assert ask_all(items, tmp_path, "a test", tmp_path / "labels") == 2
+    said = capsys.readouterr().out
+    assert "1 earlier answer no longer fits, as other pieces are cut" in said
+    assert (folder / "before_1" / "1_parts" / "answer.json").read_text() == "{}"
+    for split, why in (([99], "no piece 99"), ([0, 2], "piece 2 cannot be cut")):
+        (folder / "notes.json").write_text(json.dumps({"split": split}))
+        assert ask_all(items, tmp_path, "a test", tmp_path / "labels") == 2
+        assert why in capsys.readouterr().out
+    assert (folder / "1_parts" / "question.md").is_file()  # what was asked last still stands
+
+
+def test_an_object_that_takes_too_long_is_left_out_and_said(
+    corpus: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    items = items_of(corpus, ["a__cabinet"])
+    assert ask_all(items, tmp_path, "a test", tmp_path / "labels", seconds=0.01) == 2
+    assert "took more than 0.01 s" in capsys.readouterr().out
+    assert ask_all(items, tmp_path, "a test", tmp_path / "labels", seconds=600) == 3
+
+
+def test_kept_answers_are_put_back_and_give_the_same_label(corpus: Path, tmp_path: Path) -> None:
+    first = Label.load(_labelled(corpus, tmp_path / "work", tmp_path / "labels"))
+    archive = tmp_path / "answers.zip"
+    assert pack(tmp_path / "work", archive, "a test") == 1
+    with zipfile.ZipFile(archive, "a") as more:
+        more.writestr("../stranger.npz", b"")
+        more.writestr("a__cabinet/1_parts/run.py", b"")
+    assert unpack(archive, tmp_path / "again", ["a__cabinet"]) == 1
+    assert sorted(p.name for p in (tmp_path / "again").rglob("*.*")) == [
+        "answer.json", "answer.json", "pieces.npz", "subject.txt", "subject.txt"
+    ]  # fmt: skip
+    items = items_of(corpus, ["a__cabinet"])
+    assert ask_all(items, tmp_path / "again", "a test", tmp_path / "replayed") == 0
+    assert Label.load(label_file(tmp_path / "replayed", items[0])) == first
+    with pytest.raises(InputError, match="is there already"):
+        unpack(archive, tmp_path / "again", [])
+    with pytest.raises(ConfigError, match="did you mean 'a__cabinet'"):
+        unpack(archive, tmp_path / "other", ["a__cabinett"])
+
+
+def test_objects_that_weights_were_trained_on_are_left_out(corpus: Path, tmp_path: Path) -> None:
+    file = _labelled(corpus, tmp_path / "work", tmp_path / "labels")
+    seen = seen_by_weights()
+    assert len(seen) == 131 and "a__cabinet" not in seen
+    assert write_dataset([file], corpus, tmp_path / "one", seen) == 1
+    with pytest.raises(InputError, match="no labelled object is left"):
+        write_dataset([file], corpus, tmp_path / "none", {"a__cabinet"})
+    known = {
+        Label.load(label).id for label in labels_in(LABELS) if not Label.load(label).out_of_scope
+    }
+    assert seen < known
+
+
+def test_weights_that_do_not_name_their_labels_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "parts" / "abstention").mkdir(parents=True)
+    manifest = tmp_path / "parts" / "abstention" / "manifest.json"
+    manifest.write_text('{"trained_on": ["labels"], "data": {"objects": 3}}')
+    with standing_in(tmp_path), pytest.raises(ConfigError, match="does not name the labels"):
+        seen_by_weights()
 
 
 def test_notes_say_why_no_label_is_possible(

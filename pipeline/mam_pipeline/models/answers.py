@@ -258,10 +258,12 @@ def with_ranges(
             limits, why = usual_range(node.kind, node.name, node.subtype, depth)
             evidence["range"] = f"{why}, as answered, whatever overlaps on the way"
         elif not _endless(node, mount):
-            carrier = nodes[node.parent] if mount.of == "carrier" else node
-            scale = extent(mesh, primitives, carrier, axis) / 100.0
-            if node.subtype != "slide":
-                scale = float(np.pi / 180.0)
+            scale = float(np.pi / 180.0)
+            if node.subtype == "slide" and mount.of == "object":
+                scale = float(np.ptp(mesh.bounds, axis=0).max()) / 100.0
+            elif node.subtype == "slide":
+                carrier = nodes[node.parent] if mount.of == "carrier" else node
+                scale = extent(mesh, primitives, carrier, axis) / 100.0
             limits = _limits(mount, node, scale, (joints or {}).get(node.name))
         nodes[i] = replace(node, limits=limits, evidence=evidence)
     return replace(answered, tree=KinematicTree(tuple(nodes)))

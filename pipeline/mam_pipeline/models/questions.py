@@ -101,7 +101,8 @@ LINES = (
 RANGES = (
     "Where you know more of the range than that it is as usual, give (else null) lower and upper: "
     "from how it stands in the pictures of the object, in degrees, or for a slide in percent of "
-    "the part's length along the way it slides (of: carrier, of the length of what carries it); "
+    "the part's length along the way it slides (of: carrier, of the length of what carries it; of: "
+    "object, of the object's longest side, as the places of pieces are given); "
     "positive opens. endless: it turns without end, as wheels, propellers, blades and knobs do "
     "unless you say false. usual: true takes the usual range of such a part, even where the mesh "
     "overlaps on the way."
@@ -145,7 +146,8 @@ class Details(BaseModel):
         through: a piece through whose middle the line runs, or two that it joins.
         along: a piece along whose longest edge it runs.
         lower, upper: range from the pose of the file, degrees, or percent of a length for a slide.
-        of: whose length that is, along the way; the part's own if None.
+        of: whose length that is, along the way; the part's own if None. "object": the longest side
+            of all.
         endless: whether it turns without end. usual: whether the usual range of such a part is
             taken, whatever overlaps.
     """
@@ -155,7 +157,7 @@ class Details(BaseModel):
     along: int | None = None
     lower: Reach | None = None
     upper: Reach | None = None
-    of: Literal["part", "carrier"] | None = None
+    of: Literal["part", "carrier", "object"] | None = None
     endless: bool | None = None
     usual: bool | None = None
 

@@ -1,4 +1,4 @@
-"""`python -m mam_training.labels ask | show | agree | dataset | pack`: labels by eye."""
+"""`python -m mam_training.labels ask | show | agree | dataset | pack | unpack`: labels by eye."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from mam_pipeline.models.motion_check import motion_sheets
 from mam_pipeline.render import pictures
 from mam_training.labels.ask import ask_all, items_of, read_item
 from mam_training.labels.ask import pack as pack_answers
+from mam_training.labels.ask import unpack as unpack_answers
 from mam_training.labels.dataset import (
     agreement_table,
     labels_in,
@@ -31,6 +32,7 @@ def ask(
     work: Path,
     by: str,
     labels: Path = LABELS,
+    seconds: float = 0.0,
 ) -> int:
     """Put the next question about each object, or write its label where all are answered.
 
@@ -38,8 +40,9 @@ def ask(
         corpus: folder with MANIFEST.csv and files/. ids: objects of it.
         work: folder for questions and answers. by: who or what answers.
         labels: folder of the labels.
+        seconds: that one object may take before it is left out and said; 0: no limit.
     """
-    return ask_all(items_of(corpus, ids), work, by, labels)
+    return ask_all(items_of(corpus, ids), work, by, labels, seconds)
 
 
 def show(label: Positional[Path], corpus: Path, out: Path) -> int:
@@ -101,12 +104,30 @@ def pack(work: Positional[Path], archive: Positional[Path], by: str) -> int:
     return 0
 
 
+def unpack(archive: Positional[Path], ids: Positional[tuple[str, ...]], /, work: Path) -> int:
+    """Put kept answers back into a folder of questions, to go on with them by `ask`.
+
+    Args:
+        archive: ZIP file that `pack` made. ids: objects of it; none: all.
+        work: folder for questions and answers.
+    """
+    print(f"{unpack_answers(archive, work, ids)} objects in {work}")
+    return 0
+
+
 def main() -> int:
     """Run one of the commands; exit codes are those of mam-sim."""
     try:
         return int(
             tyro.extras.subcommand_cli_from_dict(
-                {"ask": ask, "show": show, "agree": agree, "dataset": dataset, "pack": pack}
+                {
+                    "ask": ask,
+                    "show": show,
+                    "agree": agree,
+                    "dataset": dataset,
+                    "pack": pack,
+                    "unpack": unpack,
+                }
             )
         )
     except MamSimError as error:

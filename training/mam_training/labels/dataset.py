@@ -63,6 +63,9 @@ def write_dataset(
 
     Args:
         without: ids of objects that are left out.
+
+    Raises:
+        InputError: none is left.
     """
     rows = []
     for file in files:
@@ -71,6 +74,8 @@ def write_dataset(
             continue
         write_urdf(on_mesh(label, corpus), out / label.id, label.id)
         rows.append((label.id, label.category, label.repository, label.by))
+    if not rows:
+        raise InputError("no labelled object is left: each is out of scope or left out")
     with folders.new_file(out / "MANIFEST.csv") as place, place.open("w", newline="") as stream:
         csv.writer(stream).writerows([("id", "category", "repo", "by"), *rows])
     return len(rows)

@@ -36,7 +36,7 @@ def split_pieces(mesh: Mesh, labels: IntArray, pieces: Sequence[int]) -> IntArra
         labels: (F,) piece of every face. pieces: their numbers; new ones may be cut again.
 
     Raises:
-        InputError: no such piece.
+        InputError: no such piece, or one that has no crease to be cut along.
     """
     topo, out = topology(mesh), labels.copy()
     for piece in pieces:
@@ -44,9 +44,14 @@ def split_pieces(mesh: Mesh, labels: IntArray, pieces: Sequence[int]) -> IntArra
         if not own.any():
             raise InputError(f"there is no piece {piece} to split; there are 0 to {out.max()}")
         chosen = np.flatnonzero(own & topo.kept)
-        if len(chosen) < 2:
-            continue
-        node, _ = cut(hierarchy(topo, chosen), FINER.pieces)
+        node = np.full(len(mesh.faces), -1, dtype=np.int64)
+        if len(chosen) > 1:
+            node, _ = cut(hierarchy(topo, chosen), FINER.pieces)
+        if node.max() < 1:
+            raise InputError(
+                f"piece {piece} cannot be cut, it is one flat surface; take it out of split in "
+                "notes.json"
+            )
         node = np.where(node < 0, node[np.maximum(topo.twin, 0)], node)  # repeated faces
         area = np.bincount(node[chosen], topo.areas[chosen])
         rank = np.argsort(np.argsort(-area, kind="stable"))
