@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,9 +14,10 @@ from mam_pipeline import config_file
 from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.ground_truth import list_objects, read_object
 from mam_pipeline.metrics import FoundJoint, score
+from mam_pipeline.types import DormantPart, Primitives
 from mam_sim.bench import runner
 from mam_sim.bench.config import BenchConfig
-from mam_sim.bench.runner import Record, find_tasks, record_from, run_bench
+from mam_sim.bench.runner import Record, Task, find_tasks, record_from, run_bench
 from mam_sim.bench.table import (
     PAPER,
     as_json,
@@ -31,6 +33,7 @@ from mam_sim.bench.table import (
 from mam_sim.cli import main
 from mam_sim.options import parse
 from mam_sim.verbs.bench import Bench
+from mam_world.truth import generated_truth
 
 DEV = Path(__file__).resolve().parents[2].parent / "shared" / "bench" / "dev"
 
@@ -233,6 +236,33 @@ def test_generated_truth_scores_itself() -> None:
     truth = task.load()
     assert score(truth.truth_articulation(), truth).miou > 0.8
     assert truth.mesh.group_names == ("mesh",)
+
+
+def test_a_true_part_that_is_dormant_is_counted_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
+    truth = generated_truth("cabinet_one_door", 3)
+    whole = truth.truth_articulation()
+    (joint,) = (j for j in whole.joints if j.type != "fixed")
+    door, rest = whole.links[joint.child], [j for j in whole.joints if j is not joint]
+    host = whole.links[joint.parent]
+    links = list(whole.links)
+    links[joint.parent] = replace(host, faces=np.concatenate([host.faces, door.faces]))
+    if joint.child != len(links) - 1:
+        pytest.fail("the door is not the last link, so the others would be numbered anew")
+    asleep = replace(
+        whole, links=tuple(links[:-1]), joints=tuple(rest),
+        dormant=(DormantPart(door, replace(joint, child=-1)),),
+    )  # fmt: skip
+    for found, counts in ((whole, (1, 0)), (asleep, (0, 1))):
+        run = SimpleNamespace(
+            articulation=found, seconds={}, used={},
+            primitives=Primitives(np.zeros(len(truth.mesh.faces), dtype=np.int64)),
+        )  # fmt: skip
+        monkeypatch.setattr(runner, "articulate_mesh", lambda *_, run=run, **__: run)
+        record = runner.run_task(
+            Task("cabinet_one_door_3", "cabinet_one_door", "generated:test", 3),
+            BenchConfig(execute=False),
+        )
+        assert (record.awake, record.dormant) == counts and record.scores.true_parts == 1
 
 
 @pytest.mark.bench_data

@@ -176,7 +176,7 @@ def dataset_records() -> list[Record]:
     still = replace(truth, links=truth.links[:1], joints=(), face_link=truth.face_link * 0)
     pairs = [(right, truth), (right, still), (None, still)]
     return [
-        Record(str(k), "box", "k", "ok", "", score(found, true), 1.0, {}, 1, 1, None)
+        Record(str(k), "box", "k", "ok", "", score(found, true), 1.0, {}, 1, 1, None, 1, 0)
         for k, (found, true) in enumerate(pairs)
     ]
 
@@ -232,6 +232,7 @@ def test_a_row_counts_objects_that_move_and_those_that_do_not(
     row = engine_table.row_of(WANTED, got, "abc1234")
     assert row["name"] == "1 objects" and row["values"]["false joints"] == "1 of 2"
     assert row["values"]["mIoU"] == 1.0 and row["commit"] == "abc1234" and row["readme"]
+    assert row["values"]["true parts"] == "1 of 1, 0 dormant"
     assert row["models"] == {"unseen": False, "trained_on": {"joints": "generated, dev"}}
 
 
