@@ -75,13 +75,14 @@ NAMES = {
     "scene_synthesizer": "objects of scene-synthesizer",
 }  # fmt: skip
 """What a source is, by its folder."""
-LONG = ("labels_unseen",)
-"""Sources that take hours: not in the README, whose rows are measured again with every change."""
+LONG = {"labels_unseen": ("--no-exec",)}
+"""Sources of many objects, with flags of their rows; they are not in the README, whose rows are
+measured again with every change."""
 
 
 def wanted_rows() -> tuple[Wanted, ...]:
     """All rows, in the order of the table."""
-    rows = [Wanted(k, name, k, readme=k not in LONG) for k, name in NAMES.items()]
+    rows = [Wanted(k, name, k, LONG.get(k, ()), readme=k not in LONG) for k, name in NAMES.items()]
     rows += [
         Wanted(f"{k}-shipped", name, k, shipped=True, readme=True)
         for k, name in NAMES.items() if shipped_saw(k)

@@ -44,7 +44,7 @@ def split_pieces(mesh: Mesh, labels: IntArray, pieces: Sequence[int]) -> IntArra
         if not own.any():
             raise InputError(f"there is no piece {piece} to split; there are 0 to {out.max()}")
         chosen = np.flatnonzero(own & topo.kept)
-        node = np.full(len(mesh.faces), -1, dtype=np.int64)
+        node: IntArray = np.full(len(mesh.faces), -1, dtype=np.int64)
         if len(chosen) > 1:
             node, _ = cut(hierarchy(topo, chosen), FINER.pieces)
         if node.max() < 1:
