@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mam_pipeline.edited import read_json, validated
@@ -13,7 +13,7 @@ from mam_pipeline.formats.articulations import KINDS, SUFFIXES
 from mam_pipeline.formats.suffixes import USD
 from mam_pipeline.guarded import Limits
 from mam_pipeline.mend import Mended, Order, mend
-from mam_sim.batch.inputs import Input, find_inputs
+from mam_sim.batch.inputs import USUAL, Input, find_inputs, telling_name
 from mam_sim.forkserver import run_all
 
 
@@ -48,7 +48,8 @@ def found_files(words: Sequence[str]) -> list[Input]:
     """
     found = find_inputs(words)
     folders = [Path(w).resolve() for w in words if Path(w).is_dir()]
-    files = [i for i in found if i.fault or i.path.suffix.lower() in SUFFIXES]
+    files = [replace(i, label=telling_name(i.path)) if i.label in USUAL else i
+             for i in found if i.fault or i.path.suffix.lower() in SUFFIXES]  # fmt: skip
     files = [  # a folder's USD files are layers and meshes, of which few are articulations
         i for i in files
         if i.path.suffix.lower() not in USD or not any(i.path.is_relative_to(f) for f in folders)

@@ -18,6 +18,8 @@ from mam_pipeline.formats.suffixes import PHOTOS, mesh_suffixes
 
 LISTS = (".txt", ".lst")
 SIMULATED = (".urdf",)
+USUAL = ("object", "mobility", "model", "robot", "scene")
+"""Names of files that say nothing: their folder's name says what they are."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,11 @@ class _Seen:
                     raise InputError(f"{folder} leads to more than {most}; name a smaller folder")
                 inside.append(folder / row.name)
         return sorted(inside)
+
+
+def telling_name(path: Path) -> str:
+    """What a file is called: its stem, or its folder's name where that says nothing."""
+    return path.parent.name if path.suffix and path.stem in USUAL else path.stem
 
 
 def find_inputs(words: Sequence[str]) -> list[Input]:

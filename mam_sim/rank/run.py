@@ -16,7 +16,8 @@ from typing import Any, TypeVar
 
 from mam_pipeline import folders
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.claims import not_a_link
+from mam_pipeline.asset.listing import assets_in
+from mam_pipeline.claims import ASSET, MENDED, is_ours, not_a_link
 from mam_pipeline.edited import read_json, validated
 from mam_pipeline.errors import (
     InputError,
@@ -26,15 +27,14 @@ from mam_pipeline.errors import (
     disk_is_full,
 )
 from mam_pipeline.formats.articulations import KINDS, SUFFIXES, converted
+from mam_pipeline.formats.door import entries, is_file
 from mam_pipeline.formats.suffixes import PHOTOS, mesh_suffixes
 from mam_pipeline.guarded import Ending, Limits
-from mam_sim.batch.inputs import content_digest
+from mam_sim.batch.inputs import content_digest, telling_name
 from mam_sim.forkserver import run_all
 from mam_sim.rank.measure import VERSION, Measure, Row, Verdict
 
 T = TypeVar("T")
-USUAL = ("object", "mobility", "model", "robot", "scene")
-"""Names of files that say nothing: their folder's name says what they are."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,7 @@ class Subject:
         if fault:
             digest = hashlib.sha256(folders.as_text(f"{path} {fault}").encode()).hexdigest()
         own = path.absolute() if fault else path.resolve()
-        said = own.parent.name if own.suffix and own.stem in USUAL else own.stem
-        return Subject(own, f"{folders.as_text(said)}-{digest[:6]}", digest, fault)
+        return Subject(own, f"{folders.as_text(telling_name(own))}-{digest[:6]}", digest, fault)
 
     @staticmethod
     def _digest(path: Path) -> str:
@@ -79,6 +78,21 @@ class Subject:
             return hashlib.sha256(digest.encode()).hexdigest()
         robot_file(path)
         return content_digest(path)
+
+
+def subjects(paths: Sequence[Path]) -> list[Path]:
+    """Assets and files that are meant: of a folder of `batch` or `mend`, all that are in it.
+
+    A mended file of which no part moves made no asset: it is meant itself.
+    """
+    found = [p for path in paths for p in assets_in(path, MENDED.file) or [path]]
+    return [_urdf_alone(p) if is_ours(p / MENDED.file, MENDED) else p for p in found]
+
+
+def _urdf_alone(folder: Path) -> Path:
+    """The folder, or the one URDF in it where it has no card."""
+    files = [] if is_file(folder / ASSET.file) else entries(folder, "*.urdf")
+    return files[0] if len(files) == 1 else folder
 
 
 def robot_file(path: Path) -> Path:
@@ -130,8 +144,8 @@ class Examine:
 
     def warm(self) -> None:
         """Import what a check needs."""
+        from mam_pipeline.asset import foreign  # noqa: F401
         from mam_pipeline.check import check  # noqa: F401
-        from mam_sim.rank import foreign  # noqa: F401
 
     def run(self) -> None:
         """Write the verdict."""
@@ -152,7 +166,7 @@ class Examine:
                 start, lint=report.clauses["lint"], check=report.passed, reasons=report.reasons
             )
             if foreign:
-                from mam_sim.rank.foreign import foreign_asset
+                from mam_pipeline.asset.foreign import foreign_asset
 
                 asset = foreign_asset(path, self.out / "foreign" / self.subject.name)
             else:
@@ -275,7 +289,7 @@ class Try:
         """The folder of the true object in the asset's frame, made once for each row."""
         if self.truth is None:
             return None
-        from mam_sim.rank.foreign import true_asset
+        from mam_pipeline.asset.foreign import true_asset
 
         asset = Asset.load(self.verdict.folder)
         return true_asset(self.truth.path, asset, self.out / "truth" / self.file.stem).folder

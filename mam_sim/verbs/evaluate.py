@@ -192,7 +192,7 @@ class Evaluate(Verb):
     def _truth(self, asset: Any, folder: str) -> Path | None:
         if self.truth is None:
             return None
-        from mam_sim.rank.foreign import true_asset
+        from mam_pipeline.asset.foreign import true_asset
 
         return true_asset(self.truth, asset, Path(folder) / "truth").folder
 

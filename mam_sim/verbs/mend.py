@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +32,8 @@ class Mend(Verb):
     files: Positional[tuple[str, ...]]
     """URDF, MJCF or USD files, folders of URDFs, quoted patterns, or a list (.txt) of these."""
     out: Path | None = None
-    """Folder for the mended copy and mend.json; of several files, for a folder each."""
+    """Folder for the mended copy, as an asset, and mend.json; of several files, for a folder
+    each."""
     only: tuple[str, ...] = ()
     """Mend these reasons alone (their codes are those of `check`)."""
     profile: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
@@ -88,27 +90,40 @@ class Mend(Verb):
         if several:
             before, now = (sum(getattr(f, k) for f in read) for k in ("before", "passed"))
             screen.say(f"{len(results)} files: {before} passed before, {now} pass now")
+        if self.out is not None:
+            self._next(screen, read)
         if len(read) < len(results):
             return 2
         return 0 if all(f.passed for f in read) else 1
 
+    def _next(self, screen: Screen, read: Sequence[Mended]) -> None:
+        """What takes the result: it is an asset folder, or one that holds some."""
+        if any(f.asset for f in read):
+            screen.say(f"asset:  {self.out}; rank, train, collect, view and export take it")
+        if len(read) == 1 and not read[0].passed:
+            screen.next("check", read[0].urdf)
+        elif any(f.asset for f in read):
+            screen.next("rank", str(self.out))
+
 
 def _print(screen: Screen, found: Mended) -> None:
     """The verdict before and after, the changes, and what is left."""
+    from mam_pipeline.mend.work import counted
+
     if found.fault:
         screen.say(f"{found.source}: cannot be mended: {found.fault}")
         return
-    words = {True: "passes", False: "fails"}
     why = f" ({', '.join(found.reasons_before)})" if found.reasons_before else ""
-    count = f"{len(found.changes)} change{'' if len(found.changes) == 1 else 's'}"
-    screen.say(f"{found.source}: {words[found.before]}{why}; {count}; now it {words[found.passed]}")
+    before = "passes the check already" if found.before else f"fails the check{why}"
+    now = ("now it passes" if found.passed else "it still fails") if not found.before else (
+        "it still passes" if found.passed else "now it fails")  # fmt: skip
+    screen.say(f"{found.source}: {before}; {counted(len(found.changes), 'change')}; {now}")
     for line in lines(found.changes):
         screen.say(f"  {line}")
     for line in found.left:
         screen.say(f"  left: {line}")
     if found.urdf:
         screen.say(f"written: {found.urdf}")
-        screen.next("make-env" if found.passed else "check", str(found.urdf))
 
 
 def lines(changes: Sequence[Change]) -> list[str]:
@@ -129,8 +144,9 @@ def lines(changes: Sequence[Change]) -> list[str]:
 
 
 def _places(where: Sequence[str]) -> str:
-    """A few places by name."""
-    where = list(dict.fromkeys(where))
+    """A few places by name; one that was changed several times says how often."""
+    often = Counter(where)
+    where = [name if n == 1 else f"{name} ({n} times)" for name, n in often.items()]
     if len(where) <= 3:
         return ", ".join(where)
     return f"{where[0]}, {where[1]} and {len(where) - 2} more"

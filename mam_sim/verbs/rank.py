@@ -32,7 +32,7 @@ class Rank(Verb):
     """
 
     assets: Positional[tuple[Path, ...]]
-    """Asset folders, or URDF, MJCF or USD files."""
+    """Asset folders, folders of `batch` or `mend`, or URDF, MJCF or USD files."""
     robots: str = "panda"
     """Names of arms, with commas between them."""
     episodes: Count = 5
@@ -63,8 +63,13 @@ class Rank(Verb):
             0, or 2 where none of the assets can be read.
         """
         from mam_pipeline.optional import require
+        from mam_sim.rank.run import subjects
 
-        names = self._robots()
+        names, assets = self._robots(), subjects(self.assets)
+        if self.truth and len(self.truth) != len(assets):
+            raise ConfigError(
+                f"--truth needs one URDF per asset: {len(assets)}, not {len(self.truth)}"
+            )
         require("rank", "sapien", "mani_skill", "torch", "gymnasium")
         from mam_envs.robots import ROBOTS
 
@@ -72,11 +77,11 @@ class Rank(Verb):
             ROBOTS.check(name)
         if self.out is None:
             with Scratch() as folder:
-                return self._measure(Path(folder).resolve(), names, Screen(self.quiet))
+                return self._measure(assets, Path(folder).resolve(), names, Screen(self.quiet))
         claim_folder(self.out, RANK)
         for part in ("verdicts", "rows", "videos", "foreign", "made", "runs", "truth"):
             not_a_link(self.out / part)
-        return self._measure(self.out.resolve(), names, Screen(self.quiet))
+        return self._measure(assets, self.out.resolve(), names, Screen(self.quiet))
 
     def _robots(self) -> list[str]:
         names = list(dict.fromkeys(n.strip() for n in self.robots.split(",") if n.strip()))
@@ -84,22 +89,20 @@ class Rank(Verb):
             raise ConfigError("name at least one asset folder or URDF")
         if not names:
             raise ConfigError("--robots needs at least one name")
-        if self.truth and len(self.truth) != len(self.assets):
-            raise ConfigError(
-                f"--truth needs one URDF per asset: {len(self.assets)}, not {len(self.truth)}"
-            )
         if self.video and self.out is None:
             raise ConfigError("--video needs --out DIR: where the videos stay")
         return names
 
-    def _measure(self, out: Path, robots: Sequence[str], screen: Screen) -> int:
+    def _measure(
+        self, assets: Sequence[Path], out: Path, robots: Sequence[str], screen: Screen
+    ) -> int:
         from mam_pipeline.guarded import Limits
         from mam_sim.rank.measure import VERSION, Measure, total
         from mam_sim.rank.page import as_json, rows_table, totals_table
         from mam_sim.rank.run import Subject, attempts, examine, joints_of_truth, measured
 
         real = [joints_of_truth(path) for path in self.truth]
-        faults = [Subject.of(path).fault for path in self.assets]
+        faults = [Subject.of(path).fault for path in assets]
         if all(faults):
             raise InputError(faults[0])
         if self.out is not None and not (out / RANK.file).exists():  # whose folder it is from now
@@ -107,10 +110,10 @@ class Rank(Verb):
             folders.write_text(out / RANK.file, json.dumps({"measure": {"version": VERSION}}))
         limits = Limits(self.time_limit, self.memory_limit)
         measure = Measure(episodes=self.episodes)
-        with counting_bar(screen, len(self.assets), 0) as tell:
-            verdicts = examine(self.assets, out, self.jobs, limits, lambda w: tell(w, "check"))
+        with counting_bar(screen, len(assets), 0) as tell:
+            verdicts = examine(assets, out, self.jobs, limits, lambda w: tell(w, "check"))
         tasks = attempts(
-            self.assets, verdicts, robots, measure, self.policy, out, limits, self.video,
+            assets, verdicts, robots, measure, self.policy, out, limits, self.video,
             self.truth,
         )  # fmt: skip
         with counting_bar(screen, len(tasks), sum(t.done for t in tasks)) as tell:

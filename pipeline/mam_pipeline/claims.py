@@ -150,7 +150,7 @@ def png_mark() -> PngInfo:
 
 def instead(folder: Path) -> str:
     """What a folder holds that was given in place of another: ", but a run (run.json)"."""
-    kinds = (ASSET, RUN, COLLECTION, BATCH, RANK, EXPORT, SETUP)
+    kinds = (ASSET, RUN, COLLECTION, BATCH, RANK, EXPORT, SETUP, MENDED)
     found = next((k for k in kinds if (folder / k.file).is_file()), None)
     if found is None:
         return ""

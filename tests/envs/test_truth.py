@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from mam_pipeline.asset.card import Asset
+from mam_pipeline.asset.foreign import true_asset
 from mam_pipeline.errors import InputError, NotPhysicalError
 from mam_policies.evaluate import evaluate_expert
 from mam_policies.run import EnvChoice
 from mam_sim.cli import main
-from mam_sim.rank.foreign import true_asset
 
 
 def sliding(door: Path, out: Path) -> Path:

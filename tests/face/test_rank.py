@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from mam_pipeline.asset.foreign import foreign_asset, foreign_card
 from mam_pipeline.config_file import plain
 from mam_pipeline.errors import InputError
 from mam_sim.cli import main
-from mam_sim.rank.foreign import foreign_asset
 from mam_sim.rank.measure import VERSION, Measure, Row, Share, Verdict, total
 from mam_sim.rank.page import page
 from mam_sim.rank.run import Examine, Subject, Try
@@ -44,7 +45,7 @@ def test_a_number_is_only_compared_with_one_of_the_same_measure() -> None:
     """Whoever changes one of these raises VERSION, here, there, and on the page."""
     from mam_envs.config import EnvConfig
 
-    assert VERSION == 4
+    assert VERSION == 5
     assert asdict(Measure()) == {
         "episodes": 5, "seed": 50_000_017, "max_steps": 200, "control_mode": "pd_joint_pos",
     }  # fmt: skip
@@ -106,6 +107,20 @@ def test_a_stranger_s_urdf_keeps_its_file_and_gets_a_card(tmp_path: Path) -> Non
     (tmp_path / "still.urdf").write_text('<robot name="s"><link name="a"/></robot>')
     with pytest.raises(InputError):
         foreign_asset(tmp_path / "still.urdf", tmp_path / "none")
+
+
+def test_a_stranger_s_friction_damping_and_couplings_are_on_the_card(tmp_path: Path) -> None:
+    urdf = _cabinet(tmp_path / "cabinet.urdf")
+    text = urdf.read_text().replace(LIMIT, LIMIT + '<dynamics friction="0.7" damping="0.2"/>')
+    second = re.findall(r'<link name="door">.*</joint>', text)[0]
+    second = second.replace("door", "flap").replace('"hinge"', '"other"').replace("0.2 0", "0.9 0")
+    second = second.replace("</joint>", '<mimic joint="hinge" multiplier="-0.5"/></joint>')
+    urdf.write_text(text.replace("</robot>", second + "</robot>"))
+    cards = {j.name: j for j in foreign_card(urdf).joints}
+    hinge, other = cards["hinge"], cards["other"]
+    assert (hinge.friction, hinge.damping, hinge.coupling) == (0.7, 0.2, None)
+    assert other.coupling is not None
+    assert (other.coupling.joint, other.coupling.multiplier) == ("hinge", -0.5)
 
 
 @pytest.mark.sim

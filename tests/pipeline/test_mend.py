@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
+import yourdfpy
 
+from mam_pipeline.asset.card import Asset
+from mam_pipeline.asset.listing import asset_folders
 from mam_pipeline.check.check import check_asset, check_profile
 from mam_pipeline.check.report import REASONS
 from mam_pipeline.mend import REPAIRS, Order, mend
 from mam_sim.cli import main
+from mam_sim.rank.run import subjects
 from tests.pipeline.fault_cases import FAIL, case, write
 
 pytestmark = pytest.mark.sim
@@ -61,7 +66,35 @@ def test_what_passes_is_left_byte_for_byte(tmp_path: Path, sound: set[str]) -> N
         "body.obj",
         "door.obj",
         "mend.json",
+        "asset.json",
     }
+
+
+def test_what_it_writes_is_an_asset_with_the_numbers_of_the_file(
+    tmp_path: Path,
+) -> None:
+    urdf = case(tmp_path / "fridge")
+    text = urdf.read_text().replace('name="r"', 'name="fridge"', 1)
+    urdf.write_text(re.sub(r"<inertial>.*?</inertial>|<dynamics[^>]*>", "", text, flags=re.S))
+    found = mend(urdf, tmp_path / "out")
+    asset = Asset.load(tmp_path / "out")
+    assert found.asset and asset.card.executable is found.passed is True
+    told = {j.name: j for j in yourdfpy.URDF.load(found.urdf, load_meshes=False).robot.joints}
+    for joint in asset.card.movable:
+        own = told[joint.name]
+        assert joint.friction == pytest.approx(float(own.dynamics.friction)) and joint.friction > 0
+        assert joint.damping == pytest.approx(float(own.dynamics.damping)) and joint.damping > 0
+        assert (joint.lower, joint.upper) == pytest.approx((own.limit.lower, own.limit.upper))
+    assert any("steel sheet" in c.why for c in found.changes)  # a fridge's door, not a cupboard's
+    made = {p.link: p.mass for p in asset.card.parts}
+    assert all(made[j.child] > 0 for j in asset.card.movable)
+
+
+def test_what_does_not_move_is_mended_and_no_asset(tmp_path: Path) -> None:
+    (tmp_path / "r.urdf").write_text("<robot name='r'><link name='a'/></robot>")
+    found = mend(tmp_path / "r.urdf", tmp_path / "out")
+    assert not found.asset and not (tmp_path / "out" / "asset.json").exists()
+    assert subjects([tmp_path / "out"]) == [tmp_path / "out" / "r.urdf"]  # rank says why
 
 
 def test_an_mjcf_comes_out_as_a_urdf_that_passes(tmp_path: Path) -> None:
@@ -87,7 +120,12 @@ def test_the_verb_says_what_it_does_and_ends_with_what_is_left(
     assert "bad_limits: hinge: 1.5 .. 0 -> 0 .. 1.5 (the lower end is the lower number)" in said
     assert not (tmp_path / "out").exists()
     assert main(["mend", one, two, "--out", out, "--no-drive"]) == 1
-    assert "2 files: 0 passed before, 1 pass now" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "2 files: 0 passed before, 1 pass now" in said
+    assert said.splitlines()[-1] == f"next:   mam-sim rank {out}"
+    asset, still = sorted(subjects([Path(out)]), key=Path.is_file)
+    assert (asset / "asset.json").is_file() and still.name == "r.urdf"
+    assert asset_folders([Path(out)]) == [asset.resolve()]  # what train and register take
     assert main(["mend", one, "--out", out, "--no-drive"]) == 2  # of several files before
     assert main(["mend", one, "--dry-run", "--only", "bad_limit"]) == 2
     assert "did you mean 'bad_limits'" in capsys.readouterr().err

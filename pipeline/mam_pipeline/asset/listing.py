@@ -6,7 +6,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mam_pipeline.asset.card import Asset
+from mam_pipeline.claims import ASSET
 from mam_pipeline.formats.door import entries, is_file
+
+CARD = ASSET.file
+
+
+def assets_in(folder: Path, *marks: str) -> list[Path]:
+    """Folders directly in one that is no asset itself, and that hold a card or one of `marks`."""
+    if not folder.is_dir() or is_file(folder / CARD):
+        return []
+    return [p for p in entries(folder) if any(is_file(p / name) for name in (CARD, *marks))]
 
 
 def asset_folders(paths: Sequence[Path]) -> list[Path]:
@@ -17,9 +27,6 @@ def asset_folders(paths: Sequence[Path]) -> list[Path]:
     """
     out: dict[Path, None] = {}
     for path in paths:
-        inside = []
-        if path.is_dir() and not (path / "asset.json").is_file():
-            inside = [p for p in entries(path) if is_file(p / "asset.json")]
-        for folder in inside or [Asset.card_of(path).folder]:
+        for folder in assets_in(path) or [Asset.card_of(path).folder]:
             out[folder.resolve()] = None
     return list(out)

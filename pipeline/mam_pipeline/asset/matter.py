@@ -191,7 +191,8 @@ def weighted(bodies: Sequence[Inertial], thing: str, size: float) -> list[Inerti
     total = sum(body.mass for body in bodies)
     least, usual, most = bounds
     wanted = float(np.clip(total, usual if known.machine else least, most))
-    why = f"; such a {thing} of this size weighs {least:.2g} to {most:.2g} kg"
+    low, high = (f"{float(f'{x:.2g}'):g}" for x in (least, most))  # 120, not 1.2e+02
+    why = f"; such a {thing} of this size weighs {low} to {high} kg"
     spread = (least / wanted, most / wanted)
     factors = np.full(len(bodies), wanted / total)
     if known.machine and total < wanted:

@@ -145,3 +145,30 @@ class CheckReport:
         data["clauses"] = dict(self.clauses)
         data["reasons"] = list(self.reasons)
         return data
+
+    def for_card(self) -> dict[str, Any]:
+        """What an asset's card keeps of it, as `executability`."""
+        failing = [
+            {"joint": j.name, "reasons": list(j.reasons), "at": j.penetration_at}
+            for j in self.joints
+            if j.reasons
+        ]
+        measured = [
+            {"joint": j.name, "breakaway": j.breakaway, "let_go": j.let_go,
+             "tilt_closed": j.tilt_closed, "tilt_half": j.tilt_half}
+            for j in self.joints
+            if j.tilt_closed is not None
+        ]  # fmt: skip
+        faults = [
+            {"where": f.where, "code": f.code, "message": f.message}
+            for f in self.findings
+            if not f.warning
+        ]
+        return {
+            "passed": self.passed,
+            "driven": self.driven,
+            "reasons": list(self.reasons),
+            **({"joints": failing} if failing else {}),
+            **({"measured": measured} if measured else {}),
+            **({"findings": faults} if faults else {}),
+        }

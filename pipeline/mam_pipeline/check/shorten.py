@@ -63,35 +63,10 @@ def written_and_checked(
             break
     notes += [f.message for f in report.findings if f.code == "not_driven"]
     seconds["check"] = round(time.perf_counter() - began, 3)
-    failing = [
-        {"joint": j.name, "reasons": list(j.reasons), "at": j.penetration_at}
-        for j in report.joints
-        if j.reasons
-    ]
-    measured = [
-        {"joint": j.name, "breakaway": j.breakaway, "let_go": j.let_go,
-         "tilt_closed": j.tilt_closed, "tilt_half": j.tilt_half}
-        for j in report.joints
-        if j.tilt_closed is not None
-    ]  # fmt: skip
-    faults = [
-        {"where": f.where, "code": f.code, "message": f.message}
-        for f in report.findings
-        if not f.warning
-    ]
     card = replace(
         asset.card,
         notes=[*asset.card.notes, *notes],
-        checks={
-            "executability": {
-                "passed": report.passed,
-                "driven": report.driven,
-                "reasons": list(report.reasons),
-                **({"joints": failing} if failing else {}),
-                **({"measured": measured} if measured else {}),
-                **({"findings": faults} if faults else {}),
-            }
-        },
+        checks={"executability": report.for_card()},
         seconds={**asset.card.seconds, **seconds},
     )
     card.save(asset.folder)

@@ -28,13 +28,15 @@ from mam_pipeline.check.profiles import (
     turn_of,
 )
 from mam_pipeline.errors import MamSimError
+from mam_pipeline.evidence.names import object_of
+from mam_pipeline.evidence.spec import Said
 from mam_pipeline.formats.urdf.geometry import shape_triangles
 from mam_pipeline.formats.urdf.read import read_bodies
 from mam_pipeline.formats.urdf.tree import UrdfTree
 from mam_pipeline.formats.urdf.write import collision_element, hull_text, numbers
 from mam_pipeline.geometry.stand_in import lightened
 from mam_pipeline.geometry.surface import hull_of
-from mam_pipeline.mend.work import Work, attribute, child, number, pose_of, short
+from mam_pipeline.mend.work import Work, attribute, child, counted, number, pose_of, short
 from mam_pipeline.types import Articulation, CollisionShape, FloatArray, Inertial, Link, Mesh
 
 
@@ -68,10 +70,8 @@ def inertia(work: Work, reason: str = "bad_inertia") -> None:
         good = tensor is not None and np.linalg.eigvalsh(tensor)[0] > 0
         if mass is not None and tensor is not None and good and lack(tensor) <= 0.0:
             continue
-        before = "no inertial" if element is None else (
-            f"mass {attribute(element, 'mass', 'value') or 'none'}, "
-            f"moments {'none' if tensor is None else short(np.linalg.eigvalsh(tensor))}"
-        )  # fmt: skip
+        told = "" if element is None else attribute(element, "mass", "value")
+        before = "no inertial" if element is None else f"mass {told or 'none'}, {_moments(tensor)}"
         if element is not None and mass is not None and tensor is not None and good:
             after = _grown(element, tensor)
             if after is not None:
@@ -89,10 +89,10 @@ def inertia(work: Work, reason: str = "bad_inertia") -> None:
         else:
             made = found if mass is None else replace(
                 found, mass=mass, inertia=found.inertia * mass / found.mass)  # fmt: skip
-            why = f"of its surface, {found.material}"
+            why = f"from its surface: {found.material}"
             why = why if mass is None else "its mass, spread as its surface is"
         _write_inertial(link, made)
-        after = f"mass {made.mass:.4g}, moments {short(np.linalg.eigvalsh(made.inertia))}"
+        after = f"mass {made.mass:.4g} kg, {_moments(made.inertia)}"
         work.change(reason, name, before, after, why)
 
 
@@ -116,7 +116,14 @@ def _grown(element: ET.Element, tensor: FloatArray) -> str | None:
         return None
     values[:2] += 0.5001 * missing
     _write_tensor(element, axes @ np.diag(values) @ axes.T)
-    return f"moments {short(np.sort(values))}"
+    return _moments(np.diag(values))
+
+
+def _moments(tensor: FloatArray | None) -> str:
+    """The principal moments of inertia of a tensor (3, 3), in words."""
+    if tensor is None:
+        return "no moments"
+    return f"moments {short(np.linalg.eigvalsh(tensor))} kg m2"
 
 
 def _measured(work: Work) -> dict[str, Inertial]:
@@ -127,16 +134,25 @@ def _measured(work: Work) -> dict[str, Inertial]:
     except MamSimError:
         return {}
     assert mesh.face_group is not None
-    links = tuple(Link(n, _kind(n), np.flatnonzero(mesh.face_group == i))
-                  for i, n in enumerate(mesh.group_names))  # fmt: skip
+    links = [Link(n, _kind(n), np.flatnonzero(mesh.face_group == i))
+             for i, n in enumerate(mesh.group_names)]  # fmt: skip
+    links.sort(key=lambda link: tree.carrier(link.name) != tree.root)  # a machine is in its body
+    bodies = link_inertials(lightened(Articulation(mesh, tuple(links), ())), _thing(work))
     out = {}
-    for link, body in zip(links, link_inertials(lightened(Articulation(mesh, links, ())))):
+    for link, body in zip(links, bodies):
         frame = tree.frames[link.name]
         turn, place = frame[:3, :3], frame[:3, 3]
         out[link.name] = replace(
             body, center=turn.T @ (body.center - place), inertia=turn.T @ body.inertia @ turn
         )
     return out
+
+
+def _thing(work: Work) -> str:
+    """The kind of object that the robot's name, the file's or its folder's says; "" for none."""
+    names = (work.root.get("name") or "", work.source.stem, work.source.absolute().parent.name)
+    found = (object_of(name, Said("file name", name)) for name in names)
+    return next((one.word for one in found if one is not None), "")
 
 
 def _kind(name: str) -> str:
@@ -234,8 +250,9 @@ def rebuild(
                 before += 1
         back: FloatArray = np.asarray(np.linalg.inv(tree.frames[name]), dtype=np.float64)
         _write_pieces(work, work.links[name], name, [_moved_shape(s, back) for s in shapes])
-        after = f"{len(shapes)} convex pieces"
-        work.change(reason, name, f"{before} collision shapes", after, why)
+        work.change(
+            reason, name, counted(before, "collision shape"), counted(len(shapes), "piece"), why
+        )
 
 
 def _moved_shape(shape: CollisionShape, pose: FloatArray) -> CollisionShape:

@@ -252,7 +252,7 @@ def friction(work: Work, reason: str = "no_friction") -> None:
         dynamics.set("friction", f"{joint.friction:.4g}")
         dynamics.set("damping", f"{damping:.4g}")
         unit, per = ("N", "m") if joint.type == "prismatic" else ("N m", "rad")
-        why = "a hand moves it, and it stays where it is left, by what it weighs"
+        why = "by its weight and kind: a hand moves it, and it stays where it is left"
         before = f"friction {had[0]:.3g}, damping {had[1]:.3g}"
         after = f"{joint.friction:.3g} {unit}, {damping:.3g} {unit} s/{per}"
         work.change(reason, joint.name, before, after, why)

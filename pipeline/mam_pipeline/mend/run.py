@@ -10,12 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from mam_pipeline import folders
+from mam_pipeline.asset.card import Asset
+from mam_pipeline.asset.foreign import foreign_card
 from mam_pipeline.check.check import check_asset
 from mam_pipeline.check.lint import Linter
 from mam_pipeline.check.profiles import PROFILES, profile_findings
-from mam_pipeline.check.report import CheckReport
-from mam_pipeline.claims import MENDED
-from mam_pipeline.errors import InputError, unknown_name
+from mam_pipeline.check.report import REASONS, CheckReport
+from mam_pipeline.claims import ASSET, MENDED
+from mam_pipeline.digests import file_digest
+from mam_pipeline.errors import InputError, MamSimError, unknown_name
 from mam_pipeline.formats.articulations import KINDS, SUFFIXES, converted
 from mam_pipeline.formats.door import outside_allowed
 from mam_pipeline.formats.mesh_files import files_kept
@@ -35,6 +38,7 @@ class Mended:
         reasons_before: why it did not. left: findings that are left, in words.
         changes: in the order in which they were made.
         fault: why it cannot be mended at all, in a sentence.
+        asset: whether the folder of the copy is an asset that other commands take.
     """
 
     source: str
@@ -45,6 +49,7 @@ class Mended:
     left: tuple[str, ...]
     changes: tuple[Change, ...]
     fault: str = ""
+    asset: bool = False
 
     @staticmethod
     def refused(source: Path, fault: str) -> Mended:
@@ -106,15 +111,30 @@ def mend(source: Path, out: Path | None, order: Order | None = None) -> Mended:
         folders.Scratch() if out is None else folders.new_folder(out)
     )
     with outside_allowed(order.allow_outside), files_kept(), place as folder:
-        found = _mended(source, Path(folder), order)
-        found = replace(found, urdf="" if out is None else str(out / Path(found.urdf).name))
+        found, report = _mended(source, Path(folder), order)
+        made = Path(folder) / found.urdf
+        found = replace(found, urdf="" if out is None else str(out / made.name))
         if out is not None:
+            found = replace(found, asset=_with_card(made, out.name, source, report))
             text = json.dumps(found.as_dict(), indent=1) + "\n"
             (Path(folder) / MENDED.file).write_text(text, encoding="utf-8")
     return found
 
 
-def _mended(source: Path, folder: Path, order: Order) -> Mended:
+def _with_card(urdf: Path, name: str, source: Path, report: CheckReport) -> bool:
+    """Make the folder of a mended file an asset by its card, where a part of it moves."""
+    said = {"path": folders.as_text(source.name), "sha256": file_digest(source), "kind": "urdf"}
+    checks = {"executability": report.for_card()}
+    try:
+        foreign_card(urdf, name=name, source=said, checks=checks).save(urdf.parent)
+        Asset.load(urdf.parent)
+    except MamSimError:  # what is left says why
+        (urdf.parent / ASSET.file).unlink(missing_ok=True)
+        return False
+    return True
+
+
+def _mended(source: Path, folder: Path, order: Order) -> tuple[Mended, CheckReport]:
     work = _begun(source, folder)
     _look(work, order)
     assert work.report is not None
@@ -141,9 +161,12 @@ def _mended(source: Path, folder: Path, order: Order) -> Mended:
             _kept_if_better(work, step, left[0], order)
     work.finish()
     words = [f"{f.code}: {f.where}: {f.message}" for f in work.report.findings if not f.warning]
-    words += [f"{code}: {j.name}" for j in work.report.joints for code in j.reasons]
-    return Mended(str(source), work.urdf.name, _passes(first), _passes(work.report),
-                  first.reasons, tuple(words), tuple(work.changes))  # fmt: skip
+    words += [
+        f"{code}: {j.name}: {REASONS[code]}" for j in work.report.joints for code in j.reasons
+    ]
+    found = Mended(str(source), work.urdf.name, _passes(first), _passes(work.report),
+                   first.reasons, tuple(words), tuple(work.changes))  # fmt: skip
+    return found, work.report
 
 
 def _begun(source: Path, folder: Path) -> Work:

@@ -224,3 +224,8 @@ def number(text: str | None) -> float | None:
 def short(values: NDArray[Any] | Sequence[float]) -> str:
     """Numbers with four digits, for a line."""
     return " ".join(f"{float(v):.4g}" for v in values)
+
+
+def counted(number: int, what: str) -> str:
+    """ "1 piece", "3 pieces", "no piece"."""
+    return f"{number or 'no'} {what}{'s' if number > 1 else ''}"

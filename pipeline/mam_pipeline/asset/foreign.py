@@ -1,7 +1,7 @@
-"""A URDF that we did not write, as an asset that robots can be given: its own file and a card.
+"""A URDF that our writer did not write, as an asset that robots can be given: its file and a card.
 
-The URDF and its meshes are copied as they are: collision shapes, masses and limits are the
-author's. The card says what our writer would have said beside them: joints, and where to grasp.
+Collision shapes, masses, limits and friction are the file's. The card says what our writer would
+have said beside them: joints, and where to grasp.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import shutil
 import xml.etree.ElementTree as ET
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -22,8 +23,11 @@ from mam_pipeline.formats.urdf.admit import admitted
 from mam_pipeline.formats.urdf.read import read_urdf
 
 
-def foreign_asset(urdf: Path, out: Path) -> Asset:
-    """Copy a URDF and its files into the folder `out`, with a card.
+def foreign_card(urdf: Path, **more: Any) -> AssetCard:
+    """The card of a URDF: what it says itself, and where its parts can be grasped.
+
+    Args:
+        urdf: in the folder that the card is for. more: further fields of the card.
 
     Raises:
         InputError: it is no URDF that can be read, or nothing moves in it.
@@ -31,16 +35,14 @@ def foreign_asset(urdf: Path, out: Path) -> Asset:
     articulation = read_urdf(urdf)
     root = admitted(urdf)
     elements = {e.get("name"): e for e in root.findall("joint")}
+    known = {j.name for j in articulation.joints if j.coupling is None}
     joints = []
     for joint in articulation.joints:
         element = elements.get(joint.name)
         if element is None:
             raise InputError(f"{urdf}: joint {joint.name!r} has no element of its name")
-        ends: dict[str, str] = {}
-        for key in ("parent", "child"):
-            end = element.find(key)
-            ends[key] = "" if end is None else str(end.get("link"))
         finite = np.isfinite([joint.lower, joint.upper])
+        follows = joint.coupling
         joints.append(
             CardJoint(
                 name=joint.name,
@@ -52,11 +54,12 @@ def foreign_asset(urdf: Path, out: Path) -> Asset:
                 upper=float(joint.upper) if finite[1] else None,
                 closed=joint.closed,
                 open=joint.open,
-                friction=joint.friction,
-                damping=joint.damping,
+                friction=_number(element, "dynamics", "friction"),
+                damping=_number(element, "dynamics", "damping"),
                 provenance="user",
-                parent=ends["parent"],
-                child=ends["child"],
+                parent=_word(element, "parent", "link"),
+                child=_word(element, "child", "link"),
+                coupling=follows if follows is not None and follows.joint in known else None,
             )
         )
     grasps = []
@@ -64,20 +67,50 @@ def foreign_asset(urdf: Path, out: Path) -> Asset:
         data = asdict(grasp)
         data |= {k: data[k].tolist() for k in ("position", "approach", "closing")}
         grasps.append(CardGrasp(**data))
+    links = {e.get("name"): e for e in root.findall("link")}
+    parts = []
+    for link in articulation.links:
+        body = links[link.name].find("inertial")
+        mass = 0.0 if body is None else _number(body, "mass", "value")
+        parts.append(CardPart(link.name, link.name, link.kind, mass=mass))
+    card = AssetCard(
+        name=urdf.stem,
+        urdf=urdf.name,
+        bounds=articulation.mesh.bounds.tolist(),
+        parts=parts,
+        joints=joints,
+        grasps=grasps,
+        notes=["joints, masses, friction and collision shapes are those of a URDF from elsewhere"],
+    )
+    return replace(card, **more)
+
+
+def _word(element: ET.Element, tag: str, key: str) -> str:
+    found = element.find(tag)
+    return "" if found is None else str(found.get(key))
+
+
+def _number(element: ET.Element, tag: str, key: str) -> float:
+    """A number that is at least 0; 0 for none."""
+    try:
+        value = float(_word(element, tag, key))
+    except ValueError:
+        return 0.0
+    return value if 0.0 <= value < np.inf else 0.0
+
+
+def foreign_asset(urdf: Path, out: Path) -> Asset:
+    """Copy a URDF and its files into the folder `out`, with a card.
+
+    Raises:
+        InputError: see foreign_card.
+    """
+    card = foreign_card(urdf)
     shutil.rmtree(out, ignore_errors=True)
     for file in files_of(urdf):
         place = out / file.resolve().relative_to(urdf.parent.resolve())
         place.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(file, place)
-    card = AssetCard(
-        name=urdf.stem,
-        urdf=urdf.name,
-        bounds=articulation.mesh.bounds.tolist(),
-        parts=[CardPart(link.name, link.name, link.kind) for link in articulation.links],
-        joints=joints,
-        grasps=grasps,
-        notes=["a URDF of somebody else's, as it is"],
-    )
     card.save(out)
     return Asset.load(out)
 
