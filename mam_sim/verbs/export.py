@@ -1,4 +1,4 @@
-"""`mam-sim export`: a policy or demonstrations to LeRobot, an asset to MJCF or USD."""
+"""`mam-sim export`: a policy or demonstrations to LeRobot, an asset to MJCF, USD or SDF."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ class Export(Verb):
 
     source: Positional[Path]
     """A run of mam-sim train or the folder of mam-sim collect (to lerobot), or an asset folder (to
-    mjcf, usd, usdz: everything in one file)."""
+    mjcf; usd; usdz: everything in one file; sdf: a model folder of Gazebo)."""
     out: Path
     """The folder to write; an earlier export there is replaced."""
-    to: Literal["lerobot", "mjcf", "usd", "usdz"] | None = None
+    to: Literal["lerobot", "mjcf", "usd", "usdz", "sdf"] | None = None
     """The format; default: lerobot for a run or a collection. For an asset it must be said."""
     mapping: Path | None = None
     """Joint mapping between simulation and the real arm (YAML). For arms that LeRobot drives it
@@ -47,7 +47,9 @@ class Export(Verb):
         if self.json:
             screen.json({"folder": self.out, "kind": to, "file": file})
         screen.say(f"{to}: {file}")
-        screen.next("check", str(file), "--profile", "mujoco" if to == "mjcf" else "isaac")
+        seen = self.source if to == "sdf" else file  # check reads no SDF: it is made of the URDF
+        profile = {"mjcf": "mujoco", "sdf": "gazebo"}.get(to, "isaac")
+        screen.next("check", str(seen), "--profile", profile)
         return 0
 
     def _only_format(self) -> str:
@@ -57,7 +59,7 @@ class Export(Verb):
         from mam_pipeline.asset.card import Asset
 
         Asset.card_of(self.source)
-        raise ConfigError(f"{self.source} is an asset; add --to mjcf, --to usd or --to usdz")
+        raise ConfigError(f"{self.source} is an asset; add --to mjcf, usd, usdz or sdf")
 
     def _lerobot(self, screen: Screen) -> int:
         from mam_policies.lerobot.dataset import REPO_ID
@@ -96,6 +98,10 @@ def _asset(source: Path, out: Path, to: str) -> Path:
         from mam_pipeline.asset.mjcf import export_mjcf
 
         file = export_mjcf(found, out / "object.xml")
+    elif to == "sdf":
+        from mam_pipeline.asset.sdf import export_sdf
+
+        file = export_sdf(found, out / "object.sdf")
     else:
         from mam_pipeline.asset.usd import export_usd
 

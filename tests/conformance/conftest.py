@@ -62,7 +62,8 @@ def rows(
     folder = request.config.getoption("--conformance-out", None)
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
-        data = {"command": COMMAND, "versions": _versions(), "rows": out, "motion": motion,
+        versions = _versions() | {r["simulator"]: r.pop("version") for r in out if "version" in r}
+        data = {"command": COMMAND, "versions": versions, "rows": out, "motion": motion,
                 "pictures": pictures}  # fmt: skip
         (folder / "conformance.json").write_text(json.dumps(data, indent=1) + "\n")
         (folder / "conformance.md").write_text(_page(data), encoding="utf-8")
@@ -108,6 +109,10 @@ def _page(data: dict[str, Any]) -> str:
         "`loadURDF(file, flags=p.URDF_USE_MATERIAL_COLORS_FROM_MTL)`.",
         "urdf-usd-converter needs an environment of its own: its usd-exchange and usd-core both",
         "hold the package `pxr`.",
+        "",
+        "Drake opens the URDF, and the SDF by Gazebo's parser, libsdformat, which is part of it.",
+        "Drake and Newton ran in an interpreter that SIMULATOR_PYTHON names (`pip install drake",
+        "newton newton-usd-schemas usd-core scipy`); without one, their tests are skipped.",
         "",
         "By hand: Gazebo's parser (sdformat 12.3) took the five URDFs without an error, with all",
         "links, joints, visuals, limits, damping and friction. Genesis 1.4.5 opened the URDF of",

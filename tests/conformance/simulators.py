@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +19,7 @@ from mam_pipeline.asset.card import Asset
 from mam_pipeline.formats.mesh_files import read_file
 from tests.conformance.bullet import bullet
 
+SCRIPTS = Path(__file__).resolve().parents[2] / "benchmarks"
 Values = Mapping[str, float]
 Box = np.ndarray
 
@@ -31,6 +34,7 @@ class Opened:
         masses: kg by link. limits: lower and upper by joint, radians or metres.
         poses: per configuration, (4, 4) link frame in the asset frame by link name.
         visual_boxes, collision_boxes: (2, 3) at rest in the asset frame, metres, by link name.
+        version: of a simulator that ran in another interpreter.
     """
 
     links: set[str]
@@ -43,6 +47,7 @@ class Opened:
     poses: list[dict[str, np.ndarray]] = field(default_factory=list)
     visual_boxes: dict[str, Box] | None = None
     collision_boxes: dict[str, Box] | None = None
+    version: str = ""
 
 
 class Missing(Exception):
@@ -322,6 +327,46 @@ def converter(asset: Asset) -> Opened:
     return _read_usd(file, asset)
 
 
+def drake(asset: Asset) -> Opened:
+    """The URDF as Drake's parser takes it."""
+    return _opened_by("pydrake", "open_in_drake.py", asset.urdf_path, asset)
+
+
+def drake_sdf(asset: Asset) -> Opened:
+    """The exported SDF as Drake takes it: its parser is Gazebo's, libsdformat."""
+    from mam_pipeline.asset.sdf import export_sdf
+
+    file = export_sdf(asset, asset.folder.parent / f"{asset.folder.name}_sdf" / "object.sdf")
+    return _opened_by("pydrake", "open_in_drake.py", file, asset)
+
+
+def newton(asset: Asset) -> Opened:
+    """The exported USD as Newton builds it on a CPU."""
+    from mam_pipeline.asset.usd import export_usd
+
+    file = export_usd(asset, asset.folder.parent / f"{asset.folder.name}_newton" / "object.usd")
+    return _opened_by("newton", "open_in_newton.py", file, asset)
+
+
+def _opened_by(module: str, script: str, file: Path, asset: Asset) -> Opened:
+    """What a script of benchmarks/ says in an interpreter that has a module: the one that
+    SIMULATOR_PYTHON names, or this one."""
+    python = os.environ.get("SIMULATOR_PYTHON") or sys.executable
+    clean = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    known = subprocess.run([python, "-c", f"import {module}"], capture_output=True, env=clean)
+    if known.returncode != 0:
+        raise Missing(f"{python} has no {module} (SIMULATOR_PYTHON names an interpreter)")
+    command = [python, str(SCRIPTS / script), str(file), "--json"]
+    values = json.dumps(configurations(asset))
+    done = subprocess.run(command, input=values, capture_output=True, text=True, env=clean)
+    assert done.returncode == 0, done.stderr[-2000:]
+    said = json.loads(done.stdout.splitlines()[-1])
+    poses = [{k: np.array(v) for k, v in row.items()} for row in said.pop("poses")]
+    limits = {k: tuple(v) for k, v in said.pop("limits").items()}
+    links, joints = set(said.pop("links")), set(said.pop("joints"))
+    return Opened(links, joints, poses=poses, limits=limits, **said)
+
+
 def _read_usd(file: Path, asset: Asset) -> Opened:
     from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
@@ -379,6 +424,9 @@ READERS: dict[str, Callable[[Asset], Opened]] = {
     "yourdfpy": yourdfpy,
     "USD export": usd,
     "urdf-usd-converter": converter,
+    "Drake": drake,
+    "Drake (SDF)": drake_sdf,
+    "Newton (USD)": newton,
 }
 
 

@@ -38,9 +38,10 @@ def test_an_asset_is_opened_whole(
     except (Missing, ImportError) as error:
         pytest.skip(str(error))
     row = _row(found, wanted)
-    rows.append({"asset": name, "simulator": simulator, **row})
+    told = {"version": found.version} if found.version else {}
+    rows.append({"asset": name, "simulator": simulator, **row, **told})
     assert found.links == wanted.links and found.joints == wanted.joints
-    assert found.visuals == wanted.visuals and found.textured == wanted.textured
+    assert found.visuals == wanted.visuals and found.textured in (None, wanted.textured)
     assert found.faces in (None, wanted.faces)
     assert row["mass"] < 1e-6 and row["limits"] < 1e-6 and row["kinematics"] < 1e-6
     assert set(found.limits) == set(wanted.limits)

@@ -168,7 +168,7 @@ def test_an_export_of_an_asset_asks_for_the_format(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["export", str(_asset_folder(tmp_path)), "--out", str(tmp_path / "out")]) == 2
-    assert "is an asset; add --to mjcf, --to usd or --to usdz" in capsys.readouterr().err
+    assert "is an asset; add --to mjcf, usd, usdz or sdf" in capsys.readouterr().err
 
 
 def test_a_run_without_weights_has_no_export(

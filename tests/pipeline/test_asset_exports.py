@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -12,9 +13,11 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.mjcf import _warnings_as_python, export_mjcf
+from mam_pipeline.asset.sdf import export_sdf
 from mam_pipeline.asset.usd import export_usd
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.errors import InputError
@@ -93,6 +96,53 @@ def test_mjcf_can_be_drawn_before_a_sky(asset: Asset, tmp_path: Path) -> None:
     model = mujoco.MjModel.from_xml_path(str(export_mjcf(asset, tmp_path / "object.xml")))
     assert model.vis.global_.offheight >= 600 and model.vis.global_.offwidth >= 800
     assert mujoco.mjtTexture.mjTEXTURE_SKYBOX in model.tex_type and model.nlight
+
+
+def test_sdf_has_the_same_poses_masses_and_joints(asset: Asset, tmp_path: Path) -> None:
+    """Poses by what SDF says: links in the model's frame, axes in that of the child."""
+    file = export_sdf(asset, tmp_path / "object.sdf")
+    (model,) = ET.parse(file).getroot()
+    assert ET.parse(tmp_path / "model.config").findtext("sdf") == "object.sdf"
+    at_rest, poses = {}, {"base": np.eye(4)}
+    for link in model.findall("link"):
+        at_rest[link.get("name")] = _sdf_pose(link)
+        for uri in link.iter("uri"):
+            assert (tmp_path / str(uri.text)).is_file()
+    joints = {j.get("name"): j for j in model.findall("joint")}
+    fixed = joints.pop("world_fixed")
+    assert (fixed.findtext("parent"), fixed.findtext("child")) == ("world", "base")
+    for name, joint in joints.items():
+        parent, child = str(joint.findtext("parent")), str(joint.findtext("child"))
+        axis = np.array(str(joint.findtext("axis/xyz")).split(), float)
+        motion = np.eye(4)
+        if joint.get("type") == "prismatic":
+            motion[:3, 3] = VALUES[str(name)] * axis
+        else:
+            motion[:3, :3] = Rotation.from_rotvec(VALUES[str(name)] * axis).as_matrix()
+        between = np.linalg.inv(at_rest[parent]) @ at_rest[child]
+        poses[child] = poses[parent] @ between @ motion  # the chain names parents first
+    for link_name, pose in expected().items():
+        np.testing.assert_allclose(poses[link_name], pose, atol=1e-6)
+    for part in asset.card.parts:
+        link = next(e for e in model.findall("link") if e.get("name") == part.link)
+        assert float(str(link.findtext("inertial/mass"))) == pytest.approx(part.mass)
+        mu = [float(str(e.text)) for e in link.iter("mu")]
+        assert mu and mu == pytest.approx([part.friction] * len(mu))
+    for card in asset.card.joints:
+        own = joints[card.name].find("axis")
+        assert own is not None
+        ends = [own.findtext("limit/lower"), own.findtext("limit/upper")]
+        assert [e and float(e) for e in ends] == [card.lower, card.upper]
+        assert float(str(own.findtext("dynamics/friction"))) == pytest.approx(card.friction)
+        assert float(str(own.findtext("dynamics/damping"))) == pytest.approx(card.damping)
+
+
+def _sdf_pose(element: ET.Element) -> np.ndarray:
+    values = np.array(str(element.findtext("pose")).split(), float)
+    pose = np.eye(4)
+    pose[:3, 3] = values[:3]
+    pose[:3, :3] = Rotation.from_euler("xyz", values[3:]).as_matrix()
+    return pose
 
 
 @pytest.mark.parametrize("format", ["obj", "glb"])

@@ -18,6 +18,7 @@ from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats import articulations
 from mam_pipeline.formats.articulations import converted
+from mam_pipeline.mend import mend
 from mam_pipeline.optional import MissingExtra
 from mam_sim.cli import main
 from tests.pipeline.test_asset_exports import chain
@@ -286,3 +287,23 @@ def test_mend_takes_it_from_there(tmp_path: Path, capsys: pytest.CaptureFixture[
         "shapes and masses)"
     )
     assert (tmp_path / "out" / "desk.urdf").is_file()
+
+
+@pytest.mark.sim
+def test_what_a_stage_lacks_is_mended_and_goes_back_to_usd(tmp_path: Path) -> None:
+    """A drawer in centimetres without limits and without a mass, both ways of the format."""
+    text = re.sub(r"float physics:(lower|upper)Limit = (-3|17)\n", "", STAGE)
+    text = re.sub(r"float physics:mass = 2\n|float3 physics:diagonalInertia = \(10.*\n", "", text)
+    assert text.count("Limit = ") == 2 and text.count("physics:mass") == 1
+    (tmp_path / "desk.usda").write_text(text)
+    found = mend(tmp_path / "desk.usda", tmp_path / "out")
+    reasons = {(c.reason, c.where) for c in found.changes}
+    assert ("bad_limits", "slide") in reasons and found.asset, found
+    asset = Asset.load(tmp_path / "out")
+    again, left = read(export_usd(asset, tmp_path / "usd" / "object.usda"), tmp_path / "back")
+    slide, own = again.joint_map["slide"], loaded(asset.urdf_path).joint_map["slide"]
+    assert left == () and again.link_map["drawer"].inertial.mass > 0
+    assert 0.02 < own.limit.upper - own.limit.lower < 1.0  # metres, not centimetres
+    assert (slide.limit.lower, slide.limit.upper) == pytest.approx(
+        (own.limit.lower, own.limit.upper), abs=1e-5
+    )
