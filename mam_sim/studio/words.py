@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,19 +22,6 @@ from mam_pipeline.types import (
 )
 from mam_sim.facts import span
 
-
-@dataclass(frozen=True)
-class Chances:
-    """Words for a confidence.
-
-    Attributes:
-        sure: 0..1 from which a joint is called sure; between this and `NEEDS_REVIEW` it is likely.
-    """
-
-    sure: float = 0.9
-
-
-CHANCES = Chances()
 MOTIONS: dict[JointSubtype, str] = {
     "hinge": "swings like a door or a lid",
     "spin": "turns like a knob or a wheel",
@@ -90,17 +76,7 @@ def sureness(joint: Joint, source: str) -> str:
     """
     if joint.type == "fixed":
         return "does not move"
-    origin = motion_origin(joint, source)
-    if origin.kind != "inferred":
-        return str(origin).partition(":")[0]
-    sure = (
-        "needs review"
-        if needs_review(joint)
-        else "likely"
-        if joint.confidence < CHANCES.sure
-        else "sure"
-    )
-    return f"{sure}, {percent(joint.confidence)}"
+    return f"{motion_origin(joint, source)}{'; needs review' if needs_review(joint) else ''}"
 
 
 def kept_value(joint: Joint, shown: float) -> float:

@@ -57,6 +57,8 @@ from mam_pipeline.edited import (
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import Axis, JointSubtype, Provenance
 
+DRAWER_SHARE = 0.75
+"""Of the depth inside a body that was read on a photo, how far a drawer slides."""
 MOST_PARTS = 300
 """As many as a URDF may have links."""
 
@@ -89,7 +91,7 @@ class HintJoint:
     """What is known of a joint; None leaves it to the engine. Sides as seen from the front.
 
     `travel`: where lower and upper come from: given by a person, as far as such parts usually go,
-    or an assumed share of the object's depth.
+    or the assumed `DRAWER_SHARE` of the depth inside the object.
     """
 
     __pydantic_config__ = STRICT

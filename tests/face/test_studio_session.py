@@ -140,7 +140,7 @@ def test_how_an_object_stands_is_said_kept_and_read_by_articulate(
     for file in ("object.urdf", "stages/4_joints/joints.yaml"):
         assert (made.folder / file).read_bytes() == (theirs.folder / file).read_bytes()
     (front,) = (d for d in theirs.card.placement if d["about"] == "front")
-    assert front["why"] == "as asked"
+    assert front["why"] == "said by you"
     again = Session(place_of(made.folder, MakeConfig()))
     assert np.ptp(again.mesh.vertices[:, 2]) == pytest.approx(0.9)
     session.place.hints.unlink()

@@ -62,7 +62,7 @@ def test_glb_round_trip_keeps_uv_bits_and_image_bytes(tmp_path: Path) -> None:
     assert back.group_names == ("body", "knob")
     shift = np.array([0.5 * (back.bounds - mesh.bounds).sum(axis=0)[0], 0, 0.4])
     np.testing.assert_allclose(corners(back), corners(mesh) + shift, atol=1e-7)
-    assert loaded.metres_per_unit == 1.0 and "format" in loaded.metres_per_unit_source
+    assert loaded.metres_per_unit == 1.0 and loaded.metres_per_unit_source == "read from the file"
 
 
 def test_obj_round_trip_keeps_uv_bits_and_image_bytes(tmp_path: Path) -> None:

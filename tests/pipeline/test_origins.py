@@ -52,10 +52,10 @@ def test_why_a_range_is_what_it_is(given: Joint, source: str, words: str) -> Non
 
 
 def test_sizes_masses_and_friction() -> None:
-    assert str(size_origin("assumed")) == "assumed"
-    assert str(size_origin("assumed mm: 500 units would be 0.5 m")).startswith("assumed: mm: 500")
-    assert str(size_origin("given by --height")) == str(size_origin("user")) == "said by you"
-    assert str(size_origin("stated by the file format")) == "read from the file"
+    assert str(size_origin("assumed")) == "assumed: as large as such things are"
+    assert str(size_origin("assumed: mm, for 500 units would be 0.5 m")).startswith("assumed: mm, ")
+    assert str(size_origin("said by you")) == str(size_origin("user")) == "said by you"
+    assert str(size_origin("read from the file")) == "read from the file"
     assert str(mass_origin("steel")) == "assumed: steel" and mass_origin("").kind == "read"
     assert friction_origin((1.0, 2.0)).kind == "assumed" and friction_origin((0, 0)).kind == "read"
     assert all(": " in origin.text for origin in RANGES.values())

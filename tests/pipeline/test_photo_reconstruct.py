@@ -220,7 +220,7 @@ def test_the_example_is_measured() -> None:
     assert made.details["size"][1] == pytest.approx(0.40, rel=0.15)
     assert [p.kind for p in made.hints.parts] == ["body", "drawer", "drawer", "drawer"]
     assert made.confidence["cuboid"] == "high" and made.assumed == ()
-    assert "3 drawers" in made.summary and "depth measured" in made.summary
+    assert "3 drawers" in made.summary and "depth inferred from the photo" in made.summary
     assert made.pictures["overlay"].dtype == np.uint8 and made.pictures["front"].ndim == 3
     assert any(m.image_format == "jpeg" for m in made.mesh.materials)
     assert made.mesh.uv is not None and made.mesh.uv.min() >= 0 and made.mesh.uv.max() <= 1

@@ -195,6 +195,6 @@ def test_the_user_says_the_front_in_the_files_axes() -> None:
     read = Source("mesh", car.mesh, turn, 1.0, "stated")
     yaw, decisions = turned_to_front(car, read, MakeConfig(facing="-z"))
     assert np.allclose(yaw[:3, :3] @ turn[:3, :3] @ [0, 0, -1], [-1, 0, 0], atol=1e-6)
-    assert decisions[-1].chosen == "-z of the file" and decisions[-1].why == "as asked"
+    assert decisions[-1].chosen == "-z of the file" and decisions[-1].why == "said by you"
     with pytest.raises(ConfigError, match="level axis"):
         turned_to_front(car, read, MakeConfig(facing="y"))

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
+from mam_pipeline.hints import DRAWER_SHARE
 from mam_pipeline.types import Provenance, RangeBasis, RangeRule
 
 SourceKind = Literal["photo", "mesh", "urdf", "generated"]
@@ -58,7 +59,7 @@ def assumed(rule: str) -> Origin:
 READ, SAID = Origin("read", "read from the file"), Origin("said", "said by you")
 RANGES: dict[RangeRule, Origin] = {
     "usual": assumed("as far as such parts usually go"),
-    "depth": assumed("a share of its depth"),
+    "depth": assumed(f"{DRAWER_SHARE:g} of the depth inside"),
     "twin": assumed("as far as its twin"),
     "drawer_box": assumed("as deep as its assumed box"),
     "collision": measured("until it meets something"),
@@ -115,8 +116,8 @@ def size_origin(scale: str) -> Origin:
         scale: `metres_per_unit_source` of the card.
     """
     if scale.startswith("assumed"):
-        return assumed(scale.removeprefix("assumed").strip(" :"))
-    return SAID if scale == "user" or scale.startswith("given") else READ
+        return assumed(scale.removeprefix("assumed").strip(" :") or "as large as such things are")
+    return SAID if scale in ("user", SAID.text) else READ
 
 
 def mass_origin(material: str) -> Origin:

@@ -53,6 +53,7 @@ class PlacementThresholds:
 
 
 PLACEMENT = PlacementThresholds()
+READ, SAID = "read from the file", "said by you"
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,8 @@ class Decision:
     """One decision on how an object stands.
 
     Attributes:
-        about: up, unit or front. chosen: in a word. why: who says so.
+        about: up, unit or front. chosen: in a word. why: who says so; it begins with the kind of
+            `asset/origins.py`: read, said, inferred or assumed.
         runner_up: what else it might be; "" where nothing else is likely. confidence: 0..1.
     """
 
@@ -73,7 +75,9 @@ class Decision:
     def told(self) -> str:
         """One line for the screen and the card."""
         else_ = f", else {self.runner_up}" if self.runner_up else ""
-        return f"{self.about}: {self.chosen} ({self.why}; {self.confidence:.2f}{else_})"
+        inferred = self.why.startswith("inferred")
+        sure = f", {min(round(100 * self.confidence), 99)} % sure" if inferred else ""
+        return f"{self.about}: {self.chosen} ({self.why}{sure}{else_})"
 
 
 def choose_up(
@@ -89,15 +93,15 @@ def choose_up(
     shape = max(scores, key=lambda a: scores[a])
     clear = abs(scores["y"] - scores["z"])
     if wanted in TURNS:
-        axis, decision = wanted, Decision("up", wanted, "as asked")
+        axis, decision = wanted, Decision("up", wanted, SAID)
     elif stated is not None:
         axis = stated
         doubt = shape != stated and clear > 1.0
         other = f"{shape}, on which it stands better; --up {shape}" if doubt else ""
-        decision = Decision("up", axis, "as the file format says", other, 0.75 if doubt else 0.97)
+        decision = Decision("up", axis, READ, other, 0.75 if doubt else 0.97)
     elif clear > PLACEMENT.stands:
         axis, other = shape, "yz".replace(shape, "")
-        why = f"assumed from the shape: stands {scores['y']:.2f} on y, {scores['z']:.2f} on z"
+        why = f"assumed: it stands {scores['y']:.2f} well on y, {scores['z']:.2f} on z"
         decision = Decision("up", axis, why, f"{other}; --up {other}", min(0.6 + 0.3 * clear, 0.95))
     else:
         axis = "y" if suffix in (".obj", ".fbx") else "z"
@@ -136,9 +140,9 @@ def choose_unit(
             is known.
     """
     if scale is not None:
-        return _settled(float(scale), "given by --scale")
+        return _settled(float(scale))
     if height is not None:
-        return _settled(float(height) / float(extent[2]), "given by --height")
+        return _settled(float(height) / float(extent[2]))
     size = float(extent.max())
     low, high = PLACEMENT.believed
     usual = None if sizes is None else sizes[1]
@@ -153,8 +157,7 @@ def choose_unit(
         if doubt and usual is not None and UNITS[best] == stated:
             other = f"such things are usually {usual:.2g} m; --height settles it"
         chosen = f"{stated:g} m, longest side {size * stated:.3g} m"
-        why = "stated by the file format"
-        return stated, why, Decision("unit", chosen, why, other, 0.6 if doubt else 0.97)
+        return stated, READ, Decision("unit", chosen, READ, other, 0.6 if doubt else 0.97)
     if not odds:
         unit = (usual or PLACEMENT.usual) / size
         largest = usual or PLACEMENT.usual
@@ -167,7 +170,7 @@ def choose_unit(
     share = np.exp([odds[n] - odds[ranked[0]] for n in ranked])
     name, unit = ranked[0], UNITS[ranked[0]]
     kind = "as such things have" if usual is not None else "the size is plausible"
-    why = f"assumed {name}: {size:.4g} units would be {size * unit:.2f} m, {kind}"
+    why = f"assumed: {name}, for {size:.4g} units would be {size * unit:.2f} m, {kind}"
     other = ""
     if len(ranked) > 1 and share[1] > 0.05 * share.sum():
         second = ranked[1]
@@ -191,17 +194,17 @@ def _corrected(
     if fitting:
         name = min(fitting, key=lambda n: abs(np.log(size * fitting[n] * stated / sizes[1])))
         unit, chosen, sure = fitting[name] * stated, name, 0.8
-        why = f"assumed {name}: {told}"
+        why = f"assumed: {name}, for {told}"
     else:
         unit, sure = sizes[1] / size, 0.5
         chosen = f"{unit:.3g} m"
-        why = f"assumed the usual size: {told}, and no common unit explains it"
+        why = f"assumed: the usual size, for {told}, and no common unit explains it"
     longest = f"{chosen}, longest side {size * unit:.3g} m"
     return unit, why, Decision("unit", longest, why, other, sure)
 
 
-def _settled(unit: float, why: str) -> tuple[float, str, Decision]:
-    return unit, why, Decision("unit", f"{unit:g} m", why)
+def _settled(unit: float) -> tuple[float, str, Decision]:
+    return unit, SAID, Decision("unit", f"{unit:g} m", SAID)
 
 
 def _odds(size: float, suffix: str, usual: float | None) -> dict[str, float]:

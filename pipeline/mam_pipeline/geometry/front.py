@@ -68,7 +68,7 @@ def front_of(
         stated: (3,) front by the file's convention, frame of the articulation. given: by the user.
     """
     if given is not None:
-        return Front(_towards(articulation.mesh, np.asarray(given, float), False), "as asked")
+        return Front(_towards(articulation.mesh, np.asarray(given, float), False), "said by you")
     vote, weight = _votes(articulation)
     track = _track(articulation)
     weight = max(weight, FRONT.least * articulation.mesh.diagonal)
@@ -79,19 +79,19 @@ def front_of(
         if direction is not None:
             side = float(direction @ track)
             if abs(side) <= 0.3:
-                return Front(_towards(articulation.mesh, track * np.sign(track[0] or 1.0), True),
-                             "as vehicles usually have it", "the opposite side", 0.6)  # fmt: skip
+                yaw = _towards(articulation.mesh, track * np.sign(track[0] or 1.0), True)
+                return Front(yaw, "assumed: as vehicles usually have it", "the opposite side", 0.6)
             direction = track * np.sign(side)
     if share >= FRONT.clear or (direction is None and np.linalg.norm(vote) >= 1e-6):
         yaw = _towards(articulation.mesh, vote, True)
-        return Front(yaw, "where its parts open to", "" if share > 0.7 else "another side",
-                     0.5 + 0.5 * share)  # fmt: skip
+        other = "" if share > 0.7 else "another side"
+        return Front(yaw, "inferred from where its parts open", other, 0.5 + 0.5 * share)
     if direction is None:
-        return Front(np.eye(4), "unknown: as in the file", "any side; --facing settles it", 0.3)
+        return Front(np.eye(4), "assumed: as in the file", "any side; --facing settles it", 0.3)
     total = vote / max(weight, 1e-12) + FRONT.stated * direction
     nearest = max((direction, unit(vote)), key=lambda way: float(way @ total))
     yaw = _towards(articulation.mesh, nearest, True)
-    return Front(yaw, "as files of this format usually have it", "the opposite side", 0.6)
+    return Front(yaw, "assumed: as files of this format usually have it", "the opposite side", 0.6)
 
 
 def _votes(articulation: Articulation) -> tuple[FloatArray, float]:

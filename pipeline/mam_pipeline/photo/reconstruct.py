@@ -229,7 +229,7 @@ def body_of(photo: Photo, found: Found, sizes: Sizes, digits: int = 4) -> BodySp
 
 
 def summarise(reading: FrontReading, sizes: Sizes) -> str:
-    """One line: "found 3 drawers, 3 handles; depth measured; scale ASSUMED 0.72 m high"."""
+    """One line: what was found, how large its body is, and who says so of depth and scale."""
     counts = []
     for kind in ("drawer", "door", "open"):
         n = sum(p.kind == kind for p in reading.panels)
@@ -238,16 +238,18 @@ def summarise(reading: FrontReading, sizes: Sizes) -> str:
             counts.append(f"{n} {word}{'s' if n > 1 else ''}")
     seen = sum(b.provenance == "observed" for p in reading.movable for b in p.handles)
     more = sum(b.provenance != "observed" for p in reading.movable for b in p.handles)
-    handles = f"{seen} handle{'s' if seen != 1 else ''}" + (f" (+{more} inferred)" if more else "")
+    handles = f"{seen} handle{'s' if seen != 1 else ''}" + (f" (+{more} assumed)" if more else "")
     depth = {
-        "observed": "depth measured", "inferred": "depth INFERRED", "assumed": "depth ASSUMED",
-        "user": "depth given",
+        "observed": "inferred from the photo", "user": "said by you",
+        "assumed": "assumed: as usual",
+        "inferred": "assumed: between that of the photo and the usual one",
     }  # fmt: skip
-    scale = "scale given"
+    scale = "said by you"
     if sizes.scale_from == "assumed":
         usual, off = sizes.category.replace("_", " "), f"{100 * np.expm1(sizes.spread):.0f} %"
-        scale = f"scale ASSUMED from a usual {usual} (give or take {off}):"
+        scale = f"assumed: that of a usual {usual}, give or take {off}"
     return (
-        f"found {', '.join([*(counts or ['no panels']), handles])}; {depth[sizes.depth_from]} "
-        f"{sizes.depth:.2f} m; {scale} {sizes.width:.2f} m wide, {sizes.height:.2f} m high"
+        f"found {', '.join([*(counts or ['no panels']), handles])}; body {sizes.width:.2f} m wide, "
+        f"{sizes.height:.2f} m high, {sizes.depth:.2f} m deep; depth {depth[sizes.depth_from]}; "
+        f"scale {scale}"
     )
