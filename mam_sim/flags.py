@@ -31,23 +31,23 @@ from mam_pipeline.errors import ConfigError
 from mam_pipeline.lengths import metres
 
 USUAL: dict[str, tuple[str, ...]] = {
-    "MakeConfig": (
-        "up",
-        "facing",
-        "height",
-        "scale",
-        "hints",
-        "what",
-        "accept",
-        "yes",
-        "reconstructor",
-    ),
-    "EngineConfig": ("segmenter", "prior", "reasoner", "solver", "seed"),
+    "MakeConfig": ("up", "facing", "height", "scale", "hints", "what", "accept", "reconstructor"),
+    "EngineConfig": ("reasoner",),
     "PhotoConfig": ("front", "layout", "accept_low_confidence"),
-    "ModelConfig": ("vlm_model", "max_cost"),
+    "ModelConfig": ("vlm_model",),
     "Rules": (),
-}
-"""Settings that --help shows of a section, by its class; of others all, of environments none."""
+    "BenchConfig": ("fuse", "named", "seeds", "execute"),
+    "Batch": ("config", "quiet", "inputs", "out", "jobs", "retry", "environment", "report"),
+    "DemonstrationConfig": (
+        "episodes", "epochs", "steps", "batch", "learning_rate", "rounds", "seed", "deployable",
+    ),
+    "LeRobotConfig": (
+        "episodes", "steps", "batch", "cameras", "mapping", "download", "rounds", "seed",
+    ),
+    "SafetyConfig": ("rate", "speed", "margin", "lag", "current"),
+}  # fmt: skip
+"""Settings that --help shows of a section or a verb, by its class or one that it extends; of others
+all, of environments none. No verb shows more than twenty."""
 SHORT: ContextVar[bool] = ContextVar("short", default=False)
 """Whether only what people use is shown, and taken."""
 WORDS = {int: "INT", float: "FLOAT", str: "TEXT", Path: "PATH"}
@@ -84,8 +84,9 @@ def _shown(kind: type, name: str, hint: Any, value: Any) -> Any:
 
 def is_usual(kind: type, name: str) -> bool:
     """Whether --help shows a setting; --help-all shows all."""
-    if kind.__name__ in USUAL:
-        return name in USUAL[kind.__name__]
+    for cls in kind.__mro__:
+        if cls.__name__ in USUAL:
+            return name in USUAL[cls.__name__]
     return not kind.__module__.startswith("mam_envs.")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -12,10 +13,11 @@ from mam_envs.config import EnvConfig, RewardConfig, SuccessConfig
 from mam_pipeline import config_file
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.make_config import MakeConfig
+from mam_policies.algorithms import ALGORITHMS
 from mam_policies.algorithms.ppo import Ppo
 from mam_policies.run import EnvChoice, RunInfo
 from mam_sim.bench.config import BenchConfig
-from mam_sim.cli import main, verb_class
+from mam_sim.cli import VERBS, main, verb_class
 from mam_sim.options import Verb, carried, defaults, fill, parse, settings
 from mam_sim.preset_files import presets
 
@@ -186,10 +188,18 @@ def test_help_shows_what_people_use_and_says_where_the_rest_is(
     said = capsys.readouterr().out
     assert "--height LENGTH" in said and "--robot TEXT" in said
     assert "--env.reward" not in said and "--closed-fronts" not in said
-    assert said.count("│ --") < 30
     assert said.rstrip().endswith("mam-sim make-env --help-all shows all options")
     # what it does not show is taken all the same
     assert options("make-env", "x.glb", "--no-abstain").pipeline.engine.rules.abstain is False  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    "words", [*([verb] for verb in VERBS), *(["train", "--algo", a] for a in ALGORITHMS.builtin)]
+)
+def test_help_is_short(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*words, "--help"]) == 0
+    shown = re.findall(r"^[ │]*(--[a-z][\w.-]*)", capsys.readouterr().out, re.MULTILINE)
+    assert "--quiet" in shown and len(set(shown)) <= 20, shown
 
 
 def test_the_bench_is_configured_in_the_same_way(tmp_path: Path) -> None:
