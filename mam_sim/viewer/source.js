@@ -129,6 +129,7 @@ function place() {
   light.castShadow = true;
   light.shadow.mapSize.set(2048, 2048);
   light.shadow.normalBias = size / 500;
+  light.shadow.bias = -0.001; // without it rings of shadow lie on a surface that faces the light
   const reach = 1.4 * size;
   Object.assign(light.shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach });
   Object.assign(light.shadow.camera, { near: 0.01 * size, far: 6 * size });
