@@ -40,6 +40,7 @@ NAMED = 12  # joints that can all have their names in the view
 CELLS = tuple(float(m * 10.0**e) for e in range(-4, 3) for m in (1, 2, 5))  # metres
 SIDES, SIDES_TURNED = ("deep", "wide", "high"), ("wide", "deep", "high")
 GROUND, SUN = (150, 145, 140), np.array([-2.2, -1.0, 3.0])  # SUN: towards it, front at -X
+LABEL = (0.16, 0.16, 0.05)  # room of a label in the view as it opens, diagonals
 STEPS = 24  # of the arc that shows a range
 FOV = 0.75  # radians from the lower to the upper edge of the view
 FIT = 1.6  # height of the view at the object, diagonals
@@ -198,6 +199,7 @@ class Scene:
         if not on:
             return
         size = self.articulation.mesh.diagonal
+        named: list[FloatArray] = []
         for joint in self.articulation.joints:
             if joint.type == "fixed":
                 continue
@@ -216,8 +218,9 @@ class Scene:
             ))  # fmt: skip
             if name == chosen or len(self.articulation.joints) <= NAMED:
                 told = f"{called(name)}: {span(joint)}" if name == chosen else called(name)
+                named.append(_free_spot(arc[len(arc) // 2], named, size))
                 self._keep("axes", self.api.add_label(
-                    f"{where}_name", told, position=arc[len(arc) // 2], anchor="bottom-center",
+                    f"{where}_name", told, position=named[-1], anchor="bottom-center",
                 ))  # fmt: skip
 
     def select(self, chosen: NDArray[np.bool_]) -> None:
@@ -326,6 +329,19 @@ class Scene:
     def _drop(self, group: str) -> None:
         for node in self._extras.pop(group, []):
             node.remove()
+
+
+def _free_spot(spot: FloatArray, taken: Sequence[FloatArray], size: float) -> FloatArray:
+    """(3,) a place for a label at or above another, where none of those that are taken is near.
+
+    Args:
+        size: diagonal of the object, metres.
+    """
+    room = np.multiply(LABEL, size)
+    up = np.array([0.0, 0.0, room[2]])
+    while any(bool(np.all(np.abs(spot - other) < room)) for other in taken):
+        spot = spot + up
+    return spot
 
 
 def painted(mesh: Mesh, colors: NDArray[np.uint8]) -> Mesh:
