@@ -114,4 +114,4 @@ class Bench(Verb):
             screen.out.print(said)
         screen.out.print(table.seen_line(models, self.dataset))
         if self.out is not None:
-            print(f"wrote {self.out}")
+            screen.say(f"result: {self.out}")

@@ -75,6 +75,8 @@ class BenchPhoto(Verb):
         print(text if self.json else _table(counts))
         if "silently_wrong" in result and not self.json:
             print(f"silently wrong: {result['silently_wrong']:.1%}")
+        if self.out is not None:
+            tell(f"result: {self.out}")
         return 0
 
 

@@ -78,6 +78,10 @@ def _print(findings: list[Finding], screen: Screen) -> None:
             screen.say(f"      fix: {first}")
             for line in more:
                 screen.say(f"           {line}")
+    if any(f.needed and not f.ok for f in findings):
+        screen.say("next:   the fixes of the lines that say NO")
+    else:
+        screen.next("make-env", "INPUT")
 
 
 def _python() -> list[Finding]:

@@ -130,15 +130,11 @@ class Evaluate(Verb):
             screen.json(result)
         if self.video:
             screen.say(f"video: {self._film()}")
-        if self.policy is not None and not self.foreign:
-            screen.next(
-                "export",
-                str(self.policy),
-                "--to",
-                "lerobot",
-                "--out",
-                f"{self.policy.name}-lerobot",
-            )
+        if self.policy is None:
+            screen.next("collect", named[0], "--out", f"{Path(named[0]).name}-demos")
+        elif not self.foreign:
+            more = ("--to", "lerobot", "--out", f"{self.policy.name}-lerobot")
+            screen.next("export", str(self.policy), *more)
         return 0
 
     def _choice(self) -> tuple[Any, tuple[str, ...]]:
