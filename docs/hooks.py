@@ -5,15 +5,20 @@ A page asks for one by `{{ name }}`; `{{ results: NAME }}` is the table of docs/
 
 from __future__ import annotations
 
+import csv
 import inspect
 import re
+import shutil
 import sys
 import tomllib
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
+GALLERY = ROOT / "build" / "gallery"
+"""What docs/make_gallery.py makes, where somebody ran it; building the site runs it never."""
 sys.path[:0] = [str(ROOT / name) for name in ("benchmarks", "docs", "tests/pipeline")]
 
 import fault_cases  # noqa: E402 - nor are the tests
@@ -130,7 +135,29 @@ def _materials() -> str:
     return "\n".join([head, "|---|---|---|---|---|---|", *rows])
 
 
+def _gallery() -> str:
+    """Where the gallery is, and of how many inputs its objects were made; or how to make it."""
+    table = GALLERY / "run" / "manifest.csv"
+    if not (GALLERY / "gallery.html").is_file():
+        return "This build of the site has none: nobody ran the command below before it."
+    with table.open(newline="", encoding="utf-8") as stream:
+        found = Counter(row["status"] for row in csv.DictReader(stream))
+    told = ", ".join(f"{status}: {count}" for status, count in found.most_common())
+    link = '<a class="md-button" href="objects/gallery.html">Open the gallery</a>'
+    return f"{link}\n\nOf {found.total()} inputs: {told}."
+
+
+def on_post_build(config: Any, **_: Any) -> None:
+    """Put the gallery into the site, where it was made."""
+    for page in (GALLERY / "gallery.html", *GALLERY.glob("run/assets/*/view.html")):
+        if page.is_file():
+            target = Path(config["site_dir"], "gallery", "objects", page.relative_to(GALLERY))
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(page, target)
+
+
 MAKERS: dict[str, Callable[..., str]] = {
+    "gallery": _gallery,
     "results": _results,
     "cli": generate_reference.cli,
     "config": generate_reference.config,

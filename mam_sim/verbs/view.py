@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import sys
 from dataclasses import dataclass
-from pathlib import Path
+from functools import cached_property
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Annotated
 from urllib.parse import quote
 
@@ -41,6 +43,9 @@ class View(Verb):
     FOLDER/gallery.html."""
     html: bool = False
     """Write one self-contained web page instead of pictures."""
+    credits: Path | None = None
+    """With --html: CSV file with the columns file and credit. Who made the file that an asset was
+    made from, and under which licence, stands on its page and in the gallery."""
     size: Annotated[int, Range(16, 4096)] = 360
     """Pixels along each side."""
     frames: Annotated[int, Range(2, 1000)] = 24
@@ -101,7 +106,8 @@ class View(Verb):
         target = self._named() or Door(folder).may_write(folder / "view.html")
         claim_file(target, PAGE)
         target.parent.mkdir(parents=True, exist_ok=True)
-        write_text(target, page(articulation, name, card, photo_url(folder) if card else ""))
+        photo, credit = (photo_url(folder), self._credit(card)) if card else ("", "")
+        write_text(target, page(articulation, name, card, photo, credit))
         print(target)
         if not self.quiet:
             print("next: open it in any browser; it needs no network", file=sys.stderr)
@@ -126,15 +132,43 @@ class View(Verb):
             articulation, _, card = _read(folder)
             file = Door(folder).may_write(folder / "view.html")
             claim_file(file, PAGE)
-            write_text(file, page(lightened(articulation), folder.name, card, photo_url(folder)))
-            shown.append(self._shown(folder, articulation, _relative(file, target.parent)))
+            credit, photo = self._credit(card), photo_url(folder)
+            write_text(file, page(lightened(articulation), folder.name, card, photo, credit))
+            link = _relative(file, target.parent)
+            shown.append(self._shown(folder, articulation, link, credit))
         write_text(target, gallery(shown, f"{self.asset.resolve().name}: {len(shown)} objects"))
         print(target)
         if not self.quiet:
             print("next: open it in any browser; keep the folder with it", file=sys.stderr)
         return 0
 
-    def _shown(self, folder: Path, articulation: Articulation, link: str) -> Shown:
+    @cached_property
+    def _credits(self) -> dict[str, str]:
+        """Who made a file, by its name.
+
+        Raises:
+            InputError: there is no such table.
+        """
+        from mam_pipeline.errors import InputError, disk_error
+
+        if self.credits is None:
+            return {}
+        try:
+            with self.credits.open(newline="", encoding="utf-8-sig") as stream:
+                rows = list(csv.DictReader(stream))
+        except OSError as error:
+            raise disk_error(error) from error
+        except (UnicodeDecodeError, csv.Error) as error:
+            raise InputError(f"{self.credits} is no table in UTF-8: {error}") from error
+        if any(not row.get("file") or not row.get("credit") for row in rows):
+            raise InputError(f"{self.credits} needs the columns file and credit, in every row")
+        return {row["file"]: row["credit"] for row in rows}
+
+    def _credit(self, card: AssetCard | None) -> str:
+        source = "" if card is None else str(card.source.get("path", ""))
+        return self._credits.get(PurePosixPath(source).name, "")
+
+    def _shown(self, folder: Path, articulation: Articulation, link: str, credit: str) -> Shown:
         from mam_pipeline.asset.card import Asset
         from mam_pipeline.check.report import REASONS
         from mam_pipeline.render.motion import motion_pictures
@@ -152,6 +186,7 @@ class View(Verb):
             folder.name, link, picture_url(closed), picture_url(opened),
             f"{count} joint{'' if count == 1 else 's'}",
             "check fails: " + "; ".join(REASONS.get(r, r) for r in reasons) if reasons else "",
+            credit,
         )  # fmt: skip
 
 

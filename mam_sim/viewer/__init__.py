@@ -19,14 +19,15 @@ from mam_sim import facts
 
 
 def page(
-    articulation: Articulation, name: str, card: AssetCard | None = None, photo: str = ""
-) -> str:
+    articulation: Articulation, name: str, card: AssetCard | None = None, photo: str = "",
+    credit: str = "",
+) -> str:  # fmt: skip
     """HTML that opens offline: geometry, pictures, joints and the script that draws them.
 
     Args:
         articulation: asset frame (metres, Z up, front towards -X). name: of the object.
         card: whose sizes and joints stand below the sliders. photo: data URL of the one that the
-            object was made from; "" for none.
+            object was made from; "" for none. credit: who made what it was made from.
     """
     mesh = articulation.mesh
     names = [link.name for link in articulation.links]
@@ -44,7 +45,7 @@ def page(
     script = resources.files("mam_sim.viewer").joinpath("viewer.js").read_text(encoding="utf-8")
     return _template("page.html.j2").render(
         name=name, asset=_inside_script(json.dumps(asset)), script=_inside_script(script),
-        card=card, photo=photo,
+        card=card, photo=photo, credit=credit,
         size=None if card is None else facts.size_fact(card),
         mass=None if card is None else facts.mass_fact(card),
         verdict="" if card is None else facts.verdict(card),
@@ -59,6 +60,7 @@ class Shown:
     Attributes:
         name: of it. link: of its page, from the gallery's folder. closed, opened: pictures as data
             URLs. joints: in words. fails: why its check fails, in words; "" where it passes.
+        credit: who made what it was made from, and under which licence.
     """
 
     name: str
@@ -67,6 +69,7 @@ class Shown:
     opened: str
     joints: str
     fails: str = ""
+    credit: str = ""
 
 
 def gallery(objects: Sequence[Shown], title: str) -> str:

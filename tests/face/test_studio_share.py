@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from mam_pipeline.errors import InputError
 from mam_sim.studio.session import Session
 from tests.face.studio_window import (
     canvas,
@@ -54,12 +59,49 @@ def test_a_gallery_shows_every_asset_and_leads_to_its_page(tmp_path: Path) -> No
     from mam_world.dataset import write_dataset
 
     write_dataset("station_button", 2, 0, tmp_path / "all")
-    assert View(asset=tmp_path / "all", html=True, quiet=True, size=64).run() == 0
+    credits = tmp_path / "credits.csv"
+    credits.write_text('file,credit\nstatic.glb,"<b>Ann, CC0"\n', encoding="utf-8")
+    view = View(asset=tmp_path / "all", html=True, credits=credits, quiet=True, size=64)
+    assert view.run() == 0
     page = (tmp_path / "all" / "gallery.html").read_text(encoding="utf-8")
+    assert page.count("&lt;b&gt;Ann, CC0") == 2 and "<b>Ann" not in page
     assert "all: 2 objects" in page and page.count("data:image/png") == 4
     for k in range(2):
         link = f"station_button_00000{k}/view.html"
-        assert f'href="{link}"' in page and (tmp_path / "all" / link).is_file()
+        own = (tmp_path / "all" / link).read_text(encoding="utf-8")
+        assert f'href="{link}"' in page and "&lt;b&gt;Ann, CC0" in own
+    credits.write_text("name,by\nstatic.glb,Ann\n", encoding="utf-8")
+    with pytest.raises(InputError, match="needs the columns file and credit"):
+        replace(view).run()
+
+
+@pytest.mark.slow
+def test_the_sites_gallery_is_made_by_one_command_and_says_who_made_the_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "docs"))
+    import hooks
+    import make_gallery
+
+    from mam_world.dataset import write_dataset
+
+    write_dataset("station_button", 1, 0, tmp_path / "world")
+    folder, made = tmp_path / "others", tmp_path / "gallery"
+    folder.mkdir()
+    static = tmp_path / "world" / "station_button_000000" / "static.glb"
+    static.rename(folder / "button.glb")
+    (folder / "credits.csv").write_text('file,credit\nbutton.glb,"Ann, CC0"\n', encoding="utf-8")
+    assert make_gallery.main(["--count", "1", "--others", str(folder), "--out", str(made)]) == 0
+    monkeypatch.setattr(hooks, "GALLERY", made)
+    assert "objects/gallery.html" in hooks._gallery() and "Of 1 inputs: " in hooks._gallery()
+    hooks.on_post_build({"site_dir": str(tmp_path / "site")})
+    published = tmp_path / "site" / "gallery" / "objects"
+    page = (published / "gallery.html").read_text(encoding="utf-8")
+    (link,) = re.findall(r'href="([^"]+)"', page)
+    assert "Ann, CC0" in page and "Ann, CC0" in (published / link).read_text(encoding="utf-8")
+    (folder / "credits.csv").write_text("file,credit\n../x.glb,Ann\n", encoding="utf-8")
+    with pytest.raises(InputError):
+        make_gallery.of_others(folder)
 
 
 def test_a_page_gets_the_suffix_by_which_a_browser_opens_it(tmp_path: Path) -> None:
