@@ -37,19 +37,31 @@ FAULTS = (
     "", "dead_motor", "wrong_sign", "slipped_gripper", "moved_object", "hidden_tag", "lost_camera",
     "frozen_camera", "lost_arm", "key released",
 )  # fmt: skip
-RELEASED = 25
-"""Commands after which the key is let go, in that drill."""
-BEGINS = {"dead_motor": 5, "slipped_gripper": 50}
-"""Commands after which a fault begins, where it is not the robot's default."""
+BOARD = 420
+"""Commands of a calibration after which its arm goes through the poses with the board."""
+BEGINS = {
+    "calibrate": {
+        "": (0,), "dead_motor": (5, BOARD), "wrong_sign": (0,), "key released": (25, BOARD),
+    },
+    "deploy": {"dead_motor": (5,), "slipped_gripper": (50,), "key released": (25,)},
+    "park": {"key released": (25,)},
+}  # fmt: skip
+"""Commands after which a fault begins, where that is neither BOARD (calibrate) nor 30."""
 
 
 class Person(NoKey):
-    """Somebody who holds the key for some commands, says no to a wrong sign, and leaves the arm."""
+    """Somebody who reads what is said, holds the key for some commands, and leaves the arm."""
 
     person = True
 
-    def __init__(self, wrong: bool, commands: int) -> None:
-        self.wrong, self.left, self.pressed = wrong, commands, 0
+    def __init__(self, wrong: str, commands: int) -> None:
+        """`wrong`: the joint that turns the wrong way. `commands`: after which the key is let go
+        for good."""
+        self.wrong, self.left, self.said = wrong, commands, ""
+
+    def say(self, words: str) -> None:
+        """What the verb says to the person."""
+        self.said = words
 
     def down(self, only: str = "") -> bool:
         """Held until it is let go for good."""
@@ -57,40 +69,37 @@ class Person(NoKey):
         return self.left >= 0
 
     def wait(self) -> str:
-        """The space bar, an answer and the space bar for each joint, then q."""
-        self.pressed += 1
-        if self.left < 0:
-            return "q" if self.pressed % 2 else _interrupt()
-        if self.pressed > 100:  # the arm has stopped, and asks what to do
+        """The key that was asked for; Ctrl-C in the place of the space bar that was let go."""
+        if self.said.endswith("y or n"):
+            return "n" if self.wrong and self.said.startswith(self.wrong) else "y"
+        if "q:" in self.said or self.said.endswith("q?"):  # the arm holds, and asks what to do
             return "q"
-        return "n" if self.wrong and self.pressed == 4 else "y"
+        if self.left < 0:
+            raise KeyboardInterrupt
+        return " "
 
 
-def _interrupt() -> str:
-    raise KeyboardInterrupt
-
-
-def drill(verb: str, run: Path, setup: Path, fault: str, plan: np.ndarray) -> dict[str, Any]:
+def drill(
+    verb: str, run: Path, setup: Path, fault: str, begins: int, plan: np.ndarray
+) -> dict[str, Any]:
     """Play one; what happened and what the wire shows."""
     twin, wire = Twin.load(run), setup / "wire.jsonl"
     wire.unlink(missing_ok=True)
-    released = fault == "key released"
+    released, second = fault == "key released", twin.spec.arm[1]
     changes: dict[str, Any] = {"wire": str(wire), "fault": "" if released else fault}
-    if fault in BEGINS:
-        changes["fault_step"] = BEGINS[fault]
+    changes["fault_step"] = begins
     if fault == "dead_motor":
         changes["fault_joint"] = twin.spec.arm[len(twin.spec.arm) // 2]  # the elbow
-    key: Any = Person(False, RELEASED) if released else NoKey()
-    if fault == "wrong_sign" and verb == "calibrate":
-        key = Person(True, 10**9)
+    person = Person(second if fault == "wrong_sign" else "", begins if released else 10**9)
     ended = "done"
     with marked(wire):
         try:
-            VERBS[verb](twin, setup, key, plan, changes)
+            VERBS[verb](twin, setup, person, plan, changes)
         except (MamSimError, KeyboardInterrupt) as error:
             ended = str(error) or "interrupted"
     turned = 1 if fault == "wrong_sign" else None  # the joint that the robot turns
-    return {"verb": verb, "fault": fault or "none", "ended": ended, **shown(twin, wire, turned)}
+    named = {"verb": verb, "fault": fault or "none", "begins": begins, "ended": ended}
+    return {**named, **shown(twin, wire, turned)}
 
 
 @contextmanager
@@ -111,28 +120,33 @@ def marked(wire: Path) -> Iterator[None]:
         yield
 
 
-def _calibrate(twin: Twin, setup: Path, key: Any, _plan: Any, changes: dict[str, Any]) -> None:
+def _calibrate(
+    twin: Twin, setup: Path, person: Person, _plan: Any, changes: dict[str, Any]
+) -> None:
     robot = open_robot(setup / ROBOT, board=True, max_steps=100_000, **changes)
+    guess = guess_mapping(twin.spec, None, "mam_sim")
     before = (setup / MAPPING).read_text() if (setup / MAPPING).is_file() else None
     try:
-        calibrate_setup(twin, setup, robot, guess_mapping(twin.spec, None, "mam_sim"), 10, key=key)
+        calibrate_setup(twin, setup, robot, guess, 10, key=person, say=person.say)
     finally:
         if before is not None and changes["fault"]:
             (setup / MAPPING).write_text(before)
 
 
-def _perceive(twin: Twin, setup: Path, _key: Any, _plan: Any, changes: dict[str, Any]) -> None:
+def _perceive(
+    twin: Twin, setup: Path, _person: Person, _plan: Any, changes: dict[str, Any]
+) -> None:
     with open_pilot(twin.run, setup, **{**changes, "fault_step": 0}) as pilot:
         pilot.find()
 
 
-def _dry_run(twin: Twin, setup: Path, _key: Any, _plan: Any, changes: dict[str, Any]) -> None:
+def _dry_run(twin: Twin, setup: Path, _person: Person, _plan: Any, changes: dict[str, Any]) -> None:
     with open_pilot(twin.run, setup, **{**changes, "fault_step": 0}) as pilot:
         rehearse(twin.run, pilot.find(), pilot.arm.now()[:-1])
 
 
-def _deploy(twin: Twin, setup: Path, key: Any, plan: Any, changes: dict[str, Any]) -> None:
-    with open_pilot(twin.run, setup, key=key, **changes) as pilot:
+def _deploy(twin: Twin, setup: Path, person: Person, plan: Any, changes: dict[str, Any]) -> None:
+    with open_pilot(twin.run, setup, key=person, say=person.say, **changes) as pilot:
         seen = pilot.find()
         plan_space(pilot, twin, seen, plan)
         with pilot.arm.moving():
@@ -143,10 +157,10 @@ def _deploy(twin: Twin, setup: Path, key: Any, plan: Any, changes: dict[str, Any
         raise StoppedForSafety(f"no success: opened {100 * found.opened:.0f} %")
 
 
-def _park(twin: Twin, setup: Path, key: Any, _plan: Any, changes: dict[str, Any]) -> None:
+def _park(twin: Twin, setup: Path, person: Person, _plan: Any, changes: dict[str, Any]) -> None:
     mapping = guess_mapping(twin.spec, setup / MAPPING, "mam_sim")
     robot = open_robot(setup / ROBOT, **changes)
-    with connected(robot, twin.spec, mapping, key=key) as arm:
+    with connected(robot, twin.spec, mapping, key=person, say=person.say) as arm:
         arm.engage()
         away = arm.now()[:-1] + 0.3
         arm.allow(np.linspace(arm.now()[:-1], away, 8))
@@ -203,23 +217,26 @@ def main(
     write_setup(twin, setup)
     with few_objects():
         if not (setup / MAPPING).is_file():
-            _calibrate(twin, setup, NoKey(), None, {"fault": ""})
+            _calibrate(twin, setup, Person("", 10**9), None, {"fault": ""})
         with open_pilot(run, setup) as pilot:
             _, plan = rehearse(run, pilot.find(), pilot.arm.now()[:-1])
         for verb in verbs:
+            usual = (BOARD if verb == "calibrate" else 30,)
             for fault in faults:
-                rows.append(drill(verb, run, setup, fault, plan))
-                print(json.dumps(rows[-1]), flush=True)
-                save(out, {"drills": rows})
+                for begins in BEGINS.get(verb, {}).get(fault, usual):
+                    rows.append(drill(verb, run, setup, fault, begins, plan))
+                    print(json.dumps(rows[-1]), flush=True)
+                    save(out, {"drills": rows})
     print(
-        "| verb | fault | commands | after the stop | fastest, rad/s | lowest, m | safe | ends |\n"
-        "|---|---|---|---|---|---|---|---|"
+        "| verb | fault | from command | commands | after the stop | fastest, rad/s | lowest, m "
+        "| safe | ends |\n|---|---|---|---|---|---|---|---|---|"
     )
     for r in rows:
         fast, low = (f"{r[k]:.2f}" if k in r else "" for k in ("fastest_rad_s", "lowest_m"))
         count = f"{r['commands']} | {r['after_stop']}"
         safe = "yes" if r["safe"] else "no"
-        print(f"| {r['verb']} | {r['fault']} | {count} | {fast} | {low} | {safe} | {r['ended']} |")
+        what = f"{r['verb']} | {r['fault']} | {r['begins']}"
+        print(f"| {what} | {count} | {fast} | {low} | {safe} | {r['ended']} |")
     print(f"{sum(r['safe'] for r in rows)} of {len(rows)} safe")
 
 

@@ -41,6 +41,7 @@ class Bus:
         self.writes: list[tuple[str, Any]] = []
         self.torque, self.raw, self.is_connected, self.is_calibrated = 0, 0, False, True
         self.dead = False
+        self.stuck: set[str] = set()
 
     def connect(self) -> None:
         self.is_connected = True
@@ -60,7 +61,7 @@ class Bus:
         if self.dead:
             raise ConnectionError("Failed to sync write\nno status packet")
         self.writes.append((name, dict(values)))
-        self.at.update(values)
+        self.at.update({n: v for n, v in values.items() if n not in self.stuck})
 
     def write(self, name: str, _motor: str, value: Any) -> None:
         self.writes.append((name, value))
@@ -258,6 +259,39 @@ def test_a_person_turns_a_sign_that_is_wrong(follower: Any) -> None:
     before, after = SPEC.chain.forward(np.stack([SPEC.rest_arm, SPEC.rest_arm + PAN]))[1]
     assert ("left" if after[1] > before[1] else "right") in asked[0]  # +x is ahead, +y left
     assert "clockwise" in asked[4]
+
+
+def test_a_joint_that_is_asked_about_turns_a_little_whatever_its_sign(follower: Any) -> None:
+    """Read far out of its range, or below the ground, the arm is still asked about."""
+    bus, said = follower.bus, []  # type: ignore[var-annotated]
+    bus.at["shoulder_lift"] *= 1.5  # as with a wrong sign or zero: 0.7 rad out of the range
+    key = Keys(" " + "y " * 5 + "q")
+    stopped = pytest.raises(StoppedForSafety, match=r"outside its range .* lerobot-calibrate again")
+    with stopped, arm_of(follower, key, said.append, speed=1.0, rate=1000) as arm:
+        arm.signs_known = False
+        with arm.moving():
+            checked_signs(arm, said.append)
+    assert sum(words.endswith("y or n") for words in said) == 5
+    off = np.abs(bus.goals - bus.goals[0])[:, :-1]
+    assert 0.1 < off.max() < 0.13 and ((off > 1e-6).sum(axis=1) <= 1).all()
+    with arm_of(follower) as arm:
+        arm.signs_known = False
+        arm.engage()
+        arm.allow_turn(0.1)
+        with pytest.raises(StoppedForSafety, match="while its sign is not known"):
+            arm.move(arm.now()[:-1] + 0.3, SPEC.shut)
+
+
+def test_a_dead_motor_is_not_taken_for_a_wrong_sign(follower: Any) -> None:
+    follower.bus.stuck.add("elbow_flex")
+    said: list[str] = []
+    stopped = pytest.raises(StoppedForSafety, match="elbow_flex was to turn by 7 degrees and is")
+    with stopped, arm_of(follower, Keys(" y y rq"), said.append) as arm:
+        arm.signs_known = False
+        with arm.moving():
+            checked_signs(arm, said.append)
+    assert "the way to rest is not known" in said[-2]  # r, pressed before all were asked about
+    assert sum(words.endswith("y or n") for words in said) == 2
 
 
 def test_an_arm_that_lerobot_has_not_calibrated_is_refused(follower: Any) -> None:

@@ -189,6 +189,8 @@ class MamSimRobot(Robot):
                 self._stood = target.copy()
             target[k] = self._stood[k]
         elif self._fails("slipped_gripper") and late < 10:
+            if self.eye is not None:
+                self.eye.seat = None  # the board falls
             spec = self.interface.spec
             target[-1] = self.interface.mapping.to_real([spec.gripper[0]], np.array([spec.opened]))[
                 0

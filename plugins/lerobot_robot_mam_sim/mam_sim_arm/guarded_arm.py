@@ -18,7 +18,14 @@ from mam_pipeline.errors import ConfigError, MamSimError
 from mam_pipeline.types import FloatArray
 from mam_policies.lerobot.joint_mapping import JointMapping
 from mam_sim_arm.held_key import Key, NoKey
-from mam_sim_arm.safety import Guard, KeyReleased, SafetyConfig, StoppedForSafety, Workspace
+from mam_sim_arm.safety import (
+    Guard,
+    KeyReleased,
+    LittleTurn,
+    SafetyConfig,
+    StoppedForSafety,
+    Workspace,
+)
 
 Say = Callable[[str], None]
 TORQUE = "disable_torque_on_disconnect"
@@ -29,6 +36,8 @@ TRIES = 3
 """Times that a reading or a hold is tried: single packets get lost on a serial bus."""
 BEYOND = 0.35
 """Radians beyond its range at which a joint's mapping must be wrong."""
+CALIBRATE = "run `mam-sim calibrate`"
+"""What to do about a joint mapping that is wrong."""
 REST_SHARE, BACK_OFF = 0.25, 0.1
 """Of the usual speed, on the way to rest; and of the reach, to leave what the hand held."""
 
@@ -45,6 +54,7 @@ class GuardedArm:
     Attributes:
         seen: the robot's last observation. target: what was sent last. sent: commands so far.
         watched: name of the camera that must not stand still while the arm moves.
+        signs_known: whether the mapping can be trusted with more than a little turn of a joint.
         late: commands that came later than the rate allows.
     """
 
@@ -64,7 +74,7 @@ class GuardedArm:
         # simulated time does not wait
         self._pause = 0.0 if robot.name == "mam_sim" else 1.0 / self.config.rate
         self._due, self._still, self.late, self.sent = 0.0, 0, 0, 0
-        self.engaged, self.watched = False, ""
+        self.engaged, self.watched, self.signs_known = False, "", True
         self.target: FloatArray | None = None
         self.joints = [*spec.arm, spec.gripper[0]]
         self.seen: Mapping[str, Any] = {}
@@ -131,10 +141,21 @@ class GuardedArm:
         """Let commands through: torque on, at the place where the arm is.
 
         Raises:
-            StoppedForSafety: a joint is where it cannot be.
+            StoppedForSafety: a joint is where it cannot be, and signs are said to be known.
         """
         if self.engaged:
             return
+        if self.signs_known:
+            self.check_ranges()
+        self.engaged = True
+        if not _powered(self._robot):  # one that holds since an earlier stop is not let down
+            if hasattr(self._robot, "bus"):
+                self._write(self.now())  # where it will be when LeRobot switches torque on
+            self._robot.configure()
+        self.hold()
+
+    def check_ranges(self, way_out: str = CALIBRATE) -> None:
+        """Raise StoppedForSafety, with what to do, where a joint is read where it cannot be."""
         now, limits = self.now()[:-1], self.spec.chain.limits
         off = np.maximum(limits[:, 0] - now, now - limits[:, 1])
         if off.max() > BEYOND:
@@ -142,14 +163,8 @@ class GuardedArm:
             raise StoppedForSafety(
                 f"{self.spec.arm[k]} is read at {now[k]:.2f} rad, outside its range of "
                 f"{limits[k, 0]:.2f} to {limits[k, 1]:.2f}: its sign or zero in the joint mapping "
-                "is wrong; run `mam-sim calibrate`"
+                f"is wrong; {way_out}"
             )
-        self.engaged = True
-        if not _powered(self._robot):  # one that holds since an earlier stop is not let down
-            if hasattr(self._robot, "bus"):
-                self._write(self.now())  # where it will be when LeRobot switches torque on
-            self._robot.configure()
-        self.hold()
 
     @contextmanager
     def moving(self) -> Iterator[None]:
@@ -164,8 +179,14 @@ class GuardedArm:
     def allow(self, way: FloatArray, trusted: FloatArray | None = None, **more: Any) -> Workspace:
         """Plan the workspace round a way (N, n); see Workspace.around."""
         self.guard.reset()
-        self.guard.space = Workspace.around(self.spec, way, self.config.margin, trusted, **more)
-        return self.guard.space
+        space = Workspace.around(self.spec, way, self.config.margin, trusted, **more)
+        self.guard.space = space
+        return space
+
+    def allow_turn(self, most: float) -> None:
+        """Let each joint turn so many radians from where it is, and no further."""
+        self.guard.reset()
+        self.guard.space = LittleTurn(self.now()[:-1], most)
 
     def send(self, target: FloatArray, only: str = "") -> None:
         """One control step towards a target (n + 1,), held against the limits; then read.
@@ -253,8 +274,13 @@ class GuardedArm:
         """Let go, leave what the hand held, and return to the pose of rest, slowly.
 
         Raises:
-            StoppedForSafety: as `send`; or the arm is read where it cannot be.
+            StoppedForSafety: as `send`; or the arm is read where it cannot be, or not known.
         """
+        if not self.signs_known:
+            raise StoppedForSafety(
+                "the way to rest is not known before all joints have been asked about: support "
+                "the arm and switch its torque off"
+            )
         spec, start = self.spec, self.now()[:-1]
         rotation, position, _ = spec.chain.forward(start[None])
         back = np.tile(np.eye(4), (5, 1, 1))
@@ -268,8 +294,8 @@ class GuardedArm:
         if floor < -self.config.sunk:
             raise StoppedForSafety(
                 f"the arm is read {-100 * floor:.0f} cm below the ground it stands on: a sign or "
-                "zero in the joint mapping is wrong. Support it, switch its torque off, and run "
-                "`mam-sim calibrate`; if it really hangs there, give more --sunk"
+                "zero in the joint mapping is wrong. Support it, switch its torque off, and "
+                f"{CALIBRATE}; if it really hangs there, give more --sunk"
             )
         self.move(start, spec.opened, REST_SHARE, only=only)
         for stop in stops:

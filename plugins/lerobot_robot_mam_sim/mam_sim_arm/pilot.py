@@ -53,6 +53,7 @@ def calibrate_setup(
     arms = board_poses(spec, nominal, board, obstacle, poses)
     with connected(robot, spec, guess, safety, key, say) as arm:
         ask("The arm is going to move. Is its space free?")
+        arm.signs_known = not arm.key.person
         with arm.moving():
             if arm.key.person:
                 guess = checked_signs(arm, say)

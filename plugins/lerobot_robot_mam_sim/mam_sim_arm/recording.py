@@ -12,9 +12,10 @@ from mam_envs.robots import RobotSpec
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import FloatArray
 from mam_policies.lerobot.joint_mapping import UNITS, JointMapping, MotorMap
-from mam_sim_arm.calibration import Calibration, View
+from mam_sim_arm.calibration import LEAST, Calibration, View
 from mam_sim_arm.guarded_arm import GuardedArm
-from mam_sim_arm.targets import Board
+from mam_sim_arm.safety import StoppedForSafety
+from mam_sim_arm.targets import Board, detect_tags
 
 Say = Callable[[str], None]
 WIGGLE = 0.12
@@ -30,14 +31,18 @@ def record_views(
     Args:
         camera: key of the picture in the robot's observation. share: of the usual speed.
         readings: of the motors, averaged.
+
+    Raises:
+        StoppedForSafety: the board has left the hand, or object or camera were moved.
     """
     if camera not in arm.seen:
         raise ConfigError(f"the robot reports no picture {camera!r}")
     arm.watched = camera
     names, spec = arm.mapping.names(arm.spec.arm), arm.spec
     unit = np.abs(arm.mapping.arrays(spec.arm)[0])
-    out = []
+    out: list[View] = []
     arm.move(poses[0], spec.closed, share)
+    before = detect_tags(arm.seen[camera])
     for k, pose in enumerate(poses):
         if k:
             arm.move(poses[0], spec.closed, share, settle=0)
@@ -51,8 +56,33 @@ def record_views(
             out.append(View(np.mean(rows, axis=0) * unit, *found))
         seen = "no board" if found is None else f"{len(found[0])} corners"
         say(f"pose {k + 1} of {len(poses)}: {seen}")
+        before = _unmoved(before, detect_tags(arm.seen[camera]), arm.config.shifted)
+        left = len(poses) - k - 1
+        if found is None and len(out) + left < LEAST:
+            raise StoppedForSafety(
+                f"the board was found at {len(out)} of {k + 1} poses, and {LEAST} are needed: see "
+                "whether it still sits in the hand, light it evenly, and let it face the camera"
+            )
     arm.move(poses[0], spec.closed, share)
     return out
+
+
+def _unmoved(
+    before: Mapping[int, FloatArray], now: Mapping[int, FloatArray], most: float
+) -> dict[int, FloatArray]:
+    """The first corners (4, 2) in the picture of every tag on the object, by id.
+
+    Raises:
+        StoppedForSafety: a tag is more than `most` pixels from there.
+    """
+    for tag in set(before) & set(now):
+        off = float(np.linalg.norm(now[tag] - before[tag], axis=1).mean())
+        if off > most:
+            raise StoppedForSafety(
+                f"tag {tag} is seen {off:.0f} pixels from where it was: object or camera was "
+                "moved. Fix both, and calibrate again"
+            )
+    return {**now, **before}
 
 
 def record_gripper(arm: GuardedArm, steps: int = 100) -> dict[str, tuple[float, float]]:
@@ -86,16 +116,25 @@ def checked_signs(arm: GuardedArm, say: Say) -> JointMapping:
     """Turn one joint after the other a little; the person at the key says which way it went.
 
     Signs that were wrong are turned in the mapping of the arm, which is returned.
+
+    Raises:
+        StoppedForSafety: a joint does not turn; or, with right signs, it is read out of its range.
     """
     spec = arm.spec
     for k, name in enumerate(spec.arm):
+        arm.allow_turn(1.5 * WIGGLE)
         now = arm.now()
-        arm.allow(now[None, :-1])
         goal = now.copy()
-        limits = spec.chain.limits[k]
-        goal[k] += WIGGLE if now[k] + WIGGLE < limits[1] else -WIGGLE
+        goal[k] += WIGGLE if now[k] + WIGGLE < spec.chain.limits[k, 1] else -WIGGLE
         arm.move(goal[:-1], now[-1])
+        turned = abs(float(arm.now()[k] - now[k]))
         arm.move(now[:-1], now[-1])
+        if turned < 0.5 * WIGGLE:  # asked about it, one would say that it went the wrong way
+            raise StoppedForSafety(
+                f"{name} was to turn by {np.degrees(WIGGLE):.0f} degrees and is read to have "
+                f"turned by {np.degrees(turned):.0f}: its motor is dead, or something holds it. "
+                "Free the arm, and check the motor's cable"
+            )
         say(f"{name}: did {_motion(spec, now[:-1], goal[:-1])} first? y or n")
         while (pressed := arm.key.wait()) not in ("y", "n"):
             pass
@@ -107,6 +146,8 @@ def checked_signs(arm: GuardedArm, say: Say) -> JointMapping:
             say(f"{name} counts the other way; its sign is turned")
         say("Hold the space bar down again.")
         arm.key.wait()
+    arm.check_ranges("run lerobot-calibrate again, from the middle of all ranges")
+    arm.signs_known = True
     return arm.mapping
 
 

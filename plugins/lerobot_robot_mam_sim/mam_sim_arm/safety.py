@@ -41,6 +41,9 @@ class SafetyConfig:
     """Amperes that an arm's motor may take, where the driver reads them (stall is 2.7)."""
     moved: Annotated[float, Range(0, 1, above=True)] = 0.03
     """Metres that the object may move while the policy runs."""
+    shifted: Annotated[float, Range(0, 1000, above=True)] = 5.0
+    """Pixels that a tag on the object may move in the picture while the arm is calibrated; more
+    means that the object or the camera was moved."""
     sunk: Annotated[float, Range(0, 3)] = 0.015
     """Metres that the arm may be read below the ground when it shall come to rest; more means that
     a sign or zero of the joint mapping is wrong."""
@@ -134,6 +137,26 @@ class Workspace:
         return worst, why
 
 
+@dataclass(frozen=True)
+class LittleTurn:
+    """The room of an arm whose joints' signs are not known yet: no joint far from where it stands.
+
+    Where its links are cannot be told, nor whether they would go below the ground.
+
+    Attributes:
+        start: (n,) arm joints where it stands. most: radians that a joint may turn from there.
+    """
+
+    start: FloatArray
+    most: float
+
+    def away(self, arm: FloatArray, _gripper: float) -> tuple[FloatArray, str]:
+        """As of a workspace; (N,) radians instead of metres."""
+        off = np.abs(arm - self.start).max(axis=1) - self.most
+        why = "a joint would turn further than it may while its sign is not known"
+        return np.maximum(off, 0.0), why
+
+
 def _placed(
     spec: RobotSpec, points: dict[str, FloatArray], arm: FloatArray, gripper: float
 ) -> list[FloatArray]:
@@ -151,7 +174,7 @@ class Guard:
 
     def __init__(self, spec: RobotSpec, config: SafetyConfig) -> None:
         self.spec, self.config = spec, config
-        self.space: Workspace | None = None
+        self.space: Workspace | LittleTurn | None = None
         self.span = abs(spec.opened - spec.shut)
         self.reset()
 
