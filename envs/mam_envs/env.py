@@ -94,8 +94,8 @@ class OperateJointEnv(BaseEnv):
                 anew at every reset when there is only one.
             joint: its name; None takes the most confident joint with a grasp; several make a
                 sequence.
-            task: open, close, turn_to, push, or a task of yours (mam_envs.tasks); one, or one per
-                joint; None picks by the joint.
+            task: open, close, turn_to, push, press, or one of yours (mam_envs.tasks); one, or one
+                per joint; None picks by the joint.
             robot_uids: panda, so100, so101, fetch, xarm6_robotiq, or yours (mam_envs.robots).
             scale: factor on the object's size, or "auto": 1 where the arm can do it, else shrunk
                 to its reach.
@@ -140,6 +140,8 @@ class OperateJointEnv(BaseEnv):
                 f'gymnasium.make_vec("mam_envs:OperateJointNumpy-v1", num_envs={num_envs}, '
                 'vectorization_mode="async", asset=...)'
             )
+        if num_envs > 1 and any(g.spring for item in self.layouts for g in item.goals):
+            raise ConfigError("a task with springs runs with num_envs=1: they are of CPU physics")
         self._chosen = [0] * num_envs
         self._exact = exact
         if reconfiguration_freq is None:
@@ -305,6 +307,7 @@ class OperateJointEnv(BaseEnv):
             self.scene._gpu_fetch_all()
         q = torch.tensor(object_q, device=self.device).gather(1, self._dof_index[env_idx])
         self.task.reset(env_idx, q)
+        self._push_springs()
         self._rate[env_idx] = 0.0
         if self._last_action is not None:
             self._last_action[env_idx] = 0.0
@@ -420,7 +423,18 @@ class OperateJointEnv(BaseEnv):
                 self._rate = ((out - self._last_action) ** 2).mean(dim=-1)
             self._last_action = out.clone()
         self.task.update(self.task_state())
+        self._push_springs()
         return out
+
+    def _push_springs(self) -> None:
+        """Tell the simulator where the springs of the task's joints push to."""
+        targets = self.task.spring_targets()
+        if targets is None:
+            return
+        for i, item in enumerate(self.objects):
+            joints = item.active_joints
+            for k, target in enumerate(targets[i].tolist()):
+                joints[int(self._dof_index[i, k])]._objs[0].set_drive_target(target)
 
     def _after_simulation_step(self) -> None:
         super()._after_simulation_step()

@@ -1,9 +1,9 @@
 """What the measure is: one definition, with a version; docs/concepts/success.md says it in words.
 
 Every movable joint of an asset is one task for every robot. The task is the one that the joint
-suggests, at the environment's default poses and success; the scripted expert, or a policy cloned
-from it, tries it at fixed seeds. A joint that cannot be tried counts as failed episodes: an asset
-must not gain by what is wrong with it.
+suggests, or one that is named, at the environment's default poses and success; the scripted
+expert, or a policy cloned from it, tries it at fixed seeds. A joint that cannot be tried counts as
+failed episodes: an asset must not gain by what is wrong with it.
 """
 
 from __future__ import annotations
@@ -26,12 +26,14 @@ class Measure:
         episodes: a joint and robot. seed: of the first; the others follow.
         max_steps: control steps of an episode, 20 a second.
         control_mode: of the arm, in ManiSkill's words.
+        task: asked of every joint that it is for; None is what the joint suggests.
     """
 
     episodes: int = 5
     seed: int = 50_000_017
     max_steps: int = 200
     control_mode: str = "pd_joint_pos"
+    task: str | None = None
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,8 @@ class Row:
         episodes: those that count, tried or not.
         cause, why: why it could not be tried, in a word and a sentence: "asset" (it fails lint or
             cannot be loaded), grasp, width, force, reach, path, room (the arm cannot do it),
-            "timeout", "memory", "crash". Empty where it was.
+            "timeout", "memory", "crash"; "task" (not for joints of its kind, so that it does not
+            count). Empty where it was.
         reasons: of failed episodes, and how often.
         true_joint: of the true object, where one was given: the joint that carries the handle.
     """
@@ -153,7 +156,7 @@ def total(
         true_joints: of the true object, by asset. Of joints of an asset that move the same true
             joint, the best counts; a true joint that none moves counts as failed.
     """
-    mine = [r for r in rows if r.robot == robot]
+    mine = [r for r in rows if r.robot == robot and r.cause != "task"]
     empty = episodes * sum(not v.joints for v in verdicts)
     tried = [r for r in mine if r.tried]
     good = sum(r.successes for r in mine)

@@ -246,12 +246,15 @@ class Try:
     def run(self) -> None:
         """Write the row."""
         from mam_envs.grasping.candidates import PlacementError
+        from mam_envs.tasks import OtherTaskError
 
         began = time.perf_counter()
         try:
             row = self._measured()
         except PlacementError as error:
             row = self.row(cause=error.cause, why=str(error))
+        except OtherTaskError as error:
+            row = self.row(cause="task", why=str(error))
         except NotPhysicalError as error:
             row = self.row(cause="truth" if self.truth else "asset", why=str(error))
         except MamSimError as error:
@@ -260,12 +263,13 @@ class Try:
 
     def _measured(self) -> Row:
         from mam_policies.evaluate import evaluate_expert, evaluate_run
-        from mam_policies.run import EnvChoice
+        from mam_policies.run import EnvChoice, task_settings
 
         m = self.measure
         choice = EnvChoice(
-            (self.verdict.folder,), self.joint, None, self.robot, m.control_mode, m.max_steps
-        )
+            (self.verdict.folder,), self.joint, m.task, self.robot, m.control_mode, m.max_steps,
+            task_settings(m.task),
+        )  # fmt: skip
         film, truth = self.film if self.video else None, self._truth()
         found = evaluate_expert(choice, m.episodes, m.seed, video=film, truth=truth)
         policy = None

@@ -19,7 +19,7 @@ from mam_sim.console import Screen, counting_bar
 from mam_sim.options import Verb
 
 if TYPE_CHECKING:
-    from mam_sim.rank.measure import Row, Total, Verdict
+    from mam_sim.rank.measure import Measure, Row, Total, Verdict
     from mam_sim.rank.run import Try
 
 
@@ -35,6 +35,9 @@ class Rank(Verb):
     """Asset folders, folders of `batch` or `mend`, or URDF, MJCF or USD files."""
     robots: str = "panda"
     """Names of arms, with commas between them."""
+    task: str | None = None
+    """What to do with every joint: open, close, turn_to, push, press or a plug-in's; joints that it
+    is not for do not count. By default what each joint suggests."""
     episodes: Count = 5
     """Of every joint and robot."""
     policy: Literal["none", "bc"] = "none"
@@ -72,9 +75,12 @@ class Rank(Verb):
             )
         require("rank", "sapien", "mani_skill", "torch", "gymnasium")
         from mam_envs.robots import ROBOTS
+        from mam_envs.tasks import TASKS
 
         for name in names:
             ROBOTS.check(name)
+        if self.task is not None:
+            TASKS.check(self.task)
         if self.out is None:
             with Scratch() as folder:
                 return self._measure(assets, Path(folder).resolve(), names, Screen(self.quiet))
@@ -109,7 +115,7 @@ class Rank(Verb):
             out.mkdir(parents=True, exist_ok=True)
             folders.write_text(out / RANK.file, json.dumps({"measure": {"version": VERSION}}))
         limits = Limits(self.time_limit, self.memory_limit)
-        measure = Measure(episodes=self.episodes)
+        measure = Measure(episodes=self.episodes, task=self.task)
         with counting_bar(screen, len(assets), 0) as tell:
             verdicts = examine(assets, out, self.jobs, limits, lambda w: tell(w, "check"))
         tasks = attempts(
@@ -123,7 +129,7 @@ class Rank(Verb):
         data = as_json(verdicts, rows, totals, measure)
         data["truth"] = [folders.as_text(str(path)) for path in self.truth]
         if self.out is not None:
-            self._save(out, data, verdicts, rows, totals, tasks)
+            self._save(out, data, verdicts, rows, totals, tasks, measure)
         status = 0 if any(v.folder for v in verdicts) else 2
         if self.json:
             screen.json(data)
@@ -138,13 +144,12 @@ class Rank(Verb):
 
     def _save(
         self, out: Path, data: object, verdicts: Sequence[Verdict], rows: Sequence[Row],
-        totals: Sequence[Total], tasks: Sequence[Try],
+        totals: Sequence[Total], tasks: Sequence[Try], measure: Measure,
     ) -> None:  # fmt: skip
-        from mam_sim.rank.measure import Measure
         from mam_sim.rank.page import page
 
         videos = {(t.verdict.name, t.joint, t.robot): f"videos/{t.film.name}"
                   for t in tasks if t.film.is_file()}  # fmt: skip
         folders.write_text(out / RANK.file, json.dumps(data, indent=1) + "\n")
-        text = page(verdicts, rows, totals, Measure(episodes=self.episodes), videos)
+        text = page(verdicts, rows, totals, measure, videos)
         folders.write_text(out / "index.html", text)

@@ -1,4 +1,4 @@
-"""Small asset folders of boxes whose joints are known exactly: a drawer and a door."""
+"""Small asset folders of boxes whose joints are known exactly: a drawer, a door, a button."""
 
 from __future__ import annotations
 
@@ -108,6 +108,35 @@ def write_asset(folder: Path, kind: str) -> Path:
         bounds=[[-0.25, -0.18, 0.0], [0.18, 0.18, 0.4]],
     )
     card.save(folder)
+    return folder
+
+
+def write_button(folder: Path) -> Path:
+    """A box of 0.3 m with a button in its front that goes 6 mm in towards +x."""
+    folder.mkdir(parents=True)
+    body: list[Box] = [((0, 0, 0.15), (0.3, 0.3, 0.3))]
+    knob: list[Box] = [((-0.155, 0, 0.15), (0.01, 0.03, 0.03))]
+    at = np.array([-0.155, 0.0, 0.15])
+    urdf = (
+        f'<robot name="button">{_link("base", body, np.zeros(3), 5.0)}'
+        f"{_link('part_1', knob, at, 0.02)}"
+        f'<joint name="joint_1" type="prismatic"><origin xyz="{at[0]} {at[1]} {at[2]}"/>'
+        f'<axis xyz="1 0 0"/><parent link="base"/><child link="part_1"/>'
+        f'<limit lower="0" upper="0.006" effort="50" velocity="2"/></joint></robot>'
+    )
+    (folder / "object.urdf").write_text(urdf, encoding="utf-8")
+    joint = CardJoint(
+        "joint_1", "prismatic", "slide", "base", "part_1", [1, 0, 0], at.tolist(), 0.0, 0.006, 0.0,
+        0.006, damping=0.5, friction=0.1,
+    )  # fmt: skip
+    front = [-0.16, 0.0, 0.15]
+    AssetCard(
+        name="box_button",
+        parts=[CardPart("base", "body", "body"), CardPart("part_1", "button", "button")],
+        joints=[joint],
+        grasps=[CardGrasp("joint_1", "part_1", "push", front, [1, 0, 0], [0, 0, 1], 0.0)],
+        bounds=[[-0.16, -0.15, 0.0], [0.15, 0.15, 0.3]],
+    ).save(folder)
     return folder
 
 

@@ -1,4 +1,4 @@
-"""Session fixtures: a drawer and a door made of boxes."""
+"""Session fixtures: a drawer, a door and a button made of boxes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.envs.box_assets import write_asset
+from tests.envs.box_assets import write_asset, write_button
 
 
 @pytest.fixture(scope="session")
@@ -19,3 +19,9 @@ def drawer(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def door(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Asset folder of a door that swings 90 degrees about a vertical hinge."""
     return write_asset(tmp_path_factory.mktemp("assets") / "door", "door")
+
+
+@pytest.fixture(scope="session")
+def button(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Asset folder of a box with a button that goes 6 mm in towards +x."""
+    return write_button(tmp_path_factory.mktemp("assets") / "button")

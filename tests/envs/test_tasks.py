@@ -13,8 +13,9 @@ import torch
 
 from mam_envs.config import EnvConfig, RewardConfig, SuccessConfig
 from mam_envs.object_model import ObjectModel
-from mam_envs.tasks import TaskState, rewards, task_class
+from mam_envs.tasks import OtherTaskError, TaskState, rewards, task_class
 from mam_envs.tasks.operate_joint import OperateJoint
+from mam_envs.tasks.press_button import PressButton, PressReward
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.errors import ConfigError
 
@@ -128,7 +129,44 @@ def test_names_stand_for_classes_and_sequences_are_of_one_class(monkeypatch: Any
         task_class(["open", "other"])
     with pytest.raises(ConfigError, match="no task named 'opem'; did you mean 'open'"):
         task_class(["opem"])
-    assert set(tasks.TASKS.targets()) == {"open", "close", "turn_to", "push", "other"}
+    assert set(tasks.TASKS.targets()) == {
+        "open", "close", "turn_to", "push", "press", "other",
+    }  # fmt: skip
+
+
+def test_a_button_is_pressed_when_it_has_latched_and_was_left(button: Path, drawer: Path) -> None:
+    settings = PressButton.defaults()
+    model = ObjectModel.load(Asset.load(button))
+    goal = PressButton.goal("press", model, None, settings.success)
+    task = PressButton([[goal]], settings, CPU)
+    task.reset(torch.tensor([0]), torch.zeros(1, 1))
+
+    def step(q: float, force: float) -> dict[str, torch.Tensor]:
+        now = state(q, force=force)
+        task.update(now)
+        info = task.evaluate(now)
+        terms = rewards.scaled(task.reward_terms(now, info), settings.reward)
+        return {**info, "paid": torch.stack(list(terms.values())).sum(dim=0)}
+
+    def out() -> bool:
+        return float(task.spring_targets()[0, 0]) == 0.0
+
+    assert not step(0.5 * goal.q_goal, 3.0)["latched"] and out()
+    assert not step(0.0, 0.0)["latched"]  # it came out again
+    for _ in range(10):  # long after the touch, it falls in by itself
+        step(0.0, 0.0)
+    assert not step(1.1 * goal.q_goal, 0.0)["latched"]
+    task.reset(torch.tensor([0]), torch.zeros(1, 1))
+    held = step(1.1 * goal.q_goal, 3.0)
+    assert held["latched"] and not held["success"] and not out()
+    free = [step(goal.q_goal, 0.0) for _ in range(5)]
+    assert [bool(f["success"]) for f in free] == [False] * 4 + [True]
+    assert float(free[0]["paid"]) > float(held["paid"])  # letting go pays
+    assert float(free[-1]["paid"]) == pytest.approx(rewards.largest(PressReward()))
+    assert not step(0.1 * goal.q_goal, 0.0)["success"]  # pulled out, it is not pressed
+    with pytest.raises(OtherTaskError, match=r"joint_1.* is no button"):
+        other = ObjectModel.load(Asset.load(drawer))
+        PressButton.goal("press", other, None, settings.success)
 
 
 def _resolve_here(target: str) -> Any:

@@ -48,6 +48,7 @@ def test_a_number_is_only_compared_with_one_of_the_same_measure() -> None:
     assert VERSION == 5
     assert asdict(Measure()) == {
         "episodes": 5, "seed": 50_000_017, "max_steps": 200, "control_mode": "pd_joint_pos",
+        "task": None,
     }  # fmt: skip
     assert plain(EnvConfig().success) == {
         "fraction": 0.75, "widest": np.pi / 2, "start": 0.6, "value": None, "tolerance": None,

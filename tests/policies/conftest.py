@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from tests.envs.box_assets import write_asset, write_stack
+from tests.envs.box_assets import write_asset, write_button, write_stack
 
 torch.set_num_threads(1)
 
@@ -22,6 +22,12 @@ def drawer(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def door(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Asset folder of a door that swings 90 degrees about a vertical hinge."""
     return write_asset(tmp_path_factory.mktemp("assets") / "door", "door")
+
+
+@pytest.fixture(scope="session")
+def button(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Asset folder of a box with a button that goes 6 mm in towards +x."""
+    return write_button(tmp_path_factory.mktemp("assets") / "button")
 
 
 @pytest.fixture(scope="session")

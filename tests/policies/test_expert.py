@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 import mam_envs
 from mam_pipeline.errors import ConfigError
@@ -84,6 +86,27 @@ def test_two_joints_in_turn(two_drawers: Path) -> None:
     episode = run_episode(env, Expert(env), seed=0, record=True)
     stages = [int(i["stage"][0]) for i in episode.records["info"]]
     assert episode.success and sorted(set(stages)) == [0, 1] and stages == sorted(stages)
+    env.close()
+
+
+def test_a_button_is_pressed_until_it_latches_and_left(button: Path) -> None:
+    env = mam_envs.make(button, task="press", control_mode="pd_joint_pos")
+    base: Any = env.unwrapped
+    goal = base.layout(0).goals[0]
+    env.reset(seed=0)
+    base.object.set_qpos(torch.tensor([[0.9 * goal.q_goal]]))  # let go too early
+    hold = np.append(base.planner_state().arm, base.robot_spec.shut)
+    for _ in range(20):
+        _, _, _, _, info = env.step(hold)
+    assert float(base.joint_value()[0]) < 0.1 * goal.q_goal and not info["latched"][0]
+    expert = Expert(env)
+    episode = run_episode(env, expert, seed=0, record=True)
+    seen = [(bool(i["latched"][0]), float(i["contact_force"][0])) for i in episode.records["info"]]
+    assert episode.success and episode.records["phase"][-1] == "retreat"
+    assert all(force < 0.1 for _, force in seen[-5:]) and not seen[0][0] and seen[-1][0]
+    for _ in range(20):  # its spring holds it in
+        env.step(expert.act())
+    assert float(base.joint_value()[0]) == pytest.approx(goal.q_goal, rel=0.1)
     env.close()
 
 

@@ -18,7 +18,7 @@ from mam_envs.robots import RobotSpec
 from mam_envs.tasks import JointGoal, Task, task_class
 from mam_pipeline.asset.card import Asset, CardJoint
 from mam_pipeline.check.lint import lint
-from mam_pipeline.errors import ConfigError, InputError
+from mam_pipeline.errors import ConfigError, InputError, NotPhysicalError
 from mam_pipeline.types import FloatArray
 
 
@@ -123,11 +123,11 @@ def _arrange(folder: str, stamp: int, request: _Request, scale: float | str) -> 
             raise InputError(f"{where}: {finding.message}; see: mam-sim check {folder}")
     if request.joints != (None,):
         return _sized(asset, request, scale)
-    first: PlacementError | None = None
+    first: NotPhysicalError | None = None
     for name in _likely(asset):
         try:
             return _sized(asset, replace(request, joints=(name,)), scale)
-        except PlacementError as error:
+        except NotPhysicalError as error:  # the arm cannot, or the joint cannot
             first = first or error
     assert first is not None
     raise first

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from mani_skill.utils.structs import Articulation
@@ -12,7 +13,7 @@ from mam_envs.grasping.candidates import PlacementError
 from mam_envs.placement.arm_path import rest_is_clear
 from mam_envs.placement.base import object_pose
 from mam_envs.scene.layout import Layout
-from mam_envs.tasks import Task
+from mam_envs.tasks import JointGoal, Task
 from mam_pipeline.asset.dynamics import set_joint_friction
 from mam_pipeline.types import FloatArray
 
@@ -93,6 +94,7 @@ class ObjectDynamics:
         """`articulation`: ManiSkill's, as built from the layout's asset."""
         self.articulation, self.model = articulation, layout.model
         self.joints = [g.joint for g in layout.goals]
+        self.springs = {g.joint: g for g in layout.goals if g.spring}
         self.moving = {n for name in self.joints for n in layout.model.moving_links(name)}
         self._masses = {
             link.name: (float(link._objs[0].mass), np.array(link._objs[0].inertia))
@@ -105,11 +107,25 @@ class ObjectDynamics:
             raw = joint._objs[0]
             if raw.dof > 0:
                 set_joint_friction(raw, *self._friction(joint.name, drawn))
+            if joint.name in self.springs:
+                self._spring(raw, self.springs[joint.name])
         for link in self.articulation.links:
             raw = link._objs[0]
             mass, inertia = self._masses[link.name]
             factor = self._mass(link.name, drawn) if link.name in self.moving else 1.0
             raw.mass, raw.inertia = mass * factor, inertia * factor
+
+    def _spring(self, raw: Any, goal: JointGoal) -> None:
+        """A spring in the place of friction, with as much damping as lets it come out without
+        swinging; the task says where it pushes to. Its preload carries the part's weight."""
+        stiffness, mass = goal.spring / abs(goal.q_goal - goal.closed), 0.0
+        for link in self.articulation.links:
+            if link.name in self.model.moving_links(goal.joint):
+                link._objs[0].disable_gravity = True
+                mass += self._masses[link.name][0]
+        raw.set_drive_properties(
+            stiffness, 2.0 * float(np.sqrt(stiffness * mass)), float(np.finfo(np.float32).max)
+        )
 
     def _mass(self, name: str, drawn: Draw) -> float:
         """Factor on a moving link's mass."""

@@ -7,14 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mam_envs.tasks.base import JointGoal, Task, TaskState
+from mam_envs.tasks.base import JointGoal, OtherTaskError, Task, TaskState
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.registry import Registry
 
-__all__ = ["TASKS", "JointGoal", "Task", "TaskState", "task_class"]
+__all__ = ["TASKS", "JointGoal", "OtherTaskError", "Task", "TaskState", "task_class"]
 
 OPERATE_JOINT = "mam_envs.tasks.operate_joint:OperateJoint"
-TASKS = Registry("task", dict.fromkeys(("open", "close", "turn_to", "push"), OPERATE_JOINT))
+TASKS = Registry(
+    "task",
+    {
+        **dict.fromkeys(("open", "close", "turn_to", "push"), OPERATE_JOINT),
+        "press": "mam_envs.tasks.press_button:PressButton",
+    },
+)
 
 
 def task_class(names: Sequence[str | None]) -> type[Task]:

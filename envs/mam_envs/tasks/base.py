@@ -15,6 +15,11 @@ import torch
 
 from mam_envs.config import EnvConfig, SuccessConfig
 from mam_envs.object_model import ObjectModel
+from mam_pipeline.errors import NotPhysicalError
+
+
+class OtherTaskError(NotPhysicalError):
+    """The task is not for this kind of joint."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +34,9 @@ class JointGoal:
         lower, upper: the joint's limits, infinite for continuous joints.
         still_speed: greatest speed at success, metres or radians per second.
         closing: whether pushing the part back into the object is a way to do it.
+        spring: newtons (newton metres) with which a spring pushes the joint from q_goal back to
+            `closed`; 0 is none. See `Task.spring_targets`.
+        let_go: whether success asks that the hand leaves the part in the end.
     """
 
     joint: str
@@ -43,6 +51,8 @@ class JointGoal:
     upper: float
     still_speed: float
     closing: bool = False
+    spring: float = 0.0
+    let_go: bool = False
 
     @property
     def range(self) -> float:
@@ -119,7 +129,8 @@ class Task(ABC):
 
         Raises:
             ConfigError: unknown joint.
-            NotPhysicalError: the joint cannot do it.
+            NotPhysicalError: the joint cannot do it; OtherTaskError where the task is not for its
+                kind.
         """
 
     @classmethod
@@ -142,6 +153,11 @@ class Task(ABC):
     @abstractmethod
     def update(self, now: TaskState) -> None:
         """Remember what a control step did."""
+
+    def spring_targets(self) -> torch.Tensor | None:
+        """(b, stages) joint values to which the springs of `JointGoal.spring` push, after
+        `reset` and after every `update`; None where there are none."""
+        return None
 
     @abstractmethod
     def evaluate(self, now: TaskState) -> dict[str, torch.Tensor]:

@@ -51,10 +51,14 @@ class OperateJoint(Task):
         self.tracker.update(self.pick(now.q), now.force)
         self.tracker.load(now.part_force, now.link_force)
 
+    def finished(self, now: TaskState) -> tuple[torch.Tensor, torch.Tensor]:
+        """(b,) success, and whether a joint before the last one of a sequence is done."""
+        return self.tracker.evaluate(self.pick(now.q), self.pick(now.speed))
+
     def evaluate(self, now: TaskState) -> dict[str, torch.Tensor]:
         """See `Task.evaluate`; a sequence goes on to its next joint here."""
         q = self.pick(now.q)
-        success, done = self.tracker.evaluate(q, self.pick(now.speed))
+        success, done = self.finished(now)
         by_contact = self.tracker.by_contact
         if self.tracker.stages > 1 and done.any():
             self.tracker.advance(done, now.q)

@@ -105,6 +105,7 @@ class Expert:
         self.at = self.corrections = self.waited = self.strained = self.held = 0
         self.compliance = Compliance(self.config)
         self.retreat: list[FloatArray] = []
+        self.leaving = False
         self.gripper = float(self.plan.gripper[0])
         self.phase = self.plan.phase[0]
         self.target = now.arm
@@ -119,7 +120,7 @@ class Expert:
             self.phase = "retreat"
             self.target = self.retreat.pop(0)
             self.gripper = self.env.robot_spec.opened
-            if not self.retreat:
+            if not self.retreat and (not self.leaving or self._may_retry()):
                 self._again()
             return self._action(now)
         if self.at >= len(self.plan) and self.corrections < self.config.corrections:
@@ -127,6 +128,11 @@ class Expert:
             self.corrections += 1
             if further is not None:
                 self.plan, self.at = further, 0
+        if self.at >= len(self.plan) and self._should_leave(now):
+            self.leaving = True
+            self._let_go(now)
+            self.retreat += [self.retreat[-1]] * self.config.settle_steps
+            return self.act()
         if self.at >= len(self.plan):
             if not self._may_retry():
                 self.phase = "done"
@@ -155,6 +161,11 @@ class Expert:
                 return self._action(now)
         self.at += 1
         return self._action(now)
+
+    def _should_leave(self, now: PlannerState) -> bool:
+        """Whether the joint has got there, and the task asks the hand to leave it then."""
+        wanted = now.goal.let_go and not self.leaving
+        return wanted and float(self.env.get_info()["progress"][0]) >= 1.0
 
     def _strained(self, now: PlannerState) -> bool:
         """Whether the hand pulls so hard that it waits for its compliance."""
