@@ -101,11 +101,11 @@ div:has(> div > .part) { max-height: 45vh; overflow-y: auto; }
 .part.chosen { background: #e66e1433; }
 .part kbd { width: .8em; opacity: .6; font-size: .8em; text-align: center; }
 .part i { width: .7em; height: .7em; border-radius: 50%; flex: none; }
-.part b { font-weight: 600; overflow-wrap: anywhere; }
+.part b { font-weight: 600; overflow-wrap: anywhere; min-width: 5em; }
 .part svg { flex: none; }
 div:has(> .part) + div > .mantine-Flex-root > :first-child { width: 2.2em !important; }
 div:has(> .part) + div > .mantine-Flex-root > :first-child label { display: none; }
-.part span { margin-left: auto; opacity: .75; text-align: right; white-space: nowrap; }
+.part span { margin-left: auto; opacity: .75; text-align: right; }
 .part.review span { color: #b8360b; opacity: 1; font-weight: 600; }
 .part.dormant b, .part.dormant svg { opacity: .5; font-weight: 400; }
 .keys { border-collapse: collapse; }

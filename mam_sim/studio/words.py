@@ -76,7 +76,11 @@ def sureness(joint: Joint, source: str) -> str:
     """
     if joint.type == "fixed":
         return "does not move"
-    return f"{motion_origin(joint, source)}{'; needs review' if needs_review(joint) else ''}"
+    origin = motion_origin(joint, source)
+    if origin.kind != "inferred":
+        return str(origin).partition(":")[0]
+    more = "; needs review" if needs_review(joint) else ""
+    return f"inferred, {percent(joint.confidence)}{more}"
 
 
 def kept_value(joint: Joint, shown: float) -> float:

@@ -73,6 +73,8 @@ def test_in_a_browser_the_tree_chooses_and_keys_edit_the_chosen_part(
     joint, called = joint_of(session, part), page.work.called(part)
     undo = window.get_by_role("button", name="Undo")
     assert undo.is_disabled() and undo.get_attribute("title") == "nothing to undo"
+    heights = window.locator(".part").evaluate_all("rows => rows.map((row) => row.clientHeight)")
+    assert len(heights) > 1 and max(heights) < 60, "a row is as high as two lines at most"
     window.locator(".part", has_text=called).click()
     until(lambda: page.work.part == part)
     before = camera_of(page).position
