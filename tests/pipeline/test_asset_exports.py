@@ -137,6 +137,19 @@ def test_sdf_has_the_same_poses_masses_and_joints(asset: Asset, tmp_path: Path) 
         assert float(str(own.findtext("dynamics/damping"))) == pytest.approx(card.damping)
 
 
+def test_a_link_of_a_urdf_that_is_called_world_has_another_name_in_sdf(tmp_path: Path) -> None:
+    """SDF keeps the name for the world itself, and its parser refuses such a link."""
+    made = chain()
+    links = (replace(made.links[0], name="world"), *made.links[1:])
+    asset = write_asset(replace(made, links=links), tmp_path / "a", name="a")
+    (model,) = ET.parse(export_sdf(asset, tmp_path / "sdf" / "object.sdf")).getroot()
+    assert {link.get("name") for link in model.findall("link")} == {
+        "world_link", "lid", "tray", "knob",
+    }  # fmt: skip
+    ends = {j.get("name"): (j.findtext("parent"), j.findtext("child")) for j in model.iter("joint")}
+    assert ends["world_fixed"] == ("world", "world_link") and ends["hinge"][0] == "world_link"
+
+
 def _sdf_pose(element: ET.Element) -> np.ndarray:
     values = np.array(str(element.findtext("pose")).split(), float)
     pose = np.eye(4)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,8 @@ from mam_pipeline.types import FloatArray
 
 VERSION, WITH_MIMIC = "1.9", "1.11"
 """Of SDF: what Gazebo Fortress and later read, and the first one with couplings of joints."""
+RESERVED = "world"
+"""What SDF calls the world; no link may have that name."""
 TENSOR = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 
 
@@ -43,14 +45,16 @@ def export_sdf(asset: Asset, path: str | Path | None = None) -> Path:
     root = ET.Element("sdf", version=version)
     model = ET.SubElement(root, "model", name=asset.card.name)
     parts = {part.link: part for part in asset.card.parts}
+    names = {link.name: _free(link.name, tree.frames) for link in tree.robot.links}
     for link in tree.robot.links:
         if link.name in tree.frames:
-            _link(model, link, tree.frames[link.name], asset.urdf_path, parts.get(link.name))
+            element = ET.SubElement(model, "link", name=names[link.name])
+            _link(element, link, tree.frames[link.name], asset.urdf_path, parts.get(link.name))
     base = ET.SubElement(model, "joint", name="world_fixed", type="fixed")
-    _words(base, parent="world", child=tree.root)
+    _words(base, parent=RESERVED, child=names[tree.root])
     for joint in tree.robot.joints:
         if joint.child in tree.frames:
-            _joint(model, joint)
+            _joint(model, joint, (names[joint.parent], names[joint.child]))
     with folders.new_entries(target.parent, target.name) as work:
         for file in files_of(asset.urdf_path)[1:]:
             place = work / "sdf" / file.resolve().relative_to(asset.folder.resolve())
@@ -62,6 +66,14 @@ def export_sdf(asset: Asset, path: str | Path | None = None) -> Path:
         ET.SubElement(config, "sdf", version=version).text = target.name
         _save(config, work / "model.config")
     return target
+
+
+def _free(name: str, taken: Collection[str]) -> str:
+    """The name of a link; another where SDF keeps it for the world."""
+    new = name
+    while new == RESERVED or (new != name and new in taken):
+        new += "_link"
+    return new
 
 
 def _save(root: ET.Element, file: Path) -> None:
@@ -82,9 +94,8 @@ def _pose(element: ET.Element, frame: FloatArray) -> None:
 
 
 def _link(
-    model: ET.Element, link: Any, frame: FloatArray, urdf: Path, part: CardPart | None
+    element: ET.Element, link: Any, frame: FloatArray, urdf: Path, part: CardPart | None
 ) -> None:
-    element = ET.SubElement(model, "link", name=link.name)
     _pose(element, frame)
     own = link.inertial
     if own is not None and own.mass and own.inertia is not None:
@@ -131,18 +142,20 @@ def _contact(collision: ET.Element, part: CardPart) -> None:
     _words(rows, mu=numbers([part.friction]), mu2=numbers([part.friction]))
 
 
-def _joint(model: ET.Element, joint: Any) -> None:
+def _joint(model: ET.Element, joint: Any, ends: tuple[str, str]) -> None:
     kind = joint.type if joint.type in MOVING else "fixed"
     element = ET.SubElement(model, "joint", name=joint.name, type=kind)
-    _words(element, parent=joint.parent, child=joint.child)
+    _words(element, parent=ends[0], child=ends[1])
     if kind == "fixed":
         return
     axis = ET.SubElement(element, "axis")
     _words(axis, xyz=numbers(np.array([1.0, 0, 0]) if joint.axis is None else joint.axis))
     own, limit = joint.limit, ET.SubElement(axis, "limit")
-    ends = {} if own is None or kind == "continuous" else {"lower": own.lower, "upper": own.upper}
-    given = {} if own is None else {"effort": own.effort, "velocity": own.velocity}
-    _words(limit, **{k: numbers([float(v)]) for k, v in (ends | given).items() if v is not None})
+    keys = (
+        ["effort", "velocity"] if kind == "continuous" else ["lower", "upper", "effort", "velocity"]
+    )
+    given = {} if own is None else {key: getattr(own, key) for key in keys}
+    _words(limit, **{k: numbers([float(v)]) for k, v in given.items() if v is not None})
     if joint.dynamics is not None:
         told = {"damping": joint.dynamics.damping, "friction": joint.dynamics.friction}
         values: Mapping[str, str] = {k: numbers([float(v or 0.0)]) for k, v in told.items()}
