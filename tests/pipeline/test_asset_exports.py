@@ -158,6 +158,20 @@ def _sdf_pose(element: ET.Element) -> np.ndarray:
     return pose
 
 
+@pytest.mark.parametrize("suffix", [".stl", ".dae", ".glb"])
+def test_mjcf_collides_with_meshes_of_other_formats(tmp_path: Path, suffix: str) -> None:
+    """As assets have them that `mam-sim mend` made of files from elsewhere."""
+    mujoco = pytest.importorskip("mujoco")
+    asset = write_asset(chain(), tmp_path / "a", name="a")
+    text, ball = asset.urdf_path.read_text(), trimesh.creation.icosphere(2, 0.05)
+    ball.export(tmp_path / "a" / f"ball{suffix}")
+    shape = f'<collision><geometry><mesh filename="ball{suffix}"/></geometry></collision>'
+    asset.urdf_path.write_text(text.replace("</inertial>", f"</inertial>{shape}", 1))
+    model = mujoco.MjModel.from_xml_path(str(export_mjcf(asset, tmp_path / "x" / "object.xml")))
+    first = model.mesh("ball")
+    assert model.mesh_vertnum[first.id] >= len(ball.vertices)
+
+
 @pytest.mark.parametrize("format", ["obj", "glb"])
 def test_mjcf_shows_every_face_and_texture(tmp_path: Path, format: Literal["obj", "glb"]) -> None:
     """A flat sheet, a JPEG and three materials on one link come through, from either format."""

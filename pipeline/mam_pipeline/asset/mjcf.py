@@ -20,16 +20,16 @@ from mam_pipeline import folders
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.visuals import by_material, free_name
 from mam_pipeline.errors import InputError
-from mam_pipeline.formats.mesh_files import read_file
+from mam_pipeline.formats.mesh_files import read_file, save_obj
 from mam_pipeline.formats.obj import write_obj_part
 from mam_pipeline.formats.soup import join
 from mam_pipeline.formats.urdf.admit import admitted
-from mam_pipeline.formats.urdf.geometry import existing
+from mam_pipeline.formats.urdf.geometry import existing, read_triangles
 from mam_pipeline.formats.urdf.tree import MOVING
 from mam_pipeline.formats.urdf.write import numbers
 from mam_pipeline.geometry.shading import corner_normals
 from mam_pipeline.optional import require
-from mam_pipeline.types import FloatArray, Material
+from mam_pipeline.types import FloatArray, Material, Mesh
 
 VISUAL_GROUP, COLLISION_GROUP = 2, 3
 """Geom groups that MuJoCo's own models use: its viewer shows the first and hides the second."""
@@ -163,8 +163,12 @@ class _Files:
                         self._visual(link, element, file)
                     else:
                         name = free_name(file.stem, self.taken)
-                        shutil.copyfile(file, self.folder / f"{name}.obj")
-                        mesh.set("filename", f"{name}.obj")
+                        place = self.folder / f"{name}.obj"
+                        if file.suffix.lower() == ".obj":
+                            shutil.copyfile(file, place)
+                        else:  # of a file from elsewhere
+                            save_obj(Mesh(*read_triangles(file)), place)
+                        mesh.set("filename", place.name)
         options = ET.Element("mujoco")
         ET.SubElement(options, "compiler", fusestatic="false", discardvisual="false",
                       balanceinertia="false", strippath="false")  # fmt: skip
