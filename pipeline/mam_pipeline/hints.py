@@ -23,7 +23,7 @@ One schema for both. Written by the reconstructor, read by the engine, edited by
                 travel: given}              # whence lower and upper: given | usual | depth
         handle: {center: [...], size: [...]}
         confidence: 0.9
-        provenance: observed                # observed | inferred | assumed | user
+        provenance: observed                # observed | inferred | model | assumed | user
 """
 
 from __future__ import annotations

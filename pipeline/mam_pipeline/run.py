@@ -310,9 +310,8 @@ def _read_photo(source: Path, config: MakeConfig, stages: Stages, out: Path | No
         options["things"] = {named: 1.0 if config.what else CERTAINTIES.file}
     if config.height is not None:
         options["height"] = config.height
-    words: Mapping[str, str] = {}
     agreed: tuple[str, ...] = ()
-    seen = ""
+    seen: tuple[str, ...] = ()
     if config.hints is not None and load_hints(config.hints).photo_front:
         options["hints"] = config.hints  # marked by hand on the photo: build exactly that
     elif config.photo.reader != "auto":
@@ -320,23 +319,23 @@ def _read_photo(source: Path, config: MakeConfig, stages: Stages, out: Path | No
 
         boxes = backends.resolved("reconstructor", config.reconstructor) == "embedded"
         read = read_by_model(source, config.photo.reader, options, boxes_only=boxes)
-        options, words, agreed, seen = read.options, read.words, read.notes, read.what
+        options, agreed = read.options, read.notes
+        by_model = options.get("by_model", {})
+        seen = (read.what, *(str(options[k]) for k in ("category",) if k in by_model))
+        stages.makers["reader"] = backends.maker("reasoner", config.photo.reader)
     made = stages.reconstruct(source, options, config.reconstructor)
     given = {name: options.get(name) for name in ("height", "width", "depth")}
-    name = str(options.get("category") or config.what or "").replace("_", " ")
-    thing, usual = named_size(name)
+    said = (config.photo.category, config.what, options.get("category"))
+    thing, usual = named_size(next((str(w) for w in said if w), "").replace("_", " "))
     _size_asked(made.mesh, given, config, thing, usual)
     scale_from = "assumed" if "scale" in made.assumed else "user"
     shell = stages.makers["reconstructor"].name != "embedded"  # whose parts are built hollow
     spec = NOTHING
     if shell:
-        from mam_pipeline.evidence.read import object_of, spec_of
-        from mam_pipeline.evidence.spec import Said
+        from mam_pipeline.evidence.read import spec_of
 
-        read_as = (str(options.get("category", "")).replace("_", " "), seen)
-        known = (w for w in read_as if w and object_of(w, Said("user", w)) is not None)
-        word = config.what or next(known, None)
-        spec = spec_of(made.mesh, what=word, use_names=False)
+        typed = named_size((config.photo.category or "").replace("_", " "))[0]
+        spec = spec_of(made.mesh, what=config.what or typed or None, use_names=False, seen=seen)
     asked = ""
     if made.doubt is not None and config.hints is None:  # hints are a person's word
         asked = made.doubt.told(source, options, out)
@@ -346,7 +345,7 @@ def _read_photo(source: Path, config: MakeConfig, stages: Stages, out: Path | No
             raise HintNeeded(asked, shown)  # a draft of which nothing moves shows nothing
     return Source(
         "photo", made.mesh, np.eye(4), 1.0, scale_from, hints=made.hints, summary=made.summary,
-        spec=spec, notes=(*agreed, *_sureness({**made.confidence, **words}), *spec.notes),
+        spec=spec, notes=(*agreed, *_sureness(made.confidence), *spec.notes),
         shell=shell, thing=thing, unconfirmed=asked,
     )  # fmt: skip
 

@@ -19,7 +19,9 @@ IntArray = NDArray[np.int64]
 JointType = Literal["fixed", "revolute", "continuous", "prismatic"]
 JointSubtype = Literal["fixed", "hinge", "spin", "slide"]
 GraspKind = Literal["handle", "knob", "edge", "rim", "push"]
-Provenance = Literal["observed", "inferred", "assumed", "user"]
+Provenance = Literal["observed", "inferred", "model", "assumed", "user"]
+"""Who says something: what was measured or read, our own reasoning, a language model that was
+asked, a rule, or a person."""
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]  # of a file: which of them, and which way
 RangeRule = Literal[
     "",
@@ -235,7 +237,8 @@ class PartNode:
         subtype: how it moves against its parent; "fixed" for the base.
         confidence: calibrated probability that part, parent and subtype are right, 0..1.
         runner_up: the second-best explanation in words, or "".
-        provenance: who says so; what a person said or edited is `user` and is never changed.
+        provenance: who says so; what a person said or edited is `user` and is never changed, and
+            what a language model answered is `model`.
         candidates: joint hypotheses, best first; may be empty (the solver then makes its own).
         limits: (lower, upper) that a person or the reasoner set, radians or metres; else None.
         dormant: why the part is kept still though it may move, in words; "" for one that is awake.

@@ -22,6 +22,7 @@ from mam_pipeline.errors import BackendError, ConfigError, NotThisKind
 from mam_pipeline.make_config import MakeConfig
 from mam_pipeline.models.retexture import repainted
 from mam_pipeline.models.settings import given
+from mam_pipeline.models.vlm import told_by
 from mam_pipeline.photo.options import PhotoConfig
 from mam_pipeline.run import _read_photo
 from mam_pipeline.stage_store import StageStore
@@ -202,7 +203,14 @@ def test_what_a_model_sees_on_a_photo_is_the_word_for_the_mesh_of_another(
     stages = Stages(config.engine, None, StageStore(tmp_path / "stages"))
     with given({"MAM_SIM_QUESTIONS": str(tmp_path / "questions")}):
         read = _read_photo(_photo(tmp_path), config, stages, None)
-        assert [o.word for o in read.spec.objects] == ["kettle"]
+        assert [(o.word, o.said.origin) for o in read.spec.objects] == [
+            ("kettle", "language model")
+        ]
+        assert read.spec.objects[0].said.certainty < 1.0  # it weighs, and is not obeyed
+        assert any("as a language model says: 'a white kettle" in note for note in read.notes)
+        assert "may show: kettle" in told_by(read.spec, {}) and "user" not in told_by(read.spec, {})
+        named = _read_photo(_photo(tmp_path), replace(config, what="lamp"), stages, None)
+        assert [o.said.origin for o in named.spec.objects] == ["user", "language model"]
         assert "the photo shows a white kettle with a lid" in read.notes[0]
         with pytest.raises(NotThisKind, match="--reconstructor"):
             _read_photo(_photo(tmp_path), replace(config, reconstructor="auto"), stages, None)

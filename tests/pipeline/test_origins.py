@@ -34,6 +34,8 @@ def joint(provenance: Provenance, rule: RangeRule = "", assumed: str = "") -> Jo
     ("observed", "mesh", "read from the file"),  # an animation
     ("inferred", "urdf", "read from the file"),
     ("assumed", "photo", "assumed"),
+    ("model", "photo", "inferred by a language model, 98 % sure"),
+    ("model", "mesh", "inferred by a language model, 98 % sure"),
 ])  # fmt: skip
 def test_who_says_that_a_part_moves(provenance: Provenance, source: str, words: str) -> None:
     assert str(motion_origin(joint(provenance), source)) == words

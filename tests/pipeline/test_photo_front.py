@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mam_pipeline.photo.front import read_front, with_own_handles
+from mam_pipeline.photo.confidence import panel_probability
+from mam_pipeline.photo.front import Told, read_front, with_own_handles
 from mam_pipeline.photo.front_network import FrontMaps
 from mam_pipeline.photo.handles import Blob, handles_seen
 from mam_pipeline.photo.options import Layout, parse_layout
@@ -183,3 +184,35 @@ def test_kinds_that_are_typed_stay_where_panels_are_alike() -> None:
     kinds = [p.kind for p in read_front(drawn_front([320], [160, 320]), parse_layout(
         "drawer, door-left / door-right, drawer / drawer, control panel")).panels]  # fmt: skip
     assert sorted(kinds) == ["door", "door", "drawer", "drawer", "drawer", "fixed"]
+
+
+def test_kinds_that_a_model_says_are_believed_less_than_a_persons() -> None:
+    layout = parse_layout("drawer, door-left / door-right, drawer / drawer, control panel")
+    image = drawn_front([320], [160, 320])
+    person, model = read_front(image, layout).panels, read_front(image, layout, sure=0.85).panels
+    assert [(p.kind, p.box, p.hinge_side) for p in person] == [
+        (p.kind, p.box, p.hinge_side) for p in model
+    ]
+    assert {p.provenance for p in person} == {"user"} and {p.provenance for p in model} == {"model"}
+    assert all(panel_probability(p) == pytest.approx(0.98 * 0.85) for p in model)
+
+
+def test_a_handle_that_a_model_sees_goes_before_what_only_looks_like_one() -> None:
+    image = np.full((480, 640, 3), 215, np.uint8)
+    for x in (0, 320):
+        cv2.rectangle(image, (x, 0), (x + 320, 480), (70, 70, 70), 4)
+        cv2.circle(image, (x + 290, 100), 11, (60, 55, 50), -1)
+    image = np.asarray(cv2.GaussianBlur(image, (0, 0), 1.0), np.uint8)
+    layout = parse_layout("door-left, door-left")
+
+    def read(*boxes: tuple[float, float, float, float]) -> list[Blob]:
+        reading = read_front(image, layout, sure=0.85, handles=Told(boxes, 0.85))
+        return [p.handles[0] for p in sorted(reading.panels, key=lambda p: p.box[0])]
+
+    alone = read()
+    assert [b.provenance for b in alone] == ["observed", "observed"]
+    near, elsewhere = read((270, 85, 300, 125), (560, 300, 600, 330))
+    assert near.box == alone[0].box and near.told  # in its measured place
+    assert elsewhere.provenance == "model" and elsewhere.center == pytest.approx((580, 315), abs=1)
+    hinge, whole = read((10, 300, 40, 330), (330, 10, 630, 470))
+    assert [b.box for b in (hinge, whole)] == [b.box for b in alone]  # neither can be a handle

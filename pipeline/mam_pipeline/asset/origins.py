@@ -90,7 +90,10 @@ def motion_origin(joint: Moves, source: str) -> Origin:
         return READ
     if joint.provenance == "assumed":
         return assumed("")
-    return _inferred(joint, source)
+    if joint.provenance == "model":
+        return Origin("inferred", f"inferred by a language model, {percent(joint.confidence)} sure")
+    where = " from the photo" if source == "photo" else ""
+    return Origin("inferred", f"inferred{where}, {percent(joint.confidence)} sure")
 
 
 def range_origin(joint: Moves, source: str) -> Origin:
@@ -136,8 +139,3 @@ def friction_origin(spread: tuple[float, float]) -> Origin:
         spread: `friction_range` of the card; (0, 0) where no bearing was assumed.
     """
     return assumed("what such bearings have") if any(spread) else READ
-
-
-def _inferred(joint: Moves, source: str) -> Origin:
-    where = " from the photo" if source == "photo" else ""
-    return Origin("inferred", f"inferred{where}, {percent(joint.confidence)} sure")

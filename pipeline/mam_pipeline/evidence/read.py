@@ -21,7 +21,6 @@ from mam_pipeline.evidence.names import (
 )
 from mam_pipeline.evidence.pivots import hinge_axis, own_origin
 from mam_pipeline.evidence.spec import (
-    CERTAIN,
     KindCount,
     KinematicSpec,
     ObjectWord,
@@ -44,6 +43,7 @@ class Certainties:
 
     Attributes:
         name: of a node or object. material: of a material. file: the file's own name.
+        model: of a language model that saw a photo of the object.
         animation: a motion that the file itself shows.
         pivot: a nameless node whose own origin lies on an edge of its box.
         habit: share of the nodes with own origins on edges from which that is the modeller's way
@@ -57,6 +57,7 @@ class Certainties:
     name: float = 0.8
     material: float = 0.6
     file: float = 0.7
+    model: float = 0.85
     animation: float = 0.95
     pivot: float = 0.6
     habit: float = 0.5
@@ -77,6 +78,7 @@ def spec_of(
     what: str | None = None,
     hints: Hints | None = None,
     use_names: bool = True,
+    seen: Sequence[str] = (),
 ) -> KinematicSpec:
     """All that is known of an object beside its geometry.
 
@@ -85,6 +87,8 @@ def spec_of(
         mesh_T_file: (4, 4) similarity that brought the file's coordinates into the mesh's frame.
         what: the user's words for the object. hints: of the user, obeyed.
         use_names: False passes over everything in the file itself.
+        seen: what a language model calls the object, the best word first; the first that is known
+            weighs, and is not obeyed.
 
     Raises:
         ConfigError: words for the object that no kind has.
@@ -100,6 +104,8 @@ def spec_of(
         if word is None and not counts:
             raise ConfigError(_unknown_words(what))
         objects += [word] if word is not None else []
+    by_model = (object_of(w, Said("language model", w, CERTAINTIES.model)) for w in seen if w)
+    objects += [word for word in by_model if word is not None][:1]
     if use_names:
         objects += _objects(mesh, source, scene)
         if source is not None and not counts:
@@ -207,7 +213,8 @@ def _object_note(objects: Sequence[ObjectWord]) -> str:
     known = kinds().objects[first.word]
     moving = [p.kind for p in known.parts if p.often >= CERTAINTIES.usual]
     usual = f"usually moves: {', '.join(moving)}" if moving else "nothing usually moves"
-    source = "as told" if first.said.certainty >= CERTAIN else f"by its {first.said.origin}"
+    by = {"user": "as told", "language model": "as a language model says"}
+    source = by.get(first.said.origin, f"by its {first.said.origin}")
     article = "an" if first.word[:1] in "aeiou" else "a"
     return f"taken for {article} {first.word} ({source}: {first.said.detail!r}): {usual}"
 

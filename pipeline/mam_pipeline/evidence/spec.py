@@ -17,7 +17,7 @@ from mam_pipeline.hints import Hints
 from mam_pipeline.types import FloatArray, JointSubtype, Mesh, readonly
 
 Origin = Literal[
-    "user", "name", "material", "file name", "animation", "hierarchy", "instances", "model"
+    "user", "name", "material", "file name", "animation", "hierarchy", "language model"
 ]
 Moves = Literal["fixed", "hinge", "spin", "slide", "with", ""]
 CERTAIN = 1.0

@@ -1,11 +1,11 @@
 """A vision-language model, a person or another program as the reader of a photo.
 
 One question: what the photo shows, the corners of its front, its panels row by row with their
-hinges, its handles, whether it stands open, and how high it is. The answer is checked against its
-schema, and against what this program reads alone, with the box that it fits to the photo's lines.
-Where both are sure of a box and differ, the model is challenged once with what was measured. What
-both read alike is of high confidence, and the corners are then the measured ones; what they read
-differently is said.
+hinges, its handles and where they are, whether it stands open, and how high it is. The answer is
+checked against its schema, and against what this program reads alone, with the box that it fits to
+the photo's lines. Where both are sure of a box and differ, the model is challenged once with what
+was measured. What both read alike is of high confidence, and corners and handles are then the
+measured ones; what they read differently is said. Nothing of it counts as a person's word.
 """
 
 from __future__ import annotations
@@ -22,14 +22,18 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from mam_pipeline.errors import ConfigError, HintNeeded, NotThisKind
+from mam_pipeline.evidence.spec import CERTAIN
 from mam_pipeline.models import settings
 from mam_pipeline.models.transports import FileTransport, OpenAITransport, Question, Transport
 from mam_pipeline.models.vlm import settle_answer
-from mam_pipeline.photo.find import Found, find_object
+from mam_pipeline.photo.category import THING
+from mam_pipeline.photo.find import Found, find_object, flattened
+from mam_pipeline.photo.handles import with_told
 from mam_pipeline.photo.image import Photo, read_photo
 from mam_pipeline.photo.layout import kinds_of
 from mam_pipeline.photo.options import (
     CATEGORY_NAMES,
+    MODEL,
     PhotoOptions,
     parse_layout,
     parse_options,
@@ -76,13 +80,16 @@ TEXT = (
     "that does not move). Where columns have rows of their own, give each column as an entry of "
     "columns instead, from the left, and leave rows empty.\n"
     "opened: whether a door or drawer of it stands open. handles: how many handles and knobs you "
-    "see on its doors and drawers; null if that cannot be told. height: metres from its foot to "
+    "see on its doors and drawers; null if that cannot be told. handle_boxes: where these are, "
+    "[left, top, right, bottom] each, in thousandths like the corners, as tight as you can; leave "
+    "out those that you cannot place. height: metres from its foot to "
     "its top, as you judge it; null if you cannot."
 )
 Kind = Literal["drawer", "door", "door-left", "door-right", "door-top", "door-bottom", "open",
                "control panel", "fixed"]  # fmt: skip
 Rows = Annotated[list[Annotated[list[Kind], Field(min_length=1)]], Field(max_length=20)]
 Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
+Sides = Annotated[list[float], Field(min_length=4, max_length=4)]
 
 
 class PhotoReading(BaseModel):
@@ -97,7 +104,14 @@ class PhotoReading(BaseModel):
     columns: Annotated[list[Rows], Field(max_length=10)] = []
     opened: bool = False
     handles: Annotated[int, Field(ge=0, le=200)] | None = None
+    handle_boxes: Annotated[list[Sides], Field(max_length=200)] = []
     height: Annotated[float, Field(ge=0.02, le=20)] | None = None
+
+    @property
+    def handles_seen(self) -> int | None:
+        """How many handles it sees; None where it does not say."""
+        placed = len(self.handle_boxes)
+        return max(self.handles or 0, placed) if placed else self.handles
 
     @property
     def layout(self) -> str:
@@ -111,14 +125,13 @@ class ModelReading:
     """A model's reading of a photo beside this program's own.
 
     Attributes:
-        options: for the reconstructor; what the user gave stays.
-        words: how sure box, panels and handles are, where the model spoke of them.
+        options: for the reconstructor; what the user gave stays, and `by_model` says how far the
+            rest is believed.
         notes: a sentence on where both agree and where they differ.
         what: the photo shows, in a few words.
     """
 
     options: dict[str, Any]
-    words: dict[str, str]
     notes: tuple[str, ...]
     what: str
 
@@ -146,7 +159,7 @@ def read_by_model(
     )  # fmt: skip
     says = f"as the {reader} reader says"
     if not answer.in_scope and not boxes_only:
-        return ModelReading(given, {}, (f"the photo shows {answer.what}, {says}",), answer.what)
+        return ModelReading(given, (f"the photo shows {answer.what}, {says}",), answer.what)
     if not answer.in_scope:
         raise NotThisKind(
             f"{path} shows {answer.what}, {says}: mam-sim reads the closed fronts of furniture "
@@ -159,16 +172,24 @@ def read_by_model(
             "photo with all of them closed, or say what its panels are with --layout"
         )
     same_front = alike(answer, own)
-    pixels = (own.found.quad if same_front else front_of(answer, photo)) / photo.scale
+    front = own.found.quad if same_front else front_of(answer, photo)
     digits = 0 if same_front else 1  # the measured box is known again by its whole pixels
+    told = [b for b in boxes_of(answer, photo) if on_front(b, front)]
     out = {
         "category": answer.category,
-        "front": [round(float(v), digits) for v in pixels.reshape(-1)],
+        "front": [round(float(v), digits) for v in (front / photo.scale).reshape(-1)],
         "layout": answer.layout,
+        "handles": [[round(float(v) / photo.scale, 1) for v in box] for box in told],
     }
-    words, notes = beside(answer, own, given, reader)
-    said = {k: v for k, v in out.items() if v}
-    return ModelReading({**said, **given}, words, notes, answer.what)
+    sure, notes = beside(answer, own, given, reader)
+    if off := len(answer.handle_boxes) - len(told):
+        few = f"{off} of the {len(answer.handle_boxes)} handles"
+        notes = (*notes, f"{few} that the {reader} reader places lie off the front: left out")
+    if named_otherwise(answer.category, given):
+        out["category"] = ""
+    said = {k: v for k, v in out.items() if v and k not in given}
+    by_model = {k: v for k, v in sure.items() if k in said or k == "handles"}
+    return ModelReading({**said, **given, "by_model": by_model}, notes, answer.what)
 
 
 @dataclass(frozen=True)
@@ -198,36 +219,55 @@ def alike(answer: PhotoReading, own: Own) -> bool:
     return polygon_iou(own.found.quad, front_of(answer, own.photo)) >= RULES.alike
 
 
+def on_front(box: NDArray[np.float64], front: NDArray[np.float64]) -> bool:
+    """Whether the middle of a box (x0, y0, x1, y1) lies on a front (4, 2)."""
+    middle = (float(box[0] + box[2]) / 2, float(box[1] + box[3]) / 2)
+    return cv2.pointPolygonTest(front.astype(np.float32), middle, False) >= 0
+
+
+def named_otherwise(category: str, given: Mapping[str, Any]) -> bool:
+    """Whether the user says that it is another thing than that category."""
+    told = [thing for thing, sure in given.get("things", {}).items() if sure >= CERTAIN]
+    return bool(category and told) and THING.get(category, category).replace("_", " ") not in told
+
+
 def beside(
     answer: PhotoReading, own: Own, given: dict[str, Any], reader: str
-) -> tuple[dict[str, str], tuple[str, ...]]:
-    """How sure a model's reading is beside this program's own, topic by topic, and that in words.
+) -> tuple[dict[str, float], tuple[str, ...]]:
+    """How far a model's reading is believed beside our own, by option, and that in words.
 
-    What both read alike is high, else medium; of what the user gave nothing is said.
+    More where both read alike; of what the user gave nothing is said.
     """
     reading, agreed, differ = own.found.reading, list[str](), list[str]()
-    words: dict[str, str] = {}
+    sure = {"category": MODEL.alone}
 
-    def compare(topic: str, name: str, same: bool, theirs: str, ours: str) -> None:
-        words[topic] = "high" if same else "medium"
+    def compare(option: str, name: str, same: bool, theirs: str, ours: str) -> None:
+        sure[option] = MODEL.both if same else MODEL.alone
         agreed.extend([name] if same else [])
         differ.extend([] if same else [f"{name}: it reads {theirs}, this program {ours}"])
 
     if "front" not in given:
-        compare("cuboid", "box", alike(answer, own), "another front", "the one that lines show")
+        compare("front", "box", alike(answer, own), "another front", "the one that lines show")
     if "layout" not in given and answer.layout:
         ours = layout_as_read(reading)
         same = bool(ours) and kinds_in(ours) == kinds_in(answer.layout)
-        compare("panels", "panels", same, answer.layout, ours or "no rows or columns")
-    if answer.handles is not None:
-        seen = sum(b.provenance == "observed" for p in reading.movable for b in p.handles)
-        compare("handles", "handles", seen == answer.handles, f"{answer.handles}", f"{seen}")
-    both = f"the {reader} reader and this program"
-    notes = [f"{both} agree on {', '.join(agreed)}"] if agreed else []
-    notes += [f"{both} differ on {'; on '.join(differ)}"] if differ else []
+        compare("layout", "panels", same, answer.layout, ours or "no rows or columns")
+    if answer.handles_seen is not None:
+        blobs = [b for p in reading.movable for b in p.handles if b.provenance == "observed"]
+        same, where = len(blobs) == answer.handles_seen, ""
+        if answer.handle_boxes:
+            told = flattened(boxes_of(answer, own.photo), own.found.quad, reading.image)
+            both = with_told(blobs, told, 1.0, max(reading.image.shape[:2]))
+            found = sum(b.told and b.provenance == "observed" for b in both)
+            same = same and found == len(told)
+            where = f", {found} of them in these places"
+        compare("handles", "handles", same, f"{answer.handles_seen}", f"{len(blobs)}{where}")
+    who = f"the {reader} reader and this program"
+    notes = [f"{who} agree on {', '.join(agreed)}"] if agreed else []
+    notes += [f"{who} differ on {'; on '.join(differ)}"] if differ else []
     if answer.height is not None and not {"height", "width", "depth"} & set(given):
         notes.append(f"the {reader} reader takes it to be {answer.height:.2g} m high (--height)")
-    return words, tuple(notes)
+    return sure, tuple(notes)
 
 
 def kinds_in(layout: str) -> list[list[list[str]]]:
@@ -261,6 +301,15 @@ def question(photo: Photo, path: Path) -> Question:
 def front_of(answer: PhotoReading, photo: Photo) -> NDArray[np.float64]:
     """(4, 2) corners of the answered front, small pixels."""
     return np.array(answer.front, float).reshape(-1, 2) * np.array(photo.size) / 1000.0
+
+
+def boxes_of(answer: PhotoReading, photo: Photo) -> NDArray[np.float64]:
+    """(n, 4) boxes of the handles that were placed: x0, y0, x1, y1, small pixels.
+
+    A box without area is left out: how many handles there are, and what else was answered, stays.
+    """
+    boxes = np.array(answer.handle_boxes, float).reshape(-1, 4) * (*photo.size, *photo.size)
+    return boxes[(boxes[:, 0] < boxes[:, 2]) & (boxes[:, 1] < boxes[:, 3])] / 1000.0
 
 
 def faults(answer: PhotoReading) -> str:

@@ -188,7 +188,8 @@ def ask_for_tree(
     ledger = {**vars(transport.ledger), "cap": str(transport.ledger.cap)}
     base = made.tree.nodes[0]
     base = replace(base, evidence={**base.evidence, "ledger": ledger})
-    return KinematicTree((base, *made.tree.nodes[1:]))
+    parts = (replace(node, provenance="model") for node in made.tree.nodes[1:])
+    return KinematicTree((base, *parts))
 
 
 def _how() -> str:
@@ -213,7 +214,9 @@ def named_nodes(spec: KinematicSpec, album: albums.Album) -> Nodes:
 def told_by(spec: KinematicSpec, nodes: Nodes) -> str:
     """What is known beside the pictures, in words: the user's, and names in the file as names."""
     said = [o.word for o in spec.objects if o.said.origin == "user"][:1]
+    seen = [o.word for o in spec.objects if o.said.origin == "language model"][:1]
     out = [f"The user says that it is: {said[0]}. "] if said else []
+    out += [f"It was made from a photo that may show: {seen[0]}. "] if seen and not said else []
     counts = [f"{c.count} x {c.kind}" for c in spec.counts if c.said.origin == "user"]
     out += [f"The user says that it has: {', '.join(counts)}. "] if counts else []
     if nodes:

@@ -16,6 +16,7 @@ from mam_pipeline.evidence.kinds import ObjectKind
 from mam_pipeline.evidence.kinds import kinds as kinds_of_things
 from mam_pipeline.package_data import table
 from mam_pipeline.photo import efficientnet
+from mam_pipeline.photo.options import PhotoOptions
 
 THING = {
     "drawer_unit": "dresser", "file_cabinet": "filingcabinet", "bookcase": "bookshelf",
@@ -125,16 +126,16 @@ def _has(thing: ObjectKind, name: str, side: str) -> float:
     return max((p.often for p in mine), default=0.0)
 
 
-def things_of(
-    looks: Looks | None, category: str | None, named: Mapping[str, float]
-) -> dict[str, float]:
-    """Kind of object to its probability, by what a person says or else by what a photo looks like.
+def things_of(looks: Looks | None, options: PhotoOptions) -> dict[str, float]:
+    """Kind of object to its probability, by what somebody says or else by what a photo looks like.
 
     Args:
-        named: kind of object that a person or the file's name says, to how far that is believed.
+        options: what a person, a language model or the file's name says that it is.
     """
+    category, named = options.category, options.things
     if category is not None:
-        return {THING.get(category, category): 1.0}
+        thing = THING.get(category, category)
+        return {thing: max(options.sure("category"), named.get(thing, 0.0))}
     out = dict(named)
     rest = 0.0 if looks is None else looks.in_scope * (1.0 - sum(named.values()))
     for name, p in looks.categories().items() if looks is not None else ():

@@ -34,7 +34,7 @@ def agree_on_kinds(panels: list[Panel]) -> list[Panel]:
     """Panels of like size are of one kind: the surer ones decide."""
     out = []
     for p in panels:
-        if not p.movable or p.kind_confidence == 1.0:  # a person says the kind
+        if not p.movable or p.told:
             out.append(p)
             continue
         group = [q for q in panels if q.movable and _like(p, q)]
@@ -78,7 +78,7 @@ def complete_handles(panels: list[Panel], blobs: Sequence[Blob]) -> list[Panel]:
             y = p.box[1] + v * (p.box[3] - p.box[1])
             added.append(_faint(blobs, x, y, handle) or _copy(handle, x, y))
         side = p.hinge_side
-        if p.kind == "door" and side in ("left", "right", None) and p.provenance != "user":
+        if p.kind == "door" and side in ("left", "right", None) and p.provenance == "observed":
             side = "left" if added[0].center[0] > (p.box[0] + p.box[2]) / 2 else "right"
         out.append(replace(p, handles=tuple(added), hinge_side=side))
     return out
@@ -124,7 +124,7 @@ def pair_doors(panels: list[Panel]) -> list[Panel]:
     done: set[int] = set()
     for i in order:
         p = out[i]
-        if p.kind != "door" or p.handles or i in done or p.provenance == "user":
+        if p.kind != "door" or p.handles or i in done or p.provenance != "observed":
             continue
         for j in order:
             q = out[j]
@@ -132,7 +132,7 @@ def pair_doors(panels: list[Panel]) -> list[Panel]:
                 continue
             if abs(q.box[0] - p.box[2]) < 0.15 * (p.box[2] - p.box[0]):
                 out[i] = replace(p, hinge_side="left")
-                if not q.handles and q.provenance != "user":
+                if not q.handles and q.provenance == "observed":
                     out[j] = replace(q, hinge_side="right")
                 done |= {i, j}
                 break

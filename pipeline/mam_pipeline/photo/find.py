@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.hints import HintBox, Hints
 from mam_pipeline.photo.box_network import SEEN, BoxMaps, look_at_photo
-from mam_pipeline.photo.camera import FACES, quad_homography
+from mam_pipeline.photo.camera import FACES, apply_homography, quad_homography
 from mam_pipeline.photo.category import Looks, front_kinds, things_of
 from mam_pipeline.photo.complete import virtual_grasp
 from mam_pipeline.photo.cuboid import Evidence, fit_cuboid, hold_of_length
-from mam_pipeline.photo.front import FrontReading, read_front
-from mam_pipeline.photo.handles import Blob
+from mam_pipeline.photo.front import FrontReading, Told, read_front
+from mam_pipeline.photo.handles import Blob, Box
 from mam_pipeline.photo.image import Photo
 from mam_pipeline.photo.lines import Segments, edge_maps, find_segments, on_mask
 from mam_pipeline.photo.mask import plain_backdrop, told_mask
@@ -46,6 +46,7 @@ class Found:
     Attributes:
         picture: (width, height) of the photo.
         quad: (4, 2) front corners TL, TR, BR, BL of the body without legs.
+        front_given: whether somebody says the front, a person or a language model.
         shape: (width, depth, height) of the body in an arbitrary unit.
         legs: height of the legs over the body's height.
         side_share: share of the visible area that is not the front.
@@ -103,7 +104,7 @@ def find_object(photo: Photo, options: PhotoOptions, looks: Looks | None = None)
     if options.hints is not None and options.hints.photo_front:
         check_near(photo, options.hints.photo_front)
         return found_in_hints(photo, options.hints)
-    kinds = front_kinds(things_of(looks, options.category, options.things))
+    kinds = front_kinds(things_of(looks, options))
     if options.front is None:
         return _in_box(photo, options, kinds)
     check_near(photo, [v for corner in options.front for v in corner])
@@ -124,8 +125,7 @@ def _in_box(photo: Photo, options: PhotoOptions, kinds: Mapping[str, float]) -> 
     cuboid = fit_cuboid(evidence)
     quad = cuboid.quad("front")
     w, d, h = cuboid.extents
-    image = rectify(photo, quad, w / h)
-    reading = read_front(image, options.layout, options.category, kinds)
+    reading = _read(photo, quad, w / h, options, kinds)
     others = [(f, cuboid.quad(f)) for f in cuboid.visible if f not in ("front", "bottom")]
     return Found(
         photo.size, quad, (w, d, h), reading, cuboid.cost, side_share(cuboid, "front"),
@@ -136,6 +136,32 @@ def _in_box(photo: Photo, options: PhotoOptions, kinds: Mapping[str, float]) -> 
         doubt=doubt_of(maps, quad), scale=photo.scale,
         opened=float(maps.seen[SEEN.index("opened")].sum() / max((1 - maps.seen[0]).sum(), 1e-9)),
     )  # fmt: skip
+
+
+def _read(
+    photo: Photo, quad: Array, ratio: float, options: PhotoOptions, kinds: Mapping[str, float]
+) -> FrontReading:
+    """What is on a front (its quad in small pixels, `ratio` width over height)."""
+    image = rectify(photo, quad, ratio)
+    boxes = flattened(np.array(options.handles).reshape(-1, 4) * photo.scale, quad, image)
+    handles = Told(tuple(boxes), options.sure("handles"))
+    sure = options.sure("layout")
+    return read_front(image, options.layout, options.category, kinds, sure, handles)
+
+
+def flattened(boxes: Array, quad: Array, image: NDArray[np.uint8]) -> list[Box]:
+    """Boxes (n, 4) on the photo, small pixels, as upright ones in pixels of a front's picture.
+
+    Args:
+        quad: (4, 2) of the front, small pixels. image: the rectified front.
+    """
+    flat = quad_homography(quad, image.shape[1], image.shape[0])
+    out = []
+    for x0, y0, x1, y1 in boxes:
+        on = apply_homography(flat, [(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+        (a, b), (c, d) = on.min(axis=0).tolist(), on.max(axis=0).tolist()
+        out.append((a, b, c, d))
+    return out
 
 
 def doubt_of(maps: BoxMaps, quad: Array | None = None) -> float:
@@ -266,8 +292,7 @@ def _from_front(photo: Photo, options: PhotoOptions, kinds: Mapping[str, float])
     ratio = aspect_of_quad(quad, photo.size)
     if options.width and options.height:
         ratio = options.width / options.height
-    image = rectify(photo, quad, ratio)
-    reading = read_front(image, options.layout, options.category, kinds)
+    reading = _read(photo, quad, ratio, options, kinds)
     return Found(
         photo.size, quad, (ratio, 0.6, 1.0), reading, 0.0, 0.0, [quad], front_given=True
     )  # fmt: skip

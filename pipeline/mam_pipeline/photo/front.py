@@ -12,13 +12,24 @@ from numpy.typing import NDArray
 
 from mam_pipeline.photo.complete import complete, round_door, virtual_grasp
 from mam_pipeline.photo.front_network import FrontMaps, look_at_front
-from mam_pipeline.photo.handles import HALF, Blob, handles_seen
+from mam_pipeline.photo.handles import HALF, TOLD, Blob, Box, handles_seen, with_told
 from mam_pipeline.photo.layout import arranged, cells_of_layout, kinds_of
 from mam_pipeline.photo.options import Layout
 from mam_pipeline.photo.panel import Panel
 from mam_pipeline.photo.repeat import handles_by_repetition
 from mam_pipeline.photo.tiling import SeamMaps, Tile, best_tiling, seams_of
 
+
+@dataclass(frozen=True)
+class Told:
+    """Where a language model sees handles: boxes (x0, y0, x1, y1), front pixels, and how far it is
+    believed, 0..1."""
+
+    boxes: tuple[Box, ...] = ()
+    sure: float = 0.0
+
+
+NOTHING = Told()
 NARROW = 0.08  # of the front's longer side: no shelf is narrower
 HINGES = ("left", "right", "bottom", "top")
 
@@ -48,25 +59,30 @@ def read_front(
     layout: Layout | None = None,
     category: str | None = None,
     kinds: Mapping[str, float] | None = None,
+    sure: float = 1.0,
+    handles: Told = NOTHING,
 ) -> FrontReading:
     """Find panels and handles on a rectified front picture (h, w, 3).
 
     Args:
-        layout: what a person says is on it. Where as many panels are read in its rows and columns,
+        layout: what somebody says is on it. Where as many panels are read in its rows and columns,
             they stay where they are, and only what is said otherwise changes; else it is cut anew.
-        category: of the object, where a person says it. kinds: odds of KINDS for such an object.
+        category: of the object, where somebody says it. kinds: odds of KINDS for such an object.
+        sure: how far the layout is believed, 0..1; below 1 a language model says it.
+        handles: where a language model sees handles.
     """
     maps = look_at_front(image)
-    seams, blobs = seams_of(maps), handles_seen(maps)
+    seams = seams_of(maps)
+    blobs = with_told(handles_seen(maps), handles.boxes, handles.sure, max(image.shape[:2]))
     read = _read(image, maps, seams, blobs, None if layout else category, kinds or {})
     if layout is None:
         return read
-    panels = _renamed(read.panels, layout, maps)
+    panels = _renamed(read.panels, layout, maps, sure)
     if not panels:
         cells = cells_of_layout(seams, blobs, layout)
         repeated = handles_by_repetition([box for _, box in cells], blobs)
         panels = [
-            _given_panel(kind, box, blobs, maps, repeated.get(k))
+            _given_panel(kind, box, blobs, maps, sure, repeated.get(k))
             for k, (kind, box) in enumerate(cells)
         ]
         panels = [with_own_handles(p) for p in complete(panels, blobs)]
@@ -136,16 +152,16 @@ def _given_panel(
     box: tuple[int, int, int, int],
     blobs: list[Blob],
     maps: FrontMaps,
+    sure: float,
     repeated: Blob | None = None,
 ) -> Panel:
-    """A panel that the user named (kind, or kind-hinge): what is not said is to be found."""
+    """A panel that somebody named (kind, or kind-hinge): what is not said is to be found."""
     rect = tuple(float(v) for v in box)
-    likely = _off_the_hinge(_likely(_within(blobs, box), repeated), rect, name.partition("-")[2])
-    handles = _choose_handles(likely, box)
-    return _named(Panel(rect, "", None, handles, 0.95, 1.0), name, maps)  # type: ignore[arg-type]
+    handles = _handles_on(rect, blobs, repeated, name.partition("-")[2])  # type: ignore[arg-type]
+    return _named(Panel(rect, "", None, handles, 0.95, 1.0), name, maps, sure)  # type: ignore[arg-type]
 
 
-def _renamed(panels: Sequence[Panel], layout: Layout, maps: FrontMaps) -> list[Panel]:
+def _renamed(panels: Sequence[Panel], layout: Layout, maps: FrontMaps, sure: float) -> list[Panel]:
     """The panels as read, called as a layout says; none where it has others or in other places."""
     columns, named = arranged([p.box for p in panels]), [kinds_of(c) for c in layout.columns]
     if [list(map(len, rows)) for rows in columns] != [list(map(len, rows)) for rows in named]:
@@ -153,21 +169,28 @@ def _renamed(panels: Sequence[Panel], layout: Layout, maps: FrontMaps) -> list[P
     out = list(panels)
     for rows, names in zip(columns, named, strict=True):
         for i, name in zip(chain(*rows), chain(*names), strict=True):
-            out[i] = virtual_grasp(_named(panels[i], name, maps))
+            out[i] = virtual_grasp(_named(panels[i], name, maps, sure))
     return out
 
 
-def _named(panel: Panel, name: str, maps: FrontMaps) -> Panel:
-    """A panel of which a person says the kind, and of a door perhaps the hinge.
+def _named(panel: Panel, name: str, maps: FrontMaps, sure: float) -> Panel:
+    """A panel of which somebody says the kind, and of a door perhaps the hinge.
 
-    The rest stays as read where the kind does; a hinge that nobody says is no person's.
+    The rest stays as read where the kind does; a hinge that nobody says is nobody's. Where a
+    language model counts the panels as they are read, the place is no less sure than its word.
+
+    Args:
+        sure: how far the name is believed, 0..1: 1 where a person says it.
     """
+    who = "user" if sure >= 1.0 else "model"
+    place = panel.confidence if who == "user" else max(panel.confidence, sure)
+    panel = replace(panel, confidence=place, kind_confidence=sure, told=True)
     kind, _, side = name.partition("-")
     if kind != panel.kind:
         seen = tuple(b for b in panel.handles if b.provenance != "assumed")
         panel = replace(panel, kind=kind, hinge_side=None, handles=seen if kind != "open" else ())
     if kind != "door":
-        return replace(panel, kind_confidence=1.0, provenance="user")
+        return replace(panel, provenance=who)
     if not side and panel.hinge_side is None:
         shares = maps.kind_shares(panel.box)
         found = max(HINGES, key=lambda s: shares[f"door {s}"])
@@ -179,7 +202,7 @@ def _named(panel: Panel, name: str, maps: FrontMaps) -> Panel:
         seen = tuple(b for b in panel.handles if b.provenance != "assumed")
         panel = replace(panel, hinge_side=side, handles=seen)
     panel = replace(panel, handles=tuple(_off_the_hinge(panel.handles, panel.box, side)))
-    return replace(panel, kind_confidence=1.0, provenance="user" if side else "observed")
+    return replace(panel, provenance=who if side else "observed")
 
 
 def _with_round_door(
@@ -212,7 +235,7 @@ def panel_of(
         repeated: the handle that like panels show too, if any; it goes before all others.
         kinds: odds of KINDS for such an object.
     """
-    handles = _choose_handles(_likely(_within(blobs, tile.box), repeated), tile.box)
+    handles = _handles_on(tile.box, blobs, repeated)
     shares = maps.kind_shares(tile.box)
     weighed = {k: v * (kinds or {}).get(k, 1.0) for k, v in shares.items()}
     shares = {k: v / sum(weighed.values()) for k, v in weighed.items()}
@@ -242,7 +265,7 @@ def looks_open(image: NDArray[np.uint8], box: tuple[float, float, float, float])
     return float(np.median(cell)) < 0.62 * bright and upper < 0.58 * bright
 
 
-def _within(blobs: list[Blob], box: tuple[float, float, float, float]) -> list[Blob]:
+def _within(blobs: list[Blob], box: Box) -> list[Blob]:
     x0, y0, x1, y1 = box
     return [b for b in blobs if x0 < b.center[0] < x1 and y0 < b.center[1] < y1]
 
@@ -264,13 +287,27 @@ def _off_the_hinge(
     return [b for b in blobs if (b.center[at] - near) / (far - near) >= apart]
 
 
+def _handles_on(
+    box: Box, blobs: list[Blob], repeated: Blob | None, side: str = ""
+) -> tuple[Blob, ...]:
+    """The handles of a panel: those that a language model sees on it, else the likeliest patches.
+
+    Args:
+        side: of its hinge, where somebody says it: what lies there is no handle.
+    """
+    inside = _within(blobs, box)
+    told = [b for b in inside if b.told and TOLD.fits(b, box)]
+    seen = _likely([b for b in inside if not b.told], repeated)
+    return _choose_handles(_off_the_hinge(told, box, side) or _off_the_hinge(seen, box, side), box)
+
+
 def _likely(blobs: list[Blob], repeated: Blob | None) -> list[Blob]:
     """Candidates that may be handles, likeliest first; the repeated one leads."""
     good = sorted((b for b in blobs if b.score > HALF), key=lambda b: -b.score)
     return good if repeated is None else [repeated, *(b for b in good if b.box != repeated.box)]
 
 
-def _choose_handles(mine: list[Blob], box: tuple[int, int, int, int]) -> tuple[Blob, ...]:
+def _choose_handles(mine: list[Blob], box: Box) -> tuple[Blob, ...]:
     if not mine:
         return ()
     first = mine[0]

@@ -1,8 +1,9 @@
-"""Handles on a front: where the network sees them."""
+"""Handles on a front: where the network sees them, and where a language model does."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from mam_pipeline.photo.front_network import FrontMaps
 
 HALF = 0.5  # probability from which a place is part of a handle
+Box = tuple[float, float, float, float]
 FAINT = 0.12  # the greatest probability of a patch that may be one where like panels have theirs
 
 
@@ -18,12 +20,14 @@ FAINT = 0.12  # the greatest probability of a patch that may be one where like p
 class Blob:
     """A handle or what may be one: box (x0, y0, x1, y1) in front pixels, and its probability.
 
-    `provenance`: observed | inferred (like panels show it) | assumed | user.
+    `provenance`: observed | inferred (like panels show it) | model | assumed | user.
+    `told`: whether a language model sees one here, be it measured or not.
     """
 
-    box: tuple[float, float, float, float]
+    box: Box
     score: float
     provenance: str = "observed"
+    told: bool = False
 
     @property
     def center(self) -> tuple[float, float]:
@@ -54,6 +58,62 @@ def handles_seen(maps: FrontMaps) -> list[Blob]:
             box = (float(x.min()), float(y.min()), x.max() + 1.0, y.max() + 1.0)
             out.append(Blob(box, float(fine[part].max())))
     return sorted(out, key=lambda b: -b.score)
+
+
+@dataclass(frozen=True)
+class ToldRules:
+    """When a patch is the handle that a language model sees; its boxes are some percent off.
+
+    Attributes:
+        off: share of the front's longer side that a patch may lie outside the told box.
+        sizes: factor between both sizes up to which they may be one thing.
+        panel: share of a panel's width or height that no handle exceeds in both directions.
+    """
+
+    off: float = 0.04
+    sizes: float = 4.0
+    panel: float = 0.5
+
+    def same(self, blob: Blob, box: Box, side: float) -> bool:
+        """Whether a patch lies in a told box, or hardly outside it, and is of its size.
+
+        Args:
+            side: the front's longer side, pixels.
+        """
+        (x, y), room = blob.center, self.off * side
+        ratio = max(blob.size) / max(box[2] - box[0], box[3] - box[1], 1.0)
+        inside = box[0] - room < x < box[2] + room and box[1] - room < y < box[3] + room
+        return inside and 1 / self.sizes < ratio < self.sizes
+
+    def fits(self, blob: Blob, panel: Box) -> bool:
+        """Whether a told handle is small enough for its panel."""
+        shares = (blob.size[0] / (panel[2] - panel[0]), blob.size[1] / (panel[3] - panel[1]))
+        return min(shares) < self.panel
+
+
+TOLD = ToldRules()
+
+
+def with_told(blobs: Sequence[Blob], told: Sequence[Box], sure: float, side: float) -> list[Blob]:
+    """The patches with the handles that a language model sees.
+
+    A patch that lies in a told box is that handle, in its own measured place; where none does, the
+    told box is taken.
+
+    Args:
+        told: boxes (x0, y0, x1, y1), front pixels. sure: how far the model is believed, 0..1.
+        side: the front's longer side, pixels.
+    """
+    left, out = list(blobs), list[Blob]()
+    for box in told:
+        near = [b for b in left if TOLD.same(b, box, side)]
+        if near:
+            best = max(near, key=lambda b: b.score)
+            left.remove(best)
+            out.append(replace(best, score=max(best.score, sure), told=True))
+        else:
+            out.append(Blob(box, sure, "model", told=True))
+    return sorted([*out, *left], key=lambda b: -b.score)
 
 
 def _patches(above: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:

@@ -43,6 +43,21 @@ class Layout:
 
 
 @dataclass(frozen=True)
+class ModelWord:
+    """How far a language model is believed on what it reads on a photo, 0..1.
+
+    Attributes:
+        alone: where our own reading does not bear it out. both: where both read the same.
+    """
+
+    alone: float = 0.85
+    both: float = 0.95
+
+
+MODEL = ModelWord()
+
+
+@dataclass(frozen=True)
 class PhotoConfig:
     """Help for a photo, as a person writes it; each is optional."""
 
@@ -86,6 +101,10 @@ class PhotoOptions:
         hints: hints marked on the photo (with `photo_front`): nothing is searched for then.
         things: kind of object (evidence/kinds.yaml) that the user or the file's name says, to how
             far that is believed.
+        handles: boxes (x0, y0, x1, y1) of handles and knobs that a language model sees, pixels of
+            the upright file.
+        by_model: options that a language model filled in, to how far they are believed, 0..1; what
+            is not among them the user says.
     """
 
     bbox: tuple[float, float, float, float] | None = None
@@ -99,6 +118,18 @@ class PhotoOptions:
     accept_low_confidence: bool = False
     hints: Hints | None = None
     things: Mapping[str, float] = field(default_factory=dict)
+    handles: tuple[tuple[float, float, float, float], ...] = ()
+    by_model: Mapping[str, float] = field(default_factory=dict)
+
+    def sure(self, name: str) -> float:
+        """How far an option is believed, 0..1: what the user says is obeyed."""
+        return self.by_model.get(name, 1.0)
+
+    def word(self, name: str) -> str:
+        """How sure an option is, as the other confidences are: given by the user, high, medium."""
+        if name not in self.by_model:
+            return "given"
+        return "high" if self.by_model[name] >= MODEL.both else "medium"
 
 
 def parse_options(options: Mapping[str, Any]) -> PhotoOptions:
@@ -153,8 +184,11 @@ def _parse(key: str, value: Any) -> Any:
         return name
     if key == "accept_low_confidence":
         return bool(value)
-    if key == "things":
+    if key in ("things", "by_model"):
         return dict(value)
+    if key == "handles":
+        boxes = [_numbers(key, box, 4) for box in value]
+        return tuple((x0, y0, x1, y1) for x0, y0, x1, y1 in boxes)
     if key == "hints":
         return value if isinstance(value, Hints) else load_hints(value)
     try:

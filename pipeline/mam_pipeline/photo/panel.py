@@ -17,6 +17,8 @@ class Panel:
         hinge_side: left | right | top | bottom for doors, as seen from the front.
         handles: those that belong to it, observed or inferred.
         confidence: 0..1 that the rectangle is right; `kind_confidence` that the kind is.
+        provenance: observed; user or model where these say the hinge of a door, too.
+        told: whether somebody says the kind, a person or a language model.
     """
 
     box: tuple[float, float, float, float]
@@ -26,6 +28,7 @@ class Panel:
     confidence: float = 0.5
     kind_confidence: float = 0.5
     provenance: str = "observed"
+    told: bool = False
 
     @property
     def movable(self) -> bool:

@@ -28,10 +28,12 @@ def handles_by_repetition(boxes: Sequence[Box], blobs: Sequence[Blob]) -> dict[i
 
     Args:
         boxes: panels (x0, y0, x1, y1), front pixels.
-        blobs: handle candidates of the whole front with their probabilities.
+        blobs: handle candidates of the whole front with their probabilities; what a language model
+            alone sees repeats nothing.
     """
     out: dict[int, Blob] = {}
-    inside = [[b for b in blobs if b.score > LEAST and _within(b, box)] for box in boxes]
+    seen = [b for b in blobs if b.score > LEAST and b.provenance != "model"]
+    inside = [[b for b in seen if _within(b, box)] for box in boxes]
     for group in _groups(boxes):
         if len(group) < 2:
             continue

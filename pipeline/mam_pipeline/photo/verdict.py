@@ -120,16 +120,19 @@ def _a(kind: str) -> str:
 def judge(found: Found, options: PhotoOptions, looks: Looks | None = None) -> Judgement:
     """Turn what was found into words.
 
-    What the user says is `given`, which is no measure of how well it was found. Panels are never
-    surer than the box that they lie on, and handles never surer than the panels.
+    What the user says is `given`, which is no measure of how well it was found; what a language
+    model says is high where our own reading bears it out, else medium. Panels are never surer than
+    the box that they lie on, and handles never surer than the panels.
     """
     words = confidence.words(found, read_again(found, options))
     if found.front_given:
-        words["cuboid"] = "given"
+        words["cuboid"] = options.word("front")
     words["panels"] = min(words["panels"], words["cuboid"], key=ORDER.index)
     if options.layout or options.hints:
         words["handles"] = min(words["handles"], "medium", key=ORDER.index)
-        words["panels"] = "low" if words["cuboid"] == "low" else "given"
+        words["panels"] = "low" if words["cuboid"] == "low" else options.word("layout")
+    if "handles" in options.by_model:
+        words["handles"] = options.word("handles")
     if options.hints:
         words["handles"] = "given"
     words["handles"] = min(words["handles"], words["panels"], key=ORDER.index)
@@ -241,7 +244,7 @@ def shows_its_inside(found: Found, options: PhotoOptions, looks: Looks | None) -
     Of things that have doors alone; what may be furniture with drawers has no such number.
     """
     known = kinds().objects
-    for thing, p in things_of(looks, options.category, options.things).items():
+    for thing, p in things_of(looks, options).items():
         parts = {part.kind: part for part in known[thing].parts}
         if p > RULES.clearly and known[thing].machine and "door" in parts:
             return len(found.reading.movable) > 2 * parts["door"].most
