@@ -77,7 +77,7 @@ def read_front(
     read = _read(image, maps, seams, blobs, None if layout else category, kinds or {})
     if layout is None:
         return read
-    panels = _renamed(read.panels, layout, maps, sure)
+    panels = _renamed(read.panels, layout, maps, blobs, sure)
     if not panels:
         cells = cells_of_layout(seams, blobs, layout)
         repeated = handles_by_repetition([box for _, box in cells], blobs)
@@ -161,7 +161,9 @@ def _given_panel(
     return _named(Panel(rect, "", None, handles, 0.95, 1.0), name, maps, sure)  # type: ignore[arg-type]
 
 
-def _renamed(panels: Sequence[Panel], layout: Layout, maps: FrontMaps, sure: float) -> list[Panel]:
+def _renamed(
+    panels: Sequence[Panel], layout: Layout, maps: FrontMaps, blobs: list[Blob], sure: float
+) -> list[Panel]:
     """The panels as read, called as a layout says; none where it has others or in other places."""
     columns, named = arranged([p.box for p in panels]), [kinds_of(c) for c in layout.columns]
     if [list(map(len, rows)) for rows in columns] != [list(map(len, rows)) for rows in named]:
@@ -169,7 +171,11 @@ def _renamed(panels: Sequence[Panel], layout: Layout, maps: FrontMaps, sure: flo
     out = list(panels)
     for rows, names in zip(columns, named, strict=True):
         for i, name in zip(chain(*rows), chain(*names), strict=True):
-            out[i] = virtual_grasp(_named(panels[i], name, maps, sure))
+            panel, side = _named(panels[i], name, maps, sure), name.partition("-")[2]
+            if side and not panel.handles:  # what was read as its handle lies at the hinge
+                others = _handles_on(panel.box, blobs, None, side)
+                panel = with_own_handles(replace(panel, handles=others))
+            out[i] = virtual_grasp(panel)
     return out
 
 
