@@ -314,7 +314,7 @@ def _read_photo(source: Path, config: MakeConfig, stages: Stages, out: Path | No
     seen: tuple[str, ...] = ()
     if config.hints is not None and load_hints(config.hints).photo_front:
         options["hints"] = config.hints  # marked by hand on the photo: build exactly that
-    elif config.photo.reader != "auto":
+    elif config.photo.reader not in ("auto", "embedded"):
         from mam_pipeline.models.photo_reader import read_by_model
 
         boxes = backends.resolved("reconstructor", config.reconstructor) == "embedded"

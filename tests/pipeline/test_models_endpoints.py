@@ -134,7 +134,8 @@ def reasoned(
         def answer(_path: str, body: bytes) -> tuple[int, str, bytes]:
             asked.append(json.loads(body))
             status, said = stand(asked[-1]) or _says(PARTS)
-            return status, "application/json", json.dumps(said).encode()
+            body = said if isinstance(said, bytes) else json.dumps(said).encode()
+            return status, "application/json", body
 
         monkeypatch.setenv("OPENAI_BASE_URL", serve(answer) + "/v1")
         with one_ledger() as ledger:
@@ -174,11 +175,16 @@ def test_every_endpoint_is_asked_for_what_it_supports(
         (200, _says("{", finish="length")[1], "cut off after 24000 tokens"),
         (200, _says("", finish="content_filter")[1], "filter of the endpoint"),
         (400, _error("At most 0 image(s) may be provided in one prompt."), "refused the question"),
+        (200, b"<html>a gateway's page</html>", "no chat completion; an OpenAI-compatible URL"),
+        (200, b"", "no chat completion"),
+        (200, "a string", "no chat completion"),
+        (200, {"choices": [{"message": None}]}, "no chat completion"),
+        (200, {**_says("{}")[1], "usage": {"prompt_tokens": "many"}}, "no chat completion"),
     ],
 )
 def test_what_cannot_be_helped_is_one_sentence(
     reasoned: Callable[[Stand], tuple[KinematicTree, Ledger, list[Plain]]],
-    status: int, said: Plain, message: str,
+    status: int, said: Any, message: str,
 ) -> None:  # fmt: skip
     with pytest.raises(BackendError, match=message) as caught:
         reasoned(lambda _request: (status, said))

@@ -80,8 +80,9 @@ def test_a_faulty_answer_is_asked_again(photo: Path, tmp_path: Path) -> None:
         assert read_by_model(photo, "file", {}).options["layout"] == "drawer / door, door"
         answered(folder, "photo-2", bad)
         answered(folder, "photo-3", bad)
-        with pytest.raises(BackendError, match="front must be four corners"):
+        with pytest.raises(BackendError, match="front must be four corners") as failed:
             read_by_model(photo, "file", {})
+    assert "without a model: --reader embedded" in str(failed.value)
 
 
 def test_what_is_out_of_scope_is_named(photo: Path, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from mam_pipeline.errors import ConfigError, HintNeeded, NotThisKind
+from mam_pipeline.errors import BackendError, ConfigError, HintNeeded, NotThisKind
 from mam_pipeline.evidence.spec import CERTAIN
 from mam_pipeline.models import settings
 from mam_pipeline.models.transports import FileTransport, OpenAITransport, Question, Transport
@@ -153,10 +153,13 @@ def read_by_model(
     """
     photo = read_photo(path)
     own = Own(photo, parse_options({k: v for k, v in given.items() if k in ("bbox", "mask")}))
-    answer = settle_answer(
-        transport(reader), question(photo, path), PhotoReading, faults,
-        lambda a: contradiction(a, own, given),
-    )  # fmt: skip
+    try:
+        answer = settle_answer(
+            transport(reader), question(photo, path), PhotoReading, faults,
+            lambda a: contradiction(a, own, given),
+        )  # fmt: skip
+    except BackendError as error:
+        raise BackendError(f"{error}\n  without a model: --reader embedded") from error
     says = f"as the {reader} reader says"
     if not answer.in_scope and not boxes_only:
         return ModelReading(given, (f"the photo shows {answer.what}, {says}",), answer.what)

@@ -10,7 +10,9 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
+
+from pydantic import BaseModel, Field
 
 from mam_pipeline.errors import BackendError, HintNeeded
 from mam_pipeline.models import settings
@@ -75,6 +77,28 @@ class Transport(Protocol):
     ledger: Ledger
 
     def ask(self, question: Question) -> str: ...
+
+
+class _Message(BaseModel):
+    content: str | None = None
+    refusal: str | None = None
+
+
+class _Choice(BaseModel):
+    message: _Message
+    finish_reason: str | None = None
+
+
+class _Usage(BaseModel):
+    prompt_tokens: Annotated[int, Field(ge=0)] = 0
+    completion_tokens: Annotated[int, Field(ge=0)] = 0
+
+
+class _Reply(BaseModel):
+    """What is read of a chat completion; the client checks none of it."""
+
+    choices: Annotated[list[_Choice], Field(min_length=1)]
+    usage: _Usage | None = None
 
 
 class _TakesLess(Exception):
@@ -148,6 +172,8 @@ class OpenAITransport:
                 messages=messages,  # type: ignore[arg-type]
                 **self._wishes(question),
             )
+            known = isinstance(answer, BaseModel)  # what is no JSON comes as it is
+            reply = _Reply.model_validate(answer.model_dump(warnings=False) if known else answer)
         except openai.APIStatusError as error:
             if any(word in str(error).lower() for word in _BLIND):
                 raise BackendError(
@@ -159,23 +185,27 @@ class OpenAITransport:
             raise BackendError(f"the endpoint failed: {error}") from error
         except openai.OpenAIError as error:
             raise BackendError(f"the endpoint failed: {error}") from error
+        except ValueError:  # a page of HTML, or other JSON
+            raise BackendError(
+                "the endpoint sent no chat completion; an OpenAI-compatible URL mostly ends in /v1"
+            ) from None  # the error holds the whole answer
         finally:
             self.ledger.seconds += time.monotonic() - began
-        used = answer.usage
+        used = reply.usage
         usage = {"in": used.prompt_tokens, "out": used.completion_tokens} if used else {}
         self.ledger.book(self.model, usage)
-        if not answer.choices:
-            raise BackendError("the endpoint sent an empty answer")
-        choice = answer.choices[0]
-        if declined := getattr(choice.message, "refusal", None):
-            raise BackendError(f"the model declined to answer: {masked(str(declined))[:200]}")
+        choice = reply.choices[0]
+        if choice.message.refusal:
+            raise BackendError(
+                f"the model declined to answer: {masked(choice.message.refusal)[:200]}"
+            )
         if choice.finish_reason == "length":
             raise _TakesLess(f"the answer was cut off after {self._tokens} tokens")
         if choice.finish_reason == "content_filter":
             raise BackendError("a filter of the endpoint withheld the answer")
         if not choice.message.content:
             raise BackendError("the endpoint sent an empty answer")
-        read = str(choice.message.content)[: LIMITS.letters * LIMITS.most_tokens]
+        read = choice.message.content[: LIMITS.letters * LIMITS.most_tokens]
         return masked(read), usage
 
     def _wishes(self, question: Question) -> dict[str, Any]:

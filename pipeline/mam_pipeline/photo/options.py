@@ -61,9 +61,10 @@ MODEL = ModelWord()
 class PhotoConfig:
     """Help for a photo, as a person writes it; each is optional."""
 
-    reader: Literal["auto", "vlm", "file"] = "auto"
-    """Who says what the photo shows: auto, this program alone; vlm, a vision-language model; file,
-    somebody who answers in the folder of --questions."""
+    reader: Literal["auto", "embedded", "vlm", "file"] = "auto"
+    """Who says what the photo shows: embedded, this program alone; vlm, a vision-language model;
+    file, somebody who answers in the folder of --questions; auto, a model that you configured and
+    allowed, else embedded."""
     bbox: tuple[int, int, int, int] | None = None
     """Box round the object, pixels: x0 y0 x1 y1."""
     mask: Path | None = None
