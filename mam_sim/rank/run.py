@@ -81,7 +81,7 @@ class Subject:
 
 
 def subjects(paths: Sequence[Path]) -> list[Path]:
-    """Assets and files that are meant: of a folder of `batch` or `mend`, all that are in it.
+    """Assets and files that are meant: of a folder that is none, all that lie directly in it.
 
     A mended file of which no part moves made no asset: it is meant itself.
     """

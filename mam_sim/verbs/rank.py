@@ -32,7 +32,8 @@ class Rank(Verb):
     """
 
     assets: Positional[tuple[Path, ...]]
-    """Asset folders, folders of `batch` or `mend`, or URDF, MJCF or USD files."""
+    """Asset folders, as `mend` writes them too, folders that hold some, or URDF, MJCF or USD
+    files."""
     robots: str = "panda"
     """Names of arms, with commas between them."""
     task: str | None = None
