@@ -170,11 +170,13 @@ def row_of(wanted: Wanted, found: Measured, commit: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def parts_of(records: Sequence[Record]) -> str:
-    """How many true parts are found and awake, and how many are found and dormant."""
-    true = sum(r.scores.true_parts for r in records)
-    awake, dormant = (sum(getattr(r, k) or 0 for r in records) for k in ("awake", "dormant"))
-    return f"{awake} of {true}, {dormant} dormant"
+def parts_of(records: Sequence[Record]) -> str | None:
+    """How many true parts are found and awake, and how many dormant; None where nobody counted."""
+    counts = [(r.awake, r.dormant) for r in records if r.awake is not None]
+    if not counts:
+        return None
+    awake, dormant = (sum(c or 0 for c in column) for column in zip(*counts))
+    return f"{awake} of {sum(r.scores.true_parts for r in records)}, {dormant} dormant"
 
 
 def models_of(found: Measured) -> dict[str, Any]:
