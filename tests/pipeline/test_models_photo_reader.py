@@ -226,7 +226,7 @@ def test_nothing_that_a_model_says_of_a_photo_is_told_as_the_users(
     shown = capsys.readouterr().out + page + (asset.folder / "asset.json").read_text()
     assert shown.count(by_model) >= 9 and "said by you" not in shown
     articulation = read_asset(asset)
-    assert {sureness(j, "photo") for j in articulation.joints} == {"likely, 83 %"}
+    assert all("83 %" in sureness(j, "photo") for j in articulation.joints)
     assert not any(p.provenance == "user" for p in load_hints(
         asset.folder / "stages" / "0_photo" / "hints.yaml").parts)  # fmt: skip
     typed = replace(config.photo, layout="2 drawers / door-left")
