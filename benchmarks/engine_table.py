@@ -224,8 +224,7 @@ def main(
             text = json.dumps(table, indent=1, ensure_ascii=False) + "\n"
             (results_page.RESULTS / f"{TABLE}.json").write_text(text, encoding="utf-8")
             print(wanted.id, "no row" if row is None else row["values"], flush=True)
-    text = results_page.README.read_text(encoding="utf-8")
-    results_page.README.write_text(results_page.readme(text), encoding="utf-8")
+    results_page.write_readme()
 
 
 def one_row(

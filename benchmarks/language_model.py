@@ -3,7 +3,7 @@
     python benchmarks/language_model.py DATASET [--answers ARCHIVE ...] [--out FILE.json]
     python benchmarks/language_model.py ../shared/bench/dev --rows      # and the README's rows
     python benchmarks/language_model.py ../shared/corpus/photos         # photos, read by both
-    python benchmarks/language_model.py ../shared/corpus/photos --rows  # and the site's table
+    python benchmarks/language_model.py ../shared/corpus/photos --rows  # and the README's table
 
 An archive holds one folder per object: what was answered from the pictures alone, the pieces that
 were shown (pieces.npz), and by `subject.txt` what each answer is about. Its about.json says who
@@ -316,20 +316,21 @@ def sums_of(
 
 
 def write_photos(found: Mapping[str, Mapping[str, Any]], command: str) -> None:
-    """Write the site's table of photos."""
+    """Write the table of photos, of the site and of the README."""
     table = {
         "title": "Photos, read by a vision-language model",
         "columns": dict.fromkeys(next(iter(found.values())), "d")
         | {"panels precision": ".2f", "panels recall": ".2f"},
         "paths": list(PHOTO_PATHS),
         "rows": [
-            {"id": f"read-{k}", "name": by, "values": values, "command": command,
+            {"id": f"read-{k}", "name": by, "readme": True, "values": values, "command": command,
              "commit": code_state.head(), "machine": machine()}
             for k, (by, values) in enumerate(found.items())
         ],
     }  # fmt: skip
     text = json.dumps(table, indent=1, ensure_ascii=False) + "\n"
     (results_page.RESULTS / "photos_read.json").write_text(text, encoding="utf-8")
+    results_page.write_readme()
 
 
 def line(name: str, records: Sequence[Record]) -> str:
@@ -356,8 +357,7 @@ def write_rows(found: Mapping[str, Sequence[Record]], dataset: str, command: str
         engine_table.put(table, row, wanted.id)
     text = json.dumps(table, indent=1, ensure_ascii=False) + "\n"
     (results_page.RESULTS / f"{engine_table.TABLE}.json").write_text(text, encoding="utf-8")
-    text = results_page.README.read_text(encoding="utf-8")
-    results_page.README.write_text(results_page.readme(text), encoding="utf-8")
+    results_page.write_readme()
 
 
 def main(
@@ -378,7 +378,7 @@ def main(
         dataset: folder of ground-truth URDFs. answers: archives. prior: of both reasoners.
         embedded: score the embedded reasoner, too. only: some objects.
         simulate: write each asset and test it in the simulator.
-        rows: write the rows of the README, or the site's table of photos.
+        rows: write the rows of the README, or its table of photos.
         out: JSON file for the scores. pictures: folder for photos with what was read drawn on.
     """
     if rows and (only or not simulate):

@@ -100,6 +100,12 @@ def readme(text: str) -> str:
     return BLOCK.sub(block, text)
 
 
+def write_readme() -> None:
+    """Write the README's tables again."""
+    text = README.read_text(encoding="utf-8")
+    README.write_text(readme(text), encoding="utf-8")
+
+
 def readme_rows(table: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """The rows of a table that the README shows."""
     return [row for row in table["rows"] if row.get("readme")]
@@ -135,11 +141,10 @@ def main() -> int:
     )
     parser.add_argument("--check", action="store_true")
     args = parser.parse_args()
-    text = README.read_text(encoding="utf-8")
     if not args.check:
-        README.write_text(readme(text), encoding="utf-8")
+        write_readme()
         return 0
-    found = list(faults(text))
+    found = list(faults(README.read_text(encoding="utf-8")))
     for _, sentence in found:
         print(sentence)
     return int(any(wrong for wrong, _ in found))
