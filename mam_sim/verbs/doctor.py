@@ -181,13 +181,15 @@ def _gpu() -> list[Finding]:
 
 def _backends() -> list[Finding]:
     from mam_pipeline import backends
+    from mam_pipeline.models import consent
     from mam_pipeline.registry import resolve
 
-    out = []
+    out, offer = [], consent.model_offer()
+    asked = offer is not None and consent.allowed(offer.who, "MAM_SIM_ALLOW_MODEL")
     for role in backends.BUILTIN:
         active = ""
         try:
-            active = backends.load(role)[0]
+            active = "vlm" if role == "reasoner" and asked else backends.load(role)[0]
         except Exception:  # told line by line below
             active = ""
         for name, target in backends.names(role).items():

@@ -1,8 +1,15 @@
-"""mam-sim doctor: how much disk each part takes."""
+"""mam-sim doctor: who is asked where a backend is auto, and how much disk each part takes."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
+
+import pytest
+
+from mam_sim.cli import main
 from mam_sim.installed_size import closure, parts
+from tests.conftest import Answer
 
 REQUIRES = {
     "mam-sim": ["numpy>=2", "torch>=2; extra == 'sim'", "mam-sim[sim]; extra == 'rl'",
@@ -26,3 +33,15 @@ def test_every_package_counts_once_and_all_are_counted() -> None:
     assert found == {"core": 11, "sim": 100, "CUDA libraries": 1000, "rl": 110_000,
                      "others": 1_000_000}  # fmt: skip
     assert sum(found.values()) == sum(SIZES.values())
+
+
+def test_the_reasoner_that_auto_takes_is_the_active_one(
+    serve: Callable[[Answer], str], monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    pytest.importorskip("openai", reason="the vlm extra is not installed")
+    monkeypatch.setenv("OPENAI_BASE_URL", serve(lambda *_: (404, "text/plain", b"")))
+    for allowed, active in (("0", "embedded"), ("1", "vlm")):
+        monkeypatch.setenv("MAM_SIM_ALLOW_MODEL", allowed)
+        main(["doctor"])
+        assert re.findall(r"reasoner (\w+) +active", capsys.readouterr().out) == [active]
