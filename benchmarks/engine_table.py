@@ -9,7 +9,8 @@ shipped models where none of them was trained on it (their manifests say so), el
 model that saw it. Where the shipped models saw a source, a second row has their figures too.
 
 Rows go to docs/results/engine.json as each is done, with the commit, what every model was trained
-on, and the paths they depend on, which must have no changes. Figures are means over the objects
+on, and the paths they depend on, which must have no changes. How far each run's confidence can be
+believed goes to docs/results/confidence.json. Figures are means over the objects
 in which something moves; `false joints` counts the others. `true parts` are those of which a part
 that was found has half of the surface or more (IoU).
 
@@ -35,10 +36,10 @@ from common import machine
 
 import mam_pipeline
 from mam_pipeline.weights import MANIFEST
-from mam_sim.bench.runner import Record, record_from
-from mam_sim.bench.table import Row, summarise
+from mam_sim.bench.runner import GENERATED, Record, record_from
+from mam_sim.bench.table import SURE, Row, calibration, summarise
 
-TABLE = "engine"
+TABLE, CONFIDENCE = "engine", "confidence"
 COLUMNS = {
     "mIoU": "miou", "count": "count", "type error": "type_error", "axis (rad)": "axis",
     "pivot": "pivot", "executable": "executable", "s": "median_seconds",
@@ -73,18 +74,21 @@ NAMES = {
     "dev": "objects from robot simulators",
     "sweet_home": "pieces of furniture (Sweet Home 3D)",
     "scene_synthesizer": "objects of scene-synthesizer",
+    "generated:unseen": "generated objects, of kinds that no model was trained on",
 }  # fmt: skip
-"""What a source is, by its folder."""
-LONG = {"labels_unseen": ("--no-exec",)}
-"""Sources of many objects, with flags of their rows; they are not in the README, whose rows are
-measured again with every change."""
+"""What a source is, by its folder, or by what `mam-sim bench` generates."""
+FLAGS = {"labels_unseen": ("--no-exec",), "generated:unseen": ("--limit", "56")}
+"""Flags of the rows of a source: of many objects none is executed; four of each generated kind."""
+README = ("kitchen",)
+"""Sources of the README's rows, which are measured again with every change, so they are few. The
+other rows stand in docs/results alone, which says where they are of older code."""
 
 
 def wanted_rows() -> tuple[Wanted, ...]:
     """All rows, in the order of the table."""
-    rows = [Wanted(k, name, k, LONG.get(k, ()), readme=k not in LONG) for k, name in NAMES.items()]
+    rows = [Wanted(k, name, k, FLAGS.get(k, ()), readme=k in README) for k, name in NAMES.items()]
     rows += [
-        Wanted(f"{k}-shipped", name, k, shipped=True, readme=True)
+        Wanted(f"{k}-shipped", name, k, FLAGS.get(k, ()), shipped=True, readme=k in README)
         for k, name in NAMES.items() if shipped_saw(k)
     ]  # fmt: skip
     for source in ("kitchen", "dev"):
@@ -116,13 +120,14 @@ class Measured:
         return bool(self.models["unseen"])
 
 
-def measure(folder: Path, flags: Sequence[str], jobs: int, log: Path) -> Measured:
-    """Run `mam-sim bench` on a folder; a run that was cut short goes on."""
+def measure(source: Path | str, flags: Sequence[str], jobs: int, log: Path) -> Measured:
+    """Run `mam-sim bench` on a folder or `generated:...`; a run that was cut short goes on."""
+    name = source.name if isinstance(source, Path) else source
     # no path of this machine: FOLDER/SOURCE of the weights is told as LEFT_OUT/SOURCE
-    shown = [f"LEFT_OUT/{folder.name}" if at == "--weights" else flag
+    shown = [f"LEFT_OUT/{name}" if at == "--weights" else flag
              for at, flag in zip(("", *flags), flags)]  # fmt: skip
-    said = ["mam-sim", "bench", folder.name.upper(), *shown]
-    words = [str(folder), *flags, "--jobs", str(jobs), "--out", str(log), "--quiet"]
+    said = ["mam-sim", "bench", name.upper() if isinstance(source, Path) else name, *shown]
+    words = [str(source), *flags, "--jobs", str(jobs), "--out", str(log), "--quiet"]
     subprocess.run([sys.executable, "-m", "mam_sim.cli", "bench", *words], check=True,
                    stdout=subprocess.DEVNULL)  # fmt: skip
     data = json.loads(log.read_text(encoding="utf-8"))
@@ -170,6 +175,28 @@ def row_of(wanted: Wanted, found: Measured, commit: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def confidence_row_of(row: dict[str, Any], records: Sequence[Record]) -> dict[str, Any]:
+    """The row of the table of confidence: what was said of the joints found, and what was right.
+
+    Args:
+        row: of the engine's table, of the same run. records: of all its objects.
+    """
+    said = calibration(records)
+    right = said["joints"] - said["wrong"]
+    values: dict[str, Any] = {"joints": str(said["joints"]), "calibration error": said["error"]}
+    edges = [0.0, 0.2, 0.4, 0.6, SURE]
+    for low, high in zip(edges, [*edges[1:], 1.01]):
+        some = [j for r in records for j in r.scores.found if low <= j.confidence < high]
+        name = f"{low:g} to {min(high, 1.0):g}"
+        values[name] = f"{sum(j.right for j in some)} of {len(some)}" if some else None
+    values["wrong, no review"] = f"{said['unmarked']} of {said['wrong']}"
+    values["of them sure"] = str(said["unmarked_sure"])
+    values["true joints"] = f"{right} of {said['true']}"
+    still = sum(r.scores.true_parts == 0 for r in records)
+    name = f"{row['name']}, and {still} in which nothing moves" if still else row["name"]
+    return {**{k: v for k, v in row.items() if k != "readme"}, "name": name, "values": values}
+
+
 def parts_of(records: Sequence[Record]) -> str | None:
     """How many true parts are found and awake, and how many dormant; None where nobody counted."""
     counts = [(r.awake, r.dormant) for r in records if r.awake is not None]
@@ -186,7 +213,7 @@ def models_of(found: Measured) -> dict[str, Any]:
 
 
 def put(table: dict[str, Any], row: dict[str, Any] | None, name: str) -> None:
-    """Put a row of the table in its place, or take it away where there is none any more."""
+    """Put a row of a table in its place, or take it away where there is none any more."""
     order = [wanted.id for wanted in wanted_rows()]
     rows = {old["id"]: old for old in table["rows"]}
     rows.pop(name, None)
@@ -219,34 +246,43 @@ def main(
         kept = logs or Path(scratch)
         kept.mkdir(parents=True, exist_ok=True)
         for wanted in rows:
-            row = one_row(wanted, data, left_out, jobs, kept)
-            put(table, row, wanted.id)
-            text = json.dumps(table, indent=1, ensure_ascii=False) + "\n"
-            (results_page.RESULTS / f"{TABLE}.json").write_text(text, encoding="utf-8")
-            print(wanted.id, "no row" if row is None else row["values"], flush=True)
+            for file, row in rows_of(wanted, data, left_out, jobs, kept).items():
+                table = results_page.load(file)
+                put(table, row, wanted.id)
+                text = json.dumps(table, indent=1, ensure_ascii=False) + "\n"
+                (results_page.RESULTS / f"{file}.json").write_text(text, encoding="utf-8")
+                print(wanted.id, file, "no row" if row is None else row["values"], flush=True)
     results_page.write_readme()
 
 
-def one_row(
+def rows_of(
     wanted: Wanted, data: Sequence[Path], left_out: Path | None, jobs: int, logs: Path
-) -> dict[str, Any] | None:
-    """Measure one row; None where there is nothing to say.
+) -> dict[str, dict[str, Any] | None]:
+    """Measure a row of each table, by its file; None where there is nothing to say.
 
     That is: no model that never saw the source can be had, or the shipped models are such ones
     already and have their row.
     """
-    folder = next((f / wanted.source for f in data if (f / wanted.source).is_dir()), None)
+    folder: Path | str | None = wanted.source
+    if not wanted.source.startswith(GENERATED):
+        folder = next((f / wanted.source for f in data if (f / wanted.source).is_dir()), None)
     if folder is None:
         sys.exit(
             f"no folder {wanted.source} in {', '.join(map(str, data))}; see benchmarks/README.md"
         )
     commit = code_state.head()
     for flags in attempts(wanted, left_out):
-        name = "_".join([wanted.source, commit, *flags]).replace("/", "-").replace("--", "")
+        name = (
+            "_".join([wanted.source, commit, *flags])
+            .replace("/", "-")
+            .replace(":", "-")
+            .replace("--", "")
+        )
         found = measure(folder, flags, jobs, logs / f"{name}.json")
         if wanted.shipped != found.unseen:
-            return row_of(wanted, found, commit)
-    return None
+            row = row_of(wanted, found, commit)
+            return {TABLE: row, CONFIDENCE: confidence_row_of(row, found.records)}
+    return {TABLE: None, CONFIDENCE: None}
 
 
 if __name__ == "__main__":

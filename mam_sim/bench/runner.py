@@ -31,6 +31,7 @@ from mam_sim.bench.config import BenchConfig
 
 GENERATED = "generated:"
 MOTIONLESS = "motionless"
+UNSEEN = "unseen"
 _CODE = (".py", ".txt", ".npz", ".json", ".gz")
 _NOT_ENGINE = ("photo", "check", "formats")
 
@@ -91,18 +92,22 @@ class Record:
 
 def find_tasks(dataset: str, only: Sequence[str] = (), limit: int | None = None) -> list[Task]:
     """Objects of a dataset folder, or of `generated:SPLIT`; `generated:motionless` are objects of
-    the test split in which nothing moves.
+    the test split in which nothing moves, `generated:unseen` those of kinds of that split alone.
 
     Raises:
         InputError: no such folder, or nothing in it.
         ConfigError: an id of `only` that is not there.
     """
     if dataset.startswith(GENERATED):
-        from mam_world.splits import iterate, iterate_motionless
+        from mam_world.splits import iterate, iterate_motionless, iterate_unseen
 
         split = dataset.removeprefix(GENERATED)
-        still = split == MOTIONLESS
-        pairs = (iterate_motionless if still else iterate)("test" if still else split, limit or 50)
+        many = limit or 50
+        if split == UNSEEN:
+            pairs = iterate_unseen(many)
+        else:
+            still = split == MOTIONLESS
+            pairs = (iterate_motionless if still else iterate)("test" if still else split, many)
         tasks = [Task(f"{name}_{seed}", name, dataset, seed) for name, seed in pairs]
     else:
         tasks = [Task(name, kind, str(urdf)) for name, kind, urdf in list_objects(dataset)]

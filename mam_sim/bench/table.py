@@ -14,7 +14,7 @@ from mam_pipeline.config_file import plain
 from mam_pipeline.metrics import reliability
 from mam_pipeline.weights import learned
 from mam_sim.bench.config import BenchConfig
-from mam_sim.bench.runner import GENERATED, Record
+from mam_sim.bench.runner import GENERATED, UNSEEN, Record
 
 
 @dataclass(frozen=True)
@@ -82,6 +82,8 @@ def summarise(name: str, records: Sequence[Record]) -> Row:
         flagged_right=mean([float(j.flagged) for j in found if j.right]),
     )
 
+
+SURE = 0.8  # confidence from which a joint is said to be nearly certain
 
 METRICS = ("miou", "count", "type_error", "axis", "pivot", "executable", "axis_signed", "motion",
            "limits")  # fmt: skip
@@ -177,13 +179,20 @@ def calibration(records: Sequence[Record]) -> dict[str, Any]:
 
     Returns:
         joints; error: expected calibration error; bins: mean confidence, share that is right and
-        number of the joints between every two tenths.
+        number of the joints between every two tenths; true: joints of the truth; wrong; unmarked:
+        wrong ones without "needs review"; unmarked_sure: those of them at `SURE` or more.
     """
     found = [j for r in records for j in r.scores.found]
     error, bins = reliability(
         np.array([j.confidence for j in found]), np.array([float(j.right) for j in found])
     )
-    return {"joints": len(found), "error": round(error, 4), "bins": bins}
+    wrong = [j for j in found if not j.right]
+    return {
+        "joints": len(found), "error": round(error, 4), "bins": bins,
+        "true": sum(r.scores.true_parts for r in records), "wrong": len(wrong),
+        "unmarked": sum(not j.flagged for j in wrong),
+        "unmarked_sure": sum(not j.flagged and j.confidence >= SURE for j in wrong),
+    }  # fmt: skip
 
 
 def calibration_line(records: Sequence[Record]) -> str:
@@ -198,14 +207,17 @@ def models_of(records: Sequence[Record], dataset: str) -> dict[str, Any]:
 
     Returns:
         weights: one entry per room; unseen: whether none of them was trained on the dataset, by
-        the name of its folder; None where objects are generated.
+        the name of its folder; of generated objects, whether their kinds were held back; None where
+        some were not.
     """
     found = learned(sorted({room for r in records for room in r.weights}))
     name = Path(dataset).resolve().name
     generated = dataset.startswith(GENERATED)
     return {
         "weights": [asdict(one) for one in found],
-        "unseen": None if generated else all(name not in one.trained_on for one in found),
+        "unseen": (True if dataset == GENERATED + UNSEEN else None)
+        if generated
+        else all(name not in one.trained_on for one in found),
     }
 
 

@@ -30,7 +30,8 @@ class Bench(Verb):
     """Run the engine on every object of a dataset and print the table of metrics."""
 
     dataset: Positional[str]
-    """Folder of URDF objects, or generated:validation, generated:test, generated:motionless."""
+    """Folder of URDF objects, or generated:validation, generated:test, generated:motionless,
+    generated:unseen."""
     out: Path | None = None
     """JSON file for everything; beside it a .jsonl makes the run resumable, and a .yaml says the
     settings."""

@@ -73,16 +73,18 @@ class FoundJoint:
     """One joint of the answer: how sure it was, and whether it was right.
 
     Right means a part of at least half the truth's points (IoU), with the true type, the axis
-    within 0.1 rad and, of a rotary joint, the line within 0.05 diagonals.
+    within 0.1 rad and, of a rotary joint, the line within 0.05 diagonals. `short`: it goes too
+    little of its way, for which the report sends a person to it, however sure it is.
     """
 
     confidence: float
     right: bool
+    short: bool = False
 
     @property
     def flagged(self) -> bool:
         """Whether the report sends a person to look at it."""
-        return self.confidence < NEEDS_REVIEW
+        return self.short or self.confidence < NEEDS_REVIEW
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,9 @@ def score(
             joints.append(_missing(joint, part, diagonal, i + 1))
     by_link = {j.predicted_link: j for j in joints}
     found = tuple(
-        FoundJoint(joint.confidence, (k + 1) in by_link and _right(by_link[k + 1]))
+        FoundJoint(
+            joint.confidence, (k + 1) in by_link and _right(by_link[k + 1]), bool(joint.basis.short)
+        )
         for k, joint in enumerate(found_joints)
     )
     return _summary(joints, len(true_joints), found)

@@ -296,6 +296,15 @@ class RangeBasis:
     after_another: bool = False
     of_part: float = 1.0
 
+    @property
+    def short(self) -> str:
+        """Why the range is hardly of use, in words; empty where it is."""
+        if self.share < MOVES:
+            return f"stuck after {100 * self.share:.0f} % of the usual way"
+        if self.of_part < FAR_ENOUGH:
+            return f"goes only {100 * self.of_part:.0f} % of its own length"
+        return ""
+
     def cut(self, share: float) -> RangeBasis:
         """What it is of a range that was cut to a share."""
         return replace(self, share=self.share * share, of_part=self.of_part * share)

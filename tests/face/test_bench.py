@@ -33,6 +33,7 @@ from mam_sim.bench.table import (
 from mam_sim.cli import main
 from mam_sim.options import parse
 from mam_sim.verbs.bench import Bench
+from mam_world.splits import split_of
 from mam_world.truth import generated_truth
 
 DEV = Path(__file__).resolve().parents[2].parent / "shared" / "bench" / "dev"
@@ -207,7 +208,19 @@ def test_confidence_is_compared_with_how_often_it_is_right(dataset: Path) -> Non
     said = calibration([replace(records[0], scores=replace(records[0].scores, found=found))])
     assert said["joints"] == 3
     assert said["error"] == pytest.approx((2 * 0.05 + 0.75) / 3, abs=1e-4)
-    assert calibration([]) == {"joints": 0, "error": 0.0, "bins": []}
+    assert (said["true"], said["wrong"], said["unmarked"], said["unmarked_sure"]) == (1, 0, 0, 0)
+    assert calibration([])["error"] == 0.0 and calibration([])["bins"] == []
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_wrong_joint_that_nobody_is_sent_to_is_counted_apart(dataset: Path) -> None:
+    records = _records(dataset)[:1]
+    found = (
+        FoundJoint(0.9, False), FoundJoint(0.75, False), FoundJoint(0.3, False),
+        FoundJoint(0.95, False, short=True), FoundJoint(0.95, True),
+    )  # fmt: skip
+    said = calibration([replace(records[0], scores=replace(records[0].scores, found=found))])
+    assert (said["wrong"], said["unmarked"], said["unmarked_sure"]) == (4, 2, 1)
 
 
 def test_seeds_are_runs_that_differ_in_the_seed_alone() -> None:
@@ -229,6 +242,14 @@ def test_motionless_objects_are_a_dataset() -> None:
     assert len(tasks) == 3
     truth = tasks[0].load()
     assert not [joint for joint in truth.joints if joint.type != "fixed"]
+
+
+def test_kinds_that_were_held_back_are_a_dataset() -> None:
+    tasks = find_tasks("generated:unseen", limit=28)
+    assert len({t.category for t in tasks}) == 14 and len({t.id for t in tasks}) == 28
+    assert {split_of(t.category, t.seed) for t in tasks} == {"test"}
+    assert {split_of(t.category, 0) for t in tasks} == {"test"}  # no seed of theirs is trained on
+    assert models_of([], "generated:unseen")["unseen"] is True
 
 
 def test_generated_truth_scores_itself() -> None:

@@ -212,15 +212,20 @@ def test_a_row_is_only_written_for_what_it_says(
         return found(runs.pop(0), "mam-sim bench DEV")
 
     monkeypatch.setattr(engine_table, "measure", measure)
-    monkeypatch.setattr(engine_table, "row_of", lambda wanted, got, commit: {"id": wanted.id})
+    monkeypatch.setattr(
+        engine_table, "row_of", lambda wanted, got, commit: {"id": wanted.id, "name": ""}
+    )
     monkeypatch.setattr(engine_table, "shipped_saw", lambda source: False)
     for seen_by_run, shipped, row in [
-        ([True], False, {"id": "dev"}), ([False, False], False, None),
-        ([False], True, {"id": "dev"}), ([True], True, None),
+        ([True], False, "dev"), ([False, False], False, None),
+        ([False], True, "dev"), ([True], True, None),
     ]:  # fmt: skip
         runs[:] = seen_by_run
         wanted = replace(WANTED, shipped=shipped)
-        assert engine_table.one_row(wanted, [tmp_path], None, 1, tmp_path) == row
+        rows = engine_table.rows_of(wanted, [tmp_path], None, 1, tmp_path)
+        assert {file: made and made["id"] for file, made in rows.items()} == {
+            "engine": row, "confidence": row,
+        }  # fmt: skip
         assert runs == []
 
 
@@ -234,6 +239,30 @@ def test_a_row_counts_objects_that_move_and_those_that_do_not(
     assert row["values"]["mIoU"] == 1.0 and row["commit"] == "abc1234" and row["readme"]
     assert row["values"]["true parts"] == "1 of 1, 0 dormant"
     assert row["models"] == {"unseen": False, "trained_on": {"joints": "generated, dev"}}
+    told = engine_table.confidence_row_of(row, got.records)
+    assert told["name"] == "1 objects, and 2 in which nothing moves" and "readme" not in told
+    assert told["values"]["joints"] == "2" and told["values"]["0.8 to 1"] == "1 of 2"
+    assert told["values"]["wrong, no review"] == "1 of 1"
+    assert told["values"]["true joints"] == "1 of 1"
+
+
+def test_generated_kinds_that_were_held_back_are_a_source_of_the_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+
+    def bench(words: list[str], **_: object) -> None:
+        asked.extend(words)
+        out = Path(words[words.index("--out") + 1])
+        out.write_text(json.dumps({"objects": [], "models": {"unseen": True, "weights": []}}))
+
+    monkeypatch.setattr(engine_table.subprocess, "run", bench)
+    monkeypatch.setattr(engine_table.code_state, "head", lambda: "abc1234")
+    monkeypatch.setattr(engine_table, "row_of", lambda wanted, got, commit: {"name": got.command})
+    (wanted,) = [w for w in engine_table.wanted_rows() if w.source == "generated:unseen"]
+    rows = engine_table.rows_of(wanted, [tmp_path], None, 1, tmp_path)
+    assert rows["engine"] == {"name": "mam-sim bench generated:unseen --limit 56"}
+    assert "generated:unseen" in asked and not wanted.readme
 
 
 def test_rows_keep_the_order_of_the_table() -> None:

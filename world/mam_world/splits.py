@@ -66,6 +66,11 @@ def iterate_motionless(
     yield from _rounds(names, split, count, start)
 
 
+def iterate_unseen(count: int | None = None, start: int = 0) -> Iterator[tuple[str, int]]:
+    """The same of the kinds that are held back for the test alone, those that never move too."""
+    yield from _rounds(sorted(TEST_ONLY | MOTIONLESS_TEST_ONLY), "test", count, start)
+
+
 def _rounds(
     names: list[str], split: str, count: int | None, start: int
 ) -> Iterator[tuple[str, int]]:

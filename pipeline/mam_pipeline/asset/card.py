@@ -37,8 +37,6 @@ from mam_pipeline.formats.suffixes import PHOTOS, mesh_suffixes
 from mam_pipeline.formats.urdf.admit import admitted
 from mam_pipeline.thresholds import MAX_LINKS
 from mam_pipeline.types import (
-    FAR_ENOUGH,
-    MOVES,
     NEEDS_REVIEW,
     Coupling,
     GraspKind,
@@ -111,10 +109,8 @@ class CardJoint:
         """Why somebody should look at the joint, in words; empty if nobody need."""
         if self.dormant:
             return f"dormant: {self.dormant}"
-        if self.basis.share < MOVES:
-            return f"needs review: stuck after {100 * self.basis.share:.0f} % of the usual way"
-        if self.basis.of_part < FAR_ENOUGH:
-            return f"needs review: goes only {100 * self.basis.of_part:.0f} % of its own length"
+        if self.basis.short:
+            return f"needs review: {self.basis.short}"
         unsure = self.confidence < NEEDS_REVIEW and self.provenance != "user"
         return "needs review" if unsure else ""
 
