@@ -13,6 +13,7 @@ import trimesh
 from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.ground_truth import list_objects, read_object
 from mam_pipeline.weights import standing_in
+from mam_training.labels.__main__ import dataset
 from mam_training.labels.ask import ask_all, items_of, label_file, pack, unpack
 from mam_training.labels.dataset import (
     agreement,
@@ -147,12 +148,14 @@ def test_kept_answers_are_put_back_and_give_the_same_label(corpus: Path, tmp_pat
 
 
 def test_objects_that_weights_were_trained_on_are_left_out(corpus: Path, tmp_path: Path) -> None:
-    file = _labelled(corpus, tmp_path / "work", tmp_path / "labels")
+    labels = tmp_path / "labels"
+    file = _labelled(corpus, tmp_path / "work", labels)
     seen = seen_by_weights()
-    assert len(seen) == 131 and "a__cabinet" not in seen
-    assert write_dataset([file], corpus, tmp_path / "one", seen) == 1
+    assert len(seen) == 131 and file.stem == "a__cabinet" not in seen
+    assert dataset(tmp_path / "one", corpus, labels, unseen=True) == 0
+    assert (tmp_path / "one" / "a__cabinet" / "object.urdf").is_file()
     with pytest.raises(InputError, match="no labelled object is left"):
-        write_dataset([file], corpus, tmp_path / "none", {"a__cabinet"})
+        dataset(tmp_path / "none", corpus, labels, seen=True)
     known = {
         Label.load(label).id for label in labels_in(LABELS) if not Label.load(label).out_of_scope
     }

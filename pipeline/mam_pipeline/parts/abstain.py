@@ -1,8 +1,9 @@
-"""Whether a part is likely enough to move: what is not is dormant.
+"""Whether a part is likely enough to move: what is not is dormant; and how sure its joint is.
 
 The chance that a part is real is fitted on labels by eye of real objects, of which many have
-nothing that moves. What is withheld is dormant
-(`mam_pipeline.dormant`). How many pieces an object has is no sign: that tells how it was modelled.
+nothing that moves, and so is the chance that its joint is right in all respects. What is withheld
+is dormant (`mam_pipeline.dormant`). How many pieces an object has is no sign: that tells how it was
+modelled.
 """
 
 from __future__ import annotations
@@ -48,11 +49,14 @@ class Bar:
     Attributes:
         bias, weights: of a logistic function of the signs (`signs_of`).
         least: chance that a part must have.
+        line: bias and weight on the log odds of this chance times that of the line: those of the
+            chance that part, type and line are right.
     """
 
     bias: float
     weights: Mapping[str, float]
     least: float
+    line: tuple[float, float] = (0.0, 1.0)
 
     def keeps(self, chances: Sequence[float], told: int = 0) -> list[bool]:
         """Which parts of one object become parts, by their chances.
@@ -70,6 +74,14 @@ class Bar:
         total = self.bias + sum(self.weights[name] * signs[name] for name in self.weights)
         return float(expit(total + more))
 
+    def right(self, chance: float, sure: float) -> float:
+        """Chance that a joint is right: its part, its type and its line.
+
+        Args:
+            chance: that the part is real. sure: that the line is right, if part and type are.
+        """
+        return float(expit(self.line[0] + self.line[1] * _odds(chance * sure)))
+
 
 def load_bar() -> Bar:
     """The fitted bar."""
@@ -78,7 +90,7 @@ def load_bar() -> Bar:
 
 def _read_bar(folder: Traversable) -> Bar:
     said = json.loads((folder / "abstention.json").read_text(encoding="utf-8"))
-    return Bar(said["bias"], said["weights"], said["least"])
+    return Bar(said["bias"], said["weights"], said["least"], tuple(said.get("line", (0.0, 1.0))))
 
 
 def abstained(

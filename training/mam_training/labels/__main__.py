@@ -79,17 +79,23 @@ def agree(one: Positional[Path], other: Positional[Path], corpus: Path) -> int:
 
 
 def dataset(
-    out: Positional[Path], corpus: Path, labels: Path = LABELS, unseen: bool = False
-) -> int:
+    out: Positional[Path], corpus: Path, labels: Path = LABELS, unseen: bool = False,
+    seen: bool = False,
+) -> int:  # fmt: skip
     """Write all labelled objects in the form that `mam-sim bench` reads.
 
     Args:
         out: folder to write. corpus: folder with MANIFEST.csv and files/.
         labels: folder of the labels.
         unseen: only objects that none of the package's weights was trained on.
+        seen: only the others, on which weights are trained again.
     """
-    without = seen_by_weights() if unseen else frozenset()
-    count = write_dataset(labels_in(labels), corpus, out, without)
+    files, known = labels_in(labels), seen_by_weights() if unseen or seen else frozenset()
+    if unseen:
+        files = [file for file in files if file.stem not in known]
+    if seen:
+        files = [file for file in files if file.stem in known]
+    count = write_dataset(files, corpus, out)
     print(f"{count} objects in {out}; score an engine on them: mam-sim bench {out}")
     return 0
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -56,13 +56,8 @@ def seen_by_weights() -> frozenset[str]:
     return frozenset(name for one in found for name in one.objects)
 
 
-def write_dataset(
-    files: Sequence[Path], corpus: Path, out: Path, without: Collection[str] = ()
-) -> int:
+def write_dataset(files: Sequence[Path], corpus: Path, out: Path) -> int:
     """One folder with a URDF per labelled object, and MANIFEST.csv; the number of objects.
-
-    Args:
-        without: ids of objects that are left out.
 
     Raises:
         InputError: none is left.
@@ -70,7 +65,7 @@ def write_dataset(
     rows = []
     for file in files:
         label = Label.load(file)
-        if label.out_of_scope or label.id in without:
+        if label.out_of_scope:
             continue
         write_urdf(on_mesh(label, corpus), out / label.id, label.id)
         rows.append((label.id, label.category, label.repository, label.by))

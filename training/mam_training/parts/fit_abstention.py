@@ -1,12 +1,16 @@
-"""Fits the chance that a part is real, below which it is dormant, on labels by eye of real objects.
+"""Fits the chance that a part is real, below which it is dormant, and the chance that its joint is
+right, which is what the engine says of a joint, on labels by eye of real objects.
 
 Runs the engine on every labelled object, names withheld. A row is kept for every part that was
 found: its signs (`mam_pipeline.parts.abstain`) and whether it is a labelled part (IoU of 0.5 or
-more of the surface). A logistic function is fitted to the rows, with every object of equal weight;
-in the record each chance is that of a function that was fitted without the object's repository.
-Where the bar lies is a setting.
+more of the surface), and whether its joint is right. A logistic function of the signs is fitted to
+the rows, with every object of equal weight, and one of the chance of part and line to the joints of
+the parts above the bar. In the record each chance is that of functions that were fitted without
+the object's repository. Where the bar lies is a setting.
 
-    python -m mam_training.labels dataset build/labels --corpus ../shared/corpus/meshes
+Objects that no weights were trained on are for judging the engine: `--seen` leaves them out.
+
+    python -m mam_training.labels dataset build/labels --corpus ../shared/corpus/meshes --seen
     python -m mam_training.parts.fit_abstention configs/train/abstention.yaml
 """
 
@@ -22,21 +26,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
-from scipy.special import expit
+from scipy.special import expit, logit
 
 from mam_pipeline.dormant import awake
 from mam_pipeline.errors import InputError
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.make_config import EngineConfig
-from mam_pipeline.metrics import reliability, rigid_parts
+from mam_pipeline.metrics import reliability, rigid_parts, score
 from mam_pipeline.parts.abstain import SIGNS, Bar
 from mam_pipeline.parts.embedded import decide, sampled_views, tree_of
 from mam_pipeline.parts.scores import load_scores
 from mam_pipeline.rules import ALL_RULES
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.stages import Stages
-from mam_pipeline.types import KinematicTree, Mesh, Primitives
+from mam_pipeline.types import NEEDS_REVIEW, Articulation, KinematicTree, Mesh, Primitives
 from mam_training import manifest
 from mam_training.command import configured
 
@@ -89,15 +93,15 @@ def collect(path: Path, folder: Path) -> None:
 
 def observed(truth: GroundTruth) -> dict[str, Any]:
     """What the engine finds in one object when it withholds nothing."""
-    tree, primitives = found_in(truth.mesh)
-    parts = rows_of(tree, primitives, truth)
+    tree, primitives, articulation = found_in(truth.mesh)
+    parts = rows_of(tree, primitives, articulation, truth)
     true = sum(joint.type != "fixed" for joint in truth.joints)
     return {"true": true, "parts": parts}
 
 
-def found_in(mesh: Mesh) -> tuple[KinematicTree, Primitives]:
-    """The parts that the engine finds, the unlikely ones too; by one sampling, not four, which
-    costs a third of the time and tells the same within noise."""
+def found_in(mesh: Mesh) -> tuple[KinematicTree, Primitives, Articulation]:
+    """The parts and joints that the engine finds, the unlikely ones too; by one sampling, not
+    four, which costs a third of the time and tells the same within noise."""
     config = EngineConfig(rules=ALL_RULES.without("abstain"))
     stages = Stages(config)
     primitives = stages.segment(mesh)
@@ -106,13 +110,17 @@ def found_in(mesh: Mesh) -> tuple[KinematicTree, Primitives]:
     views = sampled_views(once, bare, prior, config.seed, config.rules, 1)
     scores = load_scores("fused" if bare.is_fused else "authored")
     masks, choice = decide(views, scores, config.rules)
-    return tree_of(views[0], masks, choice, once, bare, config.seed, config.rules), primitives
+    tree = tree_of(views[0], masks, choice, once, bare, config.seed, config.rules)
+    return tree, primitives, stages.solve(mesh, primitives, tree)
 
 
 def rows_of(
-    tree: KinematicTree, primitives: Primitives, truth: GroundTruth
+    tree: KinematicTree, primitives: Primitives, articulation: Articulation, truth: GroundTruth
 ) -> list[dict[str, Any]]:
-    """Signs, confidence and truth of every part that is awake without the bar."""
+    """Signs, confidence and truth of every part that is awake without the bar, and whether its
+    joint is right (`mam_pipeline.metrics.FoundJoint`)."""
+    moving = rigid_parts(articulation)[1]
+    right = {j.name: f.right for j, f in zip(moving, score(articulation, truth).found)}
     label = rigid_parts(truth.truth_articulation())[0][truth.face_link]
     area = face_geometry(truth.mesh.vertices, truth.mesh.faces)[1]
     out = []
@@ -125,6 +133,7 @@ def rows_of(
         out.append({
             "signs": node.evidence["signs"], "confidence": round(node.confidence, 4),
             "iou": round(best, 3), "subtype": node.subtype,
+            "right": right.get(f"{node.name}_joint", False),
         })  # fmt: skip
     return out
 
@@ -170,6 +179,50 @@ def crossed(rows: Sequence[dict[str, Any]]) -> Array:
     return out
 
 
+def joints_of(rows: Sequence[dict[str, Any]]) -> tuple[Array, Array]:
+    """How sure the line of every part is (n,), and whether its joint is right (n,)."""
+    parts = [p for r in rows for p in r["parts"]]
+    return np.array([p["signs"]["sure"] for p in parts]), np.array(
+        [float(p["right"]) for p in parts]
+    )
+
+
+def fitted_line(rows: Sequence[dict[str, Any]], chance: Array, least: float) -> tuple[float, float]:
+    """`Bar.line` of the parts that move, each of equal weight.
+
+    Args:
+        chance: (n,) of every part, by a function that did not see its repository.
+    """
+    sure, right = joints_of(rows)
+    awake = chance >= least
+    z, y = _odds(chance * sure)[awake], right[awake]
+
+    def cost(w: Array) -> float:
+        odds = w[0] + w[1] * z
+        return float((np.logaddexp(0, odds) - y * odds).sum())
+
+    bias, weight = optimize.minimize(cost, [0.0, 1.0], bounds=[(None, None), (0.0, None)]).x
+    return round(float(bias), 4), round(float(weight), 4)
+
+
+def crossed_line(rows: Sequence[dict[str, Any]], least: float) -> Array:
+    """(n,) chance that every joint is right, by functions that did not see its repository."""
+    x, _, _, owner = table(rows)
+    sure, out = joints_of(rows)[0], np.zeros(len(x))
+    of = np.array([rows[i]["repo"] for i in owner])
+    for repository in sorted(set(of)):
+        others, left = [r for r in rows if r["repo"] != repository], of == repository
+        bias, weights = fitted(others)
+        start, slope = fitted_line(others, crossed(others), least)
+        chance = expit(bias + x[left] @ weights)
+        out[left] = expit(start + slope * _odds(chance * sure[left]))
+    return out
+
+
+def _odds(chance: Array) -> Array:
+    return np.asarray(logit(np.clip(chance, 0.01, 0.99)))
+
+
 def record(rows: Sequence[dict[str, Any]], chance: Array, bar: Bar) -> dict[str, Any]:
     """What the bar does to these objects."""
     _, real, _, owner = table(rows)
@@ -180,6 +233,9 @@ def record(rows: Sequence[dict[str, Any]], chance: Array, bar: Bar) -> dict[str,
     of_still = np.isin(owner, sorted(still))
     true = real.astype(bool)
     error, bins = reliability(chance, real)
+    right = joints_of(rows)[1][kept]
+    said = crossed_line(rows, bar.least)[kept]
+    of_joints, joint_bins = reliability(said, right)
     return {
         "motionless_objects": len(still),
         "with_a_part_before": len({int(i) for i in owner[of_still]}),
@@ -190,6 +246,11 @@ def record(rows: Sequence[dict[str, Any]], chance: Array, bar: Bar) -> dict[str,
         "of_them_kept": int((~true & ~of_still & kept).sum()),
         "expected_calibration_error": round(error, 3),
         "reliability": bins,
+        "joints": len(right),
+        "right_joints": int(right.sum()),
+        "wrong_joints_without_review": int(((said >= NEEDS_REVIEW) & (right == 0)).sum()),
+        "joint_calibration_error": round(of_joints, 3),
+        "joint_reliability": joint_bins,
     }
 
 
@@ -206,7 +267,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     chance = crossed(rows)
     bias, weights = fitted(rows)
     named = {n: round(float(w), 4) for n, w in zip(SIGNS, weights)}
-    bar = Bar(round(bias, 4), named, config.least)
+    bar = Bar(round(bias, 4), named, config.least, fitted_line(rows, chance, config.least))
     kept: dict[str, Any] = {**asdict(bar), "record": record(rows, chance, bar)}
     config.out.mkdir(parents=True, exist_ok=True)
     (config.out / "abstention.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
