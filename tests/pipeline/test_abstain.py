@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from mam_pipeline.dormant import awake
+import pytest
+from scipy.special import expit, logit
+
+from mam_pipeline.dormant import awake, woken
+from mam_pipeline.joints.solver import confidence_of
 from mam_pipeline.parts.abstain import SIGNS, Bar, load_bar, withheld
 from mam_pipeline.types import KinematicTree, PartNode
 
-BAR = Bar(0.0, {"value": 1.0}, 0.2)
+BAR = Bar(0.0, {"value": 1.0}, 0.2, (-0.5, 1.0))
 
 
 def _tree(*values: float) -> tuple[KinematicTree, dict[str, dict[str, float]]]:
@@ -17,7 +21,7 @@ def _tree(*values: float) -> tuple[KinematicTree, dict[str, dict[str, float]]]:
         PartNode(f"p{k}", "door", (k,), 0, "hinge", confidence=0.5)
         for k in range(1, len(values) + 1)
     ]
-    signs = {f"p{k}": {"value": v, "free": 1.0} for k, v in enumerate(values, start=1)}
+    signs = {f"p{k}": {"value": v, "free": 1.0, "sure": 0.9} for k, v in enumerate(values, start=1)}
     return KinematicTree(tuple(nodes)), signs
 
 
@@ -70,3 +74,25 @@ def test_the_fitted_bar_knows_its_signs() -> None:
     bar = load_bar()
     assert set(bar.weights) == set(SIGNS)
     assert 0.0 < bar.least < 1.0
+
+
+def test_a_joint_is_as_sure_as_real_objects_taught() -> None:
+    tree, signs = _tree(2.0, -3.0)
+    found = withheld(tree, signs, BAR)
+    moves, asleep = found.nodes[1:]
+    chance = expit(2.0)
+    assert moves.confidence == pytest.approx(chance)
+    said = expit(-0.5 + logit(0.9 * chance))
+    assert confidence_of(moves, 0.9) == pytest.approx(said, abs=1e-3)
+    # whose word stands, and what sleeps, is told as it is
+    user = replace(moves, provenance="user", confidence=1.0)
+    assert confidence_of(user, 1.0) == 1.0
+    assert confidence_of(asleep, 0.9) == pytest.approx(0.9 * asleep.confidence)
+    accepted = woken(found, ["p2"]).nodes[2]
+    assert confidence_of(accepted, 0.9) == 0.9
+
+
+def test_the_fitted_map_of_confidence_is_monotone() -> None:
+    bar = load_bar()
+    said = [bar.right(chance, 0.9) for chance in (0.2, 0.5, 0.8, 0.99)]
+    assert said == sorted(said) and said[0] < 0.4 and said[-1] > 0.7

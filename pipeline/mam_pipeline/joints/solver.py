@@ -41,6 +41,7 @@ from mam_pipeline.types import (
 )
 from mam_pipeline.weights import place_of
 
+RIGHT = "right"  # chance that the joint is right, in the evidence of a part
 SHOWN = 6  # hypotheses that the report shows
 
 
@@ -122,9 +123,22 @@ class EmbeddedSolver:
             "chosen": found.rank,
             "limits": limits_evidence(found.limits, node),
         }
-        confidence = node.confidence * found.sure
+        confidence = confidence_of(node, found.sure)
         chosen = found.chosen
         return joint_of(node, index, chosen.axis, chosen.origin, found.limits, confidence, evidence)
+
+
+def confidence_of(node: PartNode, sure: float) -> float:
+    """Chance that the joint of a node is right.
+
+    Args:
+        sure: that its line is, if part and type are. Where nobody but the engine speaks for a part
+            that moves, the chance of all three was calibrated with it (`mam_pipeline.parts`).
+    """
+    judged = node.provenance == "inferred" and not (node.dormant or "accepted" in node.evidence)
+    if judged and RIGHT in node.evidence:
+        return float(node.evidence[RIGHT])
+    return node.confidence * sure
 
 
 def joint_of(

@@ -20,6 +20,7 @@ from scipy.special import expit, logit
 from mam_pipeline.dormant import put_to_sleep
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.joints.estimate import Estimate, JointEstimator
+from mam_pipeline.joints.solver import RIGHT
 from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.types import FloatArray, KinematicTree, Mesh, PartNode, Primitives
 from mam_pipeline.weights import loaded
@@ -56,7 +57,7 @@ class Bar:
     bias: float
     weights: Mapping[str, float]
     least: float
-    line: tuple[float, float] = (0.0, 1.0)
+    line: tuple[float, float]
 
     def keeps(self, chances: Sequence[float], told: int = 0) -> list[bool]:
         """Which parts of one object become parts, by their chances.
@@ -90,7 +91,7 @@ def load_bar() -> Bar:
 
 def _read_bar(folder: Traversable) -> Bar:
     said = json.loads((folder / "abstention.json").read_text(encoding="utf-8"))
-    return Bar(said["bias"], said["weights"], said["least"], tuple(said.get("line", (0.0, 1.0))))
+    return Bar(said["bias"], said["weights"], said["least"], tuple(said["line"]))
 
 
 def abstained(
@@ -161,7 +162,10 @@ def withheld(
         said: dict[str, Any] = {"signs": {k: round(v, 4) for k, v in known.items()}}
         if bar is not None:
             alone = stated_chance(node) if known["free"] >= ABSTENTION.free else 0.0
-            said["chance"] = round(max(bar.chance(known, said_odds(node)), alone), 3)
+            chance = max(bar.chance(known, said_odds(node)), alone)
+            said |= {"chance": round(chance, 3), RIGHT: round(bar.right(chance, known["sure"]), 3)}
+            if node.provenance == "inferred":
+                node = replace(node, confidence=chance)
         nodes.append(replace(node, evidence={**node.evidence, **said}))
     tree = replace(tree, nodes=tuple(nodes))
     if bar is None:
