@@ -201,3 +201,35 @@ def test_a_closed_lid_and_an_upright_flap_do_not_stand_open() -> None:
     lid, body = np.flatnonzero(owner == 1), np.flatnonzero(owner == 0)
     front = JointCandidate("hinge", np.array([1.0, 0, 0]), np.array([0.0, 0, 0]))
     assert closing_of(mesh, lid, body, front) is None
+
+
+def chest(inside: float, over: float) -> tuple[KinematicTree, Mesh, Primitives]:
+    """A box with a lid that reaches `over` beyond its edges, hinged `inside` of its back edge."""
+    mesh, owner = assembled([
+        (0, block((-0.3, -0.2, 0), (0.3, 0.2, 0.3))),
+        (1, block((-0.3 - over, -0.2 - over, 0.3), (0.3 + over, 0.2 + over, 0.45))),
+    ])  # fmt: skip
+    line = JointCandidate("hinge", np.array([1.0, 0, 0]), np.array([0.0, 0.2 - inside, 0.3]))
+    lid = PartNode("lid", "lid", (1,), 0, "hinge", candidates=(replace(line, axis=-line.axis),))
+    tree = KinematicTree((PartNode("base", "body", (0,), -1, "fixed"), lid))
+    return tree, mesh, Primitives(owner)
+
+
+@pytest.mark.parametrize("over", [0.0, 0.03])
+def test_a_lid_whose_line_would_jam_it_hinges_at_the_edge_that_it_lies_on(over: float) -> None:
+    tree, mesh, primitives = chest(0.015, over)
+    found = JointEstimator(mesh, primitives).estimate(tree, 1)
+    assert found is not None and found.limits.rule == "usual"
+    assert np.degrees(found.limits.upper) == pytest.approx(90, abs=1)
+    np.testing.assert_allclose(found.chosen.origin[1:], [0.2, 0.3], atol=1e-3)
+
+
+def test_a_line_that_is_far_from_the_edge_or_that_a_person_gave_stays() -> None:
+    tree, mesh, primitives = chest(0.05, 0.0)
+    far = JointEstimator(mesh, primitives).estimate(tree, 1)
+    assert far is not None and far.chosen.origin[1] == pytest.approx(0.15)
+    assert far.limits.upper < np.pi / 4
+    tree, mesh, primitives = chest(0.015, 0.0)
+    told = replace(tree, nodes=(tree.nodes[0], replace(tree.nodes[1], provenance="user")))
+    found = JointEstimator(mesh, primitives).estimate(told, 1)
+    assert found is not None and found.chosen.origin[1] == pytest.approx(0.185)

@@ -1,7 +1,8 @@
-"""How far a lid that stands open closes, and the line about which it then lies on its body.
+"""Lids: how far one that stands open closes, and where the line lies about which it does not jam.
 
 The pose in which a plate lies on the body is known from both shapes; one turn leads there from
-where it stands. A line that is off by half the plate's thickness would press it into the body.
+where it stands. A line that is off by half the plate's thickness would press it into the body. So
+would a line behind the edge at which a closed lid lies on its body: its rim would turn into that.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numpy as np
 
 from mam_pipeline.geometry.boxes import least_rectangle
 from mam_pipeline.geometry.sampling import unit
-from mam_pipeline.types import IntArray, JointCandidate, Mesh
+from mam_pipeline.types import FloatArray, IntArray, JointCandidate, Mesh
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,11 @@ class ClosingThresholds:
         end: cosine between the plate and the way from the line to its middle.
         least: radians that an open lid closes at least.
         alike: share by which plate and body may differ in length to lie flush.
-        moved: diagonals by which the line may be moved.
+        moved: diagonals by which the line may be moved. to_edge: the same, to the edge at which
+            a closed lid lies on its body.
+        corner: diagonals between the outermost contact and the corner of a body that is the edge.
+        jams: share of its usual way below which a lid that meets something has a line to be moved.
+        runs: share that it must go about the line at the edge.
     """
 
     level: float = 0.1
@@ -33,6 +38,10 @@ class ClosingThresholds:
     least: float = float(np.deg2rad(30.0))
     alike: float = 0.05
     moved: float = 0.05
+    to_edge: float = 0.025
+    corner: float = 0.01
+    jams: float = 0.8
+    runs: float = 0.9
 
 
 CLOSING = ClosingThresholds()
@@ -60,12 +69,8 @@ def closing_of(mesh: Mesh, part: IntArray, body: IntArray, line: JointCandidate)
     if abs(axis[2]) > CLOSING.level:
         return None
     points, rest = (mesh.vertices[mesh.faces[f].reshape(-1)] for f in (part, body))
-    up = unit(np.array([0.0, 0.0, 1.0]) - axis[2] * axis)
-    inward = np.cross(axis, up)
-    plane = np.stack([inward, up])
-    middle = 0.5 * (rest.min(axis=0) + rest.max(axis=0)) - line.origin
-    if middle @ inward < 0.0:
-        plane[0] = inward = -inward
+    plane = _plane_of(axis, rest, line)
+    inward, up = plane
     flat, base, at = points @ plane.T, rest @ plane.T, line.origin @ plane.T
     top = float(base[:, 1].max())
     arm = 0.5 * (flat.min(axis=0) + flat.max(axis=0)) - at
@@ -92,3 +97,43 @@ def closing_of(mesh: Mesh, part: IntArray, body: IntArray, line: JointCandidate)
         return None
     opens = np.cross(inward, up)
     return Closing(replace(line, axis=opens, origin=line.origin + moved @ plane), way)
+
+
+def at_edge(
+    mesh: Mesh, part: IntArray, body: IntArray, line: JointCandidate, contact: FloatArray
+) -> JointCandidate | None:
+    """A hinge's line at the outer edge at which a closed lid lies on its body.
+
+    None where there is no such edge near the line.
+
+    Args:
+        mesh: upright, Z up. part, body: face indices.
+        contact: (n, 3) points at which the part touches what stands still.
+    """
+    axis = unit(line.axis)
+    if abs(axis[2]) > CLOSING.level or not len(contact):
+        return None
+    points, rest = (mesh.vertices[mesh.faces[f].reshape(-1)] for f in (part, body))
+    plane = _plane_of(axis, rest, line)
+    both = np.concatenate([points, rest])
+    touching, corners = ((p - line.origin) @ plane.T for p in (contact, both))
+    outer = touching[int(np.argmin(touching[:, 0]))]
+    away = np.linalg.norm(corners - outer, axis=1)
+    if away.min() > CLOSING.corner * mesh.diagonal:
+        return None
+    moved = corners[int(np.argmin(away))]
+    if np.linalg.norm(moved) > CLOSING.to_edge * mesh.diagonal:
+        return None
+    return replace(line, origin=line.origin + moved @ plane)
+
+
+def _plane_of(axis: FloatArray, body: FloatArray, line: JointCandidate) -> FloatArray:
+    """(2, 3) unit vectors square to a level line: towards the body's middle, and up.
+
+    Args:
+        body: (n, 3) its points.
+    """
+    up = unit(np.array([0.0, 0.0, 1.0]) - axis[2] * axis)
+    inward = np.cross(axis, up)
+    middle = 0.5 * (body.min(axis=0) + body.max(axis=0)) - line.origin
+    return np.stack([inward if middle @ inward >= 0.0 else -inward, up])

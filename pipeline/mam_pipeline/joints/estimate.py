@@ -20,7 +20,7 @@ from mam_pipeline.geometry.hinge_line import HingeBodies
 from mam_pipeline.geometry.motion import Motion
 from mam_pipeline.geometry.sweep import SweepScene
 from mam_pipeline.joints.candidates import rank_hypotheses
-from mam_pipeline.joints.closing import closing_of
+from mam_pipeline.joints.closing import CLOSING, at_edge, closing_of
 from mam_pipeline.joints.limits import Limits, Surroundings, embedded_limits
 from mam_pipeline.joints.straight import straightened, turned_tree
 from mam_pipeline.rules import ALL_RULES, Rules
@@ -231,6 +231,12 @@ class JointEstimator:
             closing = None if shut is None else limits_of(shut.line, shut.way)
             if shut is not None and closing is not None and closing.lower <= -0.9 * shut.way:
                 best, limits = shut.line, closing
+            if limits.rule == "collision" and limits.share < CLOSING.jams:
+                touching = around.scene.contact().points
+                edge = at_edge(mesh, faces.moving, faces.parent, best, touching)
+                freed = None if edge is None else limits_of(edge)
+                if edge is not None and freed is not None and freed.share >= CLOSING.runs:
+                    best, limits = edge, freed
         sure = 1.0 if node.provenance == "user" else agreement(best, ranked, near)
         contact = contact_evidence(around.scene)
         return Estimate(best, limits, sure, chosen, tuple(candidates), contact)
