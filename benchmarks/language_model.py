@@ -68,8 +68,11 @@ from mam_sim.bench.table import Row, models_of, summarise
 
 ANSWERS = tuple(
     ROOT / "tests" / "pipeline" / name
-    for name in ("answers.zip", "answers_kitchen.zip", "answers_photos.zip")
-)
+    for name in (
+        "answers.zip", "answers_dev2.zip", "answers_kitchen.zip", "answers_kitchen_2.zip",
+        "answers_photos.zip",
+    )
+)  # fmt: skip
 EMBEDDED = "the embedded reasoner"
 OWN = "our own reading"
 OTHERS = ("handle", "room door")  # classes of boxes

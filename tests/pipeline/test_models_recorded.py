@@ -1,7 +1,8 @@
 """The whole vision-language path with answers that were given by a look at the pictures alone.
 
 `<object>/` in answers.zip holds what was asked, what was answered, the pieces that were shown and a
-small copy of the pictures; the objects themselves are not ours to keep (answers.md).
+small copy of the pictures; the other archives hold answers and pieces alone. The objects themselves
+are not ours to keep (answers.md).
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ from mam_pipeline.types import KinematicTree, Primitives
 ARCHIVE = Path(__file__).resolve().parent / "answers.zip"
 with zipfile.ZipFile(ARCHIVE) as archive:
     OBJECTS = json.loads(archive.read("about.json"))["objects"]
+LATER = ("answers_dev2.zip", "answers_kitchen.zip", "answers_kitchen_2.zip")
+"""Archives of answers to the questions of today, looks at the motion included."""
 FEW = ("furniture_sim__microwave0", "iai_maps__apt_cabinet10", "metaworld__coffeemachine")
 
 
@@ -61,6 +64,42 @@ def test_answers_fit_the_schema_of_today(name: str, answers: Path) -> None:
     mounting = questions.Mounting.model_validate_json(second)
     names = [p.name for p in sorted(grouping.parts, key=lambda p: not p.is_base)]
     assert questions.faults_of_mounting(mounting, names, names[0]) == ""
+
+
+@pytest.mark.parametrize("file", LATER)
+def test_answers_of_later_archives_fit_the_questions_of_today(file: str, tmp_path: Path) -> None:
+    shapes = {
+        "1_parts": questions.MountedParts, "1_grouping": questions.Grouping,
+        "2_tree": questions.Mounting, "motion": questions.MotionCheck,
+    }  # fmt: skip
+    with zipfile.ZipFile(ARCHIVE.with_name(file)) as archive:
+        about = json.loads(archive.read("about.json"))
+        archive.extractall(tmp_path)
+    assert "blind" in about["by"]
+    assert sorted(p.name for p in tmp_path.iterdir() if p.is_dir()) == about["objects"]
+    for name in about["objects"]:
+        with np.load(tmp_path / name / "pieces.npz") as data:
+            ids = set(data["labels"].tolist())
+        answers = sorted((tmp_path / name).glob("*/answer.json"))
+        assert answers
+        for place in answers:
+            kind = next(k for k in shapes if k in place.parent.name)
+            answer = shapes[kind].model_validate_json(place.read_text())
+            assert (place.parent / "subject.txt").read_text().strip()
+            if isinstance(answer, questions.MountedParts):
+                assert questions.faults_of_parts(answer, ids) == ""
+            if isinstance(answer, questions.Grouping):
+                assert {p for part in answer.parts for p in part.pieces} <= ids
+
+
+def test_the_same_kitchen_was_answered_with_fewer_pictures() -> None:
+    about = {}
+    for file in ("answers_kitchen.zip", "answers_kitchen_2.zip"):
+        with zipfile.ZipFile(ARCHIVE.with_name(file)) as archive:
+            about[file] = json.loads(archive.read("about.json"))
+    many, few = about.values()
+    assert many["objects"] == few["objects"]
+    assert few["pictures"] == 2 < many["pictures"]
 
 
 def test_answers_about_photos_fit_the_question_of_today() -> None:
