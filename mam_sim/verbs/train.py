@@ -30,8 +30,8 @@ class Train(Verb):
     saved: ClassVar[tuple[str, ...]] = ("algo", "joint", "task", "robot", "max_steps")
     train: Any  # the algorithm's settings: `with_algorithm` gives this field its type
     asset: Positional[tuple[Path, ...]]
-    """Asset folder(s) made by mam-sim, or folders that hold some; of several, those that the arm
-    cannot operate are left out and told."""
+    """Asset folder(s) made by mam-sim, or folders that hold some, such as a batch's; of several,
+    those that the arm cannot operate are left out and told."""
     out: Path
     """The run folder to write; the same command goes on where a killed one was."""
     split: Annotated[float, Range(0, 1, above=True)] | None = None

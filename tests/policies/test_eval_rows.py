@@ -12,6 +12,7 @@ from mam_pipeline.asset.listing import asset_folders
 from mam_pipeline.errors import ConfigError, InputError
 from mam_sim.asset_list import split
 from mam_sim.cli import main
+from mam_sim.rank.run import subjects
 from tests.envs.box_assets import without_range
 
 
@@ -23,6 +24,19 @@ def test_folders_stand_for_the_assets_in_them(drawer: Path, door: Path, tmp_path
     assert [f.name for f in found] == ["a", "b"]
     with pytest.raises(InputError):
         asset_folders([tmp_path / "notes"])
+
+
+def test_a_batch_stands_for_its_assets(drawer: Path, door: Path, tmp_path: Path) -> None:
+    """OUT of `mam-sim batch` is what rank, train, eval, register and view take."""
+    batch = tmp_path / "batch"
+    for source, name in ((drawer, "b"), (door, "a")):
+        shutil.copytree(source, batch / "assets" / name)
+    (batch / "records").mkdir()
+    with pytest.raises(InputError):
+        asset_folders([batch])  # a folder that is no batch of ours is not searched
+    (batch / "batch.yaml").write_text("pipeline: {}\n")
+    assert [f.name for f in asset_folders([batch])] == ["a", "b"]
+    assert [f.name for f in subjects([batch])] == ["a", "b"]
 
 
 def test_a_split_keeps_some_of_each() -> None:
