@@ -44,7 +44,7 @@ class Evaluate(Verb):
     expert: bool = False
     """Run the scripted expert on the same seeds beside it."""
     truth: Path | None = None
-    """URDF of the true object, standing as the file did that the asset was made from; it is
+    """URDF of the true object, standing as `rank --truth` wants it; it is
     simulated in the asset's place."""
     video: bool = False
     """Write a grid of episodes as evaluation.mp4 in the run folder (needs a Vulkan driver)."""

@@ -32,8 +32,8 @@ class Rank(Verb):
     """
 
     assets: Positional[tuple[Path, ...]]
-    """Asset folders, as `mend` writes them too, folders that hold some, or URDF, MJCF or USD
-    files."""
+    """Asset folders, as `mend` writes them too, folders that hold some, such as a batch's, or URDF,
+    MJCF or USD files."""
     robots: str = "panda"
     """Names of arms, with commas between them."""
     task: str | None = None
@@ -45,7 +45,7 @@ class Rank(Verb):
     """Train and test this policy on every joint too; takes minutes each."""
     truth: tuple[Path, ...] = ()
     """URDFs of the true objects, one per asset in the same order, standing as the files did that
-    the assets were made from. They are simulated in the assets' place: what an asset claims is
+    the assets were made from, or with Z up where those have Y up. They are simulated in the assets' place: what an asset claims is
     planned with, and what the true object can do counts."""
     jobs: Count = 1
     """Rows at once, each in a process of its own."""

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.foreign import true_asset
 from mam_pipeline.errors import InputError, NotPhysicalError
+from mam_pipeline.formats.urdf.read import read_urdf
 from mam_policies.evaluate import evaluate_expert
 from mam_policies.run import EnvChoice
 from mam_sim.cli import main
@@ -50,8 +54,6 @@ def test_rank_and_eval_take_a_truth(
 
 
 def test_the_truth_stands_in_the_asset_s_frame_and_size(drawer: Path, tmp_path: Path) -> None:
-    from dataclasses import replace
-
     from mam_envs.object_model import ObjectModel
 
     place = np.eye(4)
@@ -67,6 +69,52 @@ def test_the_truth_stands_in_the_asset_s_frame_and_size(drawer: Path, tmp_path: 
     np.testing.assert_allclose(
         model.bounds(), [corners.min(axis=0), corners.max(axis=0)], atol=1e-6
     )
+
+
+@pytest.mark.parametrize("written", ["Z up", "Y up"])
+def test_a_truth_stands_whatever_way_is_up_in_the_asset_s_file(
+    written: str, drawer: Path, tmp_path: Path
+) -> None:
+    """Of a GLB, in which Y is up, the truth is often a URDF with Z up: it is turned once."""
+    asset = Asset.load(drawer)
+    y_up = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # to Z up
+    card = replace(asset.card, source_to_asset=y_up.tolist())
+    truth, joint = drawer / "object.urdf", ""
+    if written == "Y up":
+        joint = (
+            '<link name="file"/><joint name="up" type="fixed"><parent link="file"/>'
+            f'<child link="base"/><origin rpy="{-np.pi / 2} 0 0"/></joint></robot>'
+        )
+        shutil.copytree(drawer, tmp_path / "file")
+        truth = tmp_path / "file" / "object.urdf"
+        truth.write_text((drawer / "object.urdf").read_text().replace("</robot>", joint))
+    found = true_asset(truth, Asset(drawer, card), tmp_path / "truth")
+    boxes = [read_urdf(a.urdf_path).mesh.bounds for a in (found, asset)]
+    np.testing.assert_allclose(boxes[0], boxes[1], atol=1e-6)
+    axes = [read_urdf(a.urdf_path).joints[0].axis for a in (found, asset)]
+    np.testing.assert_allclose(axes[0], axes[1], atol=1e-6)
+
+
+def test_a_truth_made_from_the_same_file_stands_by_its_card(drawer: Path, tmp_path: Path) -> None:
+    """`static.glb` of a generated object and the asset that was made of it, each in its frame."""
+    quarter = Rotation.from_euler("z", 90, degrees=True).as_matrix()
+    place, own = np.eye(4), np.eye(4)
+    place[:3, :3], own[:3, 3] = 0.5 * quarter, (0.2, 0.1, 0)
+    shutil.copytree(drawer, tmp_path / "true")
+    card, same = Asset.load(drawer).card, {"path": "static.glb", "sha256": "ab"}
+    replace(card, source=same, source_to_asset=own.tolist()).save(tmp_path / "true")
+    asset = Asset(drawer, replace(card, source=same, source_to_asset=place.tolist()))
+    turned = Asset(drawer, replace(asset.card, source={**same, "sha256": "another"}))
+    truth = tmp_path / "true" / "object.urdf"
+    found, other = (
+        true_asset(truth, a, tmp_path / f"out{i}") for i, a in enumerate((asset, turned))
+    )
+    before = read_urdf(drawer / "object.urdf").mesh
+    scaled = [a.card.metres_per_unit * read_urdf(a.urdf_path).mesh.bounds for a in (found, other)]
+    np.testing.assert_allclose(
+        scaled[0], before.transformed(place @ np.linalg.inv(own)).bounds, atol=1e-6
+    )
+    np.testing.assert_allclose(scaled[1], before.transformed(place).bounds, atol=1e-6)
 
 
 def test_what_is_fixed_in_truth_and_what_is_elsewhere_is_said(drawer: Path, tmp_path: Path) -> None:

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import shutil
 import xml.etree.ElementTree as ET
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from mam_pipeline.asset.card import Asset, AssetCard, CardGrasp, CardJoint, CardPart
@@ -20,7 +21,30 @@ from mam_pipeline.asset.grasps import find_grasps
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.files import files_of
 from mam_pipeline.formats.urdf.admit import admitted
-from mam_pipeline.formats.urdf.read import read_urdf
+from mam_pipeline.formats.urdf.read import read_bodies, read_urdf
+from mam_pipeline.geometry.sampling import sample_surface
+from mam_pipeline.types import FloatArray, Mesh
+
+
+@dataclass(frozen=True)
+class Upright:
+    """How the true object's file is laid on an asset whose source has Y up.
+
+    Attributes:
+        least: cosine between the asset's up and the source's +Y from which Y is up there.
+        points: of each surface that are compared.
+    """
+
+    least: float = 0.999
+    points: int = 2000
+
+    @property
+    def y_up_T_z_up(self) -> FloatArray:
+        """(4, 4) coordinates of an object with Z up to those with Y up, by glTF's rule."""
+        return np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+
+
+UPRIGHT = Upright()
 
 
 def foreign_card(urdf: Path, **more: Any) -> AssetCard:
@@ -119,13 +143,15 @@ def true_asset(urdf: Path, asset: Asset, out: Path) -> Asset:
     """The true object of an asset as an asset folder `out` in the same frame and size.
 
     Args:
-        urdf: it stands as the file did that the asset was made from.
+        urdf: an asset's own whose card says that it was made from the same file; or it stands as
+            the file did that the asset was made from. Where Y was up in that file, as in glTF, it
+            may also have Z up, as URDFs have, turned by glTF's own rule.
 
     Raises:
         InputError: see foreign_asset.
     """
     made = foreign_asset(urdf, out)
-    place = np.array(asset.card.source_to_asset, dtype=float)
+    place = _standing(made, asset, _own_card(urdf))
     scale = float(np.cbrt(np.linalg.det(place[:3, :3])))
     tree = ET.parse(made.urdf_path)
     root = tree.getroot()
@@ -150,3 +176,44 @@ def true_asset(urdf: Path, asset: Asset, out: Path) -> Asset:
     card = replace(made.card, grasps=[], metres_per_unit=scale)
     card.save(out)
     return Asset(out, card)
+
+
+def _own_card(urdf: Path) -> AssetCard | None:
+    """The card beside a URDF that is an asset's own; None for any other URDF."""
+    try:
+        asset = Asset.load(urdf.parent)
+    except InputError:
+        return None
+    return asset.card if asset.card.urdf == urdf.name else None
+
+
+def _standing(true: Asset, asset: Asset, known: AssetCard | None) -> FloatArray:
+    """(4, 4) coordinates of the true object's URDF to the asset's frame, scale included.
+
+    A card of the true object that was made from the same file says it exactly. Else two readings
+    are possible where Y was up in the asset's source: the URDF has Y up, too, or Z. That one holds
+    by which the two surfaces lie nearer to each other.
+
+    Args:
+        true: the copy of the URDF, with the card that we made. known: its own card, or None.
+    """
+    place: FloatArray = np.array(asset.card.source_to_asset, dtype=np.float64)
+    if known is not None and known.source.get("sha256"):
+        own = np.array(known.source_to_asset, dtype=np.float64)
+        if known.source["sha256"] == asset.card.source.get("sha256") and np.linalg.det(own) > 0:
+            return place @ np.linalg.inv(own)
+    up = place[2, :3] / np.linalg.norm(place[2, :3])  # the asset's, in the source's axes
+    if up[1] < UPRIGHT.least:
+        return place
+    real, made = (read_bodies(a.urdf_path).mesh for a in (true, asset))
+    surface = cKDTree(_points(made))
+
+    def apart(way: FloatArray) -> float:
+        return float(surface.query(_points(real.transformed(way)))[0].mean())
+
+    return min((place, place @ UPRIGHT.y_up_T_z_up), key=apart)
+
+
+def _points(mesh: Mesh) -> FloatArray:
+    """(N, 3) points of a surface, evenly spread."""
+    return sample_surface(mesh.vertices, mesh.faces, UPRIGHT.points).points
