@@ -1,93 +1,180 @@
-"""Masses of generated objects beside those that are published for products of the same kind.
+"""Masses and opening forces of generated objects beside those that makers and standards publish.
 
-    python benchmarks/masses.py --seeds 20 --out docs/results/masses.json
+    python benchmarks/masses.py --out docs/results/masses.json
+    python benchmarks/masses.py --half set        # the products that may set the table of kinds
 
-The published figures are ranges from pages for buyers and movers, in kilograms; objects outside
-the sizes in metres that a product of that kind has are left out.
+The published figures are in masses.yaml. For each product, generated objects of its kind and nearly
+its size are scaled to its largest side; an object's mass is a range on its card, from which
+randomisation draws, and the published mass should lie in it. A joint's friction, as a force at its
+farthest point, should lie in the published range of opening forces. Latches and gaskets are not
+modelled; parts that they hold shut are counted apart.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
+import tyro
+import yaml
 
+from mam_pipeline.asset.dynamics import gravity_load, with_dynamics
 from mam_pipeline.asset.inertia import link_inertials
 from mam_pipeline.evidence.read import named_size
+from mam_pipeline.geometry.front import moved
+from mam_pipeline.types import Articulation
 from mam_world import make_object
+
+DATA = Path(__file__).with_suffix(".yaml")
+PATHS = ["world", "pipeline/mam_pipeline/asset", "pipeline/mam_pipeline/evidence/kinds.yaml"]
+COMMAND = "python benchmarks/masses.py"
 
 
 @dataclass(frozen=True)
-class Product:
-    """A kind of product: `category` of the world, size bounds (metres), published range (kg)."""
+class Sample:
+    """Which generated objects stand for a product.
 
-    name: str
-    category: str
-    smallest: float
-    largest: float
-    low: float
-    high: float
-    source: str
+    Attributes:
+        seeds: that are tried. objects: at most. size: factor between an object's largest side and
+            the product's, up to which it is scaled to it.
+    """
 
-
-PRODUCTS = (
-    Product("small chest or nightstand", "nightstand", 0.4, 0.75, 14, 36,
-            "engineerfix.com, three-drawer chest, 30 to 80 lb"),
-    Product("dresser", "chest_of_drawers", 0.8, 1.4, 32, 68,
-            "engineerfix.com, six-drawer dresser, 70 to 150 lb"),
-    Product("base cabinet", "cabinet_one_door", 0.6, 1.0, 34, 45,
-            "cabinetskitchen.net, base cabinet, 75 to 100 lb"),
-    Product("countertop microwave", "microwave", 0.4, 0.65, 9, 23,
-            "ovencookguy.com, 20 to 50 lb"),
-    Product("built-in dishwasher", "dishwasher", 0.75, 0.95, 27, 50,
-            "dishwasherusa.com and homegeargeek.com, 60 to 110 lb"),
-    Product("front-loading washer", "washer_front", 0.8, 1.0, 60, 80,
-            "homeownercosts.co.uk, with its concrete weight"),
-)  # fmt: skip
+    seeds: int = 40
+    objects: int = 6
+    size: float = 1.25
 
 
-def main() -> None:
-    """Print a line per kind, and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--out", type=Path)
-    args = parser.parse_args()
+SAMPLE = Sample()
+
+
+def thing_of(category: str) -> str:
+    """The kind of object of a category of the world, by the table of kinds."""
+    return named_size(category.replace("_", " "))[0]
+
+
+def main(out: Path | None = None, half: Literal["measured", "set"] = "measured") -> None:
+    """Print a line per kind and per force, and write the table of those measured.
+
+    Args:
+        out: JSON file. half: which products: those that only measure, or those that may set.
+    """
+    data = yaml.safe_load(DATA.read_text(encoding="utf-8"))
+    known: dict[str, list[tuple[float, Articulation]]] = {}
+    masses = [_mass(name, row, known, half) for name, row in data["masses"].items()]
+    forces = [_force(name, row) for name, row in data["forces"].items()] if half != "set" else []
+    for row in (*masses, *forces):
+        print(row["name"], row["values"], flush=True)
+    _print("products", [v for row in masses for v in row.pop("within")])
+    for held in (False, True):
+        within = [row["values"]["within"] == "1 of 1" for row in forces if row["held"] is held]
+        _print("forces, held shut by a latch or gasket" if held else "forces", within)
+    for row in forces:
+        del row["held"]
+    if out is not None:
+        columns = {"ours": "s", "published": "s", "within": "s", "source": "s"}
+        title = "Masses and opening forces beside published ones"
+        table = {"title": title, "columns": columns, "paths": PATHS, "rows": masses + forces}
+        out.write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def _short(value: float) -> str:
+    """Two digits, without an exponent."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
+def _print(what: str, within: list[bool]) -> None:
+    if within:
+        print(f"{what}: {sum(within)} of {len(within)} within ({np.mean(within):.0%})")
+
+
+def _mass(
+    name: str, row: dict[str, Any], known: dict[str, list[tuple[float, Articulation]]], half: str
+) -> dict[str, Any]:
+    """A row of one kind: ours and published, for each product of a half."""
+    products = row["products"][1 if half == "measured" else 0 :: 2]
+    ours, within = [], []
+    for _, size, mass in products:
+        found = list(_weighed(row["categories"], row.get("thing"), size, known))
+        low, usual, high = np.median(found, axis=0)
+        ours.append(f"{_short(usual)} ({_short(low)} to {_short(high)})")
+        within.append(bool(low <= mass <= high))
+    values = {
+        "ours": ", ".join(ours) + " kg",
+        "published": ", ".join(f"{mass:g}" for *_, mass in products) + " kg",
+        "within": f"{sum(within)} of {len(within)}",
+        "source": "; ".join(str(product) for product, *_ in products),
+    }
+    return {**_row(row["categories"][0], name, values), "within": within}
+
+
+def _weighed(
+    categories: list[str], thing: str | None, size: float,
+    known: dict[str, list[tuple[float, Articulation]]],
+) -> Iterator[tuple[float, float, float]]:  # fmt: skip
+    """Least, usual and most mass of objects of a size, kg."""
+    count = 0
+    for category in categories:
+        if category not in known:
+            known[category] = [_made(category, seed) for seed in range(SAMPLE.seeds)]
+        for side, made in known[category]:
+            if max(side / size, size / side) > SAMPLE.size or count == SAMPLE.objects:
+                continue
+            count += 1
+            whole = moved(made, np.diag([size / side] * 3 + [1.0]))
+            bodies = link_inertials(whole, thing or thing_of(category))
+            ranges = [b.mass_range or (b.mass, b.mass) for b in bodies]
+            yield (
+                sum(r[0] for r in ranges), sum(b.mass for b in bodies), sum(r[1] for r in ranges)
+            )  # fmt: skip
+
+
+def _made(category: str, seed: int) -> tuple[float, Articulation]:
+    made = make_object(category, seed).articulation
+    low, high = made.mesh.bounds
+    return float((high - low).max()), made
+
+
+def _force(name: str, row: dict[str, Any]) -> dict[str, Any]:
+    """A row of one kind of joint: from the easiest to the stiffest, N at its farthest point."""
+    lows, usual, highs = [], [], []
+    for seed in range(SAMPLE.objects):
+        made = make_object(row["category"], seed).articulation
+        bodies = link_inertials(made, thing_of(row["category"]))
+        for joint in with_dynamics(made, bodies).joints:
+            if made.links[joint.child].kind != row["part"]:
+                continue
+            arm = gravity_load(made, joint, bodies)[2]
+            between = joint.friction_range or (joint.friction, joint.friction)
+            lows.append(between[0] / arm)
+            usual.append(joint.friction / arm)
+            highs.append(between[1] / arm)
+    low, middle, high = (float(np.median(x)) for x in (lows, usual, highs))
+    least, most = row["force"]
+    values = {
+        "ours": f"{middle:.2g} ({low:.2g} to {high:.2g}) N",
+        "published": f"{least:g} to {most:g} N",
+        "within": f"{int(least <= middle <= most)} of 1",
+        "source": row["source"],
+    }
+    held = f", held by a {row['held']}" if "held" in row else ""
+    found = _row(f"{row['category']} {row['part']}", name + held, values)
+    return {**found, "held": bool(held)}
+
+
+def _row(id_: str, name: str, values: dict[str, str]) -> dict[str, Any]:
     head = ["git", "rev-parse", "--short", "HEAD"]
     commit = subprocess.run(head, capture_output=True, text=True).stdout.strip()
-    rows = []
-    for product in PRODUCTS:
-        masses, thing = [], named_size(product.category.replace("_", " "))[0]
-        for seed in range(args.seeds):
-            made = make_object(product.category, seed).articulation
-            size = float((made.mesh.bounds[1] - made.mesh.bounds[0]).max())
-            if product.smallest <= size <= product.largest:
-                masses.append(sum(body.mass for body in link_inertials(made, thing)))
-        values = {
-            "objects": len(masses),
-            "ours, median kg": round(float(np.median(masses)), 1) if masses else None,
-            "ours, kg": f"{min(masses):.0f} to {max(masses):.0f}" if masses else "",
-            "published, kg": f"{product.low:g} to {product.high:g}",
-            "source": product.source,
-        }
-        print(product.name, values)
-        rows.append({
-            "id": product.category, "name": product.name, "values": values,
-            "command": f"python benchmarks/masses.py --seeds {args.seeds}", "commit": commit,
-            "machine": f"{os.cpu_count()} cores, no GPU",
-        })  # fmt: skip
-    columns = {"objects": "d", "ours, median kg": ".1f", "ours, kg": "s", "published, kg": "s",
-               "source": "s"}  # fmt: skip
-    paths = ["world", "pipeline/mam_pipeline/asset", "pipeline/mam_pipeline/evidence/kinds.yaml"]
-    title = "Masses beside published ones"
-    table = {"title": title, "columns": columns, "paths": paths, "rows": rows}
-    if args.out is not None:
-        args.out.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
+    return {
+        "id": id_, "name": name, "values": values, "command": COMMAND, "commit": commit,
+        "machine": f"{os.cpu_count()} cores, no GPU",
+    }  # fmt: skip
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+import yaml
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.dynamics import HOLD, with_dynamics
@@ -27,9 +28,11 @@ from mam_pipeline.asset.mjcf import export_mjcf
 from mam_pipeline.asset.usd import export_usd
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.evidence.kinds import kinds
+from mam_pipeline.evidence.read import named_size
 from mam_pipeline.types import Articulation, Inertial, Joint, Link, Mesh
 
 G = 9.81
+PRODUCTS = Path(__file__).resolve().parents[2] / "benchmarks/masses.yaml"
 
 
 def cabinet(part: str, lines: tuple[float, float, float] = (-1, 0, 0)) -> Articulation:
@@ -106,10 +109,33 @@ def test_a_machine_is_heavy_in_its_body_and_furniture_everywhere() -> None:
     assert base.inertia[0, 0] == pytest.approx(base.mass / 5.0)
     assert "washer" in base.material and front.material == "walls"
     assert front.mass_range[0] < front.mass < front.mass_range[1]
-    a, b = weighted([body, door], "wardrobe", 2.0)
-    assert a.mass / b.mass == pytest.approx(2.5) and a.mass + b.mass == pytest.approx(
-        80 / RULE.spread
+    heavy = [replace(b, mass=50 * b.mass) for b in (body, door)]  # walls drawn too thick
+    assert sum(b.mass for b in weighted(heavy, "washer", washer.size[1])) == pytest.approx(
+        washer.mass[1]
     )
+
+
+def test_furniture_weighs_what_its_boards_and_its_kind_say() -> None:
+    wardrobe = kinds().objects["wardrobe"]
+    least, usual, most = usual_mass(wardrobe, 2.0) or (0.0, 0.0, 0.0)
+    for total, wanted in ((7.0, least), (1.3 * usual, 1.3**0.5 * usual), (9 * usual, most)):
+        bodies = [Inertial(share * total, np.zeros(3), np.eye(3), "b") for share in (5 / 7, 2 / 7)]
+        a, b = weighted(bodies, "wardrobe", 2.0)
+        assert a.mass / b.mass == pytest.approx(2.5)
+        assert a.mass + b.mass == pytest.approx(wanted)
+
+
+def test_products_that_did_not_set_the_table_weigh_what_it_says() -> None:
+    """Every other product of each kind was kept out of it: at least four of five are within."""
+    data = yaml.safe_load(PRODUCTS.read_text(encoding="utf-8"))["masses"]
+    assert len(data) >= 20
+    within = []
+    for row in data.values():
+        thing = row.get("thing") or named_size(row["categories"][0].replace("_", " "))[0]
+        for _, size, mass in row["products"][1::2]:
+            low, _, high = usual_mass(kinds().objects[thing], size) or (0.0, 0.0, 0.0)
+            within.append(low <= mass <= high)
+    assert np.mean(within) >= 0.8
 
 
 @pytest.fixture(scope="module")

@@ -85,7 +85,8 @@ class MassRule:
     """How far what a thing weighs is believed.
 
     Attributes:
-        spread: factor on the usual mass of such a thing at its size, down and up.
+        spread: factor on the usual mass of such a thing at its size, down and up; nine of ten of
+            the products that set the table of kinds are within it (benchmarks/masses.yaml).
         size: a thing beyond its kind's sizes by this factor is a model of one, and weighs anything.
     """
 
@@ -178,8 +179,9 @@ def usual_mass(thing: ObjectKind, size: float) -> Range | None:
 def weighted(bodies: Sequence[Inertial], thing: str, size: float) -> list[Inertial]:
     """Links that together weigh what such a thing of this size does.
 
-    What a machine weighs beside its walls is in its body, link 0; of all else that is too light or
-    too heavy the walls are thicker or thinner everywhere.
+    Of furniture and vessels the surfaces and the kind are believed alike, within what the kind
+    allows, and the walls become thicker or thinner everywhere. Of a machine the surfaces say
+    little, for it is full: it weighs what its kind does, and what its walls lack is in link 0.
 
     Args:
         bodies: by their surfaces. thing: kind of object, "" where nobody says. size: largest side.
@@ -190,7 +192,7 @@ def weighted(bodies: Sequence[Inertial], thing: str, size: float) -> list[Inerti
         return list(bodies)
     total = sum(body.mass for body in bodies)
     least, usual, most = bounds
-    wanted = float(np.clip(total, usual if known.machine else least, most))
+    wanted = usual if known.machine else float(np.clip(np.sqrt(total * usual), least, most))
     low, high = (f"{float(f'{x:.2g}'):g}" for x in (least, most))  # 120, not 1.2e+02
     why = f"; such a {thing} of this size weighs {low} to {high} kg"
     spread = (least / wanted, most / wanted)
