@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from mam_pipeline.asset.listing import asset_folders
 from mam_pipeline.check.check import check_asset, check_profile
 from mam_pipeline.check.report import REASONS
 from mam_pipeline.mend import REPAIRS, Order, mend
+from mam_pipeline.mend.work import Work
 from mam_sim.cli import main
 from mam_sim.rank.run import subjects
 from tests.pipeline.fault_cases import FAIL, case, write
@@ -88,6 +90,34 @@ def test_what_it_writes_is_an_asset_with_the_numbers_of_the_file(
     assert any("steel sheet" in c.why for c in found.changes)  # a fridge's door, not a cupboard's
     made = {p.link: p.mass for p in asset.card.parts}
     assert all(made[j.child] > 0 for j in asset.card.movable)
+
+
+def test_a_door_on_a_link_without_a_shape_does_not_collide_with_its_body(tmp_path: Path) -> None:
+    """Simulators leave out parent and child alone, and 2 mm of overlap throw such a door open."""
+    mount = (
+        '<link name="mount"/><joint name="m" type="fixed"><parent link="body"/>'
+        '<child link="mount"/></joint></robot>'
+    )
+    urdf = case(
+        tmp_path / "mounted", ('<parent link="body"/>', '<parent link="mount"/>'),
+        ("xyz=\"-0.2 -0.2 0\"", "xyz=\"-0.198 -0.2 0\""), ("</robot>", mount),
+    )  # fmt: skip
+    theirs = '<disable_collisions link1="a" link2="b" reason="Never"/>'
+    urdf.with_suffix(".srdf").write_text(f'<robot name="r">{theirs}</robot>')
+    found = mend(urdf, tmp_path / "out")
+    assert "frozen" in found.reasons_before and found.passed, found.left
+    assert [(c.reason, c.where) for c in found.changes] == [("frozen", "body, door")]
+    pairs = ET.parse(tmp_path / "out" / "r.srdf").getroot().findall("disable_collisions")
+    assert [(p.get("link1"), p.get("link2")) for p in pairs] == [("a", "b"), ("body", "door")]
+
+
+def test_what_is_taken_back_leaves_no_pair_that_does_not_collide(tmp_path: Path) -> None:
+    urdf = case(tmp_path / "door")
+    work = Work(urdf, tmp_path / "out")
+    state = work.state()
+    work.srdf.write_text("<robot name='r'/>")
+    work.restore(state)
+    assert not work.srdf.exists()
 
 
 def test_what_does_not_move_is_mended_and_no_asset(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from functools import partial
 
@@ -147,27 +148,56 @@ def driven_way(work: Work, reason: str = "frozen") -> None:
 
 
 def exclusions(work: Work, reason: str = "frozen") -> None:
-    """Pairs of bodies whose pieces overlap at rest, named as not colliding in an SRDF file.
+    """Pairs of bodies that simulators must not let collide, named in an SRDF file.
 
-    Parent and child are left out by simulators themselves.
+    Those whose pieces overlap at rest, and a part and its body with a link between them that has no
+    shape or is fixed: parent and child are left out by simulators themselves, these are not.
+    SAPIEN takes the reason `Default` alone.
     """
     model = work.model()
     if model is None:
         return
     joints, links = model.articulation.joints, model.articulation.links
     known = {(j.parent, j.child) for j in joints}
-    lines = []
+    whys = {}
+    for pair in _hung_through(work):
+        whys[pair] = "one hangs on the other through a link without a shape, or a fixed one"
     for i in range(len(links)):
         for k in range(i + 1, len(links)):
-            if (i, k) in known or not _overlap(model, i, k):
-                continue
-            a, b = links[i].name, links[k].name
-            lines.append(f' <disable_collisions link1="{a}" link2="{b}" reason="Default"/>')
-            why = "their pieces are inside each other at rest, and would push the joints"
-            work.change(reason, f"{a}, {b}", "collide", "named in the SRDF as not colliding", why)
-    if lines:
-        text = "\n".join([f'<robot name="{work.root.get("name")}">', *lines, "</robot>", ""])
-        work.urdf.with_suffix(".srdf").write_text(text, encoding="utf-8")
+            if (i, k) not in known and _overlap(model, i, k):
+                why = "their pieces are inside each other at rest, and would push the joints"
+                whys.setdefault((links[i].name, links[k].name), why)
+    root = ET.Element("robot", name=str(work.root.get("name")))
+    if work.srdf.is_file():
+        root = ET.fromstring(work.srdf.read_bytes())
+    told = {frozenset((e.get("link1"), e.get("link2"))) for e in root.iter("disable_collisions")}
+    left = {pair: why for pair, why in whys.items() if frozenset(pair) not in told}
+    for (a, b), why in left.items():
+        ET.SubElement(root, "disable_collisions", link1=a, link2=b, reason="Default")
+        work.change(reason, f"{a}, {b}", "collide", "named in the SRDF as not colliding", why)
+    if left:
+        ET.indent(root, " ")
+        work.srdf.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
+
+
+def _hung_through(work: Work) -> list[tuple[str, str]]:
+    """Links with collision shapes of which one hangs on the other, but not as its child."""
+    up = {attribute(j, "child", "link"): (attribute(j, "parent", "link"), j.get("type") == "fixed")
+          for j in work.joints.values()}  # fmt: skip
+    shown = {n for n, link in work.links.items() if any(link.find(t) is not None for t in SHAPES)}
+    solid = {n for n, link in work.links.items() if link.find("collision") is not None}
+    pairs = []
+    for name in work.links:
+        at, moved, seen, steps = name, False, False, 0
+        while at in up and steps < len(up):
+            above, fixed = up[at]
+            seen |= moved and at in shown
+            if seen and not fixed:
+                break  # the body ends here: what is above holds that body
+            moved, at, steps = moved or not fixed, above, steps + 1
+            if moved and steps > 1 and {name, at} <= solid:
+                pairs.append((at, name))
+    return pairs
 
 
 def _overlap(model: CheckModel, i: int, k: int) -> bool:

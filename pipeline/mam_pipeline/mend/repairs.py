@@ -98,8 +98,9 @@ REPAIRS: Mapping[str, Repair] = {
         for reason in ("cavity_filled", "collision_off", "exploded", "drift")
     },
     "frozen": Repair(
-        "convex pieces that leave hollows open; then pairs that overlap at rest are named in an "
-        "SRDF; then the range that a drive reaches", motion.pieces, moving=True,
+        "convex pieces that leave hollows open; then pairs that overlap at rest, or hang on each "
+        "other through a link without a shape, are named in an SRDF; then the range that a drive "
+        "reaches", motion.pieces, moving=True,
     ),
     "no_return": Repair("as `frozen`", motion.pieces, moving=True),
 }  # fmt: skip

@@ -24,6 +24,8 @@ from mam_pipeline.formats.urdf.write import numbers
 from mam_pipeline.types import FloatArray
 
 SHAPES = ("visual", "collision")
+State = tuple[ET.Element, list["Change"], CheckReport | None, bytes | None]
+"""The XML, the changes so far, the last report, and the SRDF if there is one."""
 
 
 @dataclass(frozen=True)
@@ -97,13 +99,23 @@ class Work:
             text = '<?xml version="1.0"?>\n' + ET.tostring(self.root, encoding="unicode") + "\n"
             self.urdf.write_text(text, encoding="utf-8")
 
-    def state(self) -> tuple[ET.Element, list[Change], CheckReport | None]:
-        """What `restore` goes back to."""
-        return copy.deepcopy(self.root), list(self.changes), self.report
+    @property
+    def srdf(self) -> Path:
+        """Where loaders look for pairs that do not collide; it need not be there."""
+        return self.urdf.with_suffix(".srdf")
 
-    def restore(self, state: tuple[ET.Element, list[Change], CheckReport | None]) -> None:
+    def state(self) -> State:
+        """What `restore` goes back to."""
+        pairs = self.srdf.read_bytes() if self.srdf.is_file() else None
+        return copy.deepcopy(self.root), list(self.changes), self.report, pairs
+
+    def restore(self, state: State) -> None:
         """Go back; files that nothing names any more stay until `finish`."""
         self.root, self.changes, self.report = state[0], list(state[1]), state[2]
+        if state[3] is not None:
+            self.srdf.write_bytes(state[3])
+        else:
+            self.srdf.unlink(missing_ok=True)
         self.touch()
         if self.changes:
             self.save()
@@ -117,7 +129,7 @@ class Work:
             self.save()
         elif self.edited:  # something was tried, and taken back
             shutil.copyfile(self.source, self.urdf)
-        kept = {*files_of(self.urdf), self.urdf.with_suffix(".srdf")}
+        kept = {*files_of(self.urdf), self.srdf}
         for file in sorted(self.folder.rglob("*"), reverse=True):
             if file.is_file() and file not in kept:
                 file.unlink()
