@@ -138,6 +138,22 @@ def test_an_mjcf_comes_out_as_a_urdf_that_passes(tmp_path: Path) -> None:
     assert Path(found.urdf).name == "box.urdf" and not found.before
 
 
+def test_slides_that_free_a_base_become_fixed(tmp_path: Path) -> None:
+    """As a walker of Gymnasium has them: without limits, and with nothing to slide on."""
+    pytest.importorskip("mujoco")
+    (tmp_path / "walker.xml").write_text("""<mujoco><worldbody><body name="case" pos="0 0 1">
+    <joint name="rootx" type="slide" axis="1 0 0"/><joint name="rootz" type="slide" axis="0 0 1"/>
+    <geom type="box" size="0.2 0.2 0.2"/><body name="tray" pos="-0.21 0 0">
+    <joint name="slide" type="slide" axis="-1 0 0"/><geom type="box" size="0.01 0.2 0.2"/>
+    <geom type="box" size="0.15 0.05 0.05" pos="0.16 0 0"/></body></body></worldbody></mujoco>""")
+    found = mend(tmp_path / "walker.xml", tmp_path / "out", Order(drive=False))
+    joints = {j.get("name"): j for j in ET.parse(found.urdf).getroot().findall("joint")}
+    assert [joints[n].get("type") for n in ("rootx", "rootz", "slide")] == ["fixed"] * 2 + [
+        "prismatic"
+    ]
+    assert not any("bad_limits" in line for line in found.left), found.left
+
+
 def test_the_verb_says_what_it_does_and_ends_with_what_is_left(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -20,7 +20,7 @@ from mam_pipeline.check.profiles import (
 from mam_pipeline.formats.urdf.write import numbers
 from mam_pipeline.joints.limits import Surroundings, embedded_limits
 from mam_pipeline.mend.bodies import body_inertials
-from mam_pipeline.mend.work import Work, attribute, child, number, short
+from mam_pipeline.mend.work import SHAPES, Work, attribute, child, number, short
 from mam_pipeline.types import Joint
 
 TYPES = {
@@ -156,7 +156,7 @@ def limits(work: Work, reason: str = "bad_limits") -> None:
     """Limits the right way round, and a range where there is none.
 
     A range that nobody wrote is what the part can do without running into anything, as far as such
-    joints usually go.
+    joints usually go. A slide without one that hangs on nothing is the free base of a robot.
     """
     missing = []
     for name, element in work.moving():
@@ -176,9 +176,28 @@ def limits(work: Work, reason: str = "bad_limits") -> None:
             element.set("type", "continuous")
             why = "a turning joint without limits has none, as loaders have it"
             work.change(reason, name, "no limits", "continuous", why)
+        elif told == [None, None] and not _on_something(work, element):
+            element.set("type", "fixed")
+            why = "nothing is there to slide on: it frees the base, which a simulator does itself"
+            work.change(reason, name, "a slide without limits", "fixed", why)
         else:
             before = "none" if told == [None, None] else _range(*(v or 0.0 for v in told))
             _found(work, reason, name, element, before)
+
+
+def _on_something(work: Work, element: ET.Element) -> bool:
+    """Whether anything between a joint and the root has a shape."""
+    up = {attribute(j, "child", "link"): attribute(j, "parent", "link")
+          for j in work.joints.values()}  # fmt: skip
+    at = attribute(element, "parent", "link")
+    for _ in range(len(up) + 1):
+        link = work.links.get(at)
+        if link is not None and any(link.find(tag) is not None for tag in SHAPES):
+            return True
+        if at not in up:
+            break
+        at = up[at]
+    return False
 
 
 def _found(work: Work, reason: str, name: str, element: ET.Element, before: str) -> None:

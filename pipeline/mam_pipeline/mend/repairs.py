@@ -59,7 +59,8 @@ REPAIRS: Mapping[str, Repair] = {
     "axis_length": Repair("a unit vector", joints.unit_axes),
     "limits_degrees": Repair("radians", joints.degrees),
     "bad_limits": Repair(
-        "exchanged where they are reversed; measured where there are none", joints.limits
+        "exchanged where they are reversed; measured where there are none; a slide without any "
+        "that hangs on nothing is a robot's free base, and fixed", joints.limits
     ),
     "effort_missing": Repair("100 N or N m, 2 m/s or rad/s", joints.effort),
     "bad_inertia": Repair(
