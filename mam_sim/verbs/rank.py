@@ -45,8 +45,8 @@ class Rank(Verb):
     """Train and test this policy on every joint too; takes minutes each."""
     truth: tuple[Path, ...] = ()
     """URDFs of the true objects, one per asset in the same order, standing as the files did that
-    the assets were made from, or with Z up where those have Y up. They are simulated in the assets' place: what an asset claims is
-    planned with, and what the true object can do counts."""
+    the assets were made from, or with Z up where those have Y up. They are simulated in the assets'
+    place: what an asset claims is planned with, and what the true object can do counts."""
     jobs: Count = 1
     """Rows at once, each in a process of its own."""
     out: Path | None = None
