@@ -15,7 +15,7 @@ from mam_pipeline.errors import ConfigError
 from mam_pipeline.evidence.kinds import kinds
 from mam_pipeline.evidence.names import counts_of, object_of, part_kind_of
 from mam_pipeline.evidence.pivots import hinge_axis
-from mam_pipeline.evidence.propose import MEANT, expected_of, hypotheses_of
+from mam_pipeline.evidence.propose import MEANT, expected_of
 from mam_pipeline.evidence.read import spec_of
 from mam_pipeline.evidence.spec import KinematicSpec, PartStatement, Said
 from mam_pipeline.formats.mesh_files import load_mesh, read_file, save_glb
@@ -153,16 +153,6 @@ def test_a_kind_says_how_parts_of_such_an_object_move() -> None:
     alone = spec_of(_two_boxes(("handle", "head"))).parts[1]
     hammer = spec_of(_two_boxes(("handle", "head")), Path("hammer.obj")).parts[1]
     assert hammer.chance < alone.chance
-
-
-def test_what_structure_proposes_is_a_hypothesis_with_exactly_its_faces() -> None:
-    mesh = _two_boxes()
-    (found,) = hypotheses_of(spec_of(mesh), mesh)
-    assert np.array_equal(found.faces, mesh.face_group == 1)
-    assert (found.subtype, found.source, found.kind) == ("hinge", "structure", "door")
-    assert found.line == "upright" and found.probability > 0.8
-    with pytest.raises(ValueError, match="probability"):
-        replace(found, probability=1.2)
 
 
 def test_an_object_word_and_told_counts_let_one_expect_parts() -> None:

@@ -9,8 +9,7 @@ import numpy as np
 
 from mam_pipeline.evidence.kinds import kinds
 from mam_pipeline.evidence.spec import CERTAIN, KinematicSpec, PartStatement, movable_kind
-from mam_pipeline.hypotheses import Hypothesis
-from mam_pipeline.types import JointSubtype, Mesh
+from mam_pipeline.types import JointSubtype
 
 
 @dataclass(frozen=True)
@@ -29,24 +28,6 @@ class Meant:
 
 
 MEANT = Meant()
-
-
-def hypotheses_of(spec: KinematicSpec, mesh: Mesh) -> tuple[Hypothesis, ...]:
-    """Parts that the file's names, nodes, origins and animations propose.
-
-    Args:
-        mesh: whose groups the specification names.
-    """
-    out = []
-    for part in spec.parts:
-        subtype, faces = movable_kind(part.moves), part.faces(mesh)
-        if subtype is None or not faces.any() or faces.all():
-            continue
-        out.append(Hypothesis(
-            faces, subtype, "structure", chance_of(part), part.name, part.kind, part.axis,
-            part.origin, part.limits, part.line, part.side, part.travel,
-        ))  # fmt: skip
-    return tuple(out)
 
 
 def chance_of(part: PartStatement) -> float:
