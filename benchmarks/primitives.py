@@ -1,21 +1,17 @@
-"""How good primitives are, and what they cost: bound of a perfect grouping, seconds, memory.
+"""How good primitives are: the score of a perfect grouping of them.
 
     python benchmarks/primitives.py DATASET [--fuse] [--noise 0.0005] [--every 3] [--out FILE.json]
-    python benchmarks/primitives.py
 
-Without a dataset: seconds and memory on made-up meshes of 10 thousand to a million faces.
+What they cost is told by `engine_scaling.py`, stage by stage.
 """
 
 from __future__ import annotations
 
-import resource
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 import tyro
 from common import save
 from tyro.conf import Positional
@@ -80,51 +76,14 @@ def measure_bound(
     return out
 
 
-def measure_speed() -> list[dict[str, Any]]:
-    """Seconds and peak memory from 10 k to 1 M faces, for many boxes and for one bumpy sphere."""
-    out = []
-    for target in (10_000, 50_000, 200_000, 1_000_000):
-        for kind, mesh in (("boxes", _many_boxes(target)), ("fused", _bumpy_sphere(target))):
-            began = time.perf_counter()
-            got = GeometricSegmenter().segment(mesh)
-            seconds = time.perf_counter() - began
-            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-            print(
-                f"{kind:6s} F={len(mesh.faces):8d} K={got.count:6d} {seconds:7.2f} s "
-                f"{1e6 * seconds / len(mesh.faces):6.2f} us per face, peak {peak:.2f} GB",
-                flush=True,
-            )
-            row = {"kind": kind, "faces": len(mesh.faces), "seconds": seconds, "peak_gb": peak}
-            out.append(row)
-    return out
-
-
 def _owner(truth: GroundTruth, mesh: Mesh, fuse: bool) -> IntArray:
     if not fuse:
         return truth.face_link
     return truth.face_link[nearest_face(truth.mesh, mesh.vertices[mesh.faces].mean(axis=1))]
 
 
-def _many_boxes(faces: int) -> Mesh:
-    box = trimesh.creation.box(extents=(0.8, 0.8, 0.8)).subdivide().subdivide()
-    count = max(1, faces // len(box.faces))
-    side = int(np.ceil(count ** (1 / 3)))
-    places = np.stack(np.unravel_index(np.arange(count), (side,) * 3), axis=1)
-    vertices = (box.vertices[None] + places[:, None]).reshape(-1, 3)
-    index = box.faces[None] + len(box.vertices) * np.arange(count)[:, None, None]
-    return Mesh(vertices, index.reshape(-1, 3))
-
-
-def _bumpy_sphere(faces: int) -> Mesh:
-    n = int(np.sqrt(faces / 4))
-    ball = trimesh.creation.uv_sphere(radius=1.0, count=[n, 2 * n])
-    v = np.asarray(ball.vertices)
-    bump = 1 + 0.1 * (np.abs(np.sin(6 * v)).prod(axis=1) > 0.2)
-    return replace(Mesh(v * bump[:, None], ball.faces))
-
-
 def main(
-    dataset: Positional[Path | None] = None,
+    dataset: Positional[Path],
     /,
     fuse: bool = False,
     noise: float = 0.0,
@@ -132,17 +91,14 @@ def main(
     every: int = 1,
     out: Path | None = None,
 ) -> None:
-    """Measure the bound on a dataset, or speed without one.
+    """Measure the bound on a dataset.
 
     Args:
         dataset: folder of ground-truth URDFs. every: take every so many of them.
         fuse: make each mesh one fused surface, of that resolution and noise (metres).
         out: JSON file for the rows.
     """
-    if dataset is None:
-        save(out, measure_speed())
-    else:
-        save(out, measure_bound(dataset, fuse, noise, resolution, every))
+    save(out, measure_bound(dataset, fuse, noise, resolution, every))
 
 
 if __name__ == "__main__":
