@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
+from shapely.geometry import Polygon
 
 from mam_pipeline.photo.camera import apply_homography, quad_homography
 from mam_pipeline.photo.truth import PhotoTruth, Rect
@@ -47,37 +48,12 @@ class PhotoScore:
 
 
 def polygon_iou(a: Array, b: Array) -> float:
-    """IoU of two convex quadrilaterals (4, 2), by clipping one with the other."""
-    a, b = _clockwise(a), _clockwise(b)
-    clipped = [tuple(p) for p in a]
-    for p, q in zip(b, np.roll(b, -1, axis=0)):
-        out: list[tuple[float, float]] = []
-        for s, e in zip(clipped, clipped[1:] + clipped[:1]):
-            ds, de = _side(p, q, s), _side(p, q, e)
-            if ds >= 0:
-                out.append(s)
-            if ds * de < 0:
-                t = ds / (ds - de)
-                out.append((s[0] + t * (e[0] - s[0]), s[1] + t * (e[1] - s[1])))
-        clipped = out
-        if not clipped:
-            return 0.0
-    common = _area(np.array(clipped))
-    return common / max(_area(a) + _area(b) - common, 1e-12)
-
-
-def _side(p: Array, q: Array, s: Sequence[float]) -> float:
-    return float((q[0] - p[0]) * (s[1] - p[1]) - (q[1] - p[1]) * (s[0] - p[0]))
-
-
-def _area(p: Array) -> float:
-    x, y = p.T
-    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
-
-
-def _clockwise(p: Array) -> Array:
-    x, y = p.T
-    return p if x @ np.roll(y, -1) - y @ np.roll(x, -1) > 0 else p[::-1]
+    """IoU of two convex quadrilaterals (4, 2); 0 where the sides of one cross."""
+    one, two = Polygon(a), Polygon(b)
+    if not (one.is_valid and two.is_valid):
+        return 0.0
+    common = one.intersection(two).area
+    return float(common / max(one.area + two.area - common, 1e-12))
 
 
 def rect_quad(rect: Rect, front: Array) -> Array:
