@@ -6,13 +6,13 @@ them in its config.json and runs without a simulator.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from mam_envs.kinematics import Chain, TreeJoint
 from mam_policies.mlp import MlpPolicy
@@ -191,26 +191,5 @@ HIDDEN = "extra/privileged/"
 
 
 def quaternion(m: Array) -> Array:
-    """(b, 3, 3) rotations as (b, 4) quaternions, w first.
-
-    The candidate with the greatest component wins (Markley 2008); w is never negative.
-    """
-    d = m[:, [0, 1, 2], [0, 1, 2]]
-    signs: Sequence[tuple[int, int, int]] = ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
-    squares = np.stack([1.0 + d @ np.array(s, dtype=float) for s in signs], axis=1)
-    size = np.sqrt(np.maximum(squares, 0.0))
-    a, b, c = m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]
-    e, f, g = m[:, 1, 0] + m[:, 0, 1], m[:, 0, 2] + m[:, 2, 0], m[:, 1, 2] + m[:, 2, 1]
-    rows = np.stack(
-        [
-            np.stack([squares[:, 0], a, b, c], axis=1),
-            np.stack([a, squares[:, 1], e, f], axis=1),
-            np.stack([b, e, squares[:, 2], g], axis=1),
-            np.stack([c, f, g, squares[:, 3]], axis=1),
-        ],
-        axis=1,
-    )
-    best = size.argmax(axis=1)
-    k = np.arange(len(m))
-    out = rows[k, best] / (2.0 * size[k, best][:, None])
-    return np.asarray(np.where(out[:, :1] < 0, -out, out))
+    """(b, 3, 3) rotations as (b, 4) quaternions, w first and never negative."""
+    return Rotation.from_matrix(m).as_quat(canonical=True, scalar_first=True)
