@@ -21,7 +21,7 @@ from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.visuals import by_material, free_name
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.mesh_files import read_file, save_obj
-from mam_pipeline.formats.obj import write_obj_part
+from mam_pipeline.formats.obj_write import write_obj_part
 from mam_pipeline.formats.soup import join
 from mam_pipeline.formats.urdf.admit import admitted
 from mam_pipeline.formats.urdf.geometry import existing, read_triangles

@@ -18,7 +18,7 @@ from PIL import Image
 
 from mam_pipeline.asset.grasps import handle_faces
 from mam_pipeline.formats.gltf_write import write_glb
-from mam_pipeline.formats.obj import write_obj_part
+from mam_pipeline.formats.obj_write import write_obj_part
 from mam_pipeline.formats.pictures import image_kind
 from mam_pipeline.formats.urdf.write import link_origins
 from mam_pipeline.types import Articulation, Material, Mesh

@@ -18,7 +18,7 @@ import numpy as np
 from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.formats.door import is_file
 from mam_pipeline.formats.gltf_write import write_glb
-from mam_pipeline.formats.obj import write_obj
+from mam_pipeline.formats.obj_write import write_obj
 from mam_pipeline.formats.placement import Decision, choose_unit, choose_up
 from mam_pipeline.formats.readers import read_mesh
 from mam_pipeline.formats.soup import FileContent, join

@@ -16,7 +16,7 @@ from mam_pipeline.errors import InputError, MamSimError
 from mam_pipeline.formats.door import Door, lost_names
 from mam_pipeline.formats.files import files_of
 from mam_pipeline.formats.mesh_files import read_file
-from mam_pipeline.formats.obj import write_obj_part
+from mam_pipeline.formats.obj_write import write_obj_part
 from mam_pipeline.formats.pictures import SEARCH, find
 from mam_pipeline.formats.soup import FileContent, Piece, join
 from mam_pipeline.formats.suffixes import mesh_suffixes

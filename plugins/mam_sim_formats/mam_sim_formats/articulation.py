@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from mam_pipeline.asset.visuals import Pictures, by_material, free_name
 from mam_pipeline.errors import InputError
-from mam_pipeline.formats.obj import write_obj_part
+from mam_pipeline.formats.obj_write import write_obj_part
 from mam_pipeline.formats.soup import FileContent, checked, join
 from mam_pipeline.formats.urdf import elements
 from mam_pipeline.formats.urdf.bounds import check_bounds
