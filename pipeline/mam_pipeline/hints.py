@@ -57,8 +57,6 @@ from mam_pipeline.edited import (
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import Axis, JointSubtype, Provenance
 
-DRAWER_SHARE = 0.75
-"""Of the depth inside a body that was read on a photo, how far a drawer slides."""
 MOST_PARTS = 300
 """As many as a URDF may have links."""
 
@@ -78,6 +76,20 @@ LIMITS = HintLimits()
 
 
 @dataclass(frozen=True)
+class PhotoTravel:
+    """How far what was read on a photo goes, where nothing tells it.
+
+    Attributes:
+        drawer: a drawer's way, as a share of the depth inside the body.
+    """
+
+    drawer: float = 0.75
+
+
+TRAVEL = PhotoTravel()
+
+
+@dataclass(frozen=True)
 class HintBox:
     """Axis-aligned box, metres, asset frame."""
 
@@ -91,7 +103,7 @@ class HintJoint:
     """What is known of a joint; None leaves it to the engine. Sides as seen from the front.
 
     `travel`: where lower and upper come from: given by a person, as far as such parts usually go,
-    or the assumed `DRAWER_SHARE` of the depth inside the object.
+    or the assumed share (`TRAVEL.drawer`) of the depth inside the object.
     """
 
     __pydantic_config__ = STRICT

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
-from mam_pipeline.hints import DRAWER_SHARE
+from mam_pipeline.hints import TRAVEL
 from mam_pipeline.types import Provenance, RangeBasis, RangeRule
 
 SourceKind = Literal["photo", "mesh", "urdf", "generated"]
@@ -59,7 +59,7 @@ def assumed(rule: str) -> Origin:
 READ, SAID = Origin("read", "read from the file"), Origin("said", "said by you")
 RANGES: dict[RangeRule, Origin] = {
     "usual": assumed("as far as such parts usually go"),
-    "depth": assumed(f"{DRAWER_SHARE:g} of the depth inside"),
+    "depth": assumed(f"{TRAVEL.drawer:g} of the depth inside"),
     "twin": assumed("as far as its twin"),
     "drawer_box": assumed("as deep as its assumed box"),
     "collision": measured("until it meets something"),

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mam_pipeline.hints import DRAWER_SHARE, HintBox, HintJoint, HintPart, Hints
+from mam_pipeline.hints import TRAVEL, HintBox, HintJoint, HintPart, Hints
 from mam_pipeline.types import Material, Mesh
 
 Array = NDArray[np.float64]
@@ -342,7 +342,7 @@ def _joint(b: _Builder, cell: CellSpec, r: tuple[float, float, float, float]) ->
     s0, t0, s1, t1 = r
     if cell.kind == "drawer":
         origin = b.at(0, (s0 + s1) / 2, (t0 + t1) / 2)
-        way = max(DRAWER_SHARE * (b.s.depth - 0.05), 0.1 * b.s.depth)  # of a flat body, something
+        way = max(TRAVEL.drawer * (b.s.depth - 0.05), 0.1 * b.s.depth)  # of a flat body, something
         far = float(round(way, 4))
         return HintJoint("slide", (-1.0, 0.0, 0.0), _xyz(origin), 0.0, far, travel="depth")
     side = cell.hinge_side or "left"
