@@ -50,17 +50,6 @@ class SweepResult:
     contact: FloatArray
     gap: FloatArray
 
-    def free_travel(self, tolerance: float = 0.02) -> float:
-        """Last value before `blocked` exceeds `tolerance` (interpolated); all if it never does."""
-        bad = np.flatnonzero(self.blocked > tolerance)
-        if not len(bad):
-            return float(self.values[-1])
-        k = int(bad[0])
-        if k == 0:
-            return float(self.values[0] * min(1.0, tolerance / max(self.blocked[0], 1e-9)))
-        share = (tolerance - self.blocked[k - 1]) / (self.blocked[k] - self.blocked[k - 1])
-        return float(self.values[k - 1] + share * (self.values[k] - self.values[k - 1]))
-
 
 @dataclass(frozen=True)
 class ContactSet:

@@ -37,7 +37,6 @@ NORMALS = {
 EDGES = np.array(
     [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]]
 )  # four along Z, four along Y, four along X
-EDGE_AXIS = np.repeat([2, 1, 0], 4)
 EDGE_FACES = (
     ("front", "left"), ("front", "right"), ("back", "left"), ("back", "right"),
     ("front", "bottom"), ("front", "top"), ("back", "bottom"), ("back", "top"),
