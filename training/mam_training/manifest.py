@@ -17,17 +17,13 @@ from pathlib import Path
 from typing import Any
 
 from mam_pipeline import config_file
+from mam_pipeline.digests import file_digest
 from mam_pipeline.weights import MANIFEST as NAME
 
 GENERATED = "generated"  # the procedural world, in `trained_on`
 UNKNOWN = "unknown"  # code outside git
 DIRTY = "-dirty"  # ending of code with changes that are in no commit
 LIBRARIES = ("numpy", "scipy", "lightgbm", "scikit-learn", "torch", "opencv-python-headless")
-
-
-def file_digest(path: Path) -> str:
-    """SHA-256 of a file, hex."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def data_digest(pieces: Iterable[bytes]) -> str:
