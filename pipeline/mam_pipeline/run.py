@@ -273,18 +273,19 @@ def read_source(
             notes = (note,) if note else ()
             return Source(kind, made.mesh, np.eye(4), 1.0, "urdf", articulation=made, notes=notes)
         from mam_pipeline.evidence.read import kind_named, spec_of, usual_size
-        from mam_pipeline.formats.mesh_files import load_mesh
+        from mam_pipeline.formats.mesh_files import files_kept, load_mesh
 
         usual = usual_size(source, config.what, config.names)
-        got = load_mesh(
-            source, up=config.up, height=config.height, scale=config.scale,
-            usual=usual,
-        )  # fmt: skip
-        given = {"height": config.height, "scale": config.scale}
-        _size_asked(got.mesh, given, config, kind_named(source, config.what, config.names), usual)
-        spec = spec_of(
-            got.mesh, source, got.source_to_asset, config.what, use_names=config.names
-        )  # fmt: skip
+        with files_kept():  # its nodes come with its surfaces
+            got = load_mesh(
+                source, up=config.up, height=config.height, scale=config.scale, usual=usual
+            )
+            given = {"height": config.height, "scale": config.scale}
+            named = kind_named(source, config.what, config.names)
+            _size_asked(got.mesh, given, config, named, usual)
+            spec = spec_of(
+                got.mesh, source, got.source_to_asset, config.what, use_names=config.names
+            )
         return Source(
             kind, got.mesh, got.source_to_asset, got.metres_per_unit, got.metres_per_unit_source,
             spec=spec, decisions=got.decisions, notes=(*got.notes, *spec.notes), shell=True,

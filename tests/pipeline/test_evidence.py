@@ -19,7 +19,6 @@ from mam_pipeline.evidence.propose import MEANT, expected_of
 from mam_pipeline.evidence.read import spec_of
 from mam_pipeline.evidence.spec import KinematicSpec, PartStatement, Said
 from mam_pipeline.formats.mesh_files import load_mesh, read_file, save_glb
-from mam_pipeline.formats.scene import read_scene
 from mam_pipeline.parts.said import Heard, with_line, with_travel
 from mam_pipeline.stages import articulate_mesh
 from mam_pipeline.types import (
@@ -351,7 +350,7 @@ def test_an_animation_that_wanders_is_no_joint_and_is_told(tmp_path: Path) -> No
 def test_nodes_below_a_named_one_belong_to_it(tmp_path: Path) -> None:
     mesh = _two_boxes(("body", "Cube.001"))
     save_glb(mesh, tmp_path / "a.glb")
-    scene = read_scene(tmp_path / "a.glb")
+    scene = read_file(tmp_path / "a.glb").scene
     assert scene is not None
     data = (tmp_path / "a.glb").read_bytes()
     length = int.from_bytes(data[12:16], "little")

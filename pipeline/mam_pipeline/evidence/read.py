@@ -31,7 +31,6 @@ from mam_pipeline.evidence.spec import (
 from mam_pipeline.evidence.words import words_of
 from mam_pipeline.formats.mesh_files import read_file
 from mam_pipeline.formats.nodes import Scene, SceneNode
-from mam_pipeline.formats.scene import read_scene
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.hints import Hints
 from mam_pipeline.types import FloatArray, Mesh
@@ -133,12 +132,12 @@ def spec_of(
 
 def _scene(source: Path) -> Scene | None:
     """The nodes of a file, where its format has any and they can be read."""
-    if source.suffix.lower() == ".dae":  # they come with the surfaces
-        try:
-            return read_file(source).scene
-        except InputError:
-            return None
-    return read_scene(source)
+    if source.suffix.lower() not in (".dae", ".glb", ".gltf"):
+        return None
+    try:
+        return read_file(source).scene
+    except InputError:
+        return None
 
 
 def _of_object(part: PartStatement, objects: Sequence[ObjectWord]) -> PartStatement:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.door import Door
 from mam_pipeline.formats.gltf_data import Document, shares
+from mam_pipeline.formats.gltf_scene import scene_of
 from mam_pipeline.formats.pictures import Picture, Pictures, model_door
 from mam_pipeline.formats.soup import Budget, FileContent, Piece
 from mam_pipeline.types import FloatArray, IntArray, Material
@@ -94,14 +95,15 @@ class _Reader:
         self.default_material = len(self.materials)
         self.pieces: list[Piece] = []
         self.names: dict[str, int] = {}
+        self.groups: dict[int, str] = {}
         self.drawn = 0
 
     def content(self) -> FileContent:
         nodes = self.data.rows("nodes")
         self.budget.nodes(len(nodes))
-        scene, notes = self._scene(nodes)
+        roots, notes = self._scene(nodes)
         worlds = self._worlds(nodes)
-        for index in self._below(scene, nodes):
+        for index in self._below(roots, nodes):
             self._draw(nodes[index], index, worlds)
         materials = [*self.materials, Material()]
         notes += self.pictures.notes()
@@ -111,7 +113,8 @@ class _Reader:
         if unknown:
             notes += (f"the file needs {', '.join(unknown)}, which is not read: compare the look",)
         # the specification fixes both: +Y is up, the unit is the metre
-        return FileContent(tuple(self.pieces), tuple(materials), "y", 1.0, notes)
+        scene = scene_of(self.data, worlds, self.groups)
+        return FileContent(tuple(self.pieces), tuple(materials), "y", 1.0, notes, scene)
 
     def _scene(self, nodes: list[Any]) -> tuple[list[int], tuple[str, ...]]:
         """Root nodes of the scene that is read, and what is said where there are several."""
@@ -179,6 +182,7 @@ class _Reader:
             self.drawn += 1
             self.budget.nodes(self.drawn)
             name = self._unique(base)
+            self.groups.setdefault(index, name)
             for primitive, surface in zip(mesh["primitives"], surfaces):
                 if surface is None:
                     continue

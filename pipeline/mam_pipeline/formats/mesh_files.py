@@ -107,7 +107,8 @@ def files_kept() -> Iterator[None]:
 
     A file is known by its place on the disk, its time and its size; what it names must not change.
     """
-    token = _KEPT.set({})
+    kept = _KEPT.get()
+    token = _KEPT.set({} if kept is None else kept)
     try:
         yield
     finally:
