@@ -24,6 +24,7 @@ from mam_pipeline.photo.front import read_front
 from mam_pipeline.photo.image import make_photo
 from mam_pipeline.photo.measure import rectify
 from mam_pipeline.photo.panel import Panel
+from mam_pipeline.photo.quad import corners_of, upright
 from mam_pipeline.photo.score import handle_hits, match, polygon_iou, rect_quad
 from mam_training.photo.marked_photos import views
 from mam_world.photos.synthetic_photo import synthesise
@@ -69,8 +70,8 @@ def real_fronts(folder: Path) -> Iterator[Front]:
         to_front = quad_homography(q, image.shape[1], image.shape[0])
         marks = [
             Mark(
-                m.kind, m.hinge, _upright(apply_homography(to_front, m.quad)),
-                [_upright(apply_homography(to_front, handle)) for handle in m.handles],
+                m.kind, m.hinge, upright(apply_homography(to_front, m.quad)),
+                [upright(apply_homography(to_front, handle)) for handle in m.handles],
             )
             for m in seen.panels
         ]  # fmt: skip
@@ -85,22 +86,12 @@ def rendered_fronts(seeds: Iterable[int]) -> Iterator[Front]:
             photo = make_photo(picture)
             w, _, h = truth.size
             image = rectify(photo, truth.front * photo.scale, w / h)
-            whole = _corners((0, 0, image.shape[1], image.shape[0]))
+            whole = corners_of((0, 0, image.shape[1], image.shape[0]))
             yield image, [
                 Mark(p.kind, p.hinge_side, rect_quad(p.rect, whole),
                      [rect_quad(k, whole) for k in p.handles])
                 for p in truth.panels
             ]  # fmt: skip
-
-
-def _corners(box: tuple[float, float, float, float]) -> Array:
-    x0, y0, x1, y1 = box
-    return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], float)
-
-
-def _upright(quad: Array) -> Array:
-    (x0, y0), (x1, y1) = quad.min(axis=0), quad.max(axis=0)
-    return _corners((x0, y0, x1, y1))
 
 
 def scored(fronts: Iterable[Front]) -> str:
@@ -125,7 +116,7 @@ def scored(fronts: Iterable[Front]) -> str:
 
 def _compared(truth: list[Mark], ours: tuple[Panel, ...]) -> tuple[Array, tuple[bool, bool]]:
     """Counts of one front, and whether all panels and everything on them are right."""
-    iou = np.array([[polygon_iou(t.quad, _corners(p.box)) for p in ours] for t in truth])
+    iou = np.array([[polygon_iou(t.quad, corners_of(p.box)) for p in ours] for t in truth])
     pairs = match(iou.reshape(len(truth), -1), 0.5)
     kinds = sum(
         ours[o].kind == truth[t].kind
@@ -133,7 +124,7 @@ def _compared(truth: list[Mark], ours: tuple[Panel, ...]) -> tuple[Array, tuple[
         for t, o in pairs
     )
     handles = [quad for t in truth for quad in t.handles]
-    seen = [_corners(b.box) for p in ours for b in p.handles if b.provenance != "assumed"]
+    seen = [corners_of(b.box) for p in ours for b in p.handles if b.provenance != "assumed"]
     hit, good = handle_hits(handles, seen)
     panels = len(pairs) == len(truth) == len(ours)
     right = panels and kinds == len(pairs) and hit == len(handles) and good == len(seen)

@@ -15,6 +15,7 @@ from mam_pipeline.photo.find import Found, find_object
 from mam_pipeline.photo.image import Photo, make_photo, read_photo
 from mam_pipeline.photo.layout import layout_text
 from mam_pipeline.photo.options import PhotoOptions, parse_options
+from mam_pipeline.photo.quad import corners_of, upright
 from mam_pipeline.photo.score import (
     FoundPanel,
     PhotoScore,
@@ -119,15 +120,7 @@ def _read_yolo(path: Path, names: tuple[str, ...]) -> list[tuple[str, Array]]:
             name = names[int(k)].strip()
         except (ValueError, IndexError) as error:
             raise InputError(f"{path.name} line {number}: expected `class x y w h`") from error
-        box = np.array(
-            [
-                [x - w / 2, y - h / 2],
-                [x + w / 2, y - h / 2],
-                [x + w / 2, y + h / 2],
-                [x - w / 2, y + h / 2],
-            ]
-        )
-        out.append((name, box))
+        out.append((name, corners_of((x - w / 2, y - h / 2, x + w / 2, y + h / 2))))
     return out
 
 
@@ -146,12 +139,6 @@ def score_boxes(found: Found, boxes: list[tuple[str, Array]]) -> dict[str, int]:
         boxes: class and (4, 2) corners, 0..1 of the picture.
     """
     size, panels, quad = np.array(found.picture, float), panels_of(found), found.quad
-
-    def upright(q: Array) -> Array:
-        low, high = q.min(axis=0), q.max(axis=0)
-        return np.array(
-            [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]]
-        )
 
     ours = [upright(rect_quad(p.rect, quad)) for p in panels]
     theirs = [b * size for n, b in boxes if n != "handle"]

@@ -25,6 +25,7 @@ from mam_pipeline.photo.image import read_photo
 from mam_pipeline.photo.layout import layout_text
 from mam_pipeline.photo.options import parse_options
 from mam_pipeline.photo.panel import Panel
+from mam_pipeline.photo.quad import corners_of, upright
 from mam_pipeline.photo.reconstruct import read_object
 from mam_pipeline.photo.score import handle_hits, match, polygon_iou, rect_quad
 
@@ -124,8 +125,8 @@ def marks_of(truth: Mapping[str, Any]) -> list[Mark]:
     """The panels of one photo of a truth file."""
     return [
         Mark(
-            p["kind"], p.get("hinge"), _corners(p["box"]),
-            tuple(map(_corners, p.get("handles") or filter(None, [p.get("handle")]))),
+            p["kind"], p.get("hinge"), corners_of(p["box"]),
+            tuple(map(corners_of, p.get("handles") or filter(None, [p.get("handle")]))),
         )
         for p in truth.get("panels", ())
     ]  # fmt: skip
@@ -143,8 +144,8 @@ def layout_of(truth: Mapping[str, Any]) -> str | None:
 def compared(found: Found, truth: Sequence[Mark], scale: float) -> str:
     """right | usable | wrong; `scale`: small pixels per pixel of the truth."""
     ours = found.reading.movable
-    boxes = [_upright(_on_photo(found, p.box, scale)) for p in ours]
-    iou = np.array([[polygon_iou(_upright(t.quad), b) for b in boxes] for t in truth])
+    boxes = [upright(_on_photo(found, p.box, scale)) for p in ours]
+    iou = np.array([[polygon_iou(upright(t.quad), b) for b in boxes] for t in truth])
     pairs = match(iou.reshape(len(truth), -1), 0.5)
     if not len(pairs) == len(truth) == len(ours):
         return "wrong"
@@ -167,15 +168,6 @@ def _same(found: Found, truth: Mark, panel: Panel, scale: float) -> bool:
         and hit == len(truth.handles)
         and right == len(seen)
     )
-
-
-def _corners(box: Sequence[float]) -> Array:
-    x0, y0, x1, y1 = box
-    return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], float)
-
-
-def _upright(quad: Array) -> Array:
-    return _corners([*quad.min(axis=0), *quad.max(axis=0)])
 
 
 def outcomes_of_folder(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from mam_pipeline.photo.camera import apply_homography, quad_homography
 from mam_pipeline.photo.front import FrontReading
 from mam_pipeline.photo.image import Photo
+from mam_pipeline.photo.quad import corners_of
 
 Array = NDArray[np.float64]
 COLORS = {
@@ -17,11 +18,6 @@ COLORS = {
 }  # fmt: skip
 BOX = (255, 60, 40)
 HANDLE = (255, 0, 255)
-
-
-def _rect(box: tuple[float, float, float, float]) -> Array:
-    x0, y0, x1, y1 = box
-    return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], dtype=float)
 
 
 def _lines(
@@ -48,10 +44,10 @@ def draw_overlay(
         for panel in reading.panels:
             x0, y0, x1, y1 = panel.box
             inner = (x0 + 2, y0 + 2, x1 - 2, y1 - 2)
-            _lines(image, apply_homography(back, _rect(inner)), COLORS[panel.kind], 2)
+            _lines(image, apply_homography(back, corners_of(inner)), COLORS[panel.kind], 2)
             for handle in panel.handles:
                 thick = 2 if handle.provenance == "observed" else 1
-                _lines(image, apply_homography(back, _rect(handle.box)), HANDLE, thick)
+                _lines(image, apply_homography(back, corners_of(handle.box)), HANDLE, thick)
     return _captioned(image, title)
 
 
@@ -60,14 +56,16 @@ def draw_front(reading: FrontReading) -> NDArray[np.uint8]:
     image = reading.image.copy()
     for panel in reading.panels:
         x0, y0, x1, y1 = panel.box
-        _lines(image, _rect((x0 + 2, y0 + 2, x1 - 2, y1 - 2)), COLORS[panel.kind], 2)
+        _lines(image, corners_of((x0 + 2, y0 + 2, x1 - 2, y1 - 2)), COLORS[panel.kind], 2)
         word = panel.kind + (f" {panel.hinge_side}" if panel.hinge_side else "")
         label = f"{word} {panel.confidence:.2f}"
         cv2.putText(image, label, (int(x0) + 6, int(y0) + 18), 0, 0.42, (0, 0, 0), 3, cv2.LINE_AA)
         color = (255, 255, 255)
         cv2.putText(image, label, (int(x0) + 6, int(y0) + 18), 0, 0.42, color, 1, cv2.LINE_AA)
         for handle in panel.handles:
-            _lines(image, _rect(handle.box), HANDLE, 2 if handle.provenance == "observed" else 1)
+            _lines(
+                image, corners_of(handle.box), HANDLE, 2 if handle.provenance == "observed" else 1
+            )
     return image
 
 

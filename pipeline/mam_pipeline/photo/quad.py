@@ -1,11 +1,27 @@
-"""True proportions of a rectangle from its picture (Zhang and He, whiteboard scanning, 2003)."""
+"""Corners of rectangles, and the true proportions of one from its picture.
+
+The proportions are those of Zhang and He, whiteboard scanning, 2003.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+
+def corners_of(box: Sequence[float]) -> Array:
+    """(4, 2) corners TL, TR, BR, BL of a box x0, y0, x1, y1."""
+    x0, y0, x1, y1 = box
+    return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], dtype=float)
+
+
+def upright(quad: Array) -> Array:
+    """(4, 2) corners of the box around a quad."""
+    return corners_of([*quad.min(axis=0), *quad.max(axis=0)])
 
 
 def aspect_of_quad(quad: Array, size: tuple[int, int]) -> float:
