@@ -2,8 +2,8 @@
 
 A rule is what the engine does beside its learned scores because a person wrote it down. Every one
 can be turned off (`EngineConfig.rules`), and `benchmarks/rule_ablation.py` measures what each is
-worth (docs/results/rule_ablation.md). The code of a rule lies in the room whose stage it belongs
-to: `segment`, `parts/rules` or `joints`.
+worth. The code of a rule lies in the room whose stage it belongs to: `segment`, `parts/rules` or
+`joints`.
 """
 
 from __future__ import annotations
