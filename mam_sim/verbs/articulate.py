@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -55,7 +56,7 @@ class Articulate(Verb):
             ask_upload(self.source, self.pipeline.reconstructor)
             config = with_model(self.source, self.pipeline)
         with screen.stages(names) as bar, files_kept():
-            with given(self.pipeline.models.settings()), one_ledger() as ledger:
+            with given(self.pipeline.models.settings()), cost_told(screen) as ledger:
                 asset = made_with_model(self.source, self.out, self.pipeline, config, bar)
             bar("report")
             from mam_sim.report import write_report
@@ -131,6 +132,17 @@ def tell_draft(asset: Asset, accepted: bool) -> bool:
         return False
     print(f"{DRAFT}\n{asset.card.unconfirmed}", file=sys.stderr)
     return not accepted
+
+
+@contextmanager
+def cost_told(screen: Screen) -> Iterator[Ledger]:
+    """One ledger for the block; what was asked until then is said where the block fails, too."""
+    with one_ledger() as ledger:
+        try:
+            yield ledger
+        except BaseException:
+            tell_cost(screen, ledger)
+            raise
 
 
 def tell_cost(screen: Screen, ledger: Ledger) -> None:

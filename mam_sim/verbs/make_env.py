@@ -13,12 +13,12 @@ from mam_envs import ENV_ID
 from mam_envs.config import EnvConfig
 from mam_pipeline.errors import HintNeeded
 from mam_pipeline.make_config import MakeConfig
-from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.models.settings import given
 from mam_sim.asking import ask_upload, with_model
 from mam_sim.console import Screen
 from mam_sim.options import Verb, carried
 from mam_sim.verbs.articulate import (
+    cost_told,
     describe,
     made_with_model,
     tell_cost,
@@ -60,7 +60,7 @@ class MakeEnv(Verb):
             config = with_model(self.source, self.pipeline)
         stages = ["read", "segment", "prior", "reason", "joints", "asset", "check"]
         with screen.stages([*stages, "environment", "report"]) as bar:
-            with given(self.pipeline.models.settings()), one_ledger() as ledger:
+            with given(self.pipeline.models.settings()), cost_told(screen) as ledger:
                 asset = made_with_model(self.source, out, self.pipeline, config, bar)
             bar("environment")
             from mam_envs.trial import try_environment

@@ -97,7 +97,6 @@ class ModelUse:
 
 
 MODEL = ModelUse()
-LOOPBACK = ("localhost", "127.0.0.1", "::1")  # this machine takes no money
 
 
 def model_offer() -> ModelOffer | None:
@@ -117,8 +116,6 @@ def model_offer() -> ModelOffer | None:
         tokens = MODEL.words + images * IMAGE_TOKENS
         dollars = MODEL.questions * (tokens * price[0] + MODEL.answer * price[1]) / 1e6
     host = urlparse(url).netloc.rpartition("@")[2] if url else "api.openai.com"
-    if urlparse(url).hostname in LOOPBACK:
-        dollars = 0.0
     return ModelOffer(model, host or "an unnamed host", dollars)
 
 

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any
+from urllib.parse import urlparse
 
 from mam_pipeline.errors import BackendError, ConfigError
 from mam_pipeline.models import settings
@@ -22,6 +23,7 @@ PRICES = {
 }
 IMAGE_TOKENS = 800  # of a picture of about 1000 pixels a side, from above
 ANSWER_TOKENS = 1500  # of a long answer
+LOOPBACK = ("localhost", "127.0.0.1", "::1")  # this machine takes no money
 
 
 @dataclass
@@ -113,6 +115,9 @@ def current() -> Ledger:
 def price_of(model: str) -> tuple[float, float] | None:
     """US dollars per million tokens in and out; None where unknown.
 
+    A server on this machine takes nothing, unless the user names a model that has a list price:
+    then it may be a gateway.
+
     Raises:
         ConfigError: MAM_SIM_VLM_PRICE is not two numbers.
     """
@@ -125,6 +130,9 @@ def price_of(model: str) -> tuple[float, float] | None:
             raise ConfigError(message) from error
         return one, two
     known = [name for name in PRICES if model.startswith(name)]
+    here = urlparse(settings.text("OPENAI_BASE_URL")).hostname in LOOPBACK
+    if here and not (known and settings.text("MAM_SIM_VLM_MODEL")):
+        return 0.0, 0.0
     return PRICES[max(known, key=len)] if known else None
 
 

@@ -10,16 +10,25 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Protocol
+from typing import Any, NoReturn, Protocol
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel
 
 from mam_pipeline.errors import BackendError, HintNeeded
 from mam_pipeline.models import settings
 from mam_pipeline.models.ledger import Ledger, current, price_of, tokens_of
+from mam_pipeline.models.replies import (
+    REFUSALS,
+    Reply,
+    TakesLess,
+    is_blind,
+    rest_before,
+    told,
+    words_of,
+)
 from mam_pipeline.optional import require
 from mam_pipeline.render import pictures
-from mam_pipeline.secrets import masked
+from mam_pipeline.secrets import bare_url, masked
 
 Labelled = tuple[tuple[str, pictures.Picture], ...]
 
@@ -34,6 +43,10 @@ class EndpointLimits:
         forms: of the answer: a strict schema, any JSON, or no promise (then faults are repaired).
         letters: of text a token has at most: fewer tokens read mean that some were not, and of an
             answer no more is read than `most_tokens` can have.
+        pauses: seconds before a question is put again after a broken connection, a fault of the
+            server or too many questions. All tries share the time limit of one call, and a
+            time-out is not tried again: servers go on with an answer that nobody waits for.
+        models: names of an endpoint's models that are repeated.
     """
 
     tokens: int = 6000
@@ -41,15 +54,16 @@ class EndpointLimits:
     sizes: tuple[int, ...] = (16, 6, 2, 1)
     forms: tuple[str, ...] = ("json_schema", "json_object", "")
     letters: int = 8
+    pauses: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0, 8.0)
+    models: int = 8
 
 
 LIMITS = EndpointLimits()
-_REFUSALS = (400, 413, 422)  # statuses by which endpoints say that they take less
 _FORM = ("response_format", "json_schema", "schema", "grammar")
-_FULL = ("context length", "context size", "context window", "too long", "too large", "n_ctx")
-_BLIND = ("image input is not supported", "not support image", "unsupported content part",
-          "not a multimodal", "no multimodal", "does not support vision", 
-          "images are not supported", "invalid content type. image_url")  # fmt: skip
+_LARGER = (
+    "start its server with a larger context (Ollama: OLLAMA_CONTEXT_LENGTH=32768, llama.cpp: "
+    "-c 32768, vLLM: --max-model-len 32768, LM Studio: the model's context length)"
+)
 
 
 @dataclass(frozen=True)
@@ -79,32 +93,6 @@ class Transport(Protocol):
     def ask(self, question: Question) -> str: ...
 
 
-class _Message(BaseModel):
-    content: str | None = None
-    refusal: str | None = None
-
-
-class _Choice(BaseModel):
-    message: _Message
-    finish_reason: str | None = None
-
-
-class _Usage(BaseModel):
-    prompt_tokens: Annotated[int, Field(ge=0)] = 0
-    completion_tokens: Annotated[int, Field(ge=0)] = 0
-
-
-class _Reply(BaseModel):
-    """What is read of a chat completion; the client checks none of it."""
-
-    choices: Annotated[list[_Choice], Field(min_length=1)]
-    usage: _Usage | None = None
-
-
-class _TakesLess(Exception):
-    """The endpoint refuses a question as it was put."""
-
-
 class OpenAITransport:
     """Any endpoint that speaks OpenAI's chat completions, with what it supports of them.
 
@@ -124,15 +112,17 @@ class OpenAITransport:
         self.ledger = current()
         default = Path("~/.cache/mam-sim/answers").expanduser()
         self.cache = settings.folder("MAM_SIM_VLM_CACHE", default)
-        key = settings.secret("OPENAI_API_KEY").reveal() or "none"  # local servers take any key
-        limit = settings.number("MAM_SIM_TIMEOUT", 900)
+        key = settings.secret("OPENAI_API_KEY").reveal()
+        self.has_key = bool(key)
+        self.limit = settings.number("MAM_SIM_TIMEOUT", 900)
         self.client = openai.OpenAI(
-            api_key=key,
+            api_key=key or "none",  # local servers take any key
             base_url=settings.text("OPENAI_BASE_URL") or None,
-            timeout=limit,
-            max_retries=5,  # on 429, 5xx and broken connections, with back-off
+            max_retries=0,  # see `_reply`
         )
-        self._tokens, self._form = LIMITS.tokens, 0
+        self.url = bare_url(str(self.client.base_url)).rstrip("/")
+        self._tokens, self._most_tokens, self._form = LIMITS.tokens, LIMITS.most_tokens, 0
+        self._shown = 0
         self._refused: set[str] = set()
 
     def ask(self, question: Question) -> str:
@@ -148,12 +138,13 @@ class OpenAITransport:
                 self.ledger.cached += 1
                 return str(json.loads(kept.read_text(encoding="utf-8"))["answer"])
             messages = _messages(question, content)
+            self._shown = sum(part["type"] == "image_url" for part in content)
             self.ledger.allow(price_of(self.model), tokens_of(messages), self._tokens)
             try:
                 text, usage = self._complete(messages, question)
-            except _TakesLess as error:
-                if not self._with_less(str(error).lower()):
-                    raise BackendError(f"the endpoint refused the question: {error}") from error
+            except TakesLess as error:
+                if not self._with_less(error):
+                    raise BackendError(self._beyond_help(error)) from error
                 continue
             self._note_lost(messages, usage)
             if kept is not None:
@@ -163,34 +154,19 @@ class OpenAITransport:
             return text
 
     def _complete(self, messages: list[dict[str, Any]], question: Question) -> tuple[str, Any]:
-        import openai
-
         began = time.monotonic()
         try:
-            answer = self.client.chat.completions.create(
-                model=self.model,
-                messages=messages,  # type: ignore[arg-type]
-                **self._wishes(question),
-            )
-            known = isinstance(answer, BaseModel)  # what is no JSON comes as it is
-            reply = _Reply.model_validate(answer.model_dump(warnings=False) if known else answer)
-        except openai.APIStatusError as error:
-            if any(word in str(error).lower() for word in _BLIND):
-                raise BackendError(
-                    f"the model {self.model!r} takes no pictures; name one that does: --vlm-model "
-                    f"(a llama.cpp server needs its --mmproj file): {error}"
-                ) from error
-            if error.status_code in _REFUSALS:
-                raise _TakesLess(str(error)) from error
-            raise BackendError(f"the endpoint failed: {error}") from error
-        except openai.OpenAIError as error:
-            raise BackendError(f"the endpoint failed: {error}") from error
+            data = self._reply(messages, question)
+        finally:
+            self.ledger.seconds += time.monotonic() - began
+        if isinstance(data, dict) and data.get("error") and not data.get("choices"):
+            self._refused_with(200, data["error"])  # LM Studio says so in a reply of status 200
+        try:
+            reply = Reply.model_validate(data)
         except ValueError:  # a page of HTML, or other JSON
             raise BackendError(
                 "the endpoint sent no chat completion; an OpenAI-compatible URL mostly ends in /v1"
             ) from None  # the error holds the whole answer
-        finally:
-            self.ledger.seconds += time.monotonic() - began
         used = reply.usage
         usage = {"in": used.prompt_tokens, "out": used.completion_tokens} if used else {}
         self.ledger.book(self.model, usage)
@@ -200,13 +176,100 @@ class OpenAITransport:
                 f"the model declined to answer: {masked(choice.message.refusal)[:200]}"
             )
         if choice.finish_reason == "length":
-            raise _TakesLess(f"the answer was cut off after {self._tokens} tokens")
+            out = usage.get("out", 0)
+            if 0 < out < self._tokens:
+                read = usage["in"]
+                said = f"its answer ended after {out} tokens, where {read} were read and "
+                raise TakesLess(f"{said}{self._tokens} allowed", "context")
+            raise TakesLess(f"the answer was cut off after {self._tokens} tokens", "tokens")
         if choice.finish_reason == "content_filter":
             raise BackendError("a filter of the endpoint withheld the answer")
         if not choice.message.content:
             raise BackendError("the endpoint sent an empty answer")
         read = choice.message.content[: LIMITS.letters * LIMITS.most_tokens]
         return masked(read), usage
+
+    def _reply(self, messages: list[dict[str, Any]], question: Question) -> Any:
+        """What the endpoint sends, after as many tries as the time limit of one call allows.
+
+        Raises:
+            BackendError, TakesLess: it refuses, fails, or gives no answer in time.
+        """
+        import openai
+
+        until = time.monotonic() + self.limit
+        for pause in (*LIMITS.pauses, None):
+            left = max(until - time.monotonic(), 0.01)
+            try:
+                answer = self.client.with_options(timeout=left).chat.completions.create(
+                    model=self.model,
+                    messages=messages,  # type: ignore[arg-type]
+                    **self._wishes(question),
+                )
+            except openai.APITimeoutError as error:
+                raise BackendError(
+                    f"the endpoint failed: {self.url} gave no answer within {self.limit:g} s "
+                    "(--timeout)"
+                ) from error
+            except openai.APIStatusError as error:
+                rest = rest_before(error, pause)
+                if rest is None or time.monotonic() + rest > until:
+                    self._refused_with(error.status_code, error.body)
+                time.sleep(rest)
+            except openai.APIConnectionError as error:
+                if pause is None or time.monotonic() + pause > until:
+                    why = told(error.__cause__ or error)
+                    raise BackendError(
+                        f"the endpoint failed: {self.url} cannot be reached ({why})"
+                    ) from error
+                time.sleep(pause)
+            except openai.OpenAIError as error:
+                raise BackendError(f"the endpoint failed: {told(error)}") from error
+            else:
+                # what is no JSON comes as it is
+                known = isinstance(answer, BaseModel)
+                return answer.model_dump(warnings=False) if known else answer
+        raise AssertionError("the last try ends above")
+
+    def _refused_with(self, status: int, body: Any) -> NoReturn:
+        """Raise what a refusal means, by its status and what it says."""
+        said = words_of(body)
+        short = told(said or f"status {status}")
+        if is_blind(said):
+            raise BackendError(
+                f"the model {self.model!r} takes no pictures; name one that does: --vlm-model "
+                f"(a llama.cpp server needs its --mmproj file): {short}"
+            )
+        refusal = TakesLess(short)
+        if status in REFUSALS or refusal.full:
+            raise refusal
+        wrong = f"the endpoint failed: {status}, {short}"
+        if status in (401, 403):
+            wrong += "; " + ("is OPENAI_API_KEY right?" if self.has_key else "set OPENAI_API_KEY")
+        if status == 404:
+            wrong += self._instead()
+        raise BackendError(wrong)
+
+    def _instead(self) -> str:
+        """What to name where the endpoint does not know the path or the model."""
+        import openai
+
+        try:
+            models = self.client.with_options(timeout=min(self.limit, 10.0)).models.list().data
+            names = [told(model.id) for model in models]
+        except (openai.OpenAIError, AttributeError, TypeError):
+            return f"; {self.url} is no such endpoint: an OpenAI-compatible URL mostly ends in /v1"
+        shown = ", ".join(names[: LIMITS.models])
+        more = " ..." if len(names) > LIMITS.models else ""
+        return f"; its models: {shown}{more} (--vlm-model)" if self.model not in names else ""
+
+    def _beyond_help(self, error: TakesLess) -> str:
+        """The sentence on a question that the endpoint does not take in any form."""
+        if error.ended == "tokens":
+            return f"{error}, and the model had not come to an end"
+        if error.full:
+            return f"the question does not fit into the model's context: {error}; {_LARGER}"
+        return f"the endpoint refused the question: {error}"
 
     def _wishes(self, question: Question) -> dict[str, Any]:
         """What is asked of the endpoint beside the question, without what it has refused."""
@@ -221,22 +284,27 @@ class OpenAITransport:
             out["response_format"] = {"type": form}
         return {k: v for k, v in out.items() if k not in self._refused}
 
-    def _with_less(self, said: str) -> bool:
+    def _with_less(self, error: TakesLess) -> bool:
         """Ask for less from now on, as a refusal says; False where nothing of it can be left."""
-        if "cut off" in said:
-            if self._tokens >= LIMITS.most_tokens:
+        said = str(error).lower()
+        if error.ended == "tokens":
+            if 2 * self._tokens > self._most_tokens:
                 return False
             self._tokens *= 2
             self.ledger.note(f"{said}; asked again with {self._tokens}")
             return True
         if found := re.search(r"at most (\d+) image", said):
             most = int(found[1])
-            return 0 < most < self.images and self._fewer_pictures(most)
-        if any(word in said for word in _FULL):
-            smaller = [size for size in LIMITS.sizes if size < self.images]
+            return 0 < most < self._shown and self._fewer_pictures(most)
+        if error.full:
+            smaller = [size for size in LIMITS.sizes if size < self._shown]
             if smaller:
                 return self._fewer_pictures(smaller[0])
+            if error.ended:
+                return False
             self._tokens //= 2
+            self._most_tokens = self._tokens  # twice as many were refused
+            self.ledger.note(f"the model's context is small; answers of {self._tokens} tokens")
             return self._tokens > 500
         soft = next((k for k in ("temperature", "max_tokens") if k in said), None)
         if soft is not None and soft not in self._refused:
@@ -278,7 +346,10 @@ class OpenAITransport:
     def _kept(self, question: Question, content: Any) -> Path | None:
         if self.cache is None:
             return None
-        key = json.dumps([self.model, question.system, content, question.history])
+        asked: list[Any] = [self.model, question.system, content, question.history]
+        if settings.text("OPENAI_BASE_URL"):  # a server at home may have any model under any name
+            asked.append(self.url)
+        key = json.dumps(asked)
         return self.cache / f"{hashlib.sha256(key.encode()).hexdigest()}.json"
 
 
