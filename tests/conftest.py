@@ -99,6 +99,8 @@ class Endpoint:
         self.asked: list[Any] = []
 
     def __call__(self, path: str, body: bytes) -> tuple[int, str, bytes]:
+        if path.endswith("/models"):
+            return 404, "application/json", b"{}"
         assert path.endswith("/chat/completions")
         self.asked.append(json.loads(body))
         status, text = self.answers[min(len(self.asked), len(self.answers)) - 1]

@@ -15,7 +15,7 @@ from PIL import Image
 
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.make_config import EngineConfig, MakeConfig
-from mam_pipeline.models import settings
+from mam_pipeline.models import settings, transports
 from mam_pipeline.models.catalogue import ENDPOINT, models
 from mam_pipeline.models.settings import ModelConfig
 from mam_sim.asking import ask_upload, with_model
@@ -181,9 +181,8 @@ def test_auto_takes_the_configured_model_only_after_a_yes(
 def test_a_model_that_auto_took_and_that_fails_is_left_out(
     box: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    openai = pytest.importorskip("openai", reason="the vlm extra is not installed")
-    monkeypatch.setattr(openai._base_client, "INITIAL_RETRY_DELAY", 0.01)
-    monkeypatch.setattr(openai._base_client, "MAX_RETRY_DELAY", 0.02)
+    pytest.importorskip("openai", reason="the vlm extra is not installed")
+    monkeypatch.setattr(transports, "LIMITS", replace(transports.LIMITS, pauses=(0.01,)))
     monkeypatch.setenv("OPENAI_BASE_URL", "http://127.0.0.1:9/v1")
     monkeypatch.setenv("MAM_SIM_ALLOW_MODEL", "1")
     command = ["articulate", str(box), "--out", str(tmp_path / "box")]

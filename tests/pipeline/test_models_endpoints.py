@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from mam_pipeline.errors import BackendError
-from mam_pipeline.models import album, questions
+from mam_pipeline.models import album, questions, transports
 from mam_pipeline.models.ledger import Ledger, one_ledger
 from mam_pipeline.models.transports import strict
 from mam_pipeline.models.vlm import VlmReasoner
@@ -110,6 +110,38 @@ def no_form(request: Plain) -> Reply | None:
     )
 
 
+def transformers_serve(request: Plain) -> Reply | None:
+    """Reads no response_format and says nothing of it; its errors are FastAPI's."""
+    if request["model"] != "gpt-4o":
+        return 400, {"detail": f"Server is pinned to 'gpt-4o'; requested '{request['model']}'."}
+    return _says(f"Sure:\n```json\n{PARTS}\n```")
+
+
+def llama_server(request: Plain) -> Reply | None:
+    """The context is of the question alone; an answer that fills it ends without being whole."""
+    if _pictures(request) > 2:
+        full = {
+            "code": 400,
+            "message": "request (9897 tokens) exceeds the available context size (4096 tokens), "
+            "try increasing it",
+            "type": "exceed_context_size_error",
+            "n_prompt_tokens": 9897,
+            "n_ctx": 4096,
+        }
+        return 400, {"error": full}
+    return _says('{"base":', finish="length", tokens=4006) if _pictures(request) > 1 else None
+
+
+def lm_studio_small(request: Plain) -> Reply | None:
+    """Its errors may come with status 200, as a text by itself."""
+    if _pictures(request) > 6:
+        said = (
+            "Trying to keep the first 15857 tokens when context the overflows. However, the model "
+        )
+        return 200, {"error": f"{said}is loaded with context length of only 4096 tokens"}
+    return None
+
+
 def short_breath(request: Plain) -> Reply | None:
     """Thinks long: six thousand tokens are not enough for an answer."""
     return _says("", finish="length") if request["max_tokens"] < 12000 else None
@@ -120,10 +152,9 @@ def reasoned(
     serve: Callable[..., str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
     boxes: tuple[Mesh, Primitives],
 ) -> Callable[[Stand], tuple[KinematicTree, Ledger, list[Plain]]]:  # fmt: skip
-    openai = pytest.importorskip("openai", reason="the vlm extra is not installed")
+    pytest.importorskip("openai", reason="the vlm extra is not installed")
     monkeypatch.setattr(album, "ALBUM", replace(album.ALBUM, size=96))
-    monkeypatch.setattr(openai._base_client, "INITIAL_RETRY_DELAY", 0.01)
-    monkeypatch.setattr(openai._base_client, "MAX_RETRY_DELAY", 0.02)
+    monkeypatch.setattr(transports, "LIMITS", replace(transports.LIMITS, pauses=(0.01,) * 5))
     monkeypatch.setenv("OPENAI_API_KEY", "sk-secret-of-the-user")
     monkeypatch.setenv("MAM_SIM_VLM_CACHE", str(tmp_path / "answers"))
     monkeypatch.setenv("MAM_SIM_VLM_ROUNDS", "0")
@@ -155,6 +186,9 @@ def reasoned(
         (json_mode, 2, "takes no response_format json_schema"),
         (no_form, 3, "takes no response_format json_object"),
         (short_breath, 2, "asked again with 12000"),
+        (transformers_serve, 1, ""),
+        (llama_server, 4, "put together to 1"),
+        (lm_studio_small, 2, "put together to 6"),
     ],
 )
 def test_every_endpoint_is_asked_for_what_it_supports(
@@ -172,8 +206,15 @@ def test_every_endpoint_is_asked_for_what_it_supports(
     [
         (500, _error("image input is not supported - hint: provide the mmproj"), "--vlm-model"),
         (200, _says("", refusal="I cannot help with that.")[1], "declined to answer: I cannot"),
-        (200, _says("{", finish="length")[1], "cut off after 24000 tokens"),
+        (200, {**_says("{", finish="length")[1], "usage": None}, "cut off after 24000 tokens"),
         (200, _says("", finish="content_filter")[1], "filter of the endpoint"),
+        (200, {"error": {"message": "ValueError: Vision add-on is not loaded"}}, "--vlm-model"),
+        (400, {"detail": "Server is pinned to 'a'; requested 'b'."}, "pinned to 'a'; requested"),
+        (422, {"detail": [{"loc": ["body", "n"], "msg": "Field required"}]}, ": Field required"),
+        (400, {"error": "no model is loaded"}, "refused the question: 400, no model is loaded"),
+        (401, {"error": {"code": 401, "message": "Invalid API Key"}}, "is OPENAI_API_KEY right"),
+        (502, b"<html>a gateway's page</html>", "the endpoint failed: status 502"),
+        (500, _error("Context size has been exceeded."), "into the model's context.* -c 32768"),
         (400, _error("At most 0 image(s) may be provided in one prompt."), "refused the question"),
         (200, b"<html>a gateway's page</html>", "no chat completion; an OpenAI-compatible URL"),
         (200, b"", "no chat completion"),
@@ -190,6 +231,47 @@ def test_what_cannot_be_helped_is_one_sentence(
         reasoned(lambda _request: (status, said))
     assert "--reasoner embedded" in str(caught.value)
     assert "sk-secret" not in str(caught.value)
+
+
+def test_an_unknown_model_is_answered_with_the_known_ones(
+    serve: Callable[..., str], monkeypatch: pytest.MonkeyPatch, boxes: tuple[Mesh, Primitives]
+) -> None:
+    pytest.importorskip("openai", reason="the vlm extra is not installed")
+
+    def ollama_models(path: str, _body: bytes) -> tuple[int, str, bytes]:
+        if path.endswith("/v1/models"):
+            known = {"object": "list", "data": [{"id": "llava:7b", "object": "model"}]}
+            return 200, "application/json", json.dumps(known).encode()
+        missing = _error('model "gpt-4o" not found, try pulling it first')
+        return 404, "application/json", json.dumps(missing).encode()
+
+    url = serve(ollama_models)
+    monkeypatch.setenv("OPENAI_BASE_URL", url + "/v1")
+    with pytest.raises(BackendError, match=r"its models: llava:7b \(--vlm-model\)"):
+        VlmReasoner().reason(*boxes, None)
+    monkeypatch.setenv("OPENAI_BASE_URL", url)
+    with pytest.raises(BackendError, match=r"mostly ends in /v1"):
+        VlmReasoner().reason(*boxes, None)
+
+
+def test_another_server_is_not_answered_for_by_what_one_said(
+    reasoned: Callable[[Stand], tuple[KinematicTree, Ledger, list[Plain]]],
+) -> None:
+    assert len(reasoned(lambda _request: None)[2]) == 1
+    assert len(reasoned(lambda _request: None)[2]) == 1  # at another port, of the same name
+
+
+def test_a_context_that_ends_answers_is_not_asked_for_longer_ones(
+    reasoned: Callable[[Stand], tuple[KinematicTree, Ledger, list[Plain]]],
+) -> None:
+    def small(request: Plain) -> Reply | None:
+        if request["max_tokens"] > 3000:
+            return 400, _error("maximum context length is 8192 tokens; you requested 9000")
+        usage = {"prompt_tokens": 3000, "completion_tokens": 3000}
+        return 200, {**_says("{", finish="length")[1], "usage": usage}
+
+    with pytest.raises(BackendError, match="cut off after 3000 tokens, and the model had not"):
+        reasoned(small)
 
 
 @pytest.mark.parametrize(

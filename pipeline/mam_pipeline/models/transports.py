@@ -177,7 +177,7 @@ class OpenAITransport:
             )
         if choice.finish_reason == "length":
             out = usage.get("out", 0)
-            if 0 < out < self._tokens:
+            if choice.message.content and 0 < out < self._tokens:  # else it only thought
                 read = usage["in"]
                 said = f"its answer ended after {out} tokens, where {read} were read and "
                 raise TakesLess(f"{said}{self._tokens} allowed", "context")
@@ -234,7 +234,7 @@ class OpenAITransport:
     def _refused_with(self, status: int, body: Any) -> NoReturn:
         """Raise what a refusal means, by its status and what it says."""
         said = words_of(body)
-        short = told(said or f"status {status}")
+        short = told(f"{status}, {said}" if said else f"status {status}")
         if is_blind(said):
             raise BackendError(
                 f"the model {self.model!r} takes no pictures; name one that does: --vlm-model "
@@ -243,7 +243,7 @@ class OpenAITransport:
         refusal = TakesLess(short)
         if status in REFUSALS or refusal.full:
             raise refusal
-        wrong = f"the endpoint failed: {status}, {short}"
+        wrong = f"the endpoint failed: {short}"
         if status in (401, 403):
             wrong += "; " + ("is OPENAI_API_KEY right?" if self.has_key else "set OPENAI_API_KEY")
         if status == 404:
@@ -304,7 +304,6 @@ class OpenAITransport:
                 return False
             self._tokens //= 2
             self._most_tokens = self._tokens  # twice as many were refused
-            self.ledger.note(f"the model's context is small; answers of {self._tokens} tokens")
             return self._tokens > 500
         soft = next((k for k in ("temperature", "max_tokens") if k in said), None)
         if soft is not None and soft not in self._refused:
