@@ -173,13 +173,13 @@ def withheld(
     # what a person or an animation shows moves for certain
     shown = [1.0 if n.provenance != "inferred" else n.evidence["chance"] for n in nodes[1:]]
     kept = bar.keeps(shown, told)
-    chance = {i: c for i, (c, keep) in enumerate(zip(shown, kept), start=1) if not keep}
+    below = {i: c for i, (c, keep) in enumerate(zip(shown, kept), start=1) if not keep}
     reason = f"{told} were told, and others are likelier" if told else ""
     why = {
         i: reason or f"its chance is {c:.2f}, and {bar.least:.2f} is needed"
-        for i, c in chance.items()
+        for i, c in below.items()
     }  # fmt: skip
-    return put_to_sleep(tree, why, chance)
+    return put_to_sleep(tree, why, below)
 
 
 def said_odds(node: PartNode) -> float:
