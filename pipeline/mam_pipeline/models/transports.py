@@ -186,8 +186,8 @@ class OpenAITransport:
             raise BackendError("a filter of the endpoint withheld the answer")
         if not choice.message.content:
             raise BackendError("the endpoint sent an empty answer")
-        read = choice.message.content[: LIMITS.letters * LIMITS.most_tokens]
-        return masked(read), usage
+        text = choice.message.content[: LIMITS.letters * LIMITS.most_tokens]
+        return masked(text), usage
 
     def _reply(self, messages: list[dict[str, Any]], question: Question) -> Any:
         """What the endpoint sends, after as many tries as the time limit of one call allows.
