@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import BaseModel
 
 from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.make_config import EngineConfig
@@ -68,7 +69,7 @@ def test_answers_fit_the_schema_of_today(name: str, answers: Path) -> None:
 
 @pytest.mark.parametrize("file", LATER)
 def test_answers_of_later_archives_fit_the_questions_of_today(file: str, tmp_path: Path) -> None:
-    shapes = {
+    shapes: dict[str, type[BaseModel]] = {
         "1_parts": questions.MountedParts, "1_grouping": questions.Grouping,
         "2_tree": questions.Mounting, "motion": questions.MotionCheck,
     }  # fmt: skip
