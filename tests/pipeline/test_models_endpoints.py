@@ -210,7 +210,7 @@ def test_every_endpoint_is_asked_for_what_it_supports(
         (200, _says("", finish="content_filter")[1], "filter of the endpoint"),
         (200, {"error": {"message": "ValueError: Vision add-on is not loaded"}}, "--vlm-model"),
         (400, {"detail": "Server is pinned to 'a'; requested 'b'."}, "pinned to 'a'; requested"),
-        (422, {"detail": [{"loc": ["body", "n"], "msg": "Field required"}]}, ": Field required"),
+        (422, {"detail": [{"loc": ["body", "n"], "msg": "Field required"}]}, "422, Field required"),
         (400, {"error": "no model is loaded"}, "refused the question: 400, no model is loaded"),
         (401, {"error": {"code": 401, "message": "Invalid API Key"}}, "is OPENAI_API_KEY right"),
         (502, b"<html>a gateway's page</html>", "the endpoint failed: status 502"),

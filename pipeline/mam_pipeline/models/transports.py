@@ -60,6 +60,7 @@ class EndpointLimits:
 
 LIMITS = EndpointLimits()
 _FORM = ("response_format", "json_schema", "schema", "grammar")
+_NO_CHAT = "the endpoint sent no chat completion; an OpenAI-compatible URL mostly ends in /v1"
 _LARGER = (
     "start its server with a larger context (Ollama: OLLAMA_CONTEXT_LENGTH=32768, llama.cpp: "
     "-c 32768, vLLM: --max-model-len 32768, LM Studio: the model's context length)"
@@ -164,9 +165,7 @@ class OpenAITransport:
         try:
             reply = Reply.model_validate(data)
         except ValueError:  # a page of HTML, or other JSON
-            raise BackendError(
-                "the endpoint sent no chat completion; an OpenAI-compatible URL mostly ends in /v1"
-            ) from None  # the error holds the whole answer
+            raise BackendError(_NO_CHAT) from None  # the error holds the whole answer
         used = reply.usage
         usage = {"in": used.prompt_tokens, "out": used.completion_tokens} if used else {}
         self.ledger.book(self.model, usage)
@@ -225,8 +224,9 @@ class OpenAITransport:
                 time.sleep(pause)
             except openai.OpenAIError as error:
                 raise BackendError(f"the endpoint failed: {told(error)}") from error
+            except ValueError:  # no JSON, which the client may also hand on as it is
+                raise BackendError(_NO_CHAT) from None
             else:
-                # what is no JSON comes as it is
                 known = isinstance(answer, BaseModel)
                 return answer.model_dump(warnings=False) if known else answer
         raise AssertionError("the last try ends above")
