@@ -36,7 +36,7 @@ RangeRule = Literal[
     "paper",
     "drawer_box",
 ]
-NEEDS_REVIEW = 0.7  # of generated joints of less confidence fewer than half are right
+NEEDS_REVIEW = 0.7  # of joints of less confidence at least three in ten are wrong
 MOVES = 0.25  # a joint by which the part goes less of the usual way is stuck
 FAR_ENOUGH = 0.15  # of its own length: a part that goes less is hardly of use
 
