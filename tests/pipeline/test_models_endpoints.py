@@ -132,6 +132,14 @@ def llama_server(request: Plain) -> Reply | None:
     return _says('{"base":', finish="length", tokens=4006) if _pictures(request) > 1 else None
 
 
+def llama_server_parser(request: Plain) -> Reply | None:
+    """Cannot read back what its own grammar made of a schema."""
+    if request.get("response_format", {}).get("type") == "json_schema":
+        said = "The model produced output that does not match the expected peg-native format"
+        return 500, {"error": {"code": 500, "message": said, "type": "server_error"}}
+    return None
+
+
 def lm_studio_small(request: Plain) -> Reply | None:
     """Its errors may come with status 200, as a text by itself."""
     if _pictures(request) > 6:
@@ -188,6 +196,7 @@ def reasoned(
         (short_breath, 2, "asked again with 12000"),
         (transformers_serve, 1, ""),
         (llama_server, 4, "put together to 1"),
+        (llama_server_parser, 2, "takes no response_format json_schema"),
         (lm_studio_small, 2, "put together to 6"),
     ],
 )

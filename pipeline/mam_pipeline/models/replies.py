@@ -12,6 +12,7 @@ from mam_pipeline.secrets import masked
 
 REFUSALS = (200, 400, 413, 422)  # statuses by which endpoints say that they take less
 LETTERS = 400  # of an error that are repeated
+FORMLESS = "does not match the expected"  # llama.cpp, of an answer that its own grammar made
 _PASSING = (408, 409, 429)  # and 5xx: statuses of what may go by
 _FULL = ("context length", "context size", "context window", "too long", "too large", "n_ctx")
 _BLIND = ("image input is not supported", "not support image", "unsupported content part",
@@ -64,6 +65,11 @@ class TakesLess(Exception):
         said = str(self).lower()
         return self.ended == "context" or any(word in said for word in _FULL)
 
+    @property
+    def lasting(self) -> bool:
+        """Whether asking the same again would be refused again, whatever the status says."""
+        return self.full or FORMLESS in str(self)
+
 
 def rest_before(error: Any, pause: float | None) -> float | None:
     """Seconds before a question is put again after an error's status; None where it is not.
@@ -73,7 +79,7 @@ def rest_before(error: Any, pause: float | None) -> float | None:
     """
     passing = error.status_code in _PASSING or error.status_code >= 500
     said = words_of(error.body)
-    if pause is None or not passing or is_blind(said) or TakesLess(said).full:
+    if pause is None or not passing or is_blind(said) or TakesLess(said).lasting:
         return None
     with suppress(ValueError):
         return max(pause, float(error.response.headers.get("retry-after", "")))

@@ -18,6 +18,7 @@ from mam_pipeline.errors import BackendError, HintNeeded
 from mam_pipeline.models import settings
 from mam_pipeline.models.ledger import Ledger, current, price_of, tokens_of
 from mam_pipeline.models.replies import (
+    FORMLESS,
     REFUSALS,
     Reply,
     TakesLess,
@@ -59,7 +60,7 @@ class EndpointLimits:
 
 
 LIMITS = EndpointLimits()
-_FORM = ("response_format", "json_schema", "schema", "grammar")
+_FORM = ("response_format", "json_schema", "schema", "grammar", FORMLESS)
 _NO_CHAT = "the endpoint sent no chat completion; an OpenAI-compatible URL mostly ends in /v1"
 _LARGER = (
     "start its server with a larger context (Ollama: OLLAMA_CONTEXT_LENGTH=32768, llama.cpp: "
@@ -99,8 +100,8 @@ class OpenAITransport:
 
     OpenAI takes strict schemas, and of its newer models neither `max_tokens` nor a temperature; LM
     Studio takes schemas but not `json_object`; vLLM one picture unless it was told otherwise;
-    Ollama drops what exceeds its context; llama.cpp sees only with a projector. What is refused is
-    left out from then on, and said.
+    Ollama drops what exceeds its context; llama.cpp sees only with a projector; `transformers
+    serve` reads no response_format. What is refused is left out from then on, and said.
     """
 
     def __init__(self) -> None:
@@ -241,7 +242,7 @@ class OpenAITransport:
                 f"(a llama.cpp server needs its --mmproj file): {short}"
             )
         refusal = TakesLess(short)
-        if status in REFUSALS or refusal.full:
+        if status in REFUSALS or refusal.lasting:
             raise refusal
         wrong = f"the endpoint failed: {short}"
         if status in (401, 403):
