@@ -13,6 +13,7 @@ from PIL import Image
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.writer import write_asset
+from mam_pipeline.evidence.read import named_size
 from mam_pipeline.formats.mesh_files import save_glb
 from mam_pipeline.geometry.fuse import fuse_mesh
 from mam_pipeline.make_config import MakeConfig
@@ -49,6 +50,20 @@ def generated(folder: Path) -> Asset:
     return write_asset(
         made.articulation, folder / "generated", name="generated", collision=made.collision
     )
+
+
+def household(category: str, seed: int) -> Callable[[Path], Asset]:
+    """An object of the procedural world whose masses and friction are those of its kind."""
+
+    def make(folder: Path) -> Asset:
+        made = make_object(category, seed)
+        thing = named_size(category.replace("_", " "))[0]
+        return write_asset(
+            made.articulation, folder / category, name=category, collision=made.collision,
+            thing=thing,
+        )  # fmt: skip
+
+    return make
 
 
 def nested(folder: Path) -> Asset:
@@ -104,4 +119,8 @@ ASSETS: dict[str, Callable[[Path], Asset]] = {
     "fused mesh": fused,
     "generated": generated,
     "part on part": nested,
+    "nightstand": household("nightstand", 3),
+    "fridge": household("fridge", 2),
+    "oven": household("oven", 1),
+    "washer": household("washer_front", 0),
 }

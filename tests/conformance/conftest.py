@@ -47,6 +47,12 @@ def motion() -> dict[str, dict[str, float]]:
 
 
 @pytest.fixture(scope="session")
+def breakaway() -> list[dict[str, Any]]:
+    """Which force starts a part, and where its limits stop it, by asset and simulator."""
+    return []
+
+
+@pytest.fixture(scope="session")
 def pictures() -> list[dict[str, Any]]:
     """How alike pictures of other simulators are to ours, by asset and simulator."""
     return []
@@ -56,6 +62,7 @@ def pictures() -> list[dict[str, Any]]:
 def rows(
     request: pytest.FixtureRequest,
     motion: dict[str, dict[str, float]],
+    breakaway: list[dict[str, Any]],
     pictures: list[dict[str, Any]],
 ) -> Iterator[list[dict[str, Any]]]:
     """Rows of the table, which is written at the end if `--conformance-out` names a folder."""
@@ -67,7 +74,7 @@ def rows(
         told = {r["simulator"]: r.pop("version") for r in out if "version" in r}
         versions = _versions() | {name.partition(" (")[0]: v for name, v in told.items()}
         data = {"command": COMMAND, "versions": versions, "rows": out, "motion": motion,
-                "pictures": pictures}  # fmt: skip
+                "breakaway": breakaway, "pictures": pictures}  # fmt: skip
         (folder / "conformance.json").write_text(json.dumps(data, indent=1) + "\n")
         (folder / "conformance.md").write_text(_page(data), encoding="utf-8")
 
@@ -145,6 +152,30 @@ def _page(data: dict[str, Any]) -> str:
     for name, found in data["motion"].items():
         shares = " | ".join(f"{100 * found[k]:.2f} %" for k in ("way", "end"))
         lines.append(f"| {name} | {shares} | {_cell(found['drift'])} |")
+    lines += [
+        "",
+        "## The same breakaway, the same limits",
+        "",
+        "The least force (N) or torque (N m) that opens the heaviest part from closed, by halving,",
+        "beside that of the card: its friction, and what gravity adds or takes. Then the part is",
+        "pushed from the middle to both ends; lower and upper say how far from its limit it stops,",
+        "as shares of the range. MuJoCo reads the friction itself; below it, its soft constraint",
+        "lets a part creep (an oven flap at nine tenths of its friction by 0.03 rad/s). SAPIEN and",
+        "PyBullet read a URDF's `friction` and do not act on it as Coulomb's: it is given to them",
+        "as environments give it, by a drive or motor towards standstill of limited force. Drake's",
+        "plant has no friction of joints. Newton reads the USD's into its model, and none of its",
+        "solvers was run; nor was Genesis.",
+        "",
+        "| asset | joint | program | card | found | difference | lower | upper |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for row in data.get("breakaway", ()):
+        forces = " | ".join(f"{row[k]:.3g} {row['unit']}" for k in ("wanted", "found"))
+        shares = [row["found"] / row["wanted"] - 1.0, row["lower"], row["upper"]]
+        cells = " | ".join(f"{100 * share:.1f} %" for share in shares)
+        lines.append(
+            f"| {row['asset']} | `{row['joint']}` | {row['simulator']} | {forces} | {cells} |"
+        )
     lines += [
         "",
         "## The same picture",
