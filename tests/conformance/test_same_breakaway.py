@@ -26,7 +26,7 @@ LASTS, TRAVELS = 500, 2500
 HALVINGS = 9
 MOVED, GATHERS = 1e-4, 1.5
 """Metres or radians that count as moved, and how many times as far as in the first half second a
-part that starts goes in the second: one that creeps goes as far, one that is pushed thrice as far."""
+part that starts goes in the second: one that creeps goes as far, a pushed one thrice as far."""
 
 Push = Callable[[float, float, int], float]
 """(joint value to begin at, force or torque, steps) -> joint value at the end."""
