@@ -194,8 +194,8 @@ def _page(data: dict[str, Any]) -> str:
         "",
         "![Four assets as four programs draw them](same_pictures.png)",
         "",
-        "By `benchmarks/same_pictures.py`: each program's own renderer, the heaviest part open by six",
-        "tenths. SAPIEN reflects grey surroundings in what is metal, as this fridge's sheet.",
+        "By `benchmarks/same_pictures.py`: each program's own renderer, the heaviest part open by",
+        "six tenths. SAPIEN reflects grey surroundings in what is metal, as this fridge's sheet.",
     ]
     return "\n".join(lines) + "\n"
 
