@@ -10,7 +10,6 @@ import numpy as np
 import sapien
 import torch
 from gymnasium.utils import seeding
-from mani_skill.envs.sapien_env import BaseEnv
 from mani_skill.utils import common
 from mani_skill.utils.geometry.rotation_conversions import matrix_to_quaternion, quaternion_apply
 from mani_skill.utils.registration import REGISTERED_ENVS
@@ -21,16 +20,17 @@ from mani_skill.vector.wrappers.gymnasium import ManiSkillVectorEnv
 
 from mam_envs.articulations import Articulations
 from mam_envs.config import EnvConfig
+from mam_envs.observing import Observing
 from mam_envs.planner_state import PlannerState
 from mam_envs.robots import robot_spec
 from mam_envs.robots.agent import agent_of
 from mam_envs.scene import build, vulkan
-from mam_envs.scene.background import put_background, read_background
 from mam_envs.scene.contact_probe import ContactProbe
 from mam_envs.scene.layout import Layout, arrange, several
 from mam_envs.scene.looks import Looks
+from mam_envs.scene.loose import loose_thing
 from mam_envs.scene.randomisation import Draw, ObjectDynamics, draw, draw_clear
-from mam_envs.tasks import Task, TaskState, rewards, task_class
+from mam_envs.tasks import TaskState, rewards, task_class
 from mam_envs.truth import as_claimed, true_layout
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.config_file import fill
@@ -41,7 +41,7 @@ ENV_ID = "OperateJoint-v1"
 MAX_STEPS = 200
 
 
-class OperateJointEnv(BaseEnv):
+class OperateJointEnv(Observing):
     """A robot arm in front of an articulated object, on whose joints a task is set.
 
     The object stands at the world's origin, its front towards -x; the arm stands where inverse
@@ -59,10 +59,7 @@ class OperateJointEnv(BaseEnv):
     """
 
     SUPPORTED_REWARD_MODES = ("normalized_dense", "dense", "sparse", "none")
-    agent: Any
     object: Articulation
-    objects: list[Articulation]
-    task: Task
 
     def __init__(
         self,
@@ -94,8 +91,8 @@ class OperateJointEnv(BaseEnv):
                 anew at every reset when there is only one.
             joint: its name; None takes the most confident joint with a grasp; several make a
                 sequence.
-            task: open, close, turn_to, push, press, or one of yours (mam_envs.tasks); one, or one
-                per joint; None picks by the joint.
+            task: open, close, turn_to, push, press, take_out, or one of yours (mam_envs.tasks);
+                one, or one per joint; None picks by the joint.
             robot_uids: panda, so100, so101, fetch, xarm6_robotiq, or yours (mam_envs.robots).
             scale: factor on the object's size, or "auto": 1 where the arm can do it, else shrunk
                 to its reach.
@@ -140,8 +137,10 @@ class OperateJointEnv(BaseEnv):
                 f'gymnasium.make_vec("mam_envs:OperateJointNumpy-v1", num_envs={num_envs}, '
                 'vectorization_mode="async", asset=...)'
             )
-        if num_envs > 1 and any(g.spring for item in self.layouts for g in item.goals):
-            raise ConfigError("a task with springs runs with num_envs=1: they are of CPU physics")
+        if num_envs > 1 and any(g.spring or g.thing for item in self.layouts for g in item.goals):
+            raise ConfigError(
+                "a task with springs or a loose thing runs with num_envs=1: they are of CPU physics"
+            )
         self._chosen = [0] * num_envs
         self._exact = exact
         if reconfiguration_freq is None:
@@ -214,6 +213,7 @@ class OperateJointEnv(BaseEnv):
             Link.merge([self._target(i, k) for i in range(self.num_envs)], name=f"target_{k}")
             for k in range(len(layouts[0].goals))
         ]
+        self.loose = loose_thing(self.scene, layouts)
         self._make_buffers(layouts)
 
     def _randomise_object(self, index: int) -> None:
@@ -263,7 +263,8 @@ class OperateJointEnv(BaseEnv):
             [self.objects[0].links_map[name] for name in item.model.moving_links(g.joint)]
             for g in item.goals
         ]
-        self._probe = ContactProbe(self.scene, self.agent.robot, hand, self.targets, parts)
+        thing = None if self.loose is None else self.loose.actor
+        self._probe = ContactProbe(self.scene, self.agent.robot, hand, self.targets, parts, thing)
         self._looks: Looks | None = None
         if self.config.randomisation.seen and self.scene.can_render():
             self._looks = Looks(self.scene, self.objects, self.config.randomisation)
@@ -297,14 +298,17 @@ class OperateJointEnv(BaseEnv):
         self.agent.robot.set_pose(_pose(base, self.device))
         self.agent.reset(torch.tensor(qpos, device=self.device))
         self.object.set_pose(_pose(pose, self.device))
-        self.object.set_qpos(torch.tensor(object_q, device=self.device))
-        self.object.set_qvel(torch.zeros_like(torch.tensor(object_q), device=self.device))
+        self._put_joints(object_q)
         self._world_asset[env_idx.cpu().numpy()] = pose
         self._place_postures(env_idx.tolist())
         if self.gpu_sim_enabled:
             self.scene._gpu_apply_all()
             self.scene.px.gpu_update_articulation_kinematics()
             self.scene._gpu_fetch_all()
+        if self.loose is not None:  # settles, while arm and drawer stay where they begin
+            self.loose.put(rng, pose[0], float(object_q[0, int(self._dof_index[0, 0])]))
+            self.agent.reset(torch.tensor(qpos, device=self.device))
+            self._put_joints(object_q)
         q = torch.tensor(object_q, device=self.device).gather(1, self._dof_index[env_idx])
         self.task.reset(env_idx, q)
         self._push_springs()
@@ -313,6 +317,12 @@ class OperateJointEnv(BaseEnv):
             self._last_action[env_idx] = 0.0
         if self._looks is not None and not self.gpu_sim_enabled:
             self._looks.draw(self._batched_episode_rng[0])
+
+    def _put_joints(self, values: np.ndarray) -> None:
+        """The object's joints (k, dof), at rest."""
+        q = torch.tensor(values, device=self.device)
+        self.object.set_qpos(q)
+        self.object.set_qvel(torch.zeros_like(q))
 
     def _arm_start(self, drawn: Draw) -> np.ndarray:
         """(n,) float32 robot joints: at rest, the arm's with noise."""
@@ -370,6 +380,9 @@ class OperateJointEnv(BaseEnv):
         for k, target in enumerate(self.targets):
             pose = target.pose
             handles.append(quaternion_apply(pose.q, self._handle_point[:, k]) + pose.p)
+        seen = {}
+        if self.loose is not None:
+            seen = self.loose.seen(self.targets[0].pose, self._probe.on_thing)
         return TaskState(
             q=self._joints(self.object.get_qpos()),
             speed=self._joints(self.object.get_qvel()),
@@ -379,6 +392,7 @@ class OperateJointEnv(BaseEnv):
             handle=torch.stack(handles, dim=1),
             tool=self.tool_pose().raw_pose,
             action_rate=self._rate,
+            **seen,
         )
 
     def joint_value(self) -> torch.Tensor:
@@ -410,6 +424,7 @@ class OperateJointEnv(BaseEnv):
             others={n: float(values[k]) for k, n in enumerate(joints) if n != goal.joint},
             arm=np.array([arm[names.index(n)] for n in self.robot_spec.arm], dtype=float),
             force=common.to_numpy(self._probe.part_push)[index].astype(float),
+            thing=None if self.loose is None else self.loose.matrix(),
         )
         claimed = self.claimed[self._chosen[index]]
         return state if claimed is item else as_claimed(state, claimed, int(self.stage[index]))
@@ -449,57 +464,7 @@ class OperateJointEnv(BaseEnv):
             "tcp_pose": self._now.tool,
         }
 
-    # -- observations and rewards ----------------------------------------------------------
-    def _get_obs_extra(self, info: dict) -> dict[str, Any]:
-        """The tool's pose, and in state modes what only a simulator knows, under `privileged`."""
-        out: dict[str, Any] = {"tcp_pose": info["tcp_pose"]}
-        if self.obs_mode_struct.state or self.obs_mode in ("state", "state_dict"):
-            out["privileged"] = dict(self.task.observe(self._now, info))
-            if self.config.observation.articulation:
-                poses = torch.stack([target.pose.raw_pose for target in self.targets], dim=1)
-                base = self.agent.robot.pose.raw_pose
-                qpos = self.agent.robot.get_qpos()[:, self._arm_index]
-                tokens = self._articulation.observe(base, poses, self._now.tool, qpos)
-                out["privileged"] |= {key: self.task.pick(v) for key, v in tokens.items()}
-        return out
-
-    def get_obs(self, info: dict | None = None, unflattened: bool = False) -> Any:
-        """ManiSkill's, without the empty sensor_data that it leaves beside a point cloud."""
-        obs = super().get_obs(info, unflattened)
-        if isinstance(obs, dict) and not obs.get("sensor_data", True):
-            del obs["sensor_data"]  # gymnasium takes no empty space
-        return obs
-
-    def observation_layout(self) -> list[tuple[str, int, int, bool]]:
-        """(name, start, stop, privileged) of every entry of the flat state vector."""
-        info = self.get_info()
-        found = self._get_obs_state_dict(info)
-        out: list[tuple[str, int, int, bool]] = []
-        at = 0
-        for name, value in _entries(found, ""):
-            width = int(np.prod(value.shape[1:])) if value.ndim > 1 else 1
-            out.append((name, at, at + width, "privileged" in name))
-            at += width
-        return out
-
-    def foreground(self) -> torch.Tensor:
-        """(n,) ids, in segmentations, of the links of robot and objects."""
-        kept = [*self.agent.robot.links, *(link for o in self.objects for link in o.links)]
-        return torch.unique(torch.cat([link.per_scene_id for link in kept]))
-
-    def _get_obs_sensor_data(self, apply_texture_transforms: bool = True) -> dict:
-        out = super()._get_obs_sensor_data(apply_texture_transforms)
-        file, picture = self.config.scene.background, None
-        if self._looks is not None:
-            picture = self._looks.background
-        if file:
-            picture = read_background(file)
-        if picture is not None and apply_texture_transforms:
-            put_background(picture, out, self.scene.sensors, self.foreground())
-        if self._looks is not None and apply_texture_transforms:
-            self._looks.spoil(out)
-        return out
-
+    # -- rewards ---------------------------------------------------------------------------
     def compute_dense_reward(self, obs: Any, action: Any, info: dict) -> torch.Tensor:
         """Sum of the scaled terms; each is put into info under reward/<name>."""
         terms = self.task.reward_terms(self._now, info)
@@ -511,12 +476,6 @@ class OperateJointEnv(BaseEnv):
     def compute_normalized_dense_reward(self, obs: Any, action: Any, info: dict) -> torch.Tensor:
         """Dense reward over the most that one step can bring."""
         return self.compute_dense_reward(obs, action, info) / rewards.largest(self.config.reward)
-
-
-def _entries(value: Any, prefix: str) -> list[tuple[str, torch.Tensor]]:
-    if isinstance(value, Mapping):
-        return [row for k, v in value.items() for row in _entries(v, f"{prefix}/{k}".strip("/"))]
-    return [(prefix, value)]
 
 
 def _pose(matrix: np.ndarray, device: torch.device) -> Pose:

@@ -23,6 +23,7 @@ class PlannerState:
         q: joint value of the goal's joint. others: values of the object's other joints.
         arm: (n,) arm joint values.
         force: (3,) newtons of the part on the robot, world, mean of the last control step.
+        thing: (4, 4) world_T_thing of the loose thing; None for tasks without one.
     """
 
     layout: Layout
@@ -33,6 +34,7 @@ class PlannerState:
     others: Mapping[str, float]
     arm: FloatArray
     force: FloatArray
+    thing: FloatArray | None = None
 
     @property
     def model(self) -> ObjectModel:

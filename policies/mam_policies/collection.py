@@ -76,8 +76,8 @@ class CollectConfig:
     joint: str | None = None
     """Joint to operate; by default the surest one that the arm can do."""
     task: str | None = None
-    """What to do with it: open, close, turn_to, push, press or a plug-in's; by default what the
-    joint suggests."""
+    """What to do with it: open, close, turn_to, push, press, take_out or a plug-in's; by
+    default what the joint suggests."""
     robot: str = "panda"
     """Name of the arm: panda, so100, so101, fetch, xarm6_robotiq, or that of a plug-in."""
     seed: Seed = 0

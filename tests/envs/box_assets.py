@@ -111,6 +111,47 @@ def write_asset(folder: Path, kind: str) -> Path:
     return folder
 
 
+def write_tray(folder: Path, d: float = 0.36, w: float = 0.36, h: float = 0.2) -> Path:
+    """A chest with one drawer that has walls all round: d x w x h metres."""
+    front, t, gap = -d / 2, 0.012, 0.006
+    inner, z0, z1 = w - 2 * WALL - 2 * gap, WALL + gap, h - WALL - gap
+    deep, tall, handle = d - 0.04, 0.6 * (z1 - z0), 0.5 * h
+    low = z0 + 0.5 * tall
+    boxes: list[Box] = [
+        ((front + t / 2, 0, (z0 + z1) / 2), (t, inner, z1 - z0)),
+        ((front + deep / 2, 0, z0 + t / 2), (deep, inner, t)),
+        ((front + deep - t / 2, 0, low), (t, inner, tall)),
+        ((front + deep / 2, (inner - t) / 2, low), (deep, t, tall)),
+        ((front + deep / 2, (t - inner) / 2, low), (deep, t, tall)),
+        ((front - 0.04, 0, handle), (0.012, 0.14, 0.012)),
+        ((front - 0.02, 0.06, handle), (0.04, 0.012, 0.012)),
+        ((front - 0.02, -0.06, handle), (0.04, 0.012, 0.012)),
+    ]
+    at, upper = np.array([0.0, 0.0, handle]), 0.7 * d
+    folder.mkdir(parents=True)
+    (folder / "object.urdf").write_text(
+        f'<robot name="tray">{_link("base", _carcass(d, w, h), np.zeros(3), 5.0)}'
+        f"{_link('part_1', boxes, at, 1.0)}"
+        f'<joint name="joint_1" type="prismatic"><origin xyz="0 0 {handle}"/><axis xyz="-1 0 0"/>'
+        '<parent link="base"/><child link="part_1"/>'
+        f'<limit lower="0" upper="{upper}" effort="50" velocity="2"/></joint></robot>',
+        encoding="utf-8",
+    )
+    joint = CardJoint(
+        "joint_1", "prismatic", "slide", "base", "part_1", [-1, 0, 0], at.tolist(), 0.0, upper, 0.0,
+        upper, damping=0.5, friction=0.1,
+    )  # fmt: skip
+    held = [front - 0.04, 0, handle]
+    AssetCard(
+        name="box_tray",
+        parts=[CardPart("base", "body", "body"), CardPart("part_1", "drawer", "drawer")],
+        joints=[joint],
+        grasps=[CardGrasp("joint_1", "part_1", "handle", held, [1, 0, 0], [0, 0, 1], 0.012)],
+        bounds=[[front - 0.05, -w / 2, 0.0], [d / 2, w / 2, h]],
+    ).save(folder)
+    return folder
+
+
 def write_button(folder: Path) -> Path:
     """A box of 0.3 m with a button in its front that goes 6 mm in towards +x."""
     folder.mkdir(parents=True)

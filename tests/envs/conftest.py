@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.envs.box_assets import write_asset, write_button
+from tests.envs.box_assets import write_asset, write_button, write_tray
 
 
 @pytest.fixture(scope="session")
@@ -25,3 +25,9 @@ def door(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def button(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Asset folder of a box with a button that goes 6 mm in towards +x."""
     return write_button(tmp_path_factory.mktemp("assets") / "button")
+
+
+@pytest.fixture(scope="session")
+def tray(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Asset folder of a chest with a drawer that has walls all round."""
+    return write_tray(tmp_path_factory.mktemp("assets") / "tray")

@@ -14,10 +14,11 @@ import torch
 from mam_envs.config import EnvConfig, RewardConfig, SuccessConfig
 from mam_envs.object_model import ObjectModel
 from mam_envs.tasks import OtherTaskError, TaskState, rewards, task_class
+from mam_envs.tasks.carry import TakeOut
 from mam_envs.tasks.operate_joint import OperateJoint
 from mam_envs.tasks.press_button import PressButton, PressReward
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.errors import ConfigError
+from mam_pipeline.errors import ConfigError, NotPhysicalError
 
 CPU = torch.device("cpu")
 
@@ -130,7 +131,7 @@ def test_names_stand_for_classes_and_sequences_are_of_one_class(monkeypatch: Any
     with pytest.raises(ConfigError, match="no task named 'opem'; did you mean 'open'"):
         task_class(["opem"])
     assert set(tasks.TASKS.targets()) == {
-        "open", "close", "turn_to", "push", "press", "other",
+        "open", "close", "turn_to", "push", "press", "take_out", "other",
     }  # fmt: skip
 
 
@@ -167,6 +168,49 @@ def test_a_button_is_pressed_when_it_has_latched_and_was_left(button: Path, draw
     with pytest.raises(OtherTaskError, match=r"joint_1.* is no button"):
         other = ObjectModel.load(Asset.load(drawer))
         PressButton.goal("press", other, None, settings.success)
+
+
+def test_a_cube_is_taken_out_when_it_rests_outside_and_was_touched(
+    tray: Path, drawer: Path, door: Path
+) -> None:
+    settings = TakeOut.defaults()
+    model = ObjectModel.load(Asset.load(tray))
+    goal = TakeOut.goal("take_out", model, None, settings.success)
+    thing = goal.thing
+    assert thing is not None and goal.q_start == pytest.approx(0.8 * goal.open)
+    bottom = 0.015 + 0.006 + 0.012
+    assert thing.low[2] == pytest.approx(bottom, abs=1e-6)  # the drawer's floor
+    task = TakeOut([[goal]], settings, CPU)
+    task.reset(torch.tensor([0]), torch.full((1, 1), goal.q_start))
+
+    def step(x: float, z: float, speed: float = 0.0, force: float = 0.0) -> dict[str, torch.Tensor]:
+        pose = torch.tensor([[x, 0.0, z, 1.0, 0.0, 0.0, 0.0]])
+        now = replace(
+            state(goal.q_start), thing=pose, inside=pose[:, :3],
+            thing_speed=torch.tensor([speed]), thing_force=torch.tensor([force]),
+        )  # fmt: skip
+        task.update(now)
+        info = task.evaluate(now)
+        terms = rewards.scaled(task.reward_terms(now, info), settings.reward)
+        return {**info, "paid": torch.stack(list(terms.values())).sum(dim=0)}
+
+    x, _, z = thing.places[0]
+    above, beside = thing.high[2] + 0.05, thing.low[0] - 0.2
+    lying = step(x, z)
+    assert lying["inside"] and float(lying["progress"]) == pytest.approx(0.0, abs=0.05)
+    assert not any(bool(step(beside, z)["success"]) for _ in range(20))  # by itself it is none
+    lifted = step(x, 0.5 * (z + thing.high[2]), speed=0.2, force=3.0)
+    assert 0.3 < float(lifted["progress"]) < 0.7 and float(lifted["paid"]) > float(lying["paid"])
+    for at in ((x, above), (beside, z)):  # held above it, or put beside it
+        assert not step(*at, speed=0.2, force=3.0)["success"]
+        rested = [bool(step(*at, force=3.0)["success"]) for _ in range(10)]
+        assert rested == [False] * 9 + [True]
+    assert not step(x, z)["success"]  # it fell back in
+    with pytest.raises(NotPhysicalError, match=r"joint_1.* has no free space inside for a cube"):
+        other = ObjectModel.load(Asset.load(drawer))  # whose drawer has no walls
+        TakeOut.goal("take_out", other, None, settings.success)
+    with pytest.raises(OtherTaskError, match=r"joint_1.* is no drawer"):
+        TakeOut.goal("take_out", ObjectModel.load(Asset.load(door)), None, settings.success)
 
 
 def _resolve_here(target: str) -> Any:

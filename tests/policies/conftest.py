@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from tests.envs.box_assets import write_asset, write_button, write_stack
+from tests.envs.box_assets import write_asset, write_button, write_stack, write_tray
 
 torch.set_num_threads(1)
 
@@ -56,3 +56,9 @@ def exported(run_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
     out = tmp_path_factory.mktemp("exports") / "drawer"
     export_run(run_folder, out)
     return out
+
+
+@pytest.fixture(scope="session")
+def tray(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Asset folder of a chest with a drawer that has walls all round."""
+    return write_tray(tmp_path_factory.mktemp("assets") / "tray")

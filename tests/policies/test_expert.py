@@ -110,6 +110,25 @@ def test_a_button_is_pressed_until_it_latches_and_left(button: Path) -> None:
     env.close()
 
 
+def test_a_cube_is_taken_out_of_a_drawer(tray: Path) -> None:
+    env = mam_envs.make(tray, task="take_out", control_mode="pd_joint_pos")
+    base: Any = env.unwrapped
+    starts = []
+    for seed in (2, 3, 2):
+        _, info = env.reset(seed=seed)
+        assert info["inside"][0] and not info["success"][0] and info["progress"][0] < 0.05
+        starts.append(base.loose.matrix())
+    assert (starts[0] == starts[2]).all() and np.abs(starts[0] - starts[1]).max() > 1e-3
+    episodes = [run_episode(env, Expert(env), seed=s, record=True) for s in (2, 3, 4)]
+    assert sum(e.success for e in episodes) >= 2
+    done = next(e for e in episodes if e.success)
+    last = done.records["info"][-1]
+    assert not last["inside"][0] and float(last["thing_force"][0]) > 0.1
+    assert float(done.records["reward"][-1][0]) > float(done.records["reward"][0][0])
+    assert list(dict.fromkeys(done.records["phase"]))[-2:] == ["lift", "hold"]
+    env.close()
+
+
 def test_it_closes_and_takes_delta_actions(drawer: Path) -> None:
     env = mam_envs.make(drawer, task="close", control_mode="pd_joint_delta_pos")
     episode = run_episode(env, Expert(env), seed=0, record=True)

@@ -99,7 +99,7 @@ def search(
         seeds: (S, n) first guesses for the grasp; a fixed family round `start` if None.
     """
     begin = robot.rest_arm if start is None else start
-    seeds = _seeds(robot, begin) if seeds is None else seeds
+    seeds = seeds_round(robot, begin) if seeds is None else seeds
     b, h, s = len(bases), len(candidates), len(seeds)
     if b * h == 0:
         return Search((), 0, 0, 0)
@@ -130,7 +130,7 @@ def search(
     return Search(tuple(good), len(rows), len(paths), b * h)
 
 
-def _seeds(robot: RobotSpec, begin: FloatArray) -> FloatArray:
+def seeds_round(robot: RobotSpec, begin: FloatArray) -> FloatArray:
     """Fixed first guesses: the present posture, and two others of the same family."""
     rng = np.random.default_rng(PLACEMENT.seed)
     spread: FloatArray = rng.uniform(-0.7, 0.7, size=(2, len(begin)))
@@ -238,9 +238,9 @@ def clear(
     swing = np.linspace(start, path.approach[0], 8)[:-1]
     pressing, pressed = (robot.finger_links, moving) if pushing else ((), ())
     for arm in (*swing, *path.approach[:-1]):
-        if not _free(model, robot, arm, opened, path.base, world_asset, before, (), ground, 0.0):
+        if not free(model, robot, arm, opened, path.base, world_asset, before, (), ground, 0.0):
             return False
-    if not _free(
+    if not free(
         model, robot, path.approach[-1], opened, path.base, world_asset, before, pressing, ground,
         LIMITS.dip, pressed,
     ):  # fmt: skip
@@ -249,7 +249,7 @@ def clear(
     for k in range(1, len(path.q), 2):
         now = {**others, goal.joint: float(path.q[k])}
         arm = path.follow[k]
-        if not _free(
+        if not free(
             model,
             robot,
             arm,
@@ -284,10 +284,10 @@ def rest_is_clear(
     """Whether the arm at rest (plus noise (n,)) keeps out of the object."""
     gripper = robot.rest.get(robot.gripper[0], 0.0)
     arm = robot.rest_arm + noise
-    return _free(model, robot, arm, gripper, base, world_asset, q, (), -np.inf, 0.0)
+    return free(model, robot, arm, gripper, base, world_asset, q, (), -np.inf, 0.0)
 
 
-def _free(
+def free(
     model: ObjectModel,
     robot: RobotSpec,
     arm: FloatArray,

@@ -13,6 +13,7 @@ from mam_envs.grasping.candidates import Grasp, PlacementError, card_grasps, goa
 from mam_envs.grasping.surface import surface_grasps
 from mam_envs.object_model import ObjectModel
 from mam_envs.placement.arm_path import ArmPath, Search, search
+from mam_envs.placement.reach_in import hand_places, served
 from mam_envs.placement.settings import PLACEMENT
 from mam_envs.robots import RobotSpec
 from mam_envs.tasks.base import JointGoal
@@ -162,6 +163,8 @@ def _stand(
         if not -0.9 * robot.reach < height - robot.shoulder < 0.95 * robot.reach:
             continue
         bases, costs = _bases(model, goal, robot, candidates, world_asset, level, q, chance)
+        if goal.thing is not None and len(bases):
+            bases, costs = _over(model, goal, robot, bases, costs, world_asset)
         found = search(
             model, goal, robot, candidates, bases, world_asset, q, keep=6, base_costs=costs
         )
@@ -182,6 +185,23 @@ def _stand(
         text = furthest.reason(what) + f" for robot {robot.uid}"
         raise PlacementError(text, furthest.cause)
     return best
+
+
+def _over(
+    model: ObjectModel,
+    goal: JointGoal,
+    robot: RobotSpec,
+    bases: FloatArray,
+    costs: FloatArray,
+    world_asset: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """The bases from which the arm gets at places of the goal's thing, too, and their costs."""
+    some = hand_places(model, goal, robot)
+    kept = np.zeros(len(bases), dtype=bool)
+    if some:
+        some = [some[k] for k in np.unique(np.linspace(0, len(some) - 1, 3).astype(int))]
+        kept = served(model, goal, robot, bases, world_asset, some).mean(axis=1) >= 0.6
+    return bases[kept], costs[kept]
 
 
 def _strong_enough(

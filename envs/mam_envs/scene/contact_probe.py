@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 from mani_skill.envs.scene import ManiSkillScene
-from mani_skill.utils.structs import Articulation, Link
+from mani_skill.utils.structs import Actor, Articulation, Link
 
 
 class ContactProbe:
@@ -26,6 +26,7 @@ class ContactProbe:
         hand: Sequence[Link],
         targets: Sequence[Link],
         parts: Sequence[Sequence[Link]],
+        thing: Actor | None = None,
     ) -> None:
         """Bind to a built scene.
 
@@ -33,16 +34,19 @@ class ContactProbe:
             hand: the robot's links that are asked for on the GPU.
             targets: per stage the joint's moving link, merged over sub-scenes.
             parts: per stage all links of sub-scene 0's object that the joint carries.
+            thing: a loose body whose contact with the robot is counted, too (CPU).
         """
         self.scene, self.hand, self.targets = scene, hand, targets
         self.robot_ids = {_scene_id(link) for link in robot.links}
         self.part_ids = [{_scene_id(link) for link in links} for links in parts]
+        self.thing_id = None if thing is None else _scene_id(thing)
         self.clear()
 
     def clear(self) -> None:
         """Begin a control step."""
         n, device = self.scene.num_envs, self.scene.device
         self._peak = torch.zeros(n, device=device)
+        self.on_thing = torch.zeros(n, device=device)
         self._on_part = torch.zeros((n, 3), device=device)
         self._on_links: dict[int, torch.Tensor] = {}
         self._steps = 0
@@ -95,7 +99,7 @@ class ContactProbe:
 
     def _listed(self, contacts: list, wanted: set[int]) -> None:
         """Of the only sub-scene, from PhysX's list; `wanted`: the part's bodies."""
-        total, on_part = 0.0, np.zeros(3)
+        total, on_thing, on_part = 0.0, 0.0, np.zeros(3)
         links: dict[int, np.ndarray] = {}
         for contact in contacts:
             a, b = (body.entity.per_scene_id for body in contact.bodies)
@@ -108,14 +112,17 @@ class ContactProbe:
             if other in wanted:
                 total += float(np.linalg.norm(impulses, axis=1).sum())
                 on_part += turned
+            elif other == self.thing_id:
+                on_thing += float(np.linalg.norm(impulses, axis=1).sum())
         rate, like = 1.0 / float(self.scene.px.timestep), self._on_part
         self._peak = self._peak.clamp(min=rate * total)
+        self.on_thing = self.on_thing.clamp(min=rate * on_thing)
         self._on_part = like + like.new_tensor(rate * on_part)
         for link, impulse in links.items():
             before = self._on_links.get(link, torch.zeros_like(like))
             self._on_links[link] = before + like.new_tensor(rate * impulse)
 
 
-def _scene_id(link: Link) -> int:
+def _scene_id(link: Link | Actor) -> int:
     """Of the first sub-scene's body."""
     return int(link._bodies[0].entity.per_scene_id)

@@ -14,6 +14,7 @@ from mam_envs.grasping.candidates import Grasp, PlacementError, upright
 from mam_envs.object_model import ObjectModel
 from mam_envs.placement.base import Placement, object_pose
 from mam_envs.placement.memory import remembered_place
+from mam_envs.placement.reach_in import hand_places, served
 from mam_envs.robots import RobotSpec
 from mam_envs.tasks import JointGoal, Task, task_class
 from mam_pipeline.asset.card import Asset, CardJoint
@@ -30,6 +31,7 @@ class Layout:
         goals: one or, for a sequence, several joints in order.
         handles: (3,) per goal, the point to grasp, asset frame at rest.
         grasps: per goal, how the hand takes hold of it: for the first as the placement plans it.
+        places: where the goal's loose thing may lie so that this arm gets at it; see `Thing`.
     """
 
     model: ObjectModel
@@ -38,6 +40,7 @@ class Layout:
     robot: RobotSpec
     handles: tuple[FloatArray, ...]
     grasps: tuple[Grasp, ...]
+    places: tuple[tuple[float, float, float], ...] = ()
 
     @property
     def world_asset(self) -> FloatArray:
@@ -172,8 +175,26 @@ def _at_scale(asset: Asset, request: _Request, scale: float) -> Layout:
         request.task.goal(name, model, joint, request.success)
         for joint, name in zip(request.joints, request.names)
     )
-    placement = remembered_place(model, goals, request.robot, request.chance)
-    later = [upright(request.robot, model.grasps(goal.joint)[0]) for goal in goals[1:]]
+    robot = request.robot
+    shut = [g if g.thing is None else replace(g, q_start=g.closed) for g in goals]  # to be opened
+    placement = remembered_place(model, shut, robot, request.chance)
+    later = [upright(robot, model.grasps(goal.joint)[0]) for goal in goals[1:]]
     grasps = (placement.path.grasp, *later)
     handles = tuple(np.array(grasp.card.position) for grasp in grasps)
-    return Layout(model, goals, placement, request.robot, handles, grasps)
+    layout = Layout(model, goals, placement, robot, handles, grasps)
+    if goals[0].thing is None:
+        return layout
+    places = hand_places(model, goals[0], robot)
+    for sign in (-1, 0, 1):  # wherever the object is put
+        shift = [sign * request.chance.position] * 2
+        yaw = sign * np.deg2rad(request.chance.yaw)
+        pose = object_pose(model, placement.object_height, shift, yaw)
+        free = served(model, goals[0], robot, placement.base[None], pose, places)[0]
+        places = [p for p, fine in zip(places, free) if fine]
+    if not places:
+        raise PlacementError(
+            f"{asset.card.name}: a {robot.uid}'s hand that comes from above reaches nothing in "
+            f"what {goals[0].joint!r} moves",
+            "reach",
+        )
+    return replace(layout, places=tuple(places))

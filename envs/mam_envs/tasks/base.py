@@ -15,6 +15,7 @@ import torch
 
 from mam_envs.config import EnvConfig, SuccessConfig
 from mam_envs.object_model import ObjectModel
+from mam_envs.tasks.thing import Thing
 from mam_pipeline.errors import NotPhysicalError
 
 
@@ -37,6 +38,7 @@ class JointGoal:
         spring: newtons (newton metres) with which a spring pushes the joint from q_goal back to
             `closed`; 0 is none. See `Task.spring_targets`.
         let_go: whether success asks that the hand leaves the part in the end.
+        thing: what is taken out of the part, or put in; None for tasks on the joint alone.
     """
 
     joint: str
@@ -53,6 +55,7 @@ class JointGoal:
     closing: bool = False
     spring: float = 0.0
     let_go: bool = False
+    thing: Thing | None = None
 
     @property
     def range(self) -> float:
@@ -80,6 +83,10 @@ class TaskState:
         handle: (b, stages, 3) point to grasp, world.
         tool: (b, 7) tool frame in the world: position, quaternion (w, x, y, z).
         action_rate: (b,) mean squared change of the action since the last control step.
+        thing: (b, 7) pose of the loose thing in the world, where the task has one; inside: (b, 3)
+            its middle in the asset's frame, as the part carries it with its joint at 0.
+        thing_speed: (b,) metres per second. thing_force: (b,) newtons of the robot on it, squeeze
+            included, the most of the last control step.
     """
 
     q: torch.Tensor
@@ -90,6 +97,10 @@ class TaskState:
     handle: torch.Tensor
     tool: torch.Tensor
     action_rate: torch.Tensor
+    thing: torch.Tensor | None = None
+    inside: torch.Tensor | None = None
+    thing_speed: torch.Tensor | None = None
+    thing_force: torch.Tensor | None = None
 
 
 class Task(ABC):

@@ -38,7 +38,7 @@ class Plan:
         path: the arm path it times.
         arm: (T, n) joint targets, radians.
         gripper: (T,) gripper commands.
-        phase: (T,) names: move, approach, close, follow, settle, release.
+        phase: (T,) names: move, approach, close, follow, settle, release; lift, hold for things.
         expected: (T,) joint value of the object that should be reached by then.
     """
 
@@ -149,12 +149,12 @@ def time_path(robot: RobotSpec, now: PlannerState, path: ArmPath, config: Expert
         expected.extend(np.broadcast_to(values, (len(arm),)).tolist())
 
     add(
-        _timed(np.stack([now.arm, path.approach[0]]), config.move_speed * robot.step),
+        timed(np.stack([now.arm, path.approach[0]]), config.move_speed * robot.step),
         ready,
         "move",
         start,
     )
-    add(_timed(path.approach, config.approach_speed * robot.step, 10), ready, "approach", start)
+    add(timed(path.approach, config.approach_speed * robot.step, 10), ready, "approach", start)
     add(np.repeat(path.approach[-1:], config.pause_steps, axis=0), ready, "approach", start)
     if not pushing:
         hold_still = np.repeat(path.approach[-1:], config.close_steps, axis=0)
@@ -244,7 +244,7 @@ def _release(robot: RobotSpec, done: Plan, config: ExpertConfig) -> Plan | None:
     )
 
 
-def _timed(points: FloatArray, step: float, least: int = 8) -> FloatArray:
+def timed(points: FloatArray, step: float, least: int = 8) -> FloatArray:
     """Joint waypoints (K, n) as targets (T, n), no joint faster than `step` per row on average,
     starting and ending gently."""
     return _timed_with(points, np.zeros(len(points)), step, least)[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from mam_envs.grasping.candidates import Grasp
 from mam_envs.planner_state import PlannerState
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import FloatArray
+from mam_policies.expert.carry import Leg, goal_of, next_leg, pick
 from mam_policies.expert.compliance import Compliance
 from mam_policies.expert.config import ExpertConfig
 from mam_policies.expert.plan import Plan, PlanningError, correction, hand_travel, plan
@@ -47,7 +48,7 @@ class Expert:
 
     Attributes:
         phase: name of what it does now (move, approach, close, follow, settle,
-            release, retreat, done).
+            release, lift, hold, retreat, done).
         target: (n,) arm joint target of the last action, radians.
     """
 
@@ -96,11 +97,17 @@ class Expert:
         """
         self.skip: list[Grasp] = []
         self.plans, self.reason = [], ""
-        self.stage = int(self.env.stage[0])
+        self.stage, self.before = int(self.env.stage[0]), 0
+        self.leg: Leg = "joint"
         self._begin(self.env.planner_state())
 
     def _begin(self, now: PlannerState) -> None:
-        self.plan = plan(now, self.skip, self.config)
+        leg = next_leg(now)
+        if leg != self.leg:
+            self.leg, self.skip, self.before = leg, [], len(self.plans)
+        now = replace(now, goal=goal_of(leg, now.goal))
+        found = pick(now, self.config) if leg == "pick" else plan(now, self.skip, self.config)
+        self.plan = found
         self.plans.append(self.plan)
         self.at = self.corrections = self.waited = self.strained = self.held = 0
         self.compliance = Compliance(self.config)
@@ -113,6 +120,8 @@ class Expert:
     def act(self) -> FloatArray:
         """The next action (the environment's action vector)."""
         now = self.env.planner_state()
+        begun = next_leg(now)
+        now = replace(now, goal=goal_of(self.leg, now.goal))
         if int(self.env.stage[0]) != self.stage:
             self.stage, self.skip = int(self.env.stage[0]), []
             self._let_go(now)
@@ -123,7 +132,11 @@ class Expert:
             if not self.retreat and (not self.leaving or self._may_retry()):
                 self._again()
             return self._action(now)
-        if self.at >= len(self.plan) and self.corrections < self.config.corrections:
+        if self.at >= len(self.plan) and begun != self.leg and not self.leaving:
+            self._let_go(now)  # this leg is done
+            return self.act()
+        on_joint = self.leg != "pick"
+        if self.at >= len(self.plan) and on_joint and self.corrections < self.config.corrections:
             further = correction(now, self.plan, self.config)
             self.corrections += 1
             if further is not None:
@@ -192,10 +205,12 @@ class Expert:
         return bool(behind > self.config.slip) and length > self.config.slip_length
 
     def _may_retry(self) -> bool:
-        return len(self.plans) < self.attempts
+        return len(self.plans) - self.before < self.attempts
 
     def _why(self, now: PlannerState) -> str:
         info = self.env.get_info()
+        if self.leg == "pick":
+            return "the cube was not grasped, or slipped from the hand"
         done, touched = float(info["progress"][0]), bool(info["by_contact"][0])
         if done < 0.05:
             return "the grasp slipped before the joint moved" if touched else "no contact was made"
