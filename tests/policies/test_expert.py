@@ -14,6 +14,7 @@ import mam_envs
 from mam_pipeline.errors import ConfigError
 from mam_policies.expert import Expert, run_episode
 from mam_policies.expert.compliance import Compliance
+from mam_policies.task_words import task_words
 
 
 @pytest.mark.parametrize("kind", ["drawer", "door"])
@@ -113,6 +114,7 @@ def test_a_button_is_pressed_until_it_latches_and_left(button: Path) -> None:
 def test_a_cube_is_taken_out_of_a_drawer(tray: Path) -> None:
     env = mam_envs.make(tray, task="take_out", control_mode="pd_joint_pos")
     base: Any = env.unwrapped
+    assert task_words(base) == "take the cube out of the drawer"
     starts = []
     for seed in (2, 3, 2):
         _, info = env.reset(seed=seed)

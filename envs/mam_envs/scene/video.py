@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from mam_envs.scene.layout import Layout
+from mam_envs.scene.loose import COLOUR
 from mam_pipeline import folders
 from mam_pipeline.claims import FILM_MARK, png_mark
 from mam_pipeline.formats.door import outside_allowed
@@ -71,18 +72,24 @@ class Camera:
 
     @cached_property
     def meshes(self) -> list[tuple[str, str, FloatArray, FloatArray, FloatArray]]:
-        """(owner, link, vertices, faces, face colours) of robot and object."""
+        """(owner, link, vertices, faces, face colours) of robot, object and loose thing."""
         layout = self.env.layout(0)
         with outside_allowed():  # installed with the robot's code
             robot = layout.robot.path.parent
             rows = _visuals("robot", layout.robot.model.robot, robot, 1.0, ROBOT)
         folder = layout.model.asset.urdf_path.parent
         rows += _visuals("object", layout.model.kinematics.robot, folder, layout.model.scale, None)
+        if self.env.loose is not None:
+            cube = trimesh.creation.box([self.env.loose.thing.size] * 3)
+            tints = np.tile(COLOUR[:3], (len(cube.faces), 1))
+            rows.append(("thing", "thing", np.asarray(cube.vertices), cube.faces, tints))
         return rows
 
     def _ray_cast(self) -> Frame:
         poses = {("robot", link.name): link for link in self.env.agent.robot.links}
         poses.update({("object", link.name): link for link in self.env.objects[0].links})
+        if self.env.loose is not None:
+            poses["thing", "thing"] = self.env.loose.actor
         points, faces, colours, count = [], [], [], 0
         for owner, name, vertices, triangles, tints in self.meshes:
             if (owner, name) not in poses:
