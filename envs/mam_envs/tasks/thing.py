@@ -77,10 +77,10 @@ def free_space(
     middles = np.array(
         [(axes[0][i], axes[1][j], z + 0.5 * size) for (i, j), z in zip(found, bottom)]
     ).reshape(-1, 3)
-    middles = middles[[_open_above(model, joint, q_open, m, size) for m in middles]]
-    if not len(middles):
+    open_above = [m for m in middles if _open_above(model, joint, q_open, m, size)]
+    if not open_above:
         return None
-    places = _thinned(middles, most)
+    places = _thinned(np.array(open_above), most)
     where = np.argwhere(inside & layer[:, :, None])
     low, high = (start + cell * (where.min(axis=0))), start + cell * (where.max(axis=0) + 1)
     low[2] = bottom.min()
@@ -114,7 +114,7 @@ def _floor_below(shapes: list, axes: list[FloatArray], cells: IntArray, top: flo
         lower = np.where(n[:, 2] < -1e-9, bound, -np.inf).max(axis=1)
         beside = ((np.abs(n[:, 2]) <= 1e-9) & (height < 0)).any(axis=1)
         hit = ~beside & (lower <= upper) & (upper <= top)
-        best = np.where(hit, np.maximum(best, upper), best)
+        best[hit] = np.maximum(best, upper)[hit]
     return best
 
 
