@@ -171,8 +171,8 @@ def _page(data: dict[str, Any]) -> str:
     ]
     for row in data.get("breakaway", ()):
         forces = " | ".join(f"{row[k]:.3g} {row['unit']}" for k in ("wanted", "found"))
-        shares = [row["found"] / row["wanted"] - 1.0, row["lower"], row["upper"]]
-        cells = " | ".join(f"{100 * share:.1f} %" for share in shares)
+        parts = [row["found"] / row["wanted"] - 1.0, row["lower"], row["upper"]]
+        cells = " | ".join(f"{100 * part:.1f} %" for part in parts)
         lines.append(
             f"| {row['asset']} | `{row['joint']}` | {row['simulator']} | {forces} | {cells} |"
         )
