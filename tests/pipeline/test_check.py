@@ -23,7 +23,15 @@ from mam_pipeline.check.report import CLAUSES
 from mam_pipeline.check.shorten import written_and_checked
 from mam_pipeline.errors import InputError
 from mam_pipeline.geometry.hinge_line import HingeBodies
-from mam_pipeline.types import Articulation, CollisionShape, Joint, Link, Mesh, joint_motion
+from mam_pipeline.types import (
+    Articulation,
+    CollisionShape,
+    Joint,
+    Link,
+    Mesh,
+    RangeBasis,
+    joint_motion,
+)
 
 pytestmark = pytest.mark.sim
 
@@ -167,6 +175,32 @@ def test_a_way_that_ends_in_a_wall_is_cut_and_said_so(tmp_path: Path, may: bool)
     else:
         assert hinge.upper == 2.9 and "penetration" in card.checks["executability"]["reasons"]
     assert next(j for j in card.joints if j.name == "slide").upper == 0.28
+
+
+@pytest.mark.parametrize("who", ["model", "user"])
+def test_a_turn_without_end_that_meets_something_gets_ends(tmp_path: Path, who: str) -> None:
+    """A bar on a plate, with a post on its way; what a user said of its turn is not changed."""
+    plate, post, bar = (
+        trimesh.creation.box(bounds=b)
+        for b in (
+            [[0, -0.3, -0.3], [0.05, 0.3, 0.3]],
+            [[-0.1, 0.04, 0.12], [0, 0.08, 0.2]],
+            [[-0.05, -0.2, -0.02], [0, 0.2, 0.02]],
+        )
+    )
+    whole: Any = trimesh.util.concatenate([plate, post, bar])
+    links = (Link("body", "body", np.arange(24)), Link("bar", "knob", np.arange(24, 36)))
+    turn = Joint("turn", "continuous", "spin", 0, 1, np.array([-1.0, 0, 0]), np.zeros(3),
+                 -np.inf, np.inf, provenance=who, basis=RangeBasis("given"))  # type: ignore[arg-type]  # fmt: skip
+    made = Articulation(Mesh(whole.vertices, whole.faces), links, (turn,))
+    card = written_and_checked(made, partial(write_asset, out=tmp_path / "a", name="a")).card
+    found, verdict = card.joints[0], card.checks["executability"]
+    if who == "user":
+        assert found.type == "continuous" and "penetration" in verdict["reasons"]
+        return
+    assert verdict["passed"] and found.type == "revolute", verdict
+    assert found.upper is not None and 0.3 < found.upper < 1.1
+    assert "turn: way cut to" in " ".join(card.notes)
 
 
 def test_a_part_in_mid_air_is_told(tmp_path: Path) -> None:

@@ -81,15 +81,32 @@ def _shortened(
     model = CheckModel.read(asset.urdf_path) if out else None
     joints, notes = [], []
     for joint in articulation.joints:
-        own = found.get(joint.name)
+        own, before = found.get(joint.name), joint
+        if own is not None and "penetration" in own.reasons:
+            joint = _with_ends(joint)
         share = None if own is None else _free_share(joint, own, model)
         if share is None:
-            joints.append(joint)
+            joints.append(before)
             continue
         ends = {end: getattr(joint, end) * share for end in ("lower", "upper", "open", "closed")}
         joints.append(replace(joint, **ends, basis=joint.basis.cut(share)))
         notes.append(f"{joint.name}: way cut to {100 * share:.0f} %, where the check stops it")
     return replace(articulation, joints=tuple(joints)), notes
+
+
+def _with_ends(joint: Joint) -> Joint:
+    """A joint that turns without end as one that makes half a turn each way: something stops it,
+    and only a range that has ends can be cut. A user's stays as it is."""
+    if joint.type != "continuous" or _users(joint):
+        return joint
+    basis = replace(joint.basis, rule="collision", share=1.0)
+    ends = {"lower": -np.pi, "upper": np.pi, "closed": 0.0, "open": np.pi}
+    return replace(joint, type="revolute", **ends, basis=basis)
+
+
+def _users(joint: Joint) -> bool:
+    """Whether a person said how far it goes."""
+    return joint.basis.rule == "given" and joint.provenance == "user"
 
 
 def _free_share(joint: Joint, report: JointReport, model: CheckModel | None) -> float | None:
@@ -98,7 +115,7 @@ def _free_share(joint: Joint, report: JointReport, model: CheckModel | None) -> 
     Args:
         model: as it was written, where a part leaves its guide.
     """
-    if joint.basis.rule == "given" and joint.provenance == "user":
+    if _users(joint):
         return None
     if not np.isfinite(joint.upper - joint.lower) or not joint.lower <= 0.0 <= joint.upper:
         return None
