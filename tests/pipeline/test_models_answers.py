@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from mam_pipeline.models import motion_check, questions
-from mam_pipeline.models.answers import Answered, tree_of, with_ranges
+from mam_pipeline.models.answers import Answered, tree_of, unblocked, with_ranges
 from mam_pipeline.models.questions import Group, Mount, MountedPart, MountedParts, Mounting
 from mam_pipeline.types import Articulation, Joint, Link, Mesh, Primitives, RangeBasis
 
@@ -166,6 +166,42 @@ def test_what_turns_and_has_ends_is_measured_like_a_hinge(boxes: Boxes) -> None:
     node = _made(boxes, "tap_handle", **{**SPIN, "endless": False}).tree.nodes[1]
     assert node.subtype == "hinge" and {c.subtype for c in node.candidates} == {"hinge"}
     assert _made(boxes, "tap_handle", **SPIN).tree.nodes[1].subtype == "spin"
+
+
+@pytest.mark.parametrize("grown", [False, True])
+def test_a_hinge_line_beside_what_it_joins_gives_way_to_one_on_both(grown: bool) -> None:
+    """A handle on a spindle near its middle, said to turn at its end; at a plate that reaches
+    there, it does."""
+    plate, spindle, handle, block = (
+        trimesh.creation.box(bounds=b)
+        for b in (
+            [[0.0, -0.3, -0.3], [0.03, 0.3, 0.3]],
+            [[-0.05, 0.04, -0.01], [0.0, 0.06, 0.01]],
+            [[-0.07, -0.1, -0.012], [-0.05, 0.15, 0.012]],
+            [[-0.07, 0.15, -0.012], [0.0, 0.2, 0.012]],
+        )
+    )
+    body = [plate, block] if grown else [plate]
+    whole: Any = trimesh.util.concatenate([*body, spindle, handle])
+    count = 12 * len(body)
+    labels = (np.arange(len(whole.faces)) >= count).astype(np.int64)
+    mesh, primitives = Mesh(whole.vertices, whole.faces), Primitives(labels)
+    groups = [
+        Group(name=name, kind=kind, is_base=not i, pieces=[i], confidence=1.0)
+        for i, (name, kind) in enumerate((("body", "body"), ("latch", "lever")))
+    ]
+    mount = Mount.model_validate(
+        {"name": "latch", "parent": "body", "motion": "hinge", "confidence": 1.0,
+         "second_best": "spin", "axis": "x", "side": "+y", "opens": "either"}
+    )  # fmt: skip
+    made = tree_of(groups, Mounting(mounts=[mount]), np.arange(2), mesh, primitives, {})
+    node = unblocked(made, mesh, primitives).tree.nodes[1]
+    line = node.candidates[0]
+    assert line.subtype == "hinge" and abs(line.axis[0]) > 0.99
+    if grown:
+        assert line.origin[1] == pytest.approx(0.15, abs=0.01) and "physics" not in node.evidence
+    else:
+        assert 0.03 < line.origin[1] < 0.07 and "beside what it joins" in node.evidence["physics"]
 
 
 def test_a_verdict_has_no_empty_reasons(swung: Articulation) -> None:

@@ -152,6 +152,13 @@ class JointEstimator:
         key = self._key(node, faces)
         return _kept(_REMEMBERED, key, ESTIMATE.remembered, lambda: self._estimate(node, faces))
 
+    def staying(self, tree: KinematicTree, index: int) -> list[int]:
+        """Which hinge lines of a node of a `turned` tree stay on both bodies; indices."""
+        faces = self.faces(tree, index)
+        rest_gap = self._around(faces.moving, faces.static).paths.rest_gap
+        stays = stays_on_both(self.mesh, faces, rest_gap)
+        return [k for k, c in enumerate(tree.nodes[index].candidates) if stays(c)]
+
     def free(self, faces: PartFaces, joint: Joint, end: float) -> float:
         """How far towards `end` (signed) a joint's part goes before it meets something."""
         motion: Motion = "prismatic" if joint.type == "prismatic" else "revolute"
@@ -371,17 +378,23 @@ def on_both(
 ) -> list[JointCandidate]:
     """The candidates whose line stays on both bodies, as the check asks, and is nearly as probable
     as the best or parallel to it; all candidates if there is none."""
-    bodies = HingeBodies(mesh, faces.moving, faces.parent if len(faces.parent) else faces.static)
-    most = ESTIMATE.on_line * THRESHOLDS.gap_share + rest_gap / max(mesh.diagonal, 1e-12)
-    best = candidates[0]
+    best, stays = candidates[0], stays_on_both(mesh, faces, rest_gap)
 
     def near(c: JointCandidate) -> bool:
         parallel = abs(float(c.axis @ best.axis)) > ESTIMATE.parallel
         return c.score >= best.score - (ESTIMATE.nearly_parallel if parallel else ESTIMATE.nearly)
 
     lines = [c for c in candidates[: ESTIMATE.lines] if near(c)]
-    fits = [c for c in lines if bodies.line_gap(c.axis, c.origin, bodies.encloses) <= most]
-    return fits or candidates
+    return [c for c in lines if stays(c)] or candidates
+
+
+def stays_on_both(
+    mesh: Mesh, faces: PartFaces, rest_gap: float
+) -> Callable[[JointCandidate], bool]:  # fmt: skip
+    """Tells of a hinge line whether it stays on both bodies, as the check asks."""
+    bodies = HingeBodies(mesh, faces.moving, faces.parent if len(faces.parent) else faces.static)
+    most = ESTIMATE.on_line * THRESHOLDS.gap_share + rest_gap / max(mesh.diagonal, 1e-12)
+    return lambda c: bodies.line_gap(c.axis, c.origin, bodies.encloses) <= most
 
 
 def contact_evidence(scene: SweepScene) -> dict[str, Any]:

@@ -3,7 +3,8 @@
 The answer says of each part's axis which way it runs, on which side it lies and which way the part
 opens. That selects; the measured ranking only orders the lines that agree, and where none does, one
 is made from the part's box. A line may also be given by pieces that it runs through or along.
-Physics vetoes a line by which the part is blocked from the start. Then ranges are set as answered.
+Physics vetoes a line by which the part is blocked from the start, and a hinge line that lies beside
+the bodies that it joins. Then ranges are set as answered.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from mam_pipeline.geometry.boxes import minimal_box
 from mam_pipeline.geometry.frames import estimate_frame
 from mam_pipeline.geometry.sampling import unit
 from mam_pipeline.joints.candidates import rank_hypotheses
-from mam_pipeline.joints.estimate import JointEstimator, topological_order
+from mam_pipeline.joints.estimate import ESTIMATE, JointEstimator, topological_order
 from mam_pipeline.joints.limits import RANGES
 from mam_pipeline.models.questions import (
     Details,
@@ -457,10 +458,11 @@ def _agrees(line: JointCandidate, mount: Mount, box: FloatArray) -> bool:
 
 
 def unblocked(answered: Answered, mesh: Mesh, primitives: Primitives, seed: int = 0) -> Answered:
-    """The tree without lines by which a part is blocked from the start in both directions.
+    """The tree without lines by which a part is blocked from the start in both directions, or that
+    lie beside the bodies that they join.
 
-    The way back is tried first, then the other lines of that kind of motion as they were measured;
-    what was done stands in the part's evidence.
+    Of a blocked part the way back is tried first, then the other lines of that kind of motion as
+    they were measured; what was done stands in the part's evidence.
     """
     estimator = JointEstimator(*without_repeats(mesh, primitives), seed)
     tree = answered.tree
@@ -475,7 +477,13 @@ def unblocked(answered: Answered, mesh: Mesh, primitives: Primitives, seed: int 
         node = tree.nodes[i]
         if node.subtype == "fixed" or node.limits is not None or not node.candidates:
             continue
-        if node.name in answered.settled_lines or free(i, node.candidates):
+        if node.name in answered.settled_lines:
+            continue
+        node = _on_bodies(
+            answered, tree, i, estimator, _box(mesh, np.isin(primitives.labels, node.primitives))
+        )
+        tree = KinematicTree((*tree.nodes[:i], node, *tree.nodes[i + 1 :]))
+        if free(i, node.candidates):
             continue
         back = [replace(c, axis=-c.axis) for c in node.candidates]
         kinds = ("slide",) if node.subtype == "slide" else ("hinge", "spin")
@@ -493,6 +501,52 @@ def unblocked(answered: Answered, mesh: Mesh, primitives: Primitives, seed: int 
         node = replace(node, candidates=tuple(lines), evidence={**node.evidence, "physics": said})
         tree = KinematicTree((*tree.nodes[:i], node, *tree.nodes[i + 1 :]))
     return replace(answered, tree=tree)
+
+
+def _on_bodies(
+    answered: Answered, tree: KinematicTree, index: int, estimator: JointEstimator, box: FloatArray
+) -> PartNode:
+    """The node; where all its hinge lines lie beside part or body, with one that stays on both.
+
+    It runs the same way and lies on the answered side of the middle, as far to that side as one
+    that stays on both does: a handle's spindle is nearer to its middle than its end is.
+
+    Args:
+        estimator: of the same mesh. box: (2, 3) of the part, asset frame.
+    """
+    node = tree.nodes[index]
+    mount, first = answered.mounts[node.name], node.candidates[0]
+    if node.subtype == "slide" or mount.side == "middle" or mount.by_pieces:
+        return node
+
+    def staying(lines: Lines) -> list[int]:
+        new = replace(node, candidates=tuple(lines))
+        nodes = (*tree.nodes[:index], new, *tree.nodes[index + 1 :])
+        return estimator.staying(estimator.turned(KinematicTree(nodes)), index)
+
+    if staying(node.candidates):
+        return node
+    way = direction(mount.side)
+    measured = sorted(answered.lines.get(node.name, ()), key=lambda c: -c.score)
+    others = [
+        c for c in measured
+        if c.subtype in ("hinge", "spin") and abs(float(c.axis @ first.axis)) > ESTIMATE.parallel
+        and float((c.origin - box.mean(axis=0)) @ way) > 0.0
+    ][: ANSWERS.other_lines]  # fmt: skip
+    on_both = [others[k] for k in staying(others)]
+    if not on_both:
+        return node
+    on_both.sort(key=lambda c: -float(c.origin @ way))
+    among = float(np.sum([c.within_kind or 0.0 for c in on_both]))
+    lines = tuple(
+        replace(
+            _opening(c, mount, box), subtype=node.subtype,
+            within_kind=None if c.within_kind is None else c.within_kind / max(among, 1e-12),
+        )
+        for c in on_both
+    )  # fmt: skip
+    said = "the answered line lies beside what it joins: the nearest to it on both is taken"
+    return replace(node, candidates=lines, evidence={**node.evidence, "physics": said})
 
 
 def on_side(line: JointCandidate, side: str, box: FloatArray) -> bool:
