@@ -100,8 +100,9 @@ def _with_ends(joint: Joint) -> Joint:
     if joint.type != "continuous" or _users(joint):
         return joint
     basis = replace(joint.basis, rule="collision", share=1.0)
-    ends = {"lower": -np.pi, "upper": np.pi, "closed": 0.0, "open": np.pi}
-    return replace(joint, type="revolute", **ends, basis=basis)
+    return replace(
+        joint, type="revolute", lower=-np.pi, upper=np.pi, closed=0.0, open=np.pi, basis=basis
+    )
 
 
 def _users(joint: Joint) -> bool:
