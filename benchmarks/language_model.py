@@ -66,13 +66,7 @@ from mam_pipeline.weights import noting
 from mam_sim.bench.runner import Record, execute
 from mam_sim.bench.table import Row, models_of, summarise
 
-ANSWERS = tuple(
-    ROOT / "tests" / "pipeline" / name
-    for name in (
-        "answers.zip", "answers_dev2.zip", "answers_kitchen.zip", "answers_kitchen_2.zip",
-        "answers_photos.zip",
-    )
-)  # fmt: skip
+ANSWERS = tuple(sorted((ROOT / "tests" / "pipeline").glob("answers*.zip")))
 EMBEDDED = "the embedded reasoner"
 OWN = "our own reading"
 OTHERS = ("handle", "room door")  # classes of boxes
