@@ -31,7 +31,7 @@ from mam_pipeline.asset.mjcf import export_mjcf
 from mam_pipeline.asset.read import read_asset
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.evidence.read import named_size
-from mam_pipeline.geometry.motion import motion_points
+from mam_pipeline.geometry.motion import Motion, motion_points
 from mam_pipeline.render.mesh_pictures import render_mesh
 from mam_pipeline.types import Mesh
 from mam_world import make_object
@@ -114,7 +114,7 @@ def shot_of(category: str, seed: int, folder: Path, size: int) -> tuple[Shot, Me
     faces = np.concatenate([articulation.links[i].faces for i in carried])
     corners = np.unique(articulation.mesh.faces[faces])
     points = np.array(articulation.mesh.vertices)
-    way = "prismatic" if own.type == "prismatic" else "revolute"
+    way: Motion = "prismatic" if own.type == "prismatic" else "revolute"
     points[corners] = motion_points(
         way, own.axis, own.origin, np.array([values[joint.name]]), points[corners]
     )[0]
