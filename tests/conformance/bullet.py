@@ -61,3 +61,15 @@ def bullet() -> Any:
             pytest.skip("PyBullet is not installed, nor is Python 3.11 for it (scripts/setup.sh)")
         return Bullet(SIDE)
     return pybullet
+
+
+def empty_world() -> Any:
+    """PyBullet with one world, empty: the only one, as calls that name none go to the first.
+
+    A world that an earlier test left would otherwise take those calls, with its bodies in the way.
+    """
+    library = bullet()
+    while library.isConnected():
+        library.disconnect()
+    library.connect(library.DIRECT)
+    return library

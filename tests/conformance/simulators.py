@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.formats.mesh_files import read_file
-from tests.conformance.bullet import bullet
+from tests.conformance.bullet import empty_world
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "benchmarks"
 Values = Mapping[str, float]
@@ -253,51 +253,44 @@ def mujoco(asset: Asset) -> Opened:
 
 def pybullet(asset: Asset) -> Opened:
     """The URDF as PyBullet loads it; its axis-aligned boxes carry a margin and are left out."""
-    library = bullet()
-
-    client = library.connect(library.DIRECT)
+    library = empty_world()
+    flags = library.URDF_USE_INERTIA_FROM_FILE | library.URDF_USE_MATERIAL_COLORS_FROM_MTL
     try:
-        flags = library.URDF_USE_INERTIA_FROM_FILE | library.URDF_USE_MATERIAL_COLORS_FROM_MTL
-        try:
-            body = library.loadURDF(
-                str(asset.urdf_path), useFixedBase=True, flags=flags, physicsClientId=client
-            )
-        except library.error as error:
-            raise AssertionError(f"PyBullet refuses the file: {error}") from error
-        base = library.getBodyInfo(body)[0].decode()
-        infos = [library.getJointInfo(body, i) for i in range(library.getNumJoints(body))]
-        names = {-1: base, **{i[0]: i[12].decode() for i in infos}}
-        moving = [i for i in infos if i[2] != library.JOINT_FIXED]
-        out = Opened(set(names.values()), {i[1].decode() for i in moving})
-        # a fixed base is told to have no mass
-        free = library.loadURDF(str(asset.urdf_path), flags=flags)
-        out.masses = {n: library.getDynamicsInfo(free, k)[0] for k, n in names.items()}
-        library.removeBody(free)
+        body = library.loadURDF(str(asset.urdf_path), useFixedBase=True, flags=flags)
+    except library.error as error:
+        raise AssertionError(f"PyBullet refuses the file: {error}") from error
+    base = library.getBodyInfo(body)[0].decode()
+    infos = [library.getJointInfo(body, i) for i in range(library.getNumJoints(body))]
+    names = {-1: base, **{i[0]: i[12].decode() for i in infos}}
+    moving = [i for i in infos if i[2] != library.JOINT_FIXED]
+    out = Opened(set(names.values()), {i[1].decode() for i in moving})
+    # a fixed base is told to have no mass
+    free = library.loadURDF(str(asset.urdf_path), flags=flags)
+    out.masses = {n: library.getDynamicsInfo(free, k)[0] for k, n in names.items()}
+    library.removeBody(free)
+    for info in moving:
+        if info[8] <= info[9]:
+            out.limits[info[1].decode()] = (info[8], info[9])
+    # the base's frame is where its centre of mass is; its place is told by the inertial frame
+    position, turn = library.getDynamicsInfo(body, -1)[3:5]
+    inertial = _pose(position, Rotation.from_quat(turn).as_matrix())
+    for values in configurations(asset):
         for info in moving:
-            if info[8] <= info[9]:
-                out.limits[info[1].decode()] = (info[8], info[9])
-        # the base's frame is where its centre of mass is; its place is told by the inertial frame
-        position, turn = library.getDynamicsInfo(body, -1)[3:5]
-        inertial = _pose(position, Rotation.from_quat(turn).as_matrix())
-        for values in configurations(asset):
-            for info in moving:
-                library.resetJointState(body, info[0], values[info[1].decode()])
-            position, turn = library.getBasePositionAndOrientation(body)
-            root = _pose(position, Rotation.from_quat(turn).as_matrix()) @ np.linalg.inv(inertial)
-            poses = {base: root}
-            for info in infos:
-                state = library.getLinkState(body, info[0], computeForwardKinematics=True)
-                frame = _pose(state[4], Rotation.from_quat(state[5]).as_matrix())
-                poses[names[info[0]]] = frame
-            # the world's origin is the base's centre of mass, not its link frame
-            home = np.linalg.inv(root)
-            out.poses.append({n: home @ p for n, p in poses.items()})
-        shapes = library.getVisualShapeData(body, library.VISUAL_SHAPE_DATA_TEXTURE_UNIQUE_IDS)
-        out.visuals = len(shapes)
-        out.textured = sum(s[8] >= 0 for s in shapes)
-        return out
-    finally:
-        library.disconnect(client)
+            library.resetJointState(body, info[0], values[info[1].decode()])
+        position, turn = library.getBasePositionAndOrientation(body)
+        root = _pose(position, Rotation.from_quat(turn).as_matrix()) @ np.linalg.inv(inertial)
+        poses = {base: root}
+        for info in infos:
+            state = library.getLinkState(body, info[0], computeForwardKinematics=True)
+            frame = _pose(state[4], Rotation.from_quat(state[5]).as_matrix())
+            poses[names[info[0]]] = frame
+        # the world's origin is the base's centre of mass, not its link frame
+        home = np.linalg.inv(root)
+        out.poses.append({n: home @ p for n, p in poses.items()})
+    shapes = library.getVisualShapeData(body, library.VISUAL_SHAPE_DATA_TEXTURE_UNIQUE_IDS)
+    out.visuals = len(shapes)
+    out.textured = sum(s[8] >= 0 for s in shapes)
+    return out
 
 
 def usd(asset: Asset) -> Opened:

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from mam_pipeline.asset.card import Asset, CardJoint
-from tests.conformance.bullet import bullet
+from tests.conformance.bullet import empty_world
 
 STEP = 1 / 500
 NEAR = 0.05
@@ -98,10 +98,7 @@ def _mujoco(asset: Asset, joint: CardJoint) -> Push:
 
 
 def _pybullet(asset: Asset, joint: CardJoint) -> Push:
-    library = bullet()
-    if not library.isConnected():
-        library.connect(library.DIRECT)
-    library.resetSimulation()
+    library = empty_world()
     library.setGravity(0, 0, -9.81)
     library.setTimeStep(STEP)
     flags = library.URDF_USE_INERTIA_FROM_FILE

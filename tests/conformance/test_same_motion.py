@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mam_pipeline.asset.card import Asset, CardJoint
-from tests.conformance.bullet import bullet
+from tests.conformance.bullet import bullet, empty_world
 
 STEP = 1 / 500
 DRIVEN, LEFT = 1000, 2500
@@ -92,36 +92,32 @@ def _mujoco(asset: Asset, slide: CardJoint, force: Force) -> tuple[np.ndarray, f
 
 
 def _pybullet(asset: Asset, slide: CardJoint, force: Force) -> tuple[np.ndarray, float]:
-    pybullet = bullet()
-    client = pybullet.connect(pybullet.DIRECT)
-    try:
-        pybullet.setGravity(0, 0, -9.81)
-        pybullet.setTimeStep(STEP)
-        flags = pybullet.URDF_USE_INERTIA_FROM_FILE
-        body = pybullet.loadURDF(str(asset.urdf_path), useFixedBase=True, flags=flags)
-        count = pybullet.getNumJoints(body)
-        names = [pybullet.getJointInfo(body, i)[1].decode() for i in range(count)]
-        cards = [_card(asset, n) for n in names]
-        for i, card in enumerate(cards):
-            # PyBullet reads friction, but a motor against it is what holds a joint still
-            pybullet.setJointMotorControl2(
-                body, i, pybullet.VELOCITY_CONTROL, targetVelocity=0, force=card.friction
-            )
-            pybullet.resetJointState(body, i, card.closed)
-        at, way = cards.index(slide), []
-        for _ in range(DRIVEN):
-            q, v = pybullet.getJointState(body, at)[:2]
-            pybullet.setJointMotorControl2(body, at, pybullet.TORQUE_CONTROL, force=force(q, v))
-            pybullet.stepSimulation()
-            way.append(pybullet.getJointState(body, at)[0])
-        for i, card in enumerate(cards):
-            pybullet.resetJointState(body, i, card.closed)
-        for _ in range(LEFT):
-            pybullet.stepSimulation()
-        ends = [pybullet.getJointState(body, i)[0] - c.closed for i, c in enumerate(cards)]
-        return np.array(way), float(np.abs(ends).max())
-    finally:
-        pybullet.disconnect(client)
+    pybullet = empty_world()
+    pybullet.setGravity(0, 0, -9.81)
+    pybullet.setTimeStep(STEP)
+    flags = pybullet.URDF_USE_INERTIA_FROM_FILE
+    body = pybullet.loadURDF(str(asset.urdf_path), useFixedBase=True, flags=flags)
+    count = pybullet.getNumJoints(body)
+    names = [pybullet.getJointInfo(body, i)[1].decode() for i in range(count)]
+    cards = [_card(asset, n) for n in names]
+    for i, card in enumerate(cards):
+        # PyBullet reads friction, but a motor against it is what holds a joint still
+        pybullet.setJointMotorControl2(
+            body, i, pybullet.VELOCITY_CONTROL, targetVelocity=0, force=card.friction
+        )
+        pybullet.resetJointState(body, i, card.closed)
+    at, way = cards.index(slide), []
+    for _ in range(DRIVEN):
+        q, v = pybullet.getJointState(body, at)[:2]
+        pybullet.setJointMotorControl2(body, at, pybullet.TORQUE_CONTROL, force=force(q, v))
+        pybullet.stepSimulation()
+        way.append(pybullet.getJointState(body, at)[0])
+    for i, card in enumerate(cards):
+        pybullet.resetJointState(body, i, card.closed)
+    for _ in range(LEFT):
+        pybullet.stepSimulation()
+    ends = [pybullet.getJointState(body, i)[0] - c.closed for i, c in enumerate(cards)]
+    return np.array(way), float(np.abs(ends).max())
 
 
 def _card(asset: Asset, name: str) -> CardJoint:

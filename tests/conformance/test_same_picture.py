@@ -18,7 +18,7 @@ from skimage.metrics import structural_similarity
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.asset.read import read_asset
 from mam_pipeline.render.mesh_pictures import render_mesh
-from tests.conformance.bullet import bullet
+from tests.conformance.bullet import empty_world
 from tests.conformance.test_conformance import FAST, SLOW
 
 SIZE, AZIMUTH, ELEVATION, FIELD = 256, -35.0, 25.0, 30.0
@@ -103,25 +103,21 @@ def _mujoco(asset: Asset, target: NDArray[np.float64], far: float) -> View:
 
 
 def _pybullet(asset: Asset, target: NDArray[np.float64], far: float) -> View:
-    library = bullet()
-    client = library.connect(library.DIRECT)
-    try:
-        flags = library.URDF_USE_MATERIAL_COLORS_FROM_MTL
-        library.loadURDF(str(asset.urdf_path), useFixedBase=True, flags=flags)
-        eye = (target + far * _away()).tolist()
-        light = 0.45 * _key() + 0.25 * _away()  # it has one light: the sum of our two
-        strength = float(np.linalg.norm(light))
-        _, _, picture, _, body = library.getCameraImage(
-            SIZE, SIZE, library.computeViewMatrix(eye, target.tolist(), [0, 0, 1]),
-            library.computeProjectionMatrixFOV(FIELD, 1.0, 0.01 * far, 10 * far),
-            renderer=library.ER_TINY_RENDERER, shadow=0,
-            lightDirection=(light / strength).tolist(), lightAmbientCoeff=0.35,
-            lightDiffuseCoeff=strength, lightSpecularCoeff=0.0,
-        )  # fmt: skip
-        shape = SIZE, SIZE
-        return _view(np.reshape(picture, (*shape, 4)), np.reshape(body, shape) >= 0)
-    finally:
-        library.disconnect(client)
+    library = empty_world()
+    flags = library.URDF_USE_MATERIAL_COLORS_FROM_MTL
+    library.loadURDF(str(asset.urdf_path), useFixedBase=True, flags=flags)
+    eye = (target + far * _away()).tolist()
+    light = 0.45 * _key() + 0.25 * _away()  # it has one light: the sum of our two
+    strength = float(np.linalg.norm(light))
+    _, _, picture, _, body = library.getCameraImage(
+        SIZE, SIZE, library.computeViewMatrix(eye, target.tolist(), [0, 0, 1]),
+        library.computeProjectionMatrixFOV(FIELD, 1.0, 0.01 * far, 10 * far),
+        renderer=library.ER_TINY_RENDERER, shadow=0,
+        lightDirection=(light / strength).tolist(), lightAmbientCoeff=0.35,
+        lightDiffuseCoeff=strength, lightSpecularCoeff=0.0,
+    )  # fmt: skip
+    shape = SIZE, SIZE
+    return _view(np.reshape(picture, (*shape, 4)), np.reshape(body, shape) >= 0)
 
 
 RENDERERS: dict[str, Callable[[Asset, NDArray[np.float64], float], View]] = {

@@ -16,7 +16,7 @@ from mam_pipeline.check.profiles import PROFILES, ProfileName
 from mam_pipeline.errors import ConfigError, InputError
 from mam_pipeline.mend import Order, mend
 from mam_pipeline.types import Articulation, Joint, Link, Mesh
-from tests.conformance.bullet import bullet
+from tests.conformance.bullet import empty_world
 
 GOOD = """<robot name="r">
  <link name="body"><visual><geometry><mesh filename="box.obj"/></geometry></visual>
@@ -100,15 +100,13 @@ def test_a_cabinet_in_one_concave_mesh_is_told(tmp_path: Path) -> None:
 
 
 def test_pybullet_refuses_what_its_profile_names(tmp_path: Path) -> None:
-    pybullet = bullet()
+    pybullet = empty_world()
     urdf = written(tmp_path, (r"box\.obj", "box.glb"))
     trimesh.creation.box((0.2, 0.2, 0.2)).export(tmp_path / "box.glb")
     assert "mesh_format" in check_profile(urdf, "pybullet").reasons
     assert "mesh_format" not in check_profile(urdf, "sapien").reasons
-    client = pybullet.connect(pybullet.DIRECT)
     with pytest.raises(pybullet.error):
         pybullet.loadURDF(str(urdf))
-    pybullet.disconnect(client)
 
 
 def test_mujoco_refuses_an_impossible_inertia_and_takes_the_mended_file(tmp_path: Path) -> None:
