@@ -162,7 +162,7 @@ def judged(
     passed: bool | None = False if run else None
     reasons: tuple[str, ...] = ("no_joint",) if run else ()
     if run and answer is not None:
-        passed, reasons = execute(answer, truth.id)
+        passed, reasons, answer = execute(answer, truth.id)
     record = Record(
         id=truth.id, category=truth.category, key="", status="error" if why else "ok", why=why,
         scores=score(answer, truth), seconds=seconds, stages={}, faces=len(truth.mesh.faces),

@@ -150,17 +150,18 @@ def run_task(task: Task, config: BenchConfig) -> Record:
     except Exception as error:  # one broken object must not end the run
         status, why = "error", f"{type(error).__name__}: {error}"
     seconds = time.perf_counter() - began
-    scores = score(found, truth)
-    awake = sum(j.iou >= RIGHT_IOU for j in scores.joints)
-    every = awake
-    if run is not None and run.articulation.dormant:
-        every = sum(j.iou >= RIGHT_IOU for j in score(_woken(run.articulation), truth).joints)
     executable: bool | None = None
     reasons: tuple[str, ...] = ()
     if found is not None and config.execute:
-        executable, reasons = execute(found, task.id)
+        executable, reasons, found = execute(found, task.id)
     elif found is None and config.execute:
         executable, reasons = False, ("no_joint",)
+    scores = score(found, truth)
+    awake = sum(j.iou >= RIGHT_IOU for j in scores.joints)
+    every = awake
+    known = found or (None if run is None else run.articulation)
+    if known is not None and known.dormant:
+        every = sum(j.iou >= RIGHT_IOU for j in score(_woken(known), truth).joints)
     return Record(
         id=task.id,
         category=task.category,
@@ -244,10 +245,14 @@ def grouping_bound(mesh: Any, labels: Any, truth: GroundTruth) -> float:
     return score(Articulation(mesh, links, truth.joints), truth).miou
 
 
-def execute(found: Articulation, name: str) -> tuple[bool, tuple[str, ...]]:
-    """Write the asset to a temporary folder and run the check: (holds, reason codes)."""
+def execute(found: Articulation, name: str) -> tuple[bool, tuple[str, ...], Articulation]:
+    """Write the asset to a temporary folder and run the check.
+
+    Returns:
+        Whether it holds, reason codes, and the articulation as it was corrected.
+    """
     from mam_pipeline.asset.writer import write_asset
-    from mam_pipeline.check.shorten import written_and_checked
+    from mam_pipeline.check.correct import written_and_checked
 
     with Scratch() as folder:
         try:
@@ -255,11 +260,13 @@ def execute(found: Articulation, name: str) -> tuple[bool, tuple[str, ...]]:
             shift = np.eye(4)
             shift[:3, 3] = [*(-(low + high)[:2] / 2), -low[2]]
             write = partial(write_asset, out=Path(folder) / "asset", name=name)
-            asset = written_and_checked(moved(found, shift), write)
+            asset, corrected = written_and_checked(moved(found, shift), write)
         except Exception as error:  # an asset that cannot be written or loaded does not execute
-            return False, (f"{type(error).__name__}: {error}"[:120],)
+            return False, (f"{type(error).__name__}: {error}"[:120],), found
     verdict = asset.card.checks["executability"]
-    return verdict["passed"], tuple(verdict["reasons"])
+    shift[:3, 3] *= -1.0
+    back = replace(moved(corrected, shift), mesh=found.mesh)  # to the last bit, for the score
+    return verdict["passed"], tuple(verdict["reasons"]), back
 
 
 def run_bench(

@@ -125,8 +125,9 @@ def make_asset(
                 hints = hints or Hints()
                 hints = replace(hints, accept=(*hints.accept, *config.accept))
             articulation, notes = _articulated(read, hints, stages, store)
+            accepted = hints.accept if hints is not None else ()
         else:
-            articulation, notes = read.articulation, []
+            articulation, notes, accepted = read.articulation, [], ()
             stages.makers["articulation"] = Maker("urdf")
         yaw, placed = turned_to_front(articulation, read, placed_as)
         (store.folder / "frame.json").write_text(json.dumps({"asset_T_engine": yaw.tolist()}))
@@ -135,7 +136,7 @@ def make_asset(
         asset = _written(
             articulation, work, out, source, read, config, stages,
             yaw @ read.source_to_asset, placed,
-            [read.summary, *read.notes, *store.notes, *notes, *assumed],
+            [read.summary, *read.notes, *store.notes, *notes, *assumed], accepted,
         )  # fmt: skip
     if asks:
         raise HintNeeded(read.unconfirmed, draft=out)
@@ -213,12 +214,16 @@ def _finished(
 def _written(
     articulation: Articulation, work: Path, out: Path, source: Path, read: Source,
     config: MakeConfig, stages: Stages, source_to_asset: FloatArray,
-    placed: tuple[Decision, ...], notes: list[str],
+    placed: tuple[Decision, ...], notes: list[str], accepted: tuple[str, ...],
 ) -> Asset:  # fmt: skip
-    """Write and check the asset in the work folder, and put it in its place."""
+    """Write and check the asset in the work folder, and put it in its place.
+
+    Args:
+        accepted: names of dormant parts that move after all.
+    """
     from mam_pipeline.asset.read import read_asset
     from mam_pipeline.asset.writer import write_asset
-    from mam_pipeline.check.shorten import written_and_checked
+    from mam_pipeline.check.correct import written_and_checked
 
     write = partial(
         write_asset,
@@ -240,8 +245,8 @@ def _written(
         thing=read.thing,
         unconfirmed=read.unconfirmed,
     )
-    asset = written_and_checked(
-        articulation, write, read.kind != "urdf", lambda: stages.tell("check")
+    asset, _ = written_and_checked(
+        articulation, write, read.kind != "urdf", lambda: stages.tell("check"), accepted
     )
     (work / "stages" / "config.json").unlink(missing_ok=True)
     config_file.save({"pipeline": config}, work / "stages" / "config.yaml")

@@ -26,7 +26,7 @@ class Thresholds:
         filled_area: share of the moving part's area that must lie so.
         exchanged_size: how many times a part's box may be as large as that of what it hangs on;
             wheels and knobs are not asked.
-        exchanged_around: share of what it hangs on that a larger part may have inside its box.
+        exchanged_around: share of what it hangs on that a larger slide may have inside its box.
         collision_reach: how far a body's collision pieces may reach beyond the box of its surface.
     """
 

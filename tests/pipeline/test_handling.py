@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mam_pipeline.check.correct import written_and_checked
 from mam_pipeline.check.drive import STEP, Handling, drive_urdf
-from mam_pipeline.check.shorten import written_and_checked
 from mam_pipeline.thresholds import HANDLING
 from mam_sim.facts import joint_facts
 from tests.pipeline.fault_cases import SLIDE, case
@@ -59,7 +59,7 @@ def test_what_is_lifted_asks_for_its_weight_too_and_falls_without_friction(tmp_p
 def test_card_and_report_say_what_was_measured(tmp_path: Path) -> None:
     from mam_pipeline.asset.writer import write_asset
 
-    asset = written_and_checked(cabinet(), lambda a: write_asset(a, tmp_path / "a", name="a"))
+    asset, _ = written_and_checked(cabinet(), lambda a: write_asset(a, tmp_path / "a", name="a"))
     rows = {row["joint"]: row for row in asset.card.checks["executability"]["measured"]}
     for joint in asset.card.movable:
         assert rows[joint.name]["breakaway"] == pytest.approx(joint.friction, rel=2 * RESOLUTION)

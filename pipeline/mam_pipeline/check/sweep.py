@@ -81,7 +81,8 @@ def share_in_guide(
 def exchanged(model: CheckModel, joint: Joint, limit: Thresholds = THRESHOLDS) -> bool:
     """Whether a body hangs on its own part: a cabinet that moves, and its drawer that stands still.
 
-    The part is far larger than what it hangs on, or larger and around it. A wheel may be both.
+    The part is far larger than what it hangs on, or slides and is larger and around it. A wheel may
+    be both, and a door's leaf is larger than the frame that stands within its outline.
     """
     mesh, room = model.articulation.mesh, 0.01 * model.articulation.mesh.diagonal
     faces = [model.articulation.links[i].faces for i in (joint.child, joint.parent)]
@@ -91,7 +92,8 @@ def exchanged(model: CheckModel, joint: Joint, limit: Thresholds = THRESHOLDS) -
     size = [float(np.prod(np.maximum(np.ptp(own, axis=0), room))) for own in (part, body)]
     within = (body >= part.min(axis=0) - room) & (body <= part.max(axis=0) + room)
     around = float(within.all(axis=1).mean()) >= limit.exchanged_around
-    return size[0] > (1.0 if around else limit.exchanged_size) * size[1]
+    slides = joint.type == "prismatic"
+    return size[0] > (1.0 if slides and around else limit.exchanged_size) * size[1]
 
 
 class _Sweep:

@@ -8,9 +8,9 @@ from functools import partial
 
 import numpy as np
 
+from mam_pipeline.check.correct import KEPT
 from mam_pipeline.check.model import CheckModel
 from mam_pipeline.check.report import JointReport
-from mam_pipeline.check.shorten import KEPT
 from mam_pipeline.check.sweep import share_in_guide
 from mam_pipeline.geometry.motion import Motion
 from mam_pipeline.joints.limits import Surroundings

@@ -1,18 +1,24 @@
-"""The simulator has the last word on a range: what it cannot drive is cut off, and said so."""
+"""The check has the last word on a joint: what it stops is changed, and said so.
+
+A way that meets something is cut, and a joint that physics stops all the same is put to sleep where
+others move.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 
 import numpy as np
 
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.check import check_asset
+from mam_pipeline.check.asleep import put_to_sleep
 from mam_pipeline.check.model import CheckModel
-from mam_pipeline.check.report import CheckReport, JointReport
+from mam_pipeline.check.report import REASONS, CheckReport, JointReport
 from mam_pipeline.check.sweep import share_in_guide
+from mam_pipeline.dormant import ALL
 from mam_pipeline.types import Articulation, Joint
 
 ROUNDS = 3
@@ -22,16 +28,21 @@ where it enters is not known."""
 LEAST = 0.1
 """A way cut to less than this share is not worth it: the joint stays as it was found."""
 
+OF_THE_LINE = {"off_axis", "askew", "exchanged"}
+"""Reasons that doubt the line of a joint, which may be driven well: it is not put to sleep."""
+
 Write = Callable[[Articulation], Asset]
+Found = tuple[Articulation, list[str]]
 
 
 def written_and_checked(
     articulation: Articulation,
     write: Write,
-    shorten: bool = True,
+    correct: bool = True,
     on_check: Callable[[], None] = lambda: None,
-) -> Asset:
-    """Write an asset, check it, and shorten the ways on which the check finds an obstacle.
+    accepted: Collection[str] = (),
+) -> tuple[Asset, Articulation]:
+    """Write an asset, check it, and correct the joints that the check stops.
 
     The search for limits and the check look at the same meshes, the simulator at their convex
     pieces: a drawer that runs freely into the last centimetre of its mesh may be wedged there.
@@ -39,11 +50,13 @@ def written_and_checked(
     Args:
         articulation: as the engine left it.
         write: makes the asset folder; it is called again after every change.
-        shorten: whether ranges may be changed (those of a user's own URDF may not).
+        correct: whether joints may be changed (those of a user's own URDF may not).
         on_check: told when the first check begins.
+        accepted: names of parts that stay awake, or `ALL`.
 
     Returns:
-        The asset as written last; its card holds the verdict, and what was changed among its notes.
+        The asset as written last, whose card holds the verdict, and what was changed among its
+        notes; and what it was written from.
     """
     began = time.perf_counter()
     asset = write(articulation)
@@ -52,7 +65,7 @@ def written_and_checked(
     began = time.perf_counter()
     report = check_asset(asset.folder)
     notes: list[str] = []
-    for _ in range(ROUNDS if shorten and not report.passed else 0):
+    for _ in range(ROUNDS if correct and not report.passed else 0):
         articulation, more = _shortened(articulation, report, asset)
         if not more:
             break
@@ -61,6 +74,15 @@ def written_and_checked(
         report = check_asset(asset.folder)
         if report.passed:
             break
+    if correct and not report.passed:
+        rest, more = _asleep(articulation, report, accepted)
+        if more:
+            asset = write(rest)
+            again = check_asset(asset.folder)
+            if again.passed:
+                articulation, report, notes = rest, again, notes + more
+            else:
+                asset = write(articulation)
     notes += [f.message for f in report.findings if f.code == "not_driven"]
     seconds["check"] = round(time.perf_counter() - began, 3)
     card = replace(
@@ -70,12 +92,27 @@ def written_and_checked(
         seconds={**asset.card.seconds, **seconds},
     )
     card.save(asset.folder)
-    return replace(asset, card=card)
+    return replace(asset, card=card), articulation
 
 
-def _shortened(
-    articulation: Articulation, report: CheckReport, asset: Asset
-) -> tuple[Articulation, list[str]]:
+def _asleep(articulation: Articulation, report: CheckReport, accepted: Collection[str]) -> Found:
+    """The joints that physics stops are dormant; as it was where none would be left, or a person
+    said that one of them moves."""
+    why = {
+        r.name: f"the check stops it: {'; '.join(REASONS.get(k, k) for k in r.reasons)}"
+        for r in report.joints if set(r.reasons) - OF_THE_LINE
+    }  # fmt: skip
+    parts = {j.name: articulation.links[j.child].name for j in articulation.joints}
+    told = {j.name for j in articulation.joints if j.provenance == "user"}
+    told |= {n for n, part in parts.items() if {n, part, ALL} & set(accepted)}
+    why = {name: reason for name, reason in why.items() if name not in told and name in parts}
+    rest = put_to_sleep(articulation, why)
+    if not why or not rest.joints:
+        return articulation, []
+    return rest, [f"{name}: dormant, as {why[name]}" for name in why]
+
+
+def _shortened(articulation: Articulation, report: CheckReport, asset: Asset) -> Found:
     found = {j.name: j for j in report.joints}
     out = any("detached" in j.reasons for j in report.joints)
     model = CheckModel.read(asset.urdf_path) if out else None
