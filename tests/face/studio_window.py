@@ -71,6 +71,21 @@ def pixel(page: Any, window: Any, points: Any) -> FloatArray:
     return at * [box["width"], box["height"]] + [box["x"], box["y"]]
 
 
+def click_at(page: Any, window: Any, point: Any) -> None:
+    """Click a point of the object, and wait until the page shows what that has chosen.
+
+    A button that is drawn anew between the press and the release of the mouse hears neither.
+    """
+    with page.work.lock:
+        page.work.select_nothing()
+        page.work.refresh()
+    window.get_by_text("1 piece").wait_for(state="hidden")
+    window.mouse.click(*pixel(page, window, [point])[0])
+    window.get_by_text("1 piece").wait_for()
+    with page.work.lock:  # the click is dealt with to its end
+        page.server.flush()
+
+
 def seen(window: Any) -> FloatArray:
     """(H, W, 3) the window as it is drawn."""
     picture = Image.open(io.BytesIO(window.screenshot(timeout=PATIENCE))).convert("RGB")

@@ -17,6 +17,7 @@ from tests.face.studio_window import (
     canvas,
     changed,
     choose,
+    click_at,
     door,
     door_front,
     joint_of,
@@ -52,10 +53,8 @@ def test_in_a_browser_a_slider_moves_its_part_and_edits_are_undone_saved_and_rea
     slider.press("Home")
 
     window.get_by_role("tab", name="Put right").click()
-    x, y = pixel(page, window, [door_front(session)])[0]
-    window.mouse.click(x, y)
-    until(lambda: work.part == part)
-    window.get_by_text("1 piece").wait_for()
+    click_at(page, window, door_front(session))
+    assert work.part == part
     window.get_by_role("button", name="Other direction").click()
     until(lambda: bool(np.allclose(joint_of(session, part).axis, -joint.axis)))
     window.get_by_role("button", name="Undo").click()
@@ -96,8 +95,7 @@ def test_in_a_browser_a_clicked_face_says_where_the_top_is(
 ) -> None:
     show(page, window, "Put right")
     size = page.work.size().copy()
-    window.mouse.click(*pixel(page, window, [door_front(session)])[0])
-    until(lambda: page.work.face is not None)
+    click_at(page, window, door_front(session))
     window.get_by_text("How it stands").click()
     window.get_by_role("button", name="The clicked face is on top").click()
     until(lambda: session.state.hints.up is not None)

@@ -18,10 +18,10 @@ from tests.face.studio_window import (
     camera_of,
     canvas,
     changed,
+    click_at,
     door,
     door_front,
     joint_of,
-    pixel,
     seen,
     show,
     until,
@@ -55,8 +55,8 @@ def test_in_a_browser_a_part_turns_about_the_edge_that_was_clicked(
     part = door(session).name
     here = -np.sign(joint_of(session, part).origin[1]) * 0.23  # the edge without the hinge
     front = session.mesh.bounds[0, 0] + 0.04  # the knob stands 0.04 m before it
-    window.mouse.click(*pixel(page, window, [[front, 0.97 * here, 0.45]])[0])
-    until(lambda: page.work.part == part and page.work.face is not None)
+    click_at(page, window, [front, 0.97 * here, 0.45])
+    assert page.work.part == part and page.work.face is not None
     window.get_by_role("button", name="It turns about the clicked edge").click()
     until(lambda: bool(abs(joint_of(session, part).origin[1] - here) < 1e-3))
     joint = joint_of(session, part)
@@ -184,8 +184,8 @@ def test_in_a_browser_a_lost_connection_comes_back_with_all_that_was_said(
     page, again = own_page
     show(page, window, "Put right")
     part, joint = door(session).name, joint_of(session, door(session).name)
-    window.mouse.click(*pixel(page, window, [door_front(session)])[0])
-    until(lambda: page.work.part == part)
+    click_at(page, window, door_front(session))
+    assert page.work.part == part
     window.get_by_role("button", name="Other direction").click()
     until(lambda: bool(np.allclose(joint_of(session, part).axis, -joint.axis)))
     page = again()
