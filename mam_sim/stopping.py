@@ -79,7 +79,8 @@ def watch_over() -> None:
     Native code may be busy for long and let no other thread run: then no handler of Python's runs
     either. The signal is written to a pipe all the same, by Python's handler in C. The watcher
     reads it, waits, kills this process and its children, and removes what they had under
-    construction. It ends with this process.
+    construction: also where the process ended in time, as what it wrote while it swept is left.
+    It ends with this process.
     """
     told, tell = os.pipe()
     os.set_blocking(tell, False)
@@ -126,4 +127,5 @@ def _watch(told: int, handle: int, board: folders.Board) -> None:
             break
     if not select.select([handle], [], [], GRACE + LATER)[0]:
         kill_family(board.owner)
-        folders.remove(board.read())
+        select.select([handle], [], [])  # until it writes no more
+    folders.remove(board.read())
