@@ -38,6 +38,36 @@ def open_box(wall: float = 0.02) -> trimesh.Trimesh:
     return trimesh.boolean.difference([outer, inner], engine="manifold")
 
 
+def test_no_thin_piece_closes_the_openings_of_a_frame() -> None:
+    """A drawer's opening stays free for what lies in the drawer, as the front is a skin or not."""
+    frame = trimesh.creation.box(bounds=[[0.0, 0.0, 0.0], [0.001, 0.4, 0.55]])
+    rows = ((0.02, 0.17), (0.19, 0.34), (0.36, 0.53))
+    holes = [trimesh.creation.box(bounds=[[-1, 0.02, a], [1, 0.38, b]]) for a, b in rows]
+    drawers = [
+        trimesh.creation.box(bounds=[[0.0, 0.03, a + 0.01], [0.35, 0.37, b - 0.01]])
+        for a, b in rows
+    ]
+    frame = trimesh.boolean.difference([frame, *holes], engine="manifold")
+    whole = trimesh.util.concatenate([frame, *drawers])
+    ends = np.cumsum([len(frame.faces), *(len(d.faces) for d in drawers)])
+    names = ("body", "drawer_0", "drawer_1", "drawer_2")
+    links = tuple(
+        Link(name, name[:6], np.arange(end - size, end))
+        for name, end, size in zip(names, ends, np.diff([0, *ends]))
+    )
+    axis = np.array([-1.0, 0.0, 0.0])
+    joints = tuple(
+        Joint(f"j{k}", "prismatic", "slide", 0, k, axis, np.zeros(3), 0.0, 0.25)
+        for k in (1, 2, 3)
+    )
+    made = Articulation(Mesh(whole.vertices, whole.faces), links, joints)
+    pieces = collision_shapes(made)["body"]
+    middles = np.array([[0.0005, 0.2, 0.5 * (a + b)] for a, b in rows])
+    assert pieces and all((outside(piece, middles) > 0.005).all() for piece in pieces)
+    bars = np.array([[0.0005, 0.2, z] for z in (0.01, 0.18, 0.35, 0.54)])
+    assert (np.min([outside(piece, bars) for piece in pieces], axis=0) < 0.005).all()
+
+
 def test_a_turned_box_is_one_box() -> None:
     turn = trimesh.transformations.rotation_matrix(0.5, [1, 2, 3])
     (shape,) = collision_shapes(single(trimesh.creation.box([0.2, 0.3, 0.5], transform=turn)))["a"]

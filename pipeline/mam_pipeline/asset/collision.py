@@ -16,7 +16,7 @@ from mam_pipeline.asset.clearance import keep_apart
 from mam_pipeline.asset.decompose import decompose, merge
 from mam_pipeline.asset.patches import plates
 from mam_pipeline.asset.shapes import box_shape, shape_around
-from mam_pipeline.geometry.boxes import Box
+from mam_pipeline.geometry.boxes import Box, minimal_box
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import sample_surface
 from mam_pipeline.geometry.surface import Component, Solid, link_components, weld
@@ -223,20 +223,40 @@ def _moving_paths(articulation: Articulation) -> list[FloatArray]:
 
 
 def _holds(shape: CollisionShape, path: FloatArray, space: _Space) -> bool:
-    """Whether a piece holds a moving part's path where its link has no matter."""
+    """Whether a piece holds a moving part's path where its link has no matter.
+
+    Of a sheet, in which no point is deep, what passes it counts that lies as near to its middle: a
+    frame's hull is thin and closes the opening.
+    """
     if not len(path):
         return False
+    half, deep = _half_thickness(shape), space.tolerance
+    if half < space.tolerance:
+        deep = half - space.tolerance
     local = (path - shape.pose[:3, 3]) @ shape.pose[:3, :3]
     if shape.kind == "box":
-        inside = (np.abs(local) < shape.size / 2 - space.tolerance).all(axis=1)
+        inside = (np.abs(local) < shape.size / 2 - deep).all(axis=1)
     elif shape.kind == "cylinder":
-        radial = np.linalg.norm(local[:, :2], axis=1) < shape.size[0] - space.tolerance
-        inside = radial & (np.abs(local[:, 2]) < shape.size[1] / 2 - space.tolerance)
+        radial = np.linalg.norm(local[:, :2], axis=1) < shape.size[0] - deep
+        inside = radial & (np.abs(local[:, 2]) < shape.size[1] / 2 - deep)
+    elif shape.kind == "sphere":
+        inside = np.linalg.norm(local, axis=1) < shape.size[0] - deep
     else:
         a, b, c = (shape.vertices[shape.faces[:, k]] for k in range(3))
         normals = np.cross(b - a, c - a)
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
         offsets = np.einsum("ij,ij->i", normals, a)
-        inside = (path @ normals.T - offsets < -space.tolerance).all(axis=1)
+        inside = (path @ normals.T - offsets < -deep).all(axis=1)
     found = path[inside]
     return bool(len(found)) and int(space.empty(found).sum()) > 8
+
+
+def _half_thickness(shape: CollisionShape) -> float:
+    """Half of a piece's least extent, metres."""
+    if shape.kind == "box":
+        return float(np.min(shape.size)) / 2
+    if shape.kind == "sphere":
+        return float(shape.size[0])
+    if shape.kind == "cylinder":
+        return float(min(shape.size[0], shape.size[1] / 2))
+    return float(minimal_box(shape.vertices, 8).half.min())
