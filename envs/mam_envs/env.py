@@ -91,7 +91,7 @@ class OperateJointEnv(Observing):
                 anew at every reset when there is only one.
             joint: its name; None takes the most confident joint with a grasp; several make a
                 sequence.
-            task: open, close, turn_to, push, press, take_out, or one of yours (mam_envs.tasks);
+            task: open, close, turn_to, push, press, take_out, put_in, or yours (mam_envs.tasks);
                 one, or one per joint; None picks by the joint.
             robot_uids: panda, so100, so101, fetch, xarm6_robotiq, or yours (mam_envs.robots).
             scale: factor on the object's size, or "auto": 1 where the arm can do it, else shrunk

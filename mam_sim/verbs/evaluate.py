@@ -40,7 +40,7 @@ class Evaluate(Verb):
     """The joint on them."""
     task: str | None = None
     """What to do with it, where no run says so: open, close, turn_to, push, press,
-    take_out, or a plug-in's task."""
+    take_out, put_in, or a plug-in's task."""
     expert: bool = False
     """Run the scripted expert on the same seeds beside it."""
     truth: Path | None = None

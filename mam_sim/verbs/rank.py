@@ -37,7 +37,7 @@ class Rank(Verb):
     robots: str = "panda"
     """Names of arms, with commas between them."""
     task: str | None = None
-    """What to do with every joint: open, close, turn_to, push, press, take_out or a
+    """What to do with every joint: open, close, turn_to, push, press, take_out, put_in or a
     plug-in's; joints that it is not for do not count. By default what each joint suggests."""
     episodes: Count = 5
     """Of every joint and robot."""

@@ -32,7 +32,7 @@ class Register(Verb):
     joint: str | None = None
     """Name of the joint; default: the surest joint with a handle."""
     task: str | None = None
-    """What to do with the joint: open, close, turn_to, push, press, take_out or a
+    """What to do with the joint: open, close, turn_to, push, press, take_out, put_in or a
     plug-in's; default: what it suggests."""
     robot: str = "panda"
     """Name of the arm: panda, so100, so101, fetch, xarm6_robotiq, or that of a plug-in."""

@@ -76,7 +76,7 @@ class CollectConfig:
     joint: str | None = None
     """Joint to operate; by default the surest one that the arm can do."""
     task: str | None = None
-    """What to do with it: open, close, turn_to, push, press, take_out or a plug-in's; by
+    """What to do with it: open, close, turn_to, push, press, take_out, put_in or a plug-in's; by
     default what the joint suggests."""
     robot: str = "panda"
     """Name of the arm: panda, so100, so101, fetch, xarm6_robotiq, or that of a plug-in."""

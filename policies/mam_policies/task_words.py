@@ -11,7 +11,8 @@ import numpy as np
 from mam_envs.object_model import ObjectModel
 from mam_pipeline.types import FloatArray
 
-VERBS = {"turn_to": "turn", "push": "press", "take_out": "take the cube out of"}
+VERBS = {"turn_to": "turn", "push": "press", "take_out": "take the cube out of",
+         "put_in": "put the cube into and close"}  # fmt: skip
 ROWS = {1: [""], 2: ["top", "bottom"], 3: ["top", "middle", "bottom"]}
 COLUMNS = {1: [""], 2: ["left", "right"], 3: ["left", "middle", "right"]}
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")

@@ -14,7 +14,7 @@ import torch
 from mam_envs.config import EnvConfig, RewardConfig, SuccessConfig
 from mam_envs.object_model import ObjectModel
 from mam_envs.tasks import OtherTaskError, TaskState, rewards, task_class
-from mam_envs.tasks.carry import TakeOut
+from mam_envs.tasks.carry import PutIn, TakeOut
 from mam_envs.tasks.operate_joint import OperateJoint
 from mam_envs.tasks.press_button import PressButton, PressReward
 from mam_pipeline.asset.card import Asset
@@ -131,7 +131,7 @@ def test_names_stand_for_classes_and_sequences_are_of_one_class(monkeypatch: Any
     with pytest.raises(ConfigError, match="no task named 'opem'; did you mean 'open'"):
         task_class(["opem"])
     assert set(tasks.TASKS.targets()) == {
-        "open", "close", "turn_to", "push", "press", "take_out", "other",
+        "open", "close", "turn_to", "push", "press", "take_out", "put_in", "other",
     }  # fmt: skip
 
 
@@ -211,6 +211,45 @@ def test_a_cube_is_taken_out_when_it_rests_outside_and_was_touched(
         TakeOut.goal("take_out", other, None, settings.success)
     with pytest.raises(OtherTaskError, match=r"joint_1.* is no drawer"):
         TakeOut.goal("take_out", ObjectModel.load(Asset.load(door)), None, settings.success)
+
+
+def test_a_cube_is_put_in_when_it_lies_in_the_closed_drawer(tray: Path) -> None:
+    settings = PutIn.defaults()
+    goal = PutIn.goal("put_in", ObjectModel.load(Asset.load(tray)), None, settings.success)
+    thing = goal.thing
+    assert thing is not None and goal.q_start == pytest.approx(0.8 * goal.open)
+    assert goal.closing and goal.reached_into == goal.q_start
+    task = PutIn([[goal]], settings, CPU)
+
+    def step(q: float, x: float, force: float = 0.0, touched: float = 0.0) -> Any:
+        pose = torch.tensor([[x, 0.0, thing.places[0][2], 1.0, 0.0, 0.0, 0.0]])
+        now = replace(
+            state(q, force=force), thing=pose, inside=pose[:, :3],
+            thing_speed=torch.zeros(1), thing_force=torch.tensor([touched]),
+        )  # fmt: skip
+        task.update(now)
+        info = task.evaluate(now)
+        terms = rewards.scaled(task.reward_terms(now, info), settings.reward)
+        return {**info, "paid": torch.stack(list(terms.values())).sum(dim=0)}
+
+    def begin() -> None:
+        task.reset(torch.tensor([0]), torch.full((1, 1), goal.q_start))
+
+    x, beside, half = thing.places[0][0], thing.low[0] - 0.4, 0.5 * (goal.q_start + goal.q_goal)
+    begin()
+    lying = step(goal.q_start, beside)
+    assert not lying["inside"] and float(lying["progress"]) == pytest.approx(0.0)
+    held = step(goal.q_start, beside + 0.2, touched=3.0)
+    laid = step(goal.q_start, x)
+    assert float(lying["paid"]) < float(held["paid"]) < float(laid["paid"])
+    assert float(laid["progress"]) == pytest.approx(0.5) and not laid["success"]
+    assert float(step(half, x, force=3.0)["paid"]) > float(laid["paid"])
+    done = [bool(step(goal.q_goal, x, force=3.0)["success"]) for _ in range(10)]
+    assert done[-1] and not done[0]
+    begin()  # closed without it
+    assert not any(bool(step(q, beside, 3.0, 3.0)["success"]) for q in (half, *[goal.q_goal] * 20))
+    begin()  # it fell in by itself
+    assert not any(bool(step(q, x, 3.0)["success"]) for q in (half, *[goal.q_goal] * 20))
 
 
 def _resolve_here(target: str) -> Any:

@@ -48,7 +48,7 @@ def test_no_thin_piece_closes_the_openings_of_a_frame() -> None:
         for a, b in rows
     ]
     frame = trimesh.boolean.difference([frame, *holes], engine="manifold")
-    whole = trimesh.util.concatenate([frame, *drawers])
+    whole: Any = trimesh.util.concatenate([frame, *drawers])
     ends = np.cumsum([len(frame.faces), *(len(d.faces) for d in drawers)])
     names = ("body", "drawer_0", "drawer_1", "drawer_2")
     links = tuple(
@@ -57,8 +57,7 @@ def test_no_thin_piece_closes_the_openings_of_a_frame() -> None:
     )
     axis = np.array([-1.0, 0.0, 0.0])
     joints = tuple(
-        Joint(f"j{k}", "prismatic", "slide", 0, k, axis, np.zeros(3), 0.0, 0.25)
-        for k in (1, 2, 3)
+        Joint(f"j{k}", "prismatic", "slide", 0, k, axis, np.zeros(3), 0.0, 0.25) for k in (1, 2, 3)
     )
     made = Articulation(Mesh(whole.vertices, whole.faces), links, joints)
     pieces = collision_shapes(made)["body"]

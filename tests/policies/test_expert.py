@@ -131,6 +131,33 @@ def test_a_cube_is_taken_out_of_a_drawer(tray: Path) -> None:
     env.close()
 
 
+def test_a_closed_drawer_is_opened_before_a_cube_is_taken_out(tray: Path) -> None:
+    env = mam_envs.make(
+        tray, task="take_out", control_mode="pd_joint_pos", success={"start": 0.0},
+        max_episode_steps=400,
+    )  # fmt: skip
+    episodes = [run_episode(env, Expert(env), seed=s, record=True) for s in (0, 1)]
+    assert all(e.success for e in episodes)
+    phases = list(dict.fromkeys(episodes[0].records["phase"]))
+    assert "follow" in phases and phases[-2:] == ["lift", "hold"]
+    env.close()
+
+
+def test_a_cube_is_put_into_a_drawer_that_is_closed_then(tray: Path) -> None:
+    env = mam_envs.make(tray, task="put_in", control_mode="pd_joint_pos", max_episode_steps=400)
+    base: Any = env.unwrapped
+    assert task_words(base) == "put the cube into and close the drawer"
+    _, info = env.reset(seed=0)
+    assert not info["inside"][0] and base.loose.matrix()[2, 3] == pytest.approx(0.02, abs=1e-3)
+    episodes = [run_episode(env, Expert(env), seed=s, record=True) for s in (0, 1, 2)]
+    assert sum(e.success for e in episodes) >= 2
+    done = next(e for e in episodes if e.success)
+    assert done.records["info"][-1]["inside"][0] and done.open_fraction < 0.1
+    phases = list(dict.fromkeys(done.records["phase"]))
+    assert phases.index("lift") < phases.index("lower") < phases.index("follow")
+    env.close()
+
+
 def test_it_closes_and_takes_delta_actions(drawer: Path) -> None:
     env = mam_envs.make(drawer, task="close", control_mode="pd_joint_delta_pos")
     episode = run_episode(env, Expert(env), seed=0, record=True)

@@ -234,7 +234,7 @@ def clear(
     pushing = path.grasp.mode == "push"
     opened = robot.closed if pushing else grasp_opening(robot, path.grasp)
     before = {**others, goal.joint: float(path.q[0])}
-    start = robot.rest_arm if begin is None else begin
+    start, ground = robot.rest_arm if begin is None else begin, ground + PLACEMENT.above_ground
     swing = np.linspace(start, path.approach[0], 8)[:-1]
     pressing, pressed = (robot.finger_links, moving) if pushing else ((), ())
     for arm in (*swing, *path.approach[:-1]):

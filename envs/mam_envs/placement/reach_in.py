@@ -25,13 +25,23 @@ class ReachIn:
         room: how much wider than the thing the fingers open, metres.
         over: metres between the end of the drawer's walls and what is carried above them.
         tilts: angles of the hand from straight down that are tried, degrees.
-        turn: degrees, at most, by which a thing is turned from the drawer's walls.
+        turn: degrees, at most, by which a thing is turned from the drawer's walls, or on the ground
+            from the world's axes.
+        drop: metres above the drawer's floor at which a thing is let go.
+        shares: of the arm's reach, distances from its base at which a thing may lie on the ground;
+        angles: degrees from the side on which the object is. lifted: metres that it is lifted.
+        starts: places on the ground that are enough.
     """
 
     room: float = 0.03
     over: float = 0.05
     tilts: tuple[float, ...] = (0.0, 20.0, -20.0)
     turn: float = 10.0
+    drop: float = 0.006
+    shares: tuple[float, ...] = (0.6, 0.5, 0.7, 0.4)
+    angles: tuple[float, ...] = (75, -75, 60, -60, 90, -90, 45, -45, 110, -110)
+    lifted: float = 0.12
+    starts: int = 8
 
 
 REACH_IN = ReachIn()
@@ -86,17 +96,17 @@ def served(
     pose: FloatArray,
     places: Sequence[Sequence[float]],
 ) -> FloatArray:
-    """(B, P) bool: which places (P, 3) of a thing an arm at bases (B, 4, 4) can take it from, with
-    the drawer where it counts as open.
+    """(B, P) bool: which places (P, 3) of a thing an arm at bases (B, 4, 4) can take it from or put
+    it to, with the drawer open (`JointGoal.reached_into`).
 
     Args:
         pose: (4, 4) world_T_asset.
     """
-    thing, q = goal.thing, {goal.joint: goal.q_goal}
+    thing, q = goal.thing, {goal.joint: goal.reached_into}
     assert thing is not None
     out = np.zeros((len(bases), len(places)), dtype=bool)
     for k, place in enumerate(places):
-        ways = ways_to(model, robot, thing, _opened(model, goal, place), q)
+        ways = ways_to(model, robot, thing, in_open(model, goal, place), q)
         found = reached(model, robot, thing, bases, pose, ways, q)
         out[:, k] = [arm is not None for arm in found]
     return out
@@ -106,22 +116,54 @@ def hand_places(
     model: ObjectModel, goal: JointGoal, robot: RobotSpec
 ) -> list[tuple[float, float, float]]:
     """The places of the goal's thing at which the bare hand fits round it, turned as it may be."""
-    thing, q = goal.thing, {goal.joint: goal.q_goal}
+    thing, q = goal.thing, {goal.joint: goal.reached_into}
     assert thing is not None
     return [
         p for p in thing.places
         if all(
-            len(ways_to(model, robot, thing, _opened(model, goal, p, yaw), q))
+            len(ways_to(model, robot, thing, in_open(model, goal, p, yaw), q))
             for yaw in (-REACH_IN.turn, 0.0, REACH_IN.turn)
         )
     ]  # fmt: skip
 
 
-def _opened(
+def ground_places(
+    model: ObjectModel,
+    goal: JointGoal,
+    robot: RobotSpec,
+    base: FloatArray,
+    poses: Sequence[FloatArray],
+) -> list[tuple[float, float]]:
+    """Where on the ground (x, y, world) the goal's thing can lie so that the arm at `base` (4, 4)
+    takes it from above, wherever of `poses` (each (4, 4) world_T_asset) the object stands; the
+    first of these is asked of the whole arm, the others of the hand."""
+    thing, q = goal.thing, {goal.joint: goal.reached_into}
+    assert thing is not None
+    ahead = poses[0][:2, 3] + model.bounds(q).mean(axis=0)[:2] - base[:2, 3]
+    side = float(np.arctan2(ahead[1], ahead[0]))
+    out: list[tuple[float, float]] = []
+    for share in REACH_IN.shares:
+        for angle in REACH_IN.angles:
+            a = side + np.deg2rad(angle)
+            at = np.eye(4)
+            at[:2, 3] = base[:2, 3] + share * robot.reach * np.array([np.cos(a), np.sin(a)])
+            at[2, 3] = 0.5 * thing.size
+            rows = [ways_to(model, robot, thing, np.linalg.inv(p) @ at, q, REACH_IN.lifted)
+                    for p in poses]  # fmt: skip
+            if not all(map(len, rows)):
+                continue
+            if reached(model, robot, thing, base[None], poses[0], rows[0], q)[0] is not None:
+                out.append((float(at[0, 3]), float(at[1, 3])))
+            if len(out) >= REACH_IN.starts:
+                return out
+    return out
+
+
+def in_open(
     model: ObjectModel, goal: JointGoal, place: Sequence[float], yaw: float = 0.0
 ) -> FloatArray:
-    """(4, 4) asset_T_thing at a place, turned by `yaw` degrees, where the drawer counts as open."""
-    motion = model.motion(goal.joint, np.array([goal.q_goal]), {})[0]
+    """(4, 4) asset_T_thing at a place, turned by `yaw` degrees, in the open drawer."""
+    motion = model.motion(goal.joint, np.array([goal.reached_into]), {})[0]
     at = np.eye(4)
     at[:3, :3] = turn(np.array([0.0, 0.0, 1.0]), np.deg2rad(yaw))
     at[:3, 3] = motion[:3, :3] @ np.array(place) + motion[:3, 3]
@@ -129,11 +171,20 @@ def _opened(
 
 
 def ways_to(
-    model: ObjectModel, robot: RobotSpec, thing: Thing, at: FloatArray, q: Mapping[str, float]
+    model: ObjectModel,
+    robot: RobotSpec,
+    thing: Thing,
+    at: FloatArray,
+    q: Mapping[str, float],
+    up: float | None = None,
 ) -> FloatArray:
     """(W, K, 4, 4) straight ways down to the thing at `at` (4, 4) that are free for the bare hand,
-    asset frame, the straightest first."""
-    up = rise(thing, float(at[2, 3]))
+    asset frame, the straightest first.
+
+    Args:
+        up: metres from which it comes down; from above the drawer's walls if None.
+    """
+    up = rise(thing, float(at[2, 3])) if up is None else up
     rows = [way_up(tool, up)[::-1] for tool in holds(robot, thing, at)]
     return np.array([row for row in rows if hand_fits(model, robot, thing, row, q)])
 

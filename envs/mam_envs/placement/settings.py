@@ -23,6 +23,7 @@ class PlacementSearch:
         pivoting: cost of a hand that does not turn with the part at all: a bar that turns between
             the fingers may jam there.
         looked_at: so many of the cheapest paths are compared with the object in full.
+        above_ground: metres that the arm keeps above the ground: it sags under what it pulls.
         position_tolerance: error at which inverse kinematics has reached a pose, metres.
         seed: of the first guesses of inverse kinematics.
     """
@@ -37,6 +38,7 @@ class PlacementSearch:
     groups: int = 3
     pivoting: float = 1.0
     looked_at: int = 180
+    above_ground: float = 0.008
     position_tolerance: float = 0.004
     seed: int = 20240601
 

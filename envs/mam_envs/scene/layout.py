@@ -14,7 +14,7 @@ from mam_envs.grasping.candidates import Grasp, PlacementError, upright
 from mam_envs.object_model import ObjectModel
 from mam_envs.placement.base import Placement, object_pose
 from mam_envs.placement.memory import remembered_place
-from mam_envs.placement.reach_in import hand_places, served
+from mam_envs.placement.reach_in import ground_places, hand_places, served
 from mam_envs.robots import RobotSpec
 from mam_envs.tasks import JointGoal, Task, task_class
 from mam_pipeline.asset.card import Asset, CardJoint
@@ -31,7 +31,9 @@ class Layout:
         goals: one or, for a sequence, several joints in order.
         handles: (3,) per goal, the point to grasp, asset frame at rest.
         grasps: per goal, how the hand takes hold of it: for the first as the placement plans it.
-        places: where the goal's loose thing may lie so that this arm gets at it; see `Thing`.
+        places: where in the drawer the goal's loose thing may lie so that this arm gets at it; see
+            `Thing`.
+        starts: where on the ground (x, y, world) it lies at first; none where it is in the drawer.
     """
 
     model: ObjectModel
@@ -41,6 +43,7 @@ class Layout:
     handles: tuple[FloatArray, ...]
     grasps: tuple[Grasp, ...]
     places: tuple[tuple[float, float, float], ...] = ()
+    starts: tuple[tuple[float, float], ...] = ()
 
     @property
     def world_asset(self) -> FloatArray:
@@ -176,7 +179,7 @@ def _at_scale(asset: Asset, request: _Request, scale: float) -> Layout:
         for joint, name in zip(request.joints, request.names)
     )
     robot = request.robot
-    shut = [g if g.thing is None else replace(g, q_start=g.closed) for g in goals]  # to be opened
+    shut = [g if g.thing is None or g.closing else replace(g, q_start=g.closed) for g in goals]
     placement = remembered_place(model, shut, robot, request.chance)
     later = [upright(robot, model.grasps(goal.joint)[0]) for goal in goals[1:]]
     grasps = (placement.path.grasp, *later)
@@ -184,11 +187,12 @@ def _at_scale(asset: Asset, request: _Request, scale: float) -> Layout:
     layout = Layout(model, goals, placement, robot, handles, grasps)
     if goals[0].thing is None:
         return layout
-    places = hand_places(model, goals[0], robot)
-    for sign in (-1, 0, 1):  # wherever the object is put
+    places, poses = hand_places(model, goals[0], robot), []
+    for sign in (0, -1, 1):  # wherever the object is put
         shift = [sign * request.chance.position] * 2
         yaw = sign * np.deg2rad(request.chance.yaw)
         pose = object_pose(model, placement.object_height, shift, yaw)
+        poses.append(pose)
         free = served(model, goals[0], robot, placement.base[None], pose, places)[0]
         places = [p for p, fine in zip(places, free) if fine]
     if not places:
@@ -197,4 +201,13 @@ def _at_scale(asset: Asset, request: _Request, scale: float) -> Layout:
             f"what {goals[0].joint!r} moves",
             "reach",
         )
-    return replace(layout, places=tuple(places))
+    if not goals[0].closing:
+        return replace(layout, places=tuple(places))
+    starts = ground_places(model, goals[0], robot, placement.base, poses)
+    if not starts:
+        raise PlacementError(
+            f"{asset.card.name}: a {robot.uid} that operates {goals[0].joint!r} reaches no free "
+            "ground beside it from which to take a cube",
+            "reach",
+        )
+    return replace(layout, places=tuple(places), starts=tuple(starts))

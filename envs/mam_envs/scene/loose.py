@@ -63,12 +63,16 @@ class Loose:
         Raises:
             PlacementError: there was none.
         """
-        goal = self.layout.goals[0]
+        goal, places = self.layout.goals[0], np.array(self.layout.places)
         motion = world_asset @ self.layout.model.motion(goal.joint, np.array([q]), {})[0]
-        order = rng.permutation(len(self.layout.places))
+        where = f"in what {goal.joint!r} moves"
+        if self.layout.starts:
+            ground = [(x, y, 0.5 * self.thing.size) for x, y in self.layout.starts]
+            places, motion, where = np.array(ground), np.eye(4), "on the ground"
+        order = rng.permutation(len(places))
         yaws = np.deg2rad(rng.uniform(-1, 1, len(order)) * REACH_IN.turn)
         for k, yaw in list(zip(order, yaws))[:TRIES]:
-            at = motion[:3, :3] @ np.array(self.layout.places[k]) + motion[:3, 3]
+            at = motion[:3, :3] @ places[k] + motion[:3, 3]
             turn = Rotation.from_matrix(motion[:3, :3]) * Rotation.from_euler("z", yaw)
             above = at + np.array([0.0, 0.0, 0.5 * DEEPEST])
             start = sapien.Pose(above, turn.as_quat(scalar_first=True))
@@ -80,7 +84,7 @@ class Loose:
                 return
         raise PlacementError(
             f"{self.layout.model.asset.card.name}: a cube of {100 * self.thing.size:.1f} cm does "
-            f"not lie still in what {goal.joint!r} moves; make success.size smaller",
+            f"not lie still {where}; make success.size smaller",
             "room",
         )
 

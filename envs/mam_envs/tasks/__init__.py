@@ -20,6 +20,7 @@ TASKS = Registry(
         **dict.fromkeys(("open", "close", "turn_to", "push"), OPERATE_JOINT),
         "press": "mam_envs.tasks.press_button:PressButton",
         "take_out": "mam_envs.tasks.carry:TakeOut",
+        "put_in": "mam_envs.tasks.carry:PutIn",
     },
 )
 

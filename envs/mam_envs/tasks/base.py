@@ -63,6 +63,11 @@ class JointGoal:
         return abs(self.open - self.closed)
 
     @property
+    def reached_into(self) -> float:
+        """The joint's value at which the hand goes into the part: it is open then."""
+        return self.q_start if self.closing else self.q_goal
+
+    @property
     def direction(self) -> float:
         """1 or -1: the sign of the joint's motion towards the goal."""
         return float(np.sign(self.q_goal - self.q_start))

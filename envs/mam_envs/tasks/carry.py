@@ -1,4 +1,4 @@
-"""Take a loose thing out of a drawer."""
+"""Take a loose thing out of a drawer, or put it in and close the drawer."""
 
 from __future__ import annotations
 
@@ -47,15 +47,26 @@ class CarryReward(RewardConfig):
     opened: Finite = 1.0
 
 
-class TakeOut(OperateJoint):
-    """Take a cube out of a drawer, which is opened first where it is not open.
+@dataclass(frozen=True)
+class PutReward(RewardConfig):
+    """Scales of the terms that `close` has, and of one more. `reach` and `contact` are of the cube
+    until it is in the drawer, then of the handle; `progress` is half the cube's, half the drawer's.
+
+    Attributes:
+        carried: 1 - tanh(5 d), d metres from the cube to the middle of the drawer's inside; or 1.
+    """
+
+    carried: Finite = 1.0
+
+
+class Carry(OperateJoint):
+    """What tasks on a drawer and a cube have in common; `named` says which of the joint's tasks
+    the drawer has.
 
     Randomizations: of the environment, and where the cube lies and how it is turned.
-
-    Success: the cube's middle has left the box that the drawer encloses, and the cube is at rest,
-    in the hand or on whatever it was put, for `rest_steps`; the robot has touched it. Forces on the
-    drawer above the limits end the episode as failed.
     """
+
+    named = "open"
 
     def __init__(
         self, goals: Sequence[Sequence[JointGoal]], config: EnvConfig, device: torch.device
@@ -75,21 +86,21 @@ class TakeOut(OperateJoint):
         self.touched = torch.zeros_like(zero, dtype=torch.bool)
 
     @classmethod
-    def defaults(cls) -> EnvConfig:
-        """With a cube, and a drawer that begins open."""
-        return EnvConfig(success=CarrySuccess(), reward=CarryReward())
-
-    @classmethod
     def goal(
         cls, name: str | None, model: ObjectModel, joint: str | None, config: SuccessConfig
     ) -> JointGoal:
         """See `Task.goal`; refuses what is no drawer, and one in which the cube has no room."""
         assert isinstance(config, CarrySuccess)
-        found = super().goal("open", model, joint, config)
+        found = super().goal(cls.named, model, joint, config)
         what = f"joint {found.joint!r} of {model.asset.card.name}"
         if found.subtype != "slide":
             raise OtherTaskError(f"{what} is no drawer, which slides; take another joint or task")
-        thing = free_space(model, found.joint, found.q_goal, config.size, config.mass)
+        start = found.closed + config.start * (found.open - found.closed)
+        wide = start if found.closing else found.q_goal
+        least = found.q_goal
+        if not found.closing:
+            least = min(start, wide, key=lambda q: abs(q - found.closed))
+        thing = free_space(model, found.joint, wide, config.size, config.mass, least)
         if thing is None:
             link = model.card_joint(found.joint).child
             kind = next((p.kind for p in model.asset.card.parts if p.link == link), "")
@@ -98,8 +109,7 @@ class TakeOut(OperateJoint):
                 f"{what} has no free space inside for a cube of {100 * config.size:.1f} cm that "
                 "can be lifted out; make success.size smaller, or take another joint"
             )
-        start = found.closed + config.start * (found.open - found.closed)
-        return replace(found, task=str(name), q_start=start, thing=thing)
+        return replace(found, task=str(name), q_start=start, thing=thing, let_go=found.closing)
 
     def reset(self, env_idx: torch.Tensor, q: torch.Tensor) -> None:
         super().reset(env_idx, q)
@@ -114,39 +124,30 @@ class TakeOut(OperateJoint):
         still = now.thing_speed <= self.asked.rest_speed
         self.rested = torch.where(still, self.rested + 1, torch.zeros_like(self.rested))
 
-    def opened(self, now: TaskState) -> torch.Tensor:
-        """(b,) share of the way to where the drawer counts as open, 0..1."""
-        q, closed = self.pick(now.q), self.tracker.now("closed")
-        return ((q - closed) / (self.tracker.now("q_goal") - closed)).clamp(0, 1)
-
     def is_inside(self, now: TaskState) -> torch.Tensor:
         """(b,) whether the cube's middle is in the box that the drawer encloses."""
         assert now.inside is not None
         return ((now.inside >= self.low) & (now.inside <= self.high)).all(dim=-1)
 
-    def lifted(self, now: TaskState) -> torch.Tensor:
-        """(b,) share of the way from the drawer's floor to the end of its walls, 0..1."""
-        assert now.inside is not None
-        floor = self.low[:, 2] + 0.5 * self.asked.size
-        share = (now.inside[:, 2] - floor) / (self.high[:, 2] - floor).clamp(min=1e-3)
-        return torch.where(self.is_inside(now), share.clamp(0, 1), torch.ones_like(share))
+    def laid(self) -> torch.Tensor:
+        """(b,) whether the cube, which the robot has touched, is at rest."""
+        return (self.rested >= self.asked.rest_steps) & self.touched
 
-    def evaluate(self, now: TaskState) -> dict[str, torch.Tensor]:
-        """See `Task.evaluate`; `progress` is the cube's."""
-        q, overloaded = self.pick(now.q), self.tracker.overloaded
-        out = ~self.is_inside(now)
-        resting = self.rested >= self.asked.rest_steps
+    def facts(
+        self, now: TaskState, success: torch.Tensor, progress: torch.Tensor
+    ) -> dict[str, torch.Tensor]:
+        """What `evaluate` says, (b,) each."""
         return {
-            "success": out & resting & self.touched & ~overloaded,
-            "fail": overloaded.clone(),
-            "open_fraction": self.tracker.open_fraction(q),
-            "progress": self.lifted(now),
+            "success": success & ~self.tracker.overloaded,
+            "fail": self.tracker.overloaded.clone(),
+            "open_fraction": self.tracker.open_fraction(self.pick(now.q)),
+            "progress": progress,
             "by_contact": self.touched.clone(),
             "contact_force": self.tracker.force,
             "part_force": now.part_force,
             "link_force": now.link_force,
             "thing_force": self.thing_force,
-            "inside": ~out,
+            "inside": self.is_inside(now),
             "stage": self.stage.clone(),
         }
 
@@ -159,21 +160,98 @@ class TakeOut(OperateJoint):
             "thing_inside": info["inside"].float(),
         }
 
+    def nearness(self, now: TaskState) -> torch.Tensor:
+        """(b,) 1 - tanh(5 d) of the tool's distance d from the cube, metres."""
+        assert now.thing is not None
+        return 1 - torch.tanh(5 * (now.thing[:, :3] - now.tool[:, :3]).norm(dim=-1))
+
+    def held(self, info: Mapping[str, torch.Tensor]) -> torch.Tensor:
+        """(b,) 1 where the robot touches the cube, or is done."""
+        return ((self.thing_force > self.asked.touch_force) | info["success"]).float()
+
+
+class TakeOut(Carry):
+    """Take a cube out of a drawer, which is opened first where it is not open.
+
+    Success: the cube's middle has left the box that the drawer encloses, and the cube is at rest,
+    in the hand or on whatever it was put, for `rest_steps`; the robot has touched it. Forces on the
+    drawer above the limits end the episode as failed.
+    """
+
+    @classmethod
+    def defaults(cls) -> EnvConfig:
+        """With a cube, and a drawer that begins open."""
+        return EnvConfig(success=CarrySuccess(), reward=CarryReward())
+
+    def opened(self, now: TaskState) -> torch.Tensor:
+        """(b,) share of the way to where the drawer counts as open, 0..1."""
+        q, closed = self.pick(now.q), self.tracker.now("closed")
+        return ((q - closed) / (self.tracker.now("q_goal") - closed)).clamp(0, 1)
+
+    def lifted(self, now: TaskState) -> torch.Tensor:
+        """(b,) share of the way from the drawer's floor to the end of its walls, 0..1."""
+        assert now.inside is not None
+        floor = self.low[:, 2] + 0.5 * self.asked.size
+        share = (now.inside[:, 2] - floor) / (self.high[:, 2] - floor).clamp(min=1e-3)
+        return torch.where(self.is_inside(now), share.clamp(0, 1), torch.ones_like(share))
+
+    def evaluate(self, now: TaskState) -> dict[str, torch.Tensor]:
+        """See `Task.evaluate`; `progress` is the cube's."""
+        return self.facts(now, ~self.is_inside(now) & self.laid(), self.lifted(now))
+
     def reward_terms(
         self, now: TaskState, info: Mapping[str, torch.Tensor]
     ) -> dict[str, torch.Tensor]:
         """See `RewardConfig` and `CarryReward`."""
         terms, opened = super().reward_terms(now, info), self.opened(now)
-        assert now.thing is not None
-        ready, out = opened >= 1.0, ~info["inside"]
-        distance = (now.thing[:, :3] - now.tool[:, :3]).norm(dim=-1)
-        reach = torch.where(
-            out & self.touched, torch.ones_like(distance), 1 - torch.tanh(5 * distance)
-        )
-        held = ((self.thing_force > self.asked.touch_force) | info["success"]).float()
+        ready, reach = opened >= 1.0, self.nearness(now)
+        reach = torch.where(~info["inside"] & self.touched, torch.ones_like(reach), reach)
         return {
             **terms,
             "reach": torch.where(ready, reach, terms["reach"]),
-            "contact": torch.where(ready, held, terms["contact"]),
+            "contact": torch.where(ready, self.held(info), terms["contact"]),
             "opened": opened,
+        }
+
+
+class PutIn(Carry):
+    """Take a cube from the ground beside the robot, put it into an open drawer, and close that.
+
+    Success: the drawer is closed as the task `close` asks for it, and the cube, which the robot has
+    touched, is at rest in it for `rest_steps`. Forces on the drawer above the limits end the
+    episode as failed.
+    """
+
+    named = "close"
+
+    @classmethod
+    def defaults(cls) -> EnvConfig:
+        """With a cube, a drawer that begins open."""
+        return EnvConfig(success=CarrySuccess(), reward=PutReward())
+
+    def carried(self, now: TaskState) -> torch.Tensor:
+        """(b,) how near the cube is to the middle of the drawer's inside; 1 in it."""
+        assert now.inside is not None
+        away = (now.inside - 0.5 * (self.low + self.high)).norm(dim=-1)
+        near = 1 - torch.tanh(5 * away)
+        return torch.where(self.is_inside(now), torch.ones_like(near), near)
+
+    def evaluate(self, now: TaskState) -> dict[str, torch.Tensor]:
+        """See `Task.evaluate`; `progress` is half the cube's, half the drawer's that has it."""
+        closed, _ = self.finished(now)
+        inside = self.is_inside(now)
+        closing = torch.where(inside, self.tracker.progress(self.pick(now.q)), 0.0)
+        progress = 0.5 * self.carried(now) * self.touched + 0.5 * closing
+        return self.facts(now, closed & inside & self.laid(), progress)
+
+    def reward_terms(
+        self, now: TaskState, info: Mapping[str, torch.Tensor]
+    ) -> dict[str, torch.Tensor]:
+        """See `RewardConfig` and `PutReward`."""
+        terms, inside = super().reward_terms(now, info), info["inside"]
+        return {
+            **terms,
+            "reach": torch.where(inside, terms["reach"], self.nearness(now)),
+            "contact": torch.where(inside, terms["contact"], self.held(info)),
+            "carried": self.carried(now),
         }

@@ -35,15 +35,19 @@ class Thing:
 
 
 def free_space(
-    model: ObjectModel, joint: str, q_open: float, size: float, mass: float, most: int = 24
-) -> Thing | None:
+    model: ObjectModel, joint: str, q_open: float, size: float, mass: float, q_least: float,
+    most: int = 24,
+) -> Thing | None:  # fmt: skip
     """The thing and its places in what a joint moves, or None where it fits nowhere.
 
     The inside is what the moving part's own shapes enclose on four sides and from below. A place
-    has a flat floor and room for the thing at any yaw, and nothing above it at `q_open`.
+    has a flat floor and room for the thing at any yaw, nothing above it at `q_open`, and nothing in
+    its way from there to `q_least`.
 
     Args:
-        size: edge of the cube, metres. most: places at most, spread evenly.
+        q_open: joint value at which the hand gets at it. size: edge of the cube, metres.
+        q_least: joint value to which the part goes with the thing in it. most: places at most,
+            spread evenly.
     """
     moving, rest = model.moving_links(joint), model.kinematics.link_poses({})
     shapes = [p.moved(rest[name][0]) for name in moving for p in model.pieces[name]]
@@ -77,10 +81,11 @@ def free_space(
     middles = np.array(
         [(axes[0][i], axes[1][j], z + 0.5 * size) for (i, j), z in zip(found, bottom)]
     ).reshape(-1, 3)
-    open_above = [m for m in middles if _open_above(model, joint, q_open, m, size)]
-    if not open_above:
+    fine = [m for m in middles if _open_above(model, joint, q_open, m, size)]
+    fine = [m for m in fine if _carried(model, joint, (q_open, q_least), m, size)]
+    if not fine:
         return None
-    places = _thinned(np.array(open_above), most)
+    places = _thinned(np.array(fine), most)
     where = np.argwhere(inside & layer[:, :, None])
     low, high = (start + cell * (where.min(axis=0))), start + cell * (where.max(axis=0) + 1)
     low[2] = bottom.min()
@@ -127,6 +132,26 @@ def _open_above(model: ObjectModel, joint: str, q: float, middle: FloatArray, si
     grid = np.stack(np.meshgrid(middle[0] + side, middle[1] + side, heights), axis=-1)
     points = grid.reshape(-1, 3) @ motion[:3, :3].T + motion[:3, 3]
     return not model.runs_into(points, {joint: q})
+
+
+def _carried(
+    model: ObjectModel, joint: str, span: tuple[float, float], middle: FloatArray, size: float
+) -> bool:
+    """Whether the thing meets nothing where the part carries it, from one joint value to another.
+
+    It may be turned: what is looked at is the cylinder round it.
+    """
+    steps = 1 + int(np.ceil(abs(span[1] - span[0]) / GAP))
+    values = np.asarray(np.linspace(span[0], span[1], steps), dtype=float)
+    turns = np.linspace(0.0, 2 * np.pi, 16, endpoint=False)
+    ring = np.sqrt(0.5) * size * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    heights = np.linspace(GAP, size, 6) - 0.5 * size
+    rings = [np.column_stack([s * ring, np.full(16, h)]) for s in (0.5, 1.0) for h in heights]
+    points = np.concatenate(rings) + middle
+    return not any(
+        model.runs_into(points @ m[:3, :3].T + m[:3, 3], {joint: float(q)})
+        for q, m in zip(values, model.motion(joint, values, {}))
+    )
 
 
 def _triple(values: FloatArray) -> tuple[float, float, float]:

@@ -1,4 +1,5 @@
-"""Tasks on a loose thing as legs, one motion each: open the drawer, take the thing out."""
+"""Tasks on a loose thing as legs, one motion each: open the drawer and take the thing out, or put
+it in and close the drawer."""
 
 from __future__ import annotations
 
@@ -8,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from mam_envs.grasping.candidates import Grasp
-from mam_envs.placement.arm_path import ArmPath, clear
-from mam_envs.placement.reach_in import REACH_IN, opening, reached, ways_to
+from mam_envs.placement.arm_path import ArmPath, clear, free
+from mam_envs.placement.reach_in import REACH_IN, in_open, opening, reached, ways_to
 from mam_envs.planner_state import PlannerState
 from mam_envs.tasks.base import JointGoal
 from mam_pipeline.asset.card import CardGrasp
@@ -17,7 +18,11 @@ from mam_pipeline.types import FloatArray
 from mam_policies.expert.config import ExpertConfig
 from mam_policies.expert.plan import Plan, PlanningError, timed
 
-Leg = Literal["joint", "open", "pick"]
+Leg = Literal["joint", "open", "pick", "put"]
+SWING = 12
+"""Postures of a swing of the arm that are looked at."""
+PLACES = 6
+"""Places in the drawer that are tried."""
 
 
 def next_leg(now: PlannerState) -> Leg:
@@ -25,6 +30,8 @@ def next_leg(now: PlannerState) -> Leg:
     goal = now.goal
     if goal.thing is None:
         return "joint"
+    if goal.closing:
+        return "joint" if _is_inside(now) else "put"
     is_open = (now.q - goal.closed) / (goal.q_goal - goal.closed) >= 1.0
     return "pick" if is_open else "open"
 
@@ -55,6 +62,115 @@ def pick(now: PlannerState, config: ExpertConfig) -> Plan:
     raise PlanningError(
         f"{now.model.asset.card.name}: no free way from above to the cube in {goal.joint!r}"
     )
+
+
+def put(now: PlannerState, config: ExpertConfig) -> Plan:
+    """Take the thing from beside the drawer, and let it go above the drawer's floor.
+
+    Raises:
+        PlanningError: no way of the hand to it, or with it into the drawer, is free.
+    """
+    goal, robot, thing, model = now.goal, now.robot, now.goal.thing, now.model
+    assert thing is not None and now.thing is not None
+    q = {**now.others, goal.joint: now.q}
+    pose = _upright(np.linalg.inv(now.world_asset) @ now.thing)
+    ways = ways_to(model, robot, thing, pose, q, REACH_IN.lifted)
+    name = f"{model.asset.card.name}: no free way"
+    taken = reached(model, robot, thing, now.base[None], now.world_asset, ways, q, now.arm)[0]
+    if taken is None:
+        raise PlanningError(f"{name} from above to the cube beside {goal.joint!r}")
+    down = taken[1]
+    held = np.linalg.inv(ways[taken[0], -1]) @ pose  # tool_T_thing
+    rest = robot.rest_arm
+    for start in (now.arm, rest):
+        if _swings(now, now.arm, start) and _swings(now, start, down[0]):
+            to_thing = np.stack([now.arm, start, down[0]])
+            break
+    else:
+        raise PlanningError(f"{name} to above the cube beside {goal.joint!r}")
+    places = now.layout.places
+    for k in np.unique(np.linspace(0, len(places) - 1, PLACES).astype(int)):
+        at = in_open(model, goal, places[k])
+        at[2, 3] += REACH_IN.drop
+        into = ways_to(model, robot, thing, at, q)
+        found = reached(model, robot, thing, now.base[None], now.world_asset, into, q, rest)[0]
+        if found is None or not _swings(now, found[1][0], rest):
+            continue
+        for by in (down[0], rest):
+            if _swings(now, down[0], by, held) and _swings(now, by, found[1][0], held):
+                path = _path(now, into[found[0], -1], found[1])
+                return _timed_put(now, path, to_thing, down, np.stack([down[0], by]), config)
+    raise PlanningError(f"{name} with the cube into what {goal.joint!r} moves")
+
+
+def _is_inside(now: PlannerState) -> bool:
+    thing, goal = now.goal.thing, now.goal
+    assert thing is not None and now.thing is not None
+    part = now.world_asset @ now.model.motion(goal.joint, np.array([now.q]), {})[0]
+    at = (np.linalg.inv(part) @ now.thing)[:3, 3]
+    return bool((at >= thing.low).all() and (at <= thing.high).all())
+
+
+def _swings(
+    now: PlannerState, begin: FloatArray, end: FloatArray, held: FloatArray | None = None
+) -> bool:
+    """Whether the arm swings freely from one posture to another, and what it holds with it.
+
+    Args:
+        held: (4, 4) tool_T_thing of the cube in the hand.
+    """
+    robot, thing = now.robot, now.goal.thing
+    assert thing is not None
+    q, wide = {**now.others, now.goal.joint: now.q}, opening(robot, thing)
+    swing: FloatArray = np.asarray(np.linspace(begin, end, SWING), dtype=float)
+    if not all(
+        free(now.model, robot, arm, wide, now.base, now.world_asset, q, (), 0.0, 0.0)
+        for arm in swing
+    ):
+        return False
+    if held is None:
+        return True
+    side = np.linspace(-0.5, 0.5, 3) * thing.size
+    corners = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3)
+    local = corners @ held[:3, :3].T + held[:3, 3]
+    rotation, position, _ = robot.chain.forward(swing)
+    into = np.linalg.inv(now.world_asset) @ now.base
+    for turn, at in zip(rotation, position):
+        points = (local @ turn.T + at) @ into[:3, :3].T + into[:3, 3]
+        if now.model.runs_into(points, q):
+            return False
+    return True
+
+
+def _timed_put(
+    now: PlannerState, path: ArmPath, to_thing: FloatArray, down: FloatArray, by: FloatArray,
+    config: ExpertConfig,
+) -> Plan:  # fmt: skip
+    """Take, carry, let go, and come back to rest, from where the way to the handle is known.
+
+    Args:
+        path: down into the drawer. to_thing: (K, n) to above the cube. down: (K, n) down to it.
+        by: (K, n) from above the cube on the way to above the drawer.
+    """
+    robot, thing = now.robot, now.goal.thing
+    assert thing is not None
+    wide, taken, there = opening(robot, thing), down[-1:], path.approach[-1:]
+    move, slow = config.move_speed * robot.step, config.approach_speed * robot.step
+    carry = timed(np.concatenate([by, path.approach[:1]]), 0.6 * move)
+    parts = [
+        ("move", timed(to_thing, move), wide),
+        ("approach", timed(down, slow, 10), wide),
+        ("approach", np.repeat(taken, config.pause_steps, axis=0), wide),
+        ("close", np.repeat(taken, config.close_steps, axis=0), robot.closed),
+        ("lift", timed(down[::-1], slow, 10), robot.closed),
+        ("carry", carry, robot.closed),
+        ("lower", timed(path.approach, slow, 10), robot.closed),
+        ("lower", np.repeat(there, config.pause_steps, axis=0), robot.closed),
+        ("release", np.repeat(there, config.release_steps, axis=0), wide),
+        ("leave", timed(path.follow, slow, 10), wide),
+        ("leave", timed(np.stack([path.follow[-1], robot.rest_arm]), move), wide),
+    ]
+    return _as_plan(path, parts, now.q)
 
 
 def _upright(pose: FloatArray) -> FloatArray:
@@ -90,10 +206,15 @@ def _timed_pick(now: PlannerState, path: ArmPath, swing: FloatArray, config: Exp
         ("lift", timed(path.follow, config.approach_speed * robot.step, 10), robot.closed),
         ("hold", np.repeat(path.follow[-1:], config.settle_steps, axis=0), robot.closed),
     ]
+    return _as_plan(path, parts, now.q)
+
+
+def _as_plan(path: ArmPath, parts: list[tuple[str, FloatArray, float]], q: float) -> Plan:
+    """Phases (name, (T, n) arm targets, gripper) in turn, while the joint stays at `q`."""
     return Plan(
         path,
         np.concatenate([arm for _, arm, _ in parts]),
         np.concatenate([np.full(len(arm), grip) for _, arm, grip in parts]),
         tuple(name for name, arm, _ in parts for _ in arm),
-        np.full(sum(len(arm) for _, arm, _ in parts), now.q),
+        np.full(sum(len(arm) for _, arm, _ in parts), q),
     )

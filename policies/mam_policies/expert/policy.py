@@ -13,7 +13,7 @@ from mam_envs.grasping.candidates import Grasp
 from mam_envs.planner_state import PlannerState
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.types import FloatArray
-from mam_policies.expert.carry import Leg, goal_of, next_leg, pick
+from mam_policies.expert.carry import Leg, goal_of, next_leg, pick, put
 from mam_policies.expert.compliance import Compliance
 from mam_policies.expert.config import ExpertConfig
 from mam_policies.expert.plan import Plan, PlanningError, correction, hand_travel, plan
@@ -48,7 +48,7 @@ class Expert:
 
     Attributes:
         phase: name of what it does now (move, approach, close, follow, settle,
-            release, lift, hold, retreat, done).
+            release, lift, hold, carry, lower, leave, retreat, done).
         target: (n,) arm joint target of the last action, radians.
     """
 
@@ -106,8 +106,10 @@ class Expert:
         if leg != self.leg:
             self.leg, self.skip, self.before = leg, [], len(self.plans)
         now = replace(now, goal=goal_of(leg, now.goal))
-        found = pick(now, self.config) if leg == "pick" else plan(now, self.skip, self.config)
-        self.plan = found
+        if leg in ("pick", "put"):
+            self.plan = (pick if leg == "pick" else put)(now, self.config)
+        else:
+            self.plan = plan(now, self.skip, self.config)
         self.plans.append(self.plan)
         self.at = self.corrections = self.waited = self.strained = self.held = 0
         self.compliance = Compliance(self.config)
@@ -135,13 +137,14 @@ class Expert:
         if self.at >= len(self.plan) and begun != self.leg and not self.leaving:
             self._let_go(now)  # this leg is done
             return self.act()
-        on_joint = self.leg != "pick"
+        on_joint = self.leg not in ("pick", "put")
         if self.at >= len(self.plan) and on_joint and self.corrections < self.config.corrections:
             further = correction(now, self.plan, self.config)
             self.corrections += 1
             if further is not None:
                 self.plan, self.at = further, 0
-        if self.at >= len(self.plan) and self._should_leave(now):
+        over = self.at >= len(self.plan) or now.goal.thing is not None
+        if over and self._should_leave(now):
             self.leaving = True
             self._let_go(now)
             self.retreat += [self.retreat[-1]] * self.config.settle_steps
@@ -209,7 +212,7 @@ class Expert:
 
     def _why(self, now: PlannerState) -> str:
         info = self.env.get_info()
-        if self.leg == "pick":
+        if self.leg in ("pick", "put"):
             return "the cube was not grasped, or slipped from the hand"
         done, touched = float(info["progress"][0]), bool(info["by_contact"][0])
         if done < 0.05:
