@@ -51,14 +51,16 @@ class Layout:
         return object_pose(self.model, self.placement.object_height, (0.0, 0.0), 0.0)
 
     def view(self) -> tuple[FloatArray, float, float]:
-        """What a camera should see: middle (3,) and diagonal of the object, its open part and the
-        upper arm; and the side (+1 or -1 along y) on which the arm is not in the way."""
+        """What a camera should see: middle (3,) and diagonal of the object, its open part, the arm
+        and what lies beside it; and the side (+1 or -1 along y) on which the arm is not in the
+        way."""
         boxes = [self.model.bounds()]
         for goal in self.goals:
             boxes += [self.model.bounds({goal.joint: v}) for v in (goal.closed, goal.open)]
         pose = self.world_asset
         base = self.placement.base[:3, 3]
-        points = np.concatenate([np.concatenate(boxes) + pose[:3, 3], base[None]])
+        ground = np.array([(x, y, 0.0) for x, y in self.starts]).reshape(-1, 3)
+        points = np.concatenate([np.concatenate(boxes) + pose[:3, 3], base[None], ground])
         low, high = points.min(axis=0), points.max(axis=0)
         handle = pose[:3, :3] @ self.handles[0] + pose[:3, 3]
         side = -1.0 if base[1] >= handle[1] - 0.02 else 1.0
