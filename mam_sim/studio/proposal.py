@@ -28,7 +28,8 @@ from mam_pipeline.render.pictures import Picture
 from mam_pipeline.stages import Stages
 from mam_pipeline.types import Articulation, Joint, JointCandidate, KinematicTree, PartNode
 from mam_sim.studio import edits
-from mam_sim.studio.session import Session, State, Tell
+from mam_sim.studio.session import Session, Tell
+from mam_sim.studio.state import State
 from mam_sim.studio.words import dialogue_text
 
 PLAIN = re.compile(r"[a-z][a-z0-9_]{0,39}")

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mam_pipeline.asset.card import Asset
+from mam_pipeline.asset.card import Asset, AssetCard
 from mam_pipeline.asset.read import read_asset
 from mam_pipeline.claims import HINTS, claim_file
 from mam_pipeline.dormant import ALL, index_of, woken
@@ -41,48 +41,16 @@ from mam_pipeline.types import (
     KinematicTree,
     Link,
     Mesh,
-    PartNode,
     Primitives,
 )
 from mam_sim.studio import edits
 from mam_sim.studio.edits import explicit, with_living_parents
 from mam_sim.studio.place import Place, make, yielding
+from mam_sim.studio.state import Ground, State, Words, as_checked, as_it_is, words_of
 
 Tell = Callable[[str], None]
 Change = Callable[[Hints, KinematicTree], Hints]
 SHOWN = 6  # ways of moving that a person is offered
-
-
-@dataclass(frozen=True)
-class Ground:
-    """The object as it stands, before anything is said of its parts.
-
-    Attributes:
-        read: the source in the engine's frame. mesh: what is worked on; a lighter copy where the
-            file is heavy. cut: its primitives; primitives: the same, along the hints' nodes.
-    """
-
-    read: Source
-    mesh: Mesh
-    cut: Primitives
-    primitives: Primitives
-
-
-@dataclass(frozen=True)
-class State:
-    """What a person said, and the tree and the joints that come of it.
-
-    Attributes:
-        ground: what they are of. primitives: of the faces, cut as the person said.
-        turn: (3, 3) rotation about Z that brings the front to -X.
-    """
-
-    hints: Hints
-    tree: KinematicTree
-    articulation: Articulation
-    ground: Ground
-    primitives: Primitives
-    turn: FloatArray
 
 
 class Session:
@@ -107,6 +75,7 @@ class Session:
         self._engine_trees: list[tuple[Ground, KinematicTree]] = []
         self._rankings: dict[tuple[int, bytes, bytes], list[JointCandidate]] = {}
         self._at = 0
+        self._words: Words = {}
         self._saved: Hints | None = None
         kind = "asset" if place.source is None else kind_of(place.source)
         self.made_from = kind if place.source else Asset.card_of(place.asset).card.made_from
@@ -119,12 +88,12 @@ class Session:
                 "This asset can be looked at only: its source was not found beside it. "
                 "Open the source itself to put parts right."
             )
-            self._look_at(read_asset(Asset.load(place.asset)))
+            self._history = [as_it_is(read_asset(Asset.load(place.asset)))]
         else:
             from mam_pipeline.formats.urdf.read import read_urdf
 
             self.why_fixed = "A URDF has its joints already; it can be looked at and checked."
-            self._look_at(read_urdf(place.source))
+            self._history = [as_it_is(read_urdf(place.source))]
 
     def _open(self, source: Path, kind: str) -> None:
         """Run the engine, or take from a copy of the asset's stages what is still true."""
@@ -148,6 +117,8 @@ class Session:
         if hints is None and "reason" in self._stages.seconds:  # nobody has edited it
             self._engine_trees.append((ground, tree))
         self._history = [self._solved(self._stages, ground, tree, hints)]
+        if "joints" not in self._stages.seconds and (self.place.asset / "asset.json").is_file():
+            self._checked(self.state, Asset.card_of(self.place.asset).card)
 
     def _read(self, source: Path, hints: Hints | None) -> Source:
         """The source, standing as the hints say."""
@@ -169,22 +140,6 @@ class Session:
         groups = stated_groups(ground.read.spec)
         unhinted = along_nodes(ground.cut, ground.mesh, None, groups)
         return ground.primitives.count != unhinted.count
-
-    def _look_at(self, articulation: Articulation) -> None:
-        """An articulation as it is: a link is a primitive."""
-        mesh, primitives = articulation.mesh, Primitives(articulation.face_link)
-        read = Source("urdf", mesh, np.eye(4), 1.0, "urdf")
-        ground = Ground(read, mesh, primitives, primitives)
-        above = {j.child: j for j in articulation.joints}
-        nodes = tuple(
-            PartNode(
-                link.name, link.kind, (i,), above[i].parent if i in above else -1,
-                above[i].subtype if i in above else "fixed",
-            )
-            for i, link in enumerate(articulation.links)
-        )  # fmt: skip
-        tree = KinematicTree(nodes)
-        self._history = [State(Hints(), tree, articulation, ground, primitives, np.eye(3))]
 
     @property
     def state(self) -> State:
@@ -329,7 +284,15 @@ class Session:
         """
         if self.unsaved:
             self.save()
-        return make(self.place, tell)
+        of = self.state
+        asset = make(self.place, tell)
+        self._checked(of, asset.card)
+        return asset
+
+    def _checked(self, of: State, card: AssetCard) -> None:
+        """Take the check's word on the joints of the state that an asset was made of."""
+        self._words = words_of(of.found, card)
+        self._history = [as_checked(state, self._words) for state in self._history]
 
     def best_subtype(self, chosen: NDArray[np.bool_]) -> str:
         """How faces (F,) would move if they were a part of their own: slide, hinge or spin."""
@@ -440,7 +403,8 @@ class Session:
         said, primitives = hints or Hints(), with_cuts(ground.primitives, hints)
         made = stages.solve(ground.mesh, primitives, tree, hints)
         turn = self._turn(made, ground.read, hints)
-        return State(said, tree, made, ground, primitives, turn)
+        state = State(said, tree, made, tree, made, ground, primitives, turn)
+        return as_checked(state, self._words)
 
     def _turn(self, made: Articulation, read: Source, hints: Hints | None) -> FloatArray:
         """(3, 3) rotation that brings the front to -X."""

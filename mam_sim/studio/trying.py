@@ -103,11 +103,22 @@ class Trying:
             self._at[text] = (joint.name, float(at))
             words.append(f"{text}: {', '.join(REASONS.get(r, r) for r in row['reasons'])}")
         self.verdict.content = verdict_text(
-            found["passed"], found["driven"], [] if words else found["reasons"], words
+            found["passed"],
+            found["driven"],
+            [] if words else found["reasons"],
+            words,
+            self._still(),
         )
         self.places.visible = bool(self._at)
         if self._at:
             self.places.options = ("", *self._at)
+
+    def _still(self) -> list[str]:
+        """A sentence on each part that the check has put to sleep."""
+        work, shown = self.work, self.work.state.articulation
+        moved = {link.name for link in self.work.state.found.links}
+        return [f"{work.called(part.link.name)} is kept still: {part.joint.dormant}"
+                for part in shown.dormant if part.link.name in moved]  # fmt: skip
 
     def _show(self) -> None:
         """Put the joint where the check stopped it, its part in red."""

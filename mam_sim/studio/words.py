@@ -188,14 +188,17 @@ def dialogue_text(evidence: Mapping[str, Any], said: Collection[str]) -> str:
     return "\n\n".join(rows)
 
 
-def verdict_text(passed: bool, driven: bool, reasons: list[str], joints: list[str]) -> str:
+def verdict_text(
+    passed: bool, driven: bool, reasons: list[str], joints: list[str], still: list[str]
+) -> str:
     """The check's verdict, each reason in words.
 
     Args:
-        joints: a sentence for each joint that fails.
+        joints: a sentence for each joint that fails. still: for each that it has put to sleep.
     """
+    asleep = "".join(f"\n\n{row}. *wake* in the tree lets it move." for row in still)
     if passed:
         more = "" if driven else " No simulator is installed: nothing was driven."
-        return f"**The check passes.**{more}"
+        return f"**The check passes.**{more}{asleep}"
     rows = [f"- {REASONS.get(code, code)}" for code in reasons]
-    return "**The check fails:**\n\n" + "\n".join([*rows, *(f"- {j}" for j in joints)])
+    return "**The check fails:**\n\n" + "\n".join([*rows, *(f"- {j}" for j in joints)]) + asleep

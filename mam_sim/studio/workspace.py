@@ -23,7 +23,8 @@ from mam_pipeline.render.tracer import Tracer
 from mam_pipeline.types import FloatArray, Joint, JointCandidate, Mesh
 from mam_sim.studio import words
 from mam_sim.studio.scene import Scene, Show
-from mam_sim.studio.session import Change, Session, State
+from mam_sim.studio.session import Change, Session
+from mam_sim.studio.state import State
 
 if TYPE_CHECKING:
     import viser

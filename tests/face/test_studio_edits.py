@@ -181,7 +181,7 @@ def test_words_say_where_a_line_runs_as_seen_from_the_front() -> None:
     text = joint_text(joint, "door_0", "door", runs, "mesh")
     assert "at its left, upright" in text and "0 to 90 °" in text
     assert "Inferred, 40 % sure. Please look at it." in text
-    assert "runs into another" in verdict_text(False, True, ["penetration"], [])
+    assert "runs into another" in verdict_text(False, True, ["penetration"], [], [])
 
 
 def test_a_language_models_answers_are_told_and_what_was_overruled() -> None:
