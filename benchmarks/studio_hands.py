@@ -228,6 +228,16 @@ class Hands:
         self.window.get_by_role("button", name=button).click()
         until(lambda: self.session.state is not before, 60.0, fail=False)
 
+    def take_line(self, number: int) -> None:
+        """Take a line of the list, from 1: a click."""
+        self.settled()
+        before = self.session.state
+        self.acts.clicks += 1
+        self.acts.edits += 1
+        self.acts.steps.append(f"line {number}")
+        self.window.locator(f'.way[data-key="way {number}"]').click()
+        until(lambda: self.session.state is not before, 60.0, fail=False)
+
     def type_in(self, label: str, text: str) -> None:
         """Type a number into a field: a click, keys, Tab."""
         before = self.session.state

@@ -170,8 +170,7 @@ class Person(Hands):
         for k, c in enumerate(self.session.ways(name)):
             if self.fits(c, joint):
                 self.settled()
-                panel: Any = self.page.mend
-                self.pick("Line", panel.way.options[k + 1])
+                self.take_line(k + 1)
                 return True
         return False
 

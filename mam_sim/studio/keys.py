@@ -9,6 +9,7 @@ from typing import Any
 
 from mam_sim.studio.mend import Mend
 from mam_sim.studio.parts import Parts, key_of
+from mam_sim.studio.session import SHOWN
 from mam_sim.studio.workspace import Workspace
 
 BUTTON = '<button data-key="{key}" title="{title}"{off}>{label}</button>'
@@ -46,6 +47,9 @@ class Keys:
         on("Save", "S", self._save)
         on("Cancel what is being computed; else choose nothing", "escape", self._leave, alone=False)
         on("Show the keys", "?", self._show, alone=False)
+        for k in range(1, SHOWN + 1):
+            self._command(f"Take line {k} of the chosen part", f"way {k}",
+                          work.guarded(partial(mend.take_line, k)))  # fmt: skip
         for window, width in WIDTHS.items():
             self._command(f"Panel for a {window}", window, partial(_widen, width))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -12,12 +13,11 @@ from scipy.spatial.transform import Rotation
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.geometry.sampling import unit as unit_vector
 from mam_pipeline.hints import Hints
-from mam_pipeline.types import Joint, JointCandidate, KinematicTree
+from mam_pipeline.types import Joint, KinematicTree
 from mam_sim.facts import shown_value
 from mam_sim.studio import edits, words
 from mam_sim.studio.parts import Parts
 from mam_sim.studio.picking import line_at, snapped, snaps
-from mam_sim.studio.preview import Preview
 from mam_sim.studio.session import Session
 from mam_sim.studio.stand import Stand
 from mam_sim.studio.workspace import Picks, Workspace
@@ -28,6 +28,9 @@ NONE = "(none)"
 TURNS, SLIDES = "It turns about the clicked edge", "It slides out of the clicked face"
 ASK_EDGE, ASK_FACE = "Click an edge to turn about", "Click a face to slide out of"
 UNCHOSEN = "No part is chosen: click one in the tree or on the object, or press its digit."
+WAY = '<div class="way" data-key="way {k}" data-over="way {k}">{k}. {runs}<span>{sure}</span></div>'
+NOW = '<div class="way now">now: {runs}</div>'
+LINES = '<div class="way about">Other lines: the pointer on one plays it, a click takes it.</div>'
 EMPTY = "Nothing is selected: click on the object; with Shift, one more, or drag a box."
 PICKS: dict[str, Picks] = {
     "whole pieces": "pieces", "faces up to an edge": "areas", "faces under a brush": "brush",
@@ -46,8 +49,7 @@ class Mend:
             self.part = gui.add_markdown("")
             self.wake = self._button("Wake it: it moves", lambda: self.awake(self._named()), True)
             self.motion = gui.add_dropdown("Moves", MOTIONS)
-            self.way = gui.add_dropdown("Line", (NONE,), hint="Other lines, the likeliest first")
-            self.preview = Preview(work, parts)
+            self.ways = gui.add_html("")
             self.low = gui.add_number("From", 0.0, step=0.5)
             self.high = gui.add_number("To", 0.0, step=0.5)
             self.clicked = self._button(TURNS, self._from_click)
@@ -82,11 +84,10 @@ class Mend:
             self.snapped = gui.add_markdown("")
             self._taking = self._button("Take this axis", self._take_axis)
         self.stand = Stand(work)
-        self._ways: list[JointCandidate] = []
         self._gizmo: Any = None
         for handle, change in (
             (self.name, self._rename), (self.kind, self._rekind),
-            (self.parent, self._hang), (self.motion, self.move), (self.way, self._line),
+            (self.parent, self._hang), (self.motion, self.move),
             (self.low, self._lower), (self.high, self._upper),
         ):  # fmt: skip
             handle.on_update(self._typed(change))
@@ -134,14 +135,13 @@ class Mend:
         names = [n.name for n in nodes]
         _options(self.target, names, self.target.value)
         node = next((n for n in nodes[1:] if n.name == work.part), None)
-        about = (self.name, self.kind, self.parent, self.motion, self.way, self.low, self.high)
+        about = (self.name, self.kind, self.parent, self.motion, self.low, self.high)
         for handle in about:
             handle.disabled = bool(work.open.why_fixed)
-        for handle in (*about, *self._of_part):
+        for handle in (*about, self.ways, *self._of_part):
             handle.visible = node is not None
         self.wake.visible = node is not None and bool(node.dormant)
         joint = work.joint()
-        self.preview.show(joint is not None)
         for handle in self._of_part:
             handle.disabled = bool(work.open.why_fixed)
         self.clicked.disabled |= work.face is None or joint is None
@@ -169,16 +169,21 @@ class Mend:
     def _fill_ways(self, joint: Joint | None) -> None:
         """The other lines; where they are not known yet, they are added when they are."""
         work, part, state = self.work, self.work.part, self.work.state
-        self._ways = []
         if joint is None:
-            _options(self.way, [NONE], NONE)
+            self.ways.content = ""
             return
-        now = f"now: {work.line(joint, joint.child)}"
-        if work.open.knows_ways(part):
-            self._ways = work.open.ways(part)
-            others = [f"{k}. {work.line(c, joint.child)} · {words.chance(c)}"
-                      for k, c in enumerate(self._ways, 1)]  # fmt: skip
-            _options(self.way, [now, *others], now)
+        rows = [NOW.format(runs=escape(work.line(joint, joint.child)))]
+        known = work.open.knows_ways(part)
+        rows += [
+            WAY.format(k=k, runs=escape(work.line(c, joint.child)), sure=words.chance(c))
+            for k, c in enumerate(work.open.ways(part) if known else (), 1)
+        ]
+        if len(rows) > 1:
+            rows.insert(1, LINES)
+        content = "".join(rows)
+        if self.ways.content != content:
+            self.ways.content = content
+        if known:
             return
 
         def look(session: Session = work.open) -> None:
@@ -187,7 +192,6 @@ class Mend:
                 if work.session is session and work.state is state and work.part == part:
                     self._fill_ways(joint)
 
-        _options(self.way, [now], now)
         threading.Thread(target=look, daemon=True).start()
 
     def _pick_by(self) -> None:
@@ -255,11 +259,13 @@ class Mend:
         name = self._named()
         self.work.edit(lambda h, t: edits.set_subtype(h, t, name, subtype))
 
-    def _line(self, text: str) -> None:
-        name, number = self._named(), text.partition(".")[0]
-        if not number.isdigit():
-            return
-        c = self._ways[int(number) - 1]
+    def take_line(self, number: int) -> None:
+        """The chosen part moves as the list of lines says, which begins with 1."""
+        name = self._named()
+        ways = self.work.open.ways(name)
+        if number > len(ways):
+            raise ConfigError(f"{self.work.called(name)} has {len(ways)} other lines")
+        c = ways[number - 1]
         self.work.edit(lambda h, t: edits.set_line(h, t, name, c.subtype, c.axis, c.origin))
         self._open_it()
 

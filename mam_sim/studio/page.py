@@ -16,6 +16,7 @@ from mam_pipeline.make_config import MakeConfig
 from mam_sim.console import STAGES
 from mam_sim.studio import server as studio_server
 from mam_sim.studio.ask import Ask
+from mam_sim.studio.hover import Hover
 from mam_sim.studio.keys import Keys
 from mam_sim.studio.look import Look
 from mam_sim.studio.marking import Marking, MarkingPage
@@ -23,6 +24,7 @@ from mam_sim.studio.mend import Mend
 from mam_sim.studio.parts import Parts
 from mam_sim.studio.place import Place, place_of
 from mam_sim.studio.pointer import Pointer
+from mam_sim.studio.preview import Preview
 from mam_sim.studio.queue import Queue
 from mam_sim.studio.review import Review, asset_of
 from mam_sim.studio.scene import Scene
@@ -204,3 +206,4 @@ class Page:
             self.parts, self._keys, self, self.look, self.mend, self.trying, self.ask
         ]  # fmt: skip
         Pointer(work)
+        Hover(work, self.parts, Preview(work, self.parts))

@@ -46,7 +46,8 @@ PATHS = {
     "fixed": "M4 4h8v8H4z",
 }  # of a 16 by 16 picture
 ROW = (
-    '<div class="part{more}" data-key="{key}" style="padding-left:{indent}em" title="{title}">'
+    '<div class="part{more}" data-key="{key}" data-over="part {number}" title="{title}" '
+    'style="padding-left:{indent}em">'
     '<kbd>{digit}</kbd><i style="background:rgb({color})"></i>{icon}<b>{called}</b>'
     "<span>{sure}</span></div>"
 )
@@ -162,6 +163,10 @@ class Parts:
         finally:
             self._play.release()
 
+    def stop(self) -> None:
+        """Play no more; all is left where it is."""
+        self._stop.set()
+
     def _build(self) -> None:
         for handle in self._made:
             handle.remove()
@@ -213,8 +218,9 @@ class Parts:
         if dormant:
             more, sure = " dormant", f"may move {WAKE.format(number=number)}"
         return ROW.format(
-            more=more + (" chosen" if row.name == work.part else ""),
-            key=key_of(number), digit=number if 0 < number <= PLAYING.digits else "",
+            more=more + (" chosen" if row.name == work.part else "")
+            + (" over" if row.name == work.over else ""),
+            key=key_of(number), number=number, digit=number if 0 < number <= PLAYING.digits else "",
             indent=0.4 + 0.9 * row.depth, sure=sure, called=escape(work.called(row.name)),
             title=escape(f"{row.name} ({row.kind}) {motion}"),
             icon=ICON.format(path=PATHS[row.joint.subtype if row.joint else "fixed"]),

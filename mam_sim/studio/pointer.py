@@ -67,7 +67,7 @@ class Pointer:
 
     def _stroke(self, event: Any) -> None:
         """Paint faces while the pointer is drawn over the object."""
-        work, camera = self.work, _camera(event.client)
+        work, camera = self.work, camera_of(event.client)
         if work.picks != "brush":
             return
         ray = camera.rays(np.asarray(event.end_screen_pos)[None])[0]
@@ -83,7 +83,7 @@ class Pointer:
             work.choose(work.open.link_of_face(found[0]).name)
 
     def _box(self, event: Any) -> None:
-        work, seen = self.work, _camera(event.client)
+        work, seen = self.work, camera_of(event.client)
         mesh, tracer = work.tracer()
         low, high = np.asarray(event.screen_min), np.asarray(event.screen_max)
         if work.picks == "pieces":
@@ -94,7 +94,8 @@ class Pointer:
         work.choose(work.part)
 
 
-def _camera(client: Any) -> Camera:
+def camera_of(client: Any) -> Camera:
+    """The camera of a window."""
     camera = client.camera
     turn = Rotation.from_quat(np.roll(camera.wxyz, -1)).as_matrix()
     return Camera(np.asarray(camera.position), turn, camera.fov, camera.aspect)

@@ -1,15 +1,13 @@
-"""The other ways in which a part may move, played one after the other; nothing is changed by it."""
+"""Another way in which a part may move, played while the pointer is on it; it changes nothing."""
 
 from __future__ import annotations
 
 import threading
 import time
-from typing import Any
 
 import numpy as np
 
 from mam_pipeline.types import JointCandidate
-from mam_sim.studio import words
 from mam_sim.studio.parts import Parts
 from mam_sim.studio.scene import merged_bounds
 from mam_sim.studio.workspace import Workspace
@@ -18,50 +16,49 @@ SECONDS, PICTURES = 1.6, 16  # for one way there and back; pictures a second
 
 
 class Preview:
-    """A button that plays the ways of the chosen part, and says which is played."""
+    """Plays one of the ways of the chosen part, again and again, until another is wanted."""
 
     def __init__(self, work: Workspace, parts: Parts) -> None:
-        """Build the button."""
         self.work, self.parts = work, parts
-        gui: Any = work.server.gui
-        self.button = gui.add_button("Play the other lines", color="gray", icon="player-play")
-        self.told = gui.add_markdown("")
-        self.button.on_click(work.guarded(self._play, alone=False))
-        self._playing = threading.Lock()
+        self._wanted, self._playing = 0, threading.Lock()
 
-    def show(self, on: bool) -> None:
-        """Whether there is a part whose ways can be played."""
-        self.button.visible = self.told.visible = on
+    def want(self, number: int) -> None:
+        """Play a way by its number in the list, from 1; 0 plays none, and all is as it was."""
+        self._wanted = number
+        if number:
+            threading.Thread(target=self._play, daemon=True).start()
 
     def _play(self) -> None:
-        work, state, part = self.work, self.work.state, self.work.part
-        joint, ways = work.joint(), work.open.ways(part)
-        if joint is None or not self._playing.acquire(blocking=False):
-            return
-        try:
-            with work.lock:
-                before = dict(work.scene.values)
-                self.parts.pose(dict.fromkeys(before, 0.0))
+        work = self.work
+        while self._wanted and self._playing.acquire(blocking=False):
+            try:
+                self._until_another_is_wanted(self._wanted)
+            finally:
+                with work.lock:
+                    work.scene.preview((), None, 0.0)
+                self._playing.release()
+
+    def _until_another_is_wanted(self, number: int) -> None:
+        work = self.work
+        with work.lock:
+            joint = None if work.session is None else work.joint()
+            ways = [] if joint is None else work.open.ways(work.part)
+            if joint is None or number > len(ways):
+                self._wanted = 0
+                return
+            state, part, way = work.state, work.part, ways[number - 1]
+            self.parts.stop()
             carried = state.articulation.carried_links(joint)
             size = np.ptp(merged_bounds(state.articulation, joint.child), axis=0)
-            for number, way in enumerate(ways, 1):
-                runs = work.line(way, joint.child)
-                self.told.content = f"**{number}.** {runs}, {words.chance(way)}"
-                begun = time.monotonic()
-                while (share := (time.monotonic() - begun) / SECONDS) < 1:
-                    with work.lock:
-                        if work.state is not state or work.part != part:
-                            return  # the person has gone on
-                        value = np.sin(np.pi * share) * reach(way, float(np.abs(way.axis) @ size))
-                        work.scene.preview(carried, way, float(value))
-                    time.sleep(1 / PICTURES)
-        finally:
+        far, begun = reach(way, float(np.abs(way.axis) @ size)), time.monotonic()
+        while self._wanted == number:
             with work.lock:
-                self.told.content = ""
-                work.scene.preview((), None, 0.0)
-                if work.state is state:
-                    self.parts.pose(before)
-            self._playing.release()
+                if work.session is None or work.state is not state or work.part != part:
+                    self._wanted = 0  # the person has gone on
+                    return
+                share = (time.monotonic() - begun) / SECONDS
+                work.scene.preview(carried, way, float(np.sin(np.pi * share) ** 2 * far))
+            time.sleep(1 / PICTURES)
 
 
 def reach(way: JointCandidate, length: float) -> float:

@@ -34,7 +34,7 @@ Show = Literal["as it is", "parts", "pieces", "edges", "collision"]
 SHOWS: tuple[Show, ...] = ("as it is", "parts", "pieces", "edges", "collision")
 EDGES = (70, 80, 95)
 SELECTED, AXIS, CHOSEN, BAD = (255, 140, 0), (60, 110, 200), (230, 70, 50), (214, 52, 44)
-CONTACT = (20, 150, 90)
+CONTACT, OVER = (20, 150, 90), (90, 160, 250)
 NUMBERS = 150  # pieces that can be told apart by a number
 NAMED = 12  # joints that can all have their names in the view
 CELLS = tuple(float(m * 10.0**e) for e in range(-4, 3) for m in (1, 2, 5))  # metres
@@ -66,6 +66,7 @@ class Scene:
         self._previewed: JointCandidate | None = None
         self._drawn: list[Any] = []  # what each link's surface was drawn from
         self._extras: dict[str, list[Any]] = {}
+        self._named: set[str] = set()  # parts that an axis names in the view
 
     def show(
         self,
@@ -196,6 +197,7 @@ class Scene:
                 people call a part; where there are many, only the chosen one is named.
         """
         self._drop("axes")
+        self._named = set()
         if not on:
             return
         size = self.articulation.mesh.diagonal
@@ -217,6 +219,7 @@ class Scene:
                 thickness=0.006 * size,
             ))  # fmt: skip
             if name == chosen or len(self.articulation.joints) <= NAMED:
+                self._named.add(called(name))
                 told = f"{called(name)}: {span(joint)}" if name == chosen else called(name)
                 named.append(_free_spot(arc[len(arc) // 2], named, size))
                 self._keep("axes", self.api.add_label(
@@ -225,7 +228,24 @@ class Scene:
 
     def select(self, chosen: NDArray[np.bool_]) -> None:
         """Lay colour over some faces (F,)."""
-        self._drop("selected")
+        self._lay("selected", chosen, SELECTED, 0.7)
+
+    def point_out(self, faces: IntArray, called: str) -> None:
+        """Lay a pale colour over a part's faces, and name it where the view does not already."""
+        mesh, owner = self.articulation.mesh, self.articulation.face_link
+        self._lay("over", np.isin(np.arange(len(mesh.faces)), faces), OVER, 0.35)
+        if len(faces) and called not in self._named:
+            points = mesh.vertices[np.unique(mesh.faces[faces])]
+            low, high = points.min(axis=0), points.max(axis=0)
+            self._keep("over", self.api.add_label(
+                f"/object/{owner[faces[0]]}/over_name", called, anchor="bottom-center",
+                position=(*(low[:2] + high[:2]) / 2, high[2]),
+            ))  # fmt: skip
+
+    def _lay(
+        self, group: str, chosen: NDArray[np.bool_], color: tuple[int, int, int], opacity: float
+    ) -> None:  # fmt: skip
+        self._drop(group)
         mesh = self.articulation.mesh
         normal = face_geometry(mesh.vertices, mesh.faces)[0]
         for i, link in enumerate(self.articulation.links):
@@ -235,10 +255,10 @@ class Scene:
             lift = 0.0012 * mesh.diagonal * normal[faces]
             corners = mesh.vertices[mesh.faces[faces]]
             both = np.concatenate([corners + lift[:, None], corners - lift[:, None]])
-            self._keep("selected", self.api.add_mesh_simple(
-                f"/object/{i}/selected", both.reshape(-1, 3),
-                np.arange(3 * len(both)).reshape(-1, 3), color=SELECTED, opacity=0.7, side="double",
-                cast_shadow=False, flat_shading=True,
+            self._keep(group, self.api.add_mesh_simple(
+                f"/object/{i}/{group}", both.reshape(-1, 3),
+                np.arange(3 * len(both)).reshape(-1, 3), color=color, opacity=opacity,
+                side="double", cast_shadow=False, flat_shading=True,
             ))  # fmt: skip
 
     def redden(self, links: Iterable[int]) -> None:

@@ -73,6 +73,34 @@ KEYS = """
 """Letters are keys of the studio, not of viser's camera; held ones act once. A click on what has a
 `data-key` is the press of that key. A button that was clicked does not keep the space bar. Viser
 takes the panel's width in pixels, so a window says by a key of its own whether it is large."""
+POINTER = """
+{
+  let wanted = "", said = "", timer = 0;
+  const write = () => {
+    const field = document.querySelector("div:has(> .pointer) + div input");
+    if (!field || wanted === said) return;
+    said = wanted;
+    Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(field, said);
+    field.dispatchEvent(new Event("input", { bubbles: true }));
+  };
+  const rests = (what) => {
+    if (what === wanted) return;
+    wanted = what;
+    clearTimeout(timer);
+    timer = setTimeout(write, 120);
+  };
+  addEventListener("pointermove", (e) => {
+    const row = e.target.closest?.("[data-over]"), view = e.target.tagName === "CANVAS";
+    if (!view || e.buttons) return rests(row && !e.buttons ? row.dataset.over : "");
+    const box = e.target.getBoundingClientRect();
+    const share = (at, low, size) => Math.min(Math.max((at - low) / size, 0), 1).toFixed(4);
+    rests(`at ${share(e.clientX, box.left, box.width)} ${share(e.clientY, box.top, box.height)}`);
+  }, true);
+  document.documentElement.addEventListener("pointerleave", () => rests(""));
+}
+"""
+"""What the pointer rests on, a tenth of a second long, is written into a field of the page that
+nobody sees (`hover.Hover`): a row that has `data-over`, or a place in the view."""
 STYLE = """
 @media (min-width: 1800px) { html { font-size: 115% !important; } }
 @media (min-width: 2400px) { html { font-size: 140% !important; } }
@@ -97,7 +125,13 @@ STYLE = """
   font-size: .9em; line-height: 1.4;
 }
 div:has(> div > .part) { max-height: 45vh; overflow-y: auto; }
-.part:hover { background: #e66e1418; }
+.part:hover, .part.over, .way:hover { background: #e66e1418; }
+div:has(> .pointer), div:has(> .pointer) + div { display: none; }
+.way { display: flex; gap: .6em; padding: .15em .75em; cursor: pointer; font-size: .9em; }
+.way.now, .way.about { cursor: default; background: none; }
+.way.now { font-weight: 600; }
+.way.about { opacity: .75; }
+.way span { margin-left: auto; opacity: .75; white-space: nowrap; }
 .part.chosen { background: #e66e1433; }
 .part kbd { width: .8em; opacity: .6; font-size: .8em; text-align: center; }
 .part i { width: .7em; height: .7em; border-radius: 50%; flex: none; }
@@ -172,12 +206,12 @@ def _patient(handler: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 
 def _with_script(response: Any) -> Any:
-    """The page, with `LIGHT`, `KEYS` and `STYLE` before all else; other answers as they are."""
+    """The page, with our scripts and `STYLE` before all else; other answers as they are."""
     if response is None or response.headers.get("Content-Type") != "text/html":
         return response
     packed = response.headers.get("Content-Encoding") == "gzip"
     body = gzip.decompress(response.body) if packed else response.body
-    head = f"<head><script>{LIGHT}{KEYS}</script><style>{STYLE}</style>"
+    head = f"<head><script>{LIGHT}{KEYS}{POINTER}</script><style>{STYLE}</style>"
     body = body.replace(b"<head>", head.encode(), 1)
     response.body = gzip.compress(body, 1) if packed else body
     del response.headers["Content-Length"]

@@ -37,6 +37,7 @@ from mam_pipeline.types import (
     Articulation,
     Axis,
     FloatArray,
+    IntArray,
     JointCandidate,
     KinematicTree,
     Link,
@@ -353,6 +354,13 @@ class Session:
             if face in part.link.faces:
                 return part.link
         return articulation.links[int(articulation.face_link[face])]
+
+    def faces_of(self, name: str) -> IntArray:
+        """Faces of a part, dormant or not; none where there is no such part."""
+        articulation = self.state.articulation
+        links = [*articulation.links, *(part.link for part in articulation.dormant)]
+        none = np.zeros(0, dtype=np.int64)
+        return next((link.faces for link in links if link.name == name), none)
 
     def _ranked(self, part: np.ndarray, rest: np.ndarray) -> list[JointCandidate]:
         """Ranked hypotheses for faces, in the frame of the mesh; remembered."""

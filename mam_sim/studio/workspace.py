@@ -48,7 +48,7 @@ class Workspace:
         server: of the page. scene: its three-dimensional view.
         session: the open object; None while the first one is read.
         selected: pieces (primitives), and brushed: faces that are to become pieces of their own.
-        part: name of the chosen part.
+        part: name of the chosen part. over: of the one under the pointer in the view.
         show, axes, sizes, contacts: how the object is drawn. hulls: collision pieces by link name.
         picks: what a click takes: pieces, areas (faces up to the next sharp edge) or, by brush,
             faces within `brush` of the pointer, diagonals.
@@ -65,6 +65,7 @@ class Workspace:
     selected: set[int] = field(default_factory=set)
     brushed: set[int] = field(default_factory=set)
     part: str = ""
+    over: str = ""
     picks: Picks = "pieces"
     brush: float = 0.03
     face: int | None = None
@@ -137,7 +138,7 @@ class Workspace:
     def put(self, session: Session) -> None:
         """Open another object."""
         with self.lock:
-            self.session, self.part = session, ""
+            self.session, self.part, self.over = session, "", ""
             session.checkpoint = self.check
             self.select_nothing()
             self.face = None

@@ -22,9 +22,11 @@ from tests.face.studio_window import (
     door,
     door_front,
     joint_of,
+    pixel,
     seen,
     show,
     until,
+    window_middle,
 )
 
 
@@ -117,7 +119,7 @@ def test_an_edit_that_is_cancelled_changes_nothing(page: Any, session: Session) 
     work.tell = page._tell
 
 
-def test_in_a_browser_the_other_lines_are_played_and_nothing_is_changed(
+def test_in_a_browser_a_line_under_the_pointer_is_played_and_a_click_takes_it(
     page: Any, window: Any, session: Session
 ) -> None:
     show(page, window, "Put right")
@@ -127,13 +129,44 @@ def test_in_a_browser_the_other_lines_are_played_and_nothing_is_changed(
     page.work.mark()
     assert len(page.work.scene._extras["contacts"]) == 1, "the closed door touches the carcass"
     page.work.contacts = False
-    window.get_by_role("button", name="Play the other lines").click()
-    told = page.mend.preview.told
-    until(lambda: told.content.startswith("**1.**"))
+    line = window.locator(".way[data-key]").first
+    line.hover()
     node = page.work.scene._links[joint_of(session, part).child]
     until(lambda: bool(abs(node.wxyz[0]) < 0.99 or np.linalg.norm(node.position) > 0.05))
-    until(lambda: told.content == "")
-    assert session.state is state and np.allclose(node.position, 0.0)
+    assert session.state is state, "nothing is changed by it"
+    window.mouse.move(*window_middle(canvas(window)))
+    until(lambda: bool(np.allclose(node.position, 0.0) and abs(node.wxyz[0]) > 0.9999))
+    assert session.state is state
+    way = session.ways(part)[0]
+    line.click()
+    until(lambda: session.state is not state)
+    joint = joint_of(session, part)
+    assert joint.provenance == "user" and np.allclose(joint.origin, way.origin)
+
+
+def test_in_a_browser_the_part_under_the_pointer_is_coloured_in_the_view_and_in_the_tree(
+    page: Any, window: Any, session: Session
+) -> None:
+    show(page, window)
+    work, part = page.work, door(session).name
+    called, link = work.called(part), joint_of(session, part).child
+    work.axes = False  # whose names would be there already
+    work.choose("")
+    row = window.locator(".part", has_text=called)
+    row.hover()
+    over = until(lambda: work.scene._extras.get("over"))
+    assert [node.name for node in over] == [f"/object/{link}/over", f"/object/{link}/over_name"]
+    assert over[1].text == called and work.part != part
+    box = canvas(window)
+    window.mouse.move(box["x"] + 5, box["y"] + 5)
+    until(lambda: not work.scene._extras.get("over"))
+
+    window.mouse.move(*pixel(page, window, [door_front(session)])[0])
+    window.locator(".part.over", has_text=called).wait_for()
+    assert len(work.scene._extras["over"]) == 2 and work.part != part
+    window.mouse.move(box["x"] + 5, box["y"] + 5)
+    window.locator(".part.over").wait_for(state="detached")
+    work.axes = True
 
 
 def test_pictures_of_a_folders_objects_are_made_in_the_background(
