@@ -46,8 +46,11 @@ class Page:
         photo: page of the open object's photo, where there is one.
     """
 
-    def __init__(self, port: int = 0) -> None:
+    def __init__(self, port: int = 0, queue: bool = False) -> None:
         """Serve an empty page.
+
+        Args:
+            port: to listen on; 0 takes any free one. queue: whether a folder is to be reviewed.
 
         Raises:
             InputError: the port is taken. MissingExtra: viser is not installed.
@@ -68,7 +71,7 @@ class Page:
         self._queue: Queue | None = None
         self.url = f"http://{studio_server.HOST}:{self.server.get_port()}/"
         self.photo: MarkingPage | None = None
-        self._build()
+        self._build(queue)
 
     def open(self, place: Place) -> None:
         """Read an object, saying how far it is, and show it; of a photo, its page as well.
@@ -131,6 +134,8 @@ class Page:
     def review(self, review: Review, config: MakeConfig) -> None:
         """Show the objects of a folder one by one, and go on where the last review stopped.
 
+        The page was made with `queue`.
+
         Args:
             review: of the folder. config: with which assets are made.
         """
@@ -141,15 +146,16 @@ class Page:
             return place_of(given, replace(config, hints=None), out)
 
         def go_to(index: int) -> None:
-            name = review.entries[index].path
+            name, why = review.entries[index].path, ""
             try:
                 self.open(place(index))
             except MamSimError as error:
                 self.work.drop()
                 self._failed(name, error)
-            queue.opened(review.index(name))
+                why = f"cannot be opened: {error}"
+            queue.opened(review.index(name), why)
 
-        with self._tabs.add_tab("Queue", icon="list-check"):
+        with self._front:
             self._queue = queue = Queue(self.work, review, go_to, place)
         self.work.panels.append(queue)
         first = review.next_from(-1)
@@ -187,12 +193,14 @@ class Page:
             text=escape(doing), button=CANCEL if self.work.doing else ""
         )
 
-    def _build(self) -> None:
+    def _build(self, queue: bool) -> None:
         """The panels; they are filled when an object is open."""
         gui: Any = self.server.gui
         work = self.work
         self.parts = Parts(work)
-        self._tabs = tabs = gui.add_tab_group()
+        tabs = gui.add_tab_group()
+        if queue:  # the tab that is open at first
+            self._front = tabs.add_tab("Queue", icon="list-check")
         with tabs.add_tab("Look", icon="eye"):
             self.look = Look(work)
         with tabs.add_tab("Put right", icon="tool"):

@@ -19,13 +19,14 @@ KEYS: dict[Decision, Any] = {"accept": "enter", "mend": "M", "reject": "delete"}
 HELP = "*Keys: Enter accepts, M marks to be mended, Delete rejects, N goes on.*"
 SHOWN = 12  # rows of the list
 OPEN = "#e66e1433"  # behind the row of the open object
+MADE = "made; nothing is doubted"
 HEAD = (
     '<div style="padding:.2em .75em;font-size:.875em">'
     "{done} of {count} decided, the most doubtful first.{each}</div>"
 )
 ROW = (
-    '<div style="display:flex;gap:.6em;align-items:center;padding:.2em .75em;'
-    'background:{shade};font-size:.875em;overflow-wrap:anywhere">'
+    '<div class="object" data-key="object {row}" style="display:flex;gap:.6em;align-items:center;'
+    'padding:.2em .75em;background:{shade};font-size:.875em;overflow-wrap:anywhere;cursor:pointer">'
     '<img src="{picture}" alt="" style="width:3em;height:3em;object-fit:contain;flex:none">'
     "<span><b>{name}</b><br>{told}</span></div>"
 )
@@ -51,6 +52,7 @@ class Queue:
         self.path = review.entries[0].path
         self.ahead = Ahead(lambda *made: work.guarded(partial(self._made, *made))(None))
         self._failed: dict[str, str] = {}
+        self._shown: list[str] = []  # paths of the rows of the list
         gui: Any = work.server.gui
         self.progress = gui.add_progress_bar(0)
         self.list = gui.add_html("")
@@ -65,13 +67,21 @@ class Queue:
         for decision, key in KEYS.items():
             gui.add_command(decision, hotkey=key).on_trigger(self._key(decision))
         gui.add_command("next object", hotkey="N").on_trigger(work.guarded(self._next, alone=False))
+        for row in range(SHOWN):
+            self._command(f"Go to object {row + 1} of the list", f"object {row}", row)
         self._began = time.monotonic()
 
-    def opened(self, index: int) -> None:
-        """An object was opened: its time begins, and the next ones are made."""
+    def opened(self, index: int, error: str = "") -> None:
+        """An object was opened: its time begins, and the next ones are made.
+
+        Args:
+            error: why it could not be, in words; "" where it could.
+        """
         self._began = time.monotonic()
         entry = self.review.entries[index]
         self.path, self.note.value = entry.path, entry.note
+        if error:
+            self._failed[entry.path] = error
         self.refresh()
         self._make_ahead()
 
@@ -82,10 +92,11 @@ class Queue:
         first = max(0, min(index - SHOWN // 3, len(entries) - SHOWN))
         rows = [HEAD.format(done=self.review.done, count=len(entries), each=self._each())]
         shown = entries[first : first + SHOWN]
+        self._shown = [entry.path for entry in shown]
         for k, entry in enumerate(shown, first):
-            told = entry.decision or self._failed.get(entry.path, "") or entry.why
+            told = entry.decision or self._failed.get(entry.path, "") or entry.why or MADE
             rows.append(ROW.format(
-                picture=self.thumbnails.url(entry.path), name=escape(entry.path),
+                row=k - first, picture=self.thumbnails.url(entry.path), name=escape(entry.path),
                 told=escape(told), shade=OPEN if k == index else "transparent",
             ))  # fmt: skip
         self.list.content = "".join(rows)
@@ -94,7 +105,7 @@ class Queue:
             self.names.options = paths
         if self.names.value != entries[index].path:
             self.names.value = entries[index].path
-        self.thumbnails.want([entry.path for entry in shown])
+        self.thumbnails.want(self._shown)
 
     def _each(self) -> str:
         spent = [e.seconds for e in self.review.entries if e.decision]
@@ -154,6 +165,14 @@ class Queue:
             self.work.say(None, "All decided", f"See {self.review.folder / 'review.csv'}", "green")
         else:
             self.go_to(index)
+
+    def _command(self, label: str, key: str, row: int) -> None:
+        def go() -> None:
+            if row < len(self._shown):
+                self.go_to(self.review.index(self._shown[row]))
+
+        command = self.work.server.gui.add_command(label, hotkey=key)
+        command.on_trigger(self.work.guarded(go, alone=False))
 
     def _chosen(self, event: Any) -> None:
         if event.client is not None:  # a person's choice, not ours

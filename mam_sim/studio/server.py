@@ -106,6 +106,9 @@ STYLE = """
 @media (min-width: 2400px) { html { font-size: 140% !important; } }
 .mantine-Notification-root { pointer-events: none; }
 .mantine-Notification-closeButton { pointer-events: auto; }
+.mantine-Tabs-tab { padding-inline: .45em !important; }
+.mantine-Tabs-tabSection { margin-inline-end: .3em !important; }
+.object:hover { background: #e66e1418 !important; }
 .head { padding: .4em .75em .1em; overflow-wrap: anywhere; }
 .bar { display: flex; flex-wrap: wrap; gap: .35em; padding: .2em .75em .4em; }
 .bar button, .busy button, .part button {

@@ -46,7 +46,7 @@ class Studio(Verb):
             raise ConfigError("--out and --hints are of one object; a folder has many")
         review = Review(self.source) if many else None
         place = None if many else place_of(self.source, self.pipeline, self.out)
-        page = Page(self.port)
+        page = Page(self.port, queue=many)
         print(f"page:  {page.url}   (ctrl-c ends)", file=sys.stderr, flush=True)
         if self.open:
             webbrowser.open(page.url)
