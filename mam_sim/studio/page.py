@@ -159,7 +159,7 @@ class Page:
             self._queue = queue = Queue(self.work, review, go_to, place)
         self.work.panels.append(queue)
         first = review.next_from(-1)
-        go_to(0 if first is None else first)
+        queue.go(0 if first is None else first)
 
     def stop(self) -> None:
         """End the servers, and what is made in the background."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from functools import partial
@@ -48,7 +49,8 @@ class Queue:
         Args:
             review: of the folder. go_to: opens an object of it. place: where its files are.
         """
-        self.work, self.review, self.go_to, self.place = work, review, go_to, place
+        self.work, self.review, self.place = work, review, place
+        self._open, self._opening = go_to, threading.Lock()
         self.path = review.entries[0].path
         self.ahead = Ahead(lambda *made: work.guarded(partial(self._made, *made))(None))
         self._failed: dict[str, str] = {}
@@ -144,6 +146,8 @@ class Queue:
         self._decide(event, self.buttons.value)
 
     def _decide(self, event: Any, decision: Decision) -> None:
+        if self._opening.locked():
+            return  # the object that is meant is not on the screen yet
         session, index = self.work.session, self.review.index(self.path)
         if session is not None and decision == "accept" and session.place.source is not None:
             edited = session.unsaved
@@ -155,6 +159,7 @@ class Queue:
             session.save()
         spent = time.monotonic() - self._began
         self.review.decide(index, decision, self.note.value, spent)
+        self.refresh()  # at once: the next object takes seconds to open
         self.work.say(event, decision, self.review.entries[index].path, "green")
         self._next()
 
@@ -164,12 +169,20 @@ class Queue:
             self.refresh()
             self.work.say(None, "All decided", f"See {self.review.folder / 'review.csv'}", "green")
         else:
-            self.go_to(index)
+            self.go(index)
+
+    def go(self, index: int) -> None:
+        """Open an object; what is asked for while one is being opened is left out."""
+        if self._opening.acquire(blocking=False):
+            try:
+                self._open(index)
+            finally:
+                self._opening.release()
 
     def _command(self, label: str, key: str, row: int) -> None:
         def go() -> None:
             if row < len(self._shown):
-                self.go_to(self.review.index(self._shown[row]))
+                self.go(self.review.index(self._shown[row]))
 
         command = self.work.server.gui.add_command(label, hotkey=key)
         command.on_trigger(self.work.guarded(go, alone=False))
@@ -177,4 +190,4 @@ class Queue:
     def _chosen(self, event: Any) -> None:
         if event.client is not None:  # a person's choice, not ours
             index = self.review.index(self.names.value)
-            self.work.guarded(lambda: self.go_to(index))(event)
+            self.work.guarded(lambda: self.go(index), alone=False)(event)

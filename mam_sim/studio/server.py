@@ -106,8 +106,7 @@ STYLE = """
 @media (min-width: 2400px) { html { font-size: 140% !important; } }
 .mantine-Notification-root { pointer-events: none; }
 .mantine-Notification-closeButton { pointer-events: auto; }
-.mantine-Tabs-tab { padding-inline: .45em !important; }
-.mantine-Tabs-tabSection { margin-inline-end: .3em !important; }
+:has(> [data-dock-tab]:nth-of-type(5)) > [data-dock-tab] { padding: 0 .25em !important; }
 .object:hover { background: #e66e1418 !important; }
 .head { padding: .4em .75em .1em; overflow-wrap: anywhere; }
 .bar { display: flex; flex-wrap: wrap; gap: .35em; padding: .2em .75em .4em; }
