@@ -179,7 +179,7 @@ class Queue:
             finally:
                 self._opening.release()
 
-    def _command(self, label: str, key: str, row: int) -> None:
+    def _command(self, label: str, key: Any, row: int) -> None:
         def go() -> None:
             if row < len(self._shown):
                 self.go(self.review.index(self._shown[row]))
