@@ -51,6 +51,7 @@ class Queue:
         """
         self.work, self.review, self.place = work, review, place
         self._open, self._opening = go_to, threading.Lock()
+        self._wanted, self._leaving = "", False  # path to open next; whether the object goes away
         self.path = review.entries[0].path
         self.ahead = Ahead(lambda *made: work.guarded(partial(self._made, *made))(None))
         self._failed: dict[str, str] = {}
@@ -79,7 +80,7 @@ class Queue:
         Args:
             error: why it could not be, in words; "" where it could.
         """
-        self._began = time.monotonic()
+        self._began, self._leaving = time.monotonic(), False
         entry = self.review.entries[index]
         self.path, self.note.value = entry.path, entry.note
         if error:
@@ -146,7 +147,7 @@ class Queue:
         self._decide(event, self.buttons.value)
 
     def _decide(self, event: Any, decision: Decision) -> None:
-        if self._opening.locked():
+        if self._leaving:
             return  # the object that is meant is not on the screen yet
         session, index = self.work.session, self.review.index(self.path)
         if session is not None and decision == "accept" and session.place.source is not None:
@@ -172,11 +173,14 @@ class Queue:
             self.go(index)
 
     def go(self, index: int) -> None:
-        """Open an object; what is asked for while one is being opened is left out."""
-        if self._opening.acquire(blocking=False):
+        """Open an object; while one is being opened, the last that was asked for comes after it."""
+        self._wanted = self.review.entries[index].path
+        while self._wanted and self._opening.acquire(blocking=False):
             try:
-                self._open(index)
+                path, self._wanted, self._leaving = self._wanted, "", True
+                self._open(self.review.index(path))
             finally:
+                self._leaving = False
                 self._opening.release()
 
     def _command(self, label: str, key: Any, row: int) -> None:
