@@ -10,13 +10,13 @@ import pytest
 from numpy.typing import NDArray
 
 from mam_pipeline.photo.confidence import panel_probability
-from mam_pipeline.photo.front import Told, read_front, with_own_handles
+from mam_pipeline.photo.front import Told, panel_of, read_front, with_own_handles
 from mam_pipeline.photo.front_network import FrontMaps
 from mam_pipeline.photo.handles import Blob, handles_seen
 from mam_pipeline.photo.options import Layout, parse_layout
 from mam_pipeline.photo.panel import Panel
 from mam_pipeline.photo.repeat import handles_by_repetition
-from mam_pipeline.photo.tiling import best_tiling, seams_of
+from mam_pipeline.photo.tiling import Tile, best_tiling, seams_of
 from mam_pipeline.photo.verdict import layout_as_read
 from mam_world.photos.painted_front import paint_front
 
@@ -178,6 +178,26 @@ def test_what_lies_at_a_hinge_that_is_told_is_no_handle(side: str, seen: int) ->
     reading = read_front(np.asarray(cv2.GaussianBlur(image, (0, 0), 1.0), np.uint8), layout)
     observed = [b for p in reading.panels for b in p.handles if b.provenance == "observed"]
     assert len(reading.panels) == 9 and len(observed) == seen
+
+
+@pytest.mark.parametrize(
+    ("left", "knobs", "side", "kept"),
+    [
+        (0.6, {60: 0.9}, "right", [60]),  # it opens by its knob, so its hinge is opposite
+        (0.99, {60: 0.6}, "left", []),  # sure of its hinge: what lies there is none
+        (0.99, {60: 0.8, 240: 0.7}, "left", [240]),
+    ],
+)
+def test_a_door_is_hinged_away_from_its_handle(
+    left: float, knobs: dict[int, float], side: str, kept: list[int]
+) -> None:
+    maps = voted([(0, 0, 30, 40)])
+    maps.kind[2, :, :30], maps.kind[3, :, :30] = left, 1.0 - left
+    blobs = [Blob((x - 5.0, 195.0, x + 5.0, 205.0), score) for x, score in knobs.items()]
+    tile = Tile((0, 0, 300, 400), True, 0.9)
+    panel = panel_of(tile, sorted(blobs, key=lambda b: -b.score), maps)
+    assert (panel.kind, panel.hinge_side) == ("door", side)
+    assert [b.center[0] for b in panel.handles] == kept
 
 
 def test_kinds_that_are_typed_stay_where_panels_are_alike() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
@@ -241,16 +242,33 @@ def panel_of(
         repeated: the handle that like panels show too, if any; it goes before all others.
         kinds: odds of KINDS for such an object.
     """
-    handles = _handles_on(tile.box, blobs, repeated)
     shares = maps.kind_shares(tile.box)
     weighed = {k: v * (kinds or {}).get(k, 1.0) for k, v in shares.items()}
     shares = {k: v / sum(weighed.values()) for k, v in weighed.items()}
-    best = max(shares, key=lambda k: shares[k])
-    kind, _, side = best.partition(" ")
+    kind = max(shares, key=lambda k: shares[k]).partition(" ")[0]
     sure = sum(v for k, v in shares.items() if k.startswith(kind))
+    side = "" if kind == "drawer" else _hinge_of(tile.box, blobs, repeated, shares)
+    handles = _handles_on(tile.box, blobs, repeated, side)
     confidence = float(np.clip(tile.agreement, 0.05, 0.98))
     rect = tuple(float(v) for v in tile.box)
     return Panel(rect, kind, side or None, handles, confidence, sure)  # type: ignore[arg-type]
+
+
+def _hinge_of(
+    box: Box, blobs: list[Blob], repeated: Blob | None, shares: Mapping[str, float]
+) -> str:
+    """The likeliest hinge side of a door: a patch that lies there is then no handle.
+
+    Args:
+        shares: kinds of panels to how likely they are by their looks alone.
+    """
+    seen = _likely(_within(blobs, box), repeated)
+
+    def likely(side: str) -> float:
+        opens = _off_the_hinge(seen, box, side)
+        return shares[f"door {side}"] * math.prod(1.0 - b.score for b in seen if b not in opens)
+
+    return max(HINGES, key=likely)
 
 
 def _shelf(tile: Tile) -> Panel:
