@@ -24,11 +24,10 @@ from mam_pipeline.errors import ConfigError, MamSimError
 from mam_pipeline.hints import load_hints, save_hints
 from mam_pipeline.local_page import HOST, is_own
 from mam_pipeline.photo.build import BodySpec, CellSpec, HandleSpec, build_object
-from mam_pipeline.photo.find import Found, check_near, find_object
+from mam_pipeline.photo.find import Found, check_near, find_object, sizes_of
 from mam_pipeline.photo.image import Photo, read_photo
 from mam_pipeline.photo.measure import jpeg
 from mam_pipeline.photo.options import parse_options
-from mam_pipeline.photo.reconstruct import sizes_of
 from mam_pipeline.photo.verdict import seen_as
 
 Metres = Annotated[float, Range(0.02, 20)]

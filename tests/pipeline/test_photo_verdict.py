@@ -19,7 +19,7 @@ from mam_pipeline.photo.agreement import shared
 from mam_pipeline.photo.category import Looks, front_kinds, look
 from mam_pipeline.photo.confidence import evidence, limits, panel_probability
 from mam_pipeline.photo.efficientnet import read_checkpoint, weights
-from mam_pipeline.photo.find import Found
+from mam_pipeline.photo.find import Found, sizes_of
 from mam_pipeline.photo.front import FrontReading
 from mam_pipeline.photo.handles import Blob
 from mam_pipeline.photo.image import read_photo
@@ -219,6 +219,9 @@ def test_the_line_that_is_offered_can_be_typed() -> None:
     assert options.pipeline.height == 0.5  # type: ignore[attr-defined]
     assert options.out == Path("made here")  # type: ignore[attr-defined]
     assert any(x.strip() == "mam-sim studio 'my photo.jpg'" for x in said)
+    assert any("stands open in the photo, close it" in x for x in said)
+    typed = doubt_about(found, {"cuboid": "high", "panels": "low"}, given, None)
+    assert typed is not None and not typed.notes  # somebody has said what each panel is
 
 
 def test_another_face_of_a_doubted_box_is_offered() -> None:
@@ -254,13 +257,23 @@ def test_doubt_about_what_it_is_is_asked_by_its_likeliest_name() -> None:
     assert "control panel" in " ".join(doubt.notes)
 
 
+def test_what_it_is_asked_to_be_is_what_the_draft_is() -> None:
+    looks = Looks({"printer": 0.5, "chest of drawers": 0.3, "desk": 0.2})
+    found = two_drawers()
+    found = replace(found, reading=replace(found.reading, panels=found.reading.panels * 2))
+    doubt = doubt_about(found, {"cuboid": "high", "panels": "high"}, PhotoOptions(), looks)
+    assert doubt is not None
+    assert doubt.options["category"] == sizes_of(found, PhotoOptions(), looks).category
+    shares = looks.categories()
+    assert doubt.options["category"] != max(shares, key=lambda name: shares[name])  # a nightstand
+
+
 def test_what_stands_open_is_called_open() -> None:
-    assert "stand open" in why(replace(two_drawers(), opened=0.1))
-    unsure = why(replace(two_drawers(), opened=0.1), panels="low", cuboid="low")
-    assert "stand open" in unsure
     fridge = Looks({"refrigerator": 1.0})
     many = two_drawers()
     many = replace(many, reading=replace(many.reading, panels=many.reading.panels * 6))
+    assert "stand open" in why(many, fridge)
+    assert "stand open" in why(many, Looks({"refrigerator": 0.9, "window": 0.1}), cuboid="low")
     assert shows_its_inside(many, PhotoOptions(), fridge)
     assert not shows_its_inside(many, PhotoOptions(), CHEST)
 

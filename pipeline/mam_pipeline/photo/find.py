@@ -21,7 +21,14 @@ from mam_pipeline.photo.handles import Blob, Box
 from mam_pipeline.photo.image import Photo
 from mam_pipeline.photo.lines import Segments, edge_maps, find_segments, on_mask
 from mam_pipeline.photo.mask import plain_backdrop, told_mask
-from mam_pipeline.photo.measure import quad_area, rectify, side_share
+from mam_pipeline.photo.measure import (
+    FURNITURE,
+    Sizes,
+    quad_area,
+    rectify,
+    settle_sizes,
+    side_share,
+)  # fmt: skip
 from mam_pipeline.photo.options import PhotoOptions
 from mam_pipeline.photo.panel import Panel
 from mam_pipeline.photo.quad import aspect_of_quad
@@ -55,8 +62,6 @@ class Found:
         doubt: how far off the network takes the front's corners to be, over the front's mean
             side; 0 where the user gave the front.
         scale: small pixels per pixel of the file.
-        opened: share of what is seen of the object that the network takes for what stands out of
-            an open one.
     """
 
     picture: tuple[int, int]
@@ -72,7 +77,6 @@ class Found:
     depth_hold: float = 0.0
     doubt: float = 0.0
     scale: float = 1.0
-    opened: float = 0.0
 
     @property
     def depth_from(self) -> str:
@@ -134,7 +138,6 @@ def _in_box(photo: Photo, options: PhotoOptions, kinds: Mapping[str, float]) -> 
         legs_below(photo, told, quad),
         depth_hold=hold_of_length(evidence, cuboid, 2),
         doubt=doubt_of(maps, quad), scale=photo.scale,
-        opened=float(maps.seen[SEEN.index("opened")].sum() / max((1 - maps.seen[0]).sum(), 1e-9)),
     )  # fmt: skip
 
 
@@ -296,3 +299,18 @@ def _from_front(photo: Photo, options: PhotoOptions, kinds: Mapping[str, float])
     return Found(
         photo.size, quad, (ratio, 0.6, 1.0), reading, 0.0, 0.0, [quad], front_given=True
     )  # fmt: skip
+
+
+def sizes_of(found: Found, options: PhotoOptions, looks: Looks | None = None) -> Sizes:
+    """Metric sizes; what is unknown is as usual for what the photo looks like."""
+    w, d, h = found.shape
+    if options.hints is not None and options.hints.photo_front:
+        return Sizes(w, d, h, "user", "user", options.category or "cabinet")
+    if options.category is not None:
+        categories = {options.category: 1.0}
+    else:
+        categories = {} if looks is None else looks.categories()
+    kinds = [p.kind for p in found.reading.panels]
+    return settle_sizes(
+        found.shape, found.depth_from, categories or FURNITURE, options, found.legs, kinds
+    )

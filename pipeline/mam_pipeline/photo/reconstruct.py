@@ -16,18 +16,11 @@ from numpy.typing import NDArray
 from mam_pipeline.backends import Availability, Reconstruction
 from mam_pipeline.errors import NotThisKind
 from mam_pipeline.photo.build import BodySpec, CellSpec, HandleSpec, build_object
-from mam_pipeline.photo.category import Looks
 from mam_pipeline.photo.confidence import panel_probability
-from mam_pipeline.photo.find import Found, find_object
+from mam_pipeline.photo.find import Found, find_object, sizes_of
 from mam_pipeline.photo.front import FrontReading
 from mam_pipeline.photo.image import Photo, read_photo
-from mam_pipeline.photo.measure import (
-    FURNITURE,
-    TEXTURE_SIDE,
-    Sizes,
-    jpeg,
-    settle_sizes,
-)  # fmt: skip
+from mam_pipeline.photo.measure import TEXTURE_SIDE, Sizes, jpeg
 from mam_pipeline.photo.options import PhotoOptions, parse_options
 from mam_pipeline.photo.overlay import draw_front, draw_overlay
 from mam_pipeline.photo.panel import Panel
@@ -142,21 +135,6 @@ def _panel_row(p: Panel, reading: FrontReading) -> dict[str, Any]:
             for b in p.handles
         ],
     }  # fmt: skip
-
-
-def sizes_of(found: Found, options: PhotoOptions, looks: Looks | None = None) -> Sizes:
-    """Metric sizes; what is unknown is as usual for what the photo looks like."""
-    w, d, h = found.shape
-    if options.hints is not None and options.hints.photo_front:
-        return Sizes(w, d, h, "user", "user", options.category or "cabinet")
-    if options.category is not None:
-        categories = {options.category: 1.0}
-    else:
-        categories = {} if looks is None else looks.categories()
-    kinds = [p.kind for p in found.reading.panels]
-    return settle_sizes(
-        found.shape, found.depth_from, categories or FURNITURE, options, found.legs, kinds
-    )
 
 
 def body_of(photo: Photo, found: Found, sizes: Sizes, digits: int = 4) -> BodySpec:

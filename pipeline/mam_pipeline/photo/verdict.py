@@ -15,7 +15,7 @@ from mam_pipeline.photo import confidence
 from mam_pipeline.photo.agreement import agreement
 from mam_pipeline.photo.box_network import look_at_photo
 from mam_pipeline.photo.category import LIKELY, Looks, look, things_of
-from mam_pipeline.photo.find import Found, around, cut, doubt_of
+from mam_pipeline.photo.find import Found, around, cut, doubt_of, sizes_of
 from mam_pipeline.photo.front import FrontReading
 from mam_pipeline.photo.image import Photo
 from mam_pipeline.photo.layout import layout_text
@@ -28,6 +28,7 @@ TALL = 0.85  # width over height of the doors of a room is less
 APPLIANCES = ("refrigerator", "microwave", "oven", "dishwasher", "washing machine", "safe")
 NO_BOX = 0.3  # of the front's side: where its corners are more doubtful, there is no box
 ORDER = ("low", "medium", "high", "given")
+CLOSED = "If a drawer or door stands open in the photo, close it and take another."
 CONTROLS = ("microwave", "oven", "dishwasher", "washing_machine", "fridge")
 
 
@@ -37,13 +38,11 @@ class DoubtRules:
 
     Attributes:
         clearly: probability from which a kind of object is taken for known.
-        opened: share of what is seen of the object from which a panel seems to stand open.
         other_face: share of what is seen of the box beside its front from which the front may be
             another face.
     """
 
     clearly: float = 0.6
-    opened: float = 0.05
     other_face: float = 0.25
 
 
@@ -167,14 +166,14 @@ def doubt_about(
     of_thing = looks is not None and looks.in_scope < SURE
     unlike = of_thing and not (found.front_given or options.layout)
     of_room = may_be_a_room_door(found, options, looks)
-    opened = found.opened > RULES.opened or shows_its_inside(found, options, looks)
+    opened = options.layout is None and shows_its_inside(found, options, looks)
     if unlike:
         assert looks is not None
         few = [f"{_a(k)} ({p:.2f})" for k, p in list(looks.kinds.items())[:2]]
         why = f"what it shows is uncertain: {' or '.join(few)}"
     elif of_room:
         why = "it may show a door of a room or a passage, which has no box behind it"
-    elif opened and options.layout is None:
+    elif opened:
         why = "a drawer or door seems to stand open: close it, or say what each panel is"
     elif not found.front_given and fills_the_picture(found):
         why = "the object is cut off by the picture's edges on all sides"
@@ -205,15 +204,14 @@ def _settled_by(
                 side = "left" if quad[:, 0].mean() < middle else "right"
                 words = f"If its front is the face to the {side} of that one"
                 others[words] = {"front": _corners(found, quad)}
-    shares = {} if looks is None else looks.categories()
-    likely = max(shares, key=lambda name: shares[name], default="cabinet")
+    likely = sizes_of(found, options, looks).category  # as the draft is made
     if thing and options.category is None:
         said["category"] = likely
     if text and not options.layout:
         said["layout"] = text
     controls = (options.category or likely) in CONTROLS
     notes = ('A control panel is typed as such: "door-left, control panel".',) if controls else ()
-    return Doubt(why, text, said, others, notes)
+    return Doubt(why, text, said, others, notes if options.layout else (CLOSED, *notes))
 
 
 def _corners(found: Found, quad: NDArray[np.float64]) -> str:
