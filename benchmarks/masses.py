@@ -6,8 +6,10 @@
 The published figures are in masses.yaml. For each product, generated objects of its kind and nearly
 its size are scaled to its largest side; an object's mass is a range on its card, from which
 randomisation draws, and the published mass should lie in it. A joint's friction, as a force at its
-farthest point, should lie in the published range of opening forces. Latches and gaskets are not
-modelled; parts that they hold shut are counted apart.
+farthest point, and what keeps it closed besides, should lie in the published range of opening
+forces. Parts that a latch or a gasket holds shut are counted apart: the table of catches
+(asset/matter.yaml) was set by the lower end of the same ranges, so these rows say that the assets
+have what it says, not that it was foreseen.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ from mam_pipeline.asset.dynamics import gravity_load, with_dynamics
 from mam_pipeline.asset.inertia import link_inertials
 from mam_pipeline.evidence.read import named_size
 from mam_pipeline.geometry.front import moved
-from mam_pipeline.types import Articulation
+from mam_pipeline.types import Articulation, Catch
 from mam_world import make_object
 
 DATA = Path(__file__).with_suffix(".yaml")
@@ -146,14 +148,16 @@ def _force(name: str, row: dict[str, Any]) -> dict[str, Any]:
     for seed in range(SAMPLE.objects):
         made = make_object(row["category"], seed).articulation
         bodies = link_inertials(made, thing_of(row["category"]))
-        for joint in with_dynamics(made, bodies).joints:
+        for joint in with_dynamics(made, bodies, thing_of(row["category"])).joints:
             if made.links[joint.child].kind != row["part"]:
                 continue
             arm = gravity_load(made, joint, bodies)[2]
             between = joint.friction_range or (joint.friction, joint.friction)
-            lows.append(between[0] / arm)
-            usual.append(joint.friction / arm)
-            highs.append(between[1] / arm)
+            catch = joint.catch or Catch()
+            caught = catch.force_range if any(catch.force_range) else (catch.force, catch.force)
+            lows.append((between[0] + caught[0]) / arm)
+            usual.append((joint.friction + catch.force) / arm)
+            highs.append((between[1] + caught[1]) / arm)
     low, middle, high = (float(np.median(x)) for x in (lows, usual, highs))
     least, most = row["force"]
     values = {

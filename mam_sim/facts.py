@@ -9,6 +9,8 @@ from typing import Any
 
 from mam_pipeline.asset.card import AssetCard, CardJoint, CardPart
 from mam_pipeline.asset.origins import (
+    SAID,
+    assumed,
     friction_origin,
     mass_origin,
     motion_origin,
@@ -39,8 +41,9 @@ class JointFacts:
 
     Attributes:
         joint: of the card. kind: of its part. span: its range. mass: of its part. force: that moves
-            it against friction. handling: what the simulator measured of it, in words; "" where
-            nothing was driven. motion: who says that it moves so.
+            it against friction. catch: what keeps it closed besides. handling: what the simulator
+            measured of it, in words; "" where nothing was driven. motion: who says that it moves
+            so.
     """
 
     joint: CardJoint
@@ -48,6 +51,7 @@ class JointFacts:
     span: Fact
     mass: Fact
     force: Fact
+    catch: Fact
     handling: str
     motion: str
 
@@ -90,7 +94,19 @@ def _facts(
         force = Fact(value, str(friction_origin(joint.friction_range)))
     way = Fact(span(joint), str(range_origin(joint, source)))
     kind, motion = "" if part is None else part.kind, str(motion_origin(joint, source))
-    return JointFacts(joint, kind, way, mass, force, _handling(measured, slides), motion)
+    handling = _handling(measured, slides)
+    return JointFacts(joint, kind, way, mass, force, catch_fact(joint), handling, motion)
+
+
+def catch_fact(joint: AnyJoint) -> Fact:
+    """What keeps a joint closed besides friction."""
+    catch = joint.catch
+    if catch is None or catch.force == 0:
+        return Fact("")
+    pulls = _between(catch.force, catch.force_range, "N" if joint.type == "prismatic" else "N m")
+    width = f"{shown_value(joint, catch.width):.2g} {unit(joint)}"
+    origin = assumed(catch.source) if catch.source else SAID
+    return Fact(f"{catch.name or 'catch'} {pulls} on the first {width}", str(origin))
 
 
 def _handling(row: Mapping[str, Any], slides: bool) -> str:

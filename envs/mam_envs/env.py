@@ -209,6 +209,7 @@ class OperateJointEnv(Observing):
         self._dof_index = torch.tensor(dofs, device=self.device)
         self.object = Articulation.merge(self.objects, name="object")
         self.add_to_state_dict_registry(self.object)
+        self._take_catches()
         self.targets = [
             Link.merge([self._target(i, k) for i in range(self.num_envs)], name=f"target_{k}")
             for k in range(len(layouts[0].goals))
@@ -222,6 +223,13 @@ class OperateJointEnv(Observing):
         self.remove_from_state_dict_registry(self.objects[index])
         drawn = draw(chance, rng, len(self.robot_spec.arm))
         self._dynamics[index].apply(drawn)
+
+    def _take_catches(self) -> None:
+        """(3, b, dof) what pulls joints closed, see `ObjectDynamics`; None where nothing does."""
+        rows = np.zeros((3, self.num_envs, self.object.max_dof), dtype=np.float32)
+        for i, one in enumerate(self._dynamics):
+            rows[:, i, : one.catches.shape[1]] = one.catches
+        self._catches = torch.tensor(rows, device=self.device) if rows[0].any() else None
 
     def _target(self, index: int, stage: int) -> Link:
         """The link that the joint of a stage moves, in one sub-scene."""
@@ -295,6 +303,7 @@ class OperateJointEnv(Observing):
             object_q[row] = self._object_start(i, drawn)
             if not self.gpu_sim_enabled:
                 self._dynamics[i].apply(drawn)
+                self._take_catches()
         self.agent.robot.set_pose(_pose(base, self.device))
         self.agent.reset(torch.tensor(qpos, device=self.device))
         self.object.set_pose(_pose(pose, self.device))
@@ -450,6 +459,18 @@ class OperateJointEnv(Observing):
             joints = item.active_joints
             for k, target in enumerate(targets[i].tolist()):
                 joints[int(self._dof_index[i, k])]._objs[0].set_drive_target(target)
+
+    def _before_simulation_step(self) -> None:
+        super()._before_simulation_step()
+        if self._catches is None:
+            return
+        if self.gpu_sim_enabled:
+            self.scene.px.gpu_fetch_articulation_qpos()
+        force, closed, slope = self._catches
+        left = 1.0 - slope * (self.object.get_qpos() - closed)
+        self.object.set_qf(force * left.clamp(0.0, 1.0))
+        if self.gpu_sim_enabled:
+            self.scene.px.gpu_apply_articulation_qf()
 
     def _after_simulation_step(self) -> None:
         super()._after_simulation_step()

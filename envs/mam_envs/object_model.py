@@ -13,6 +13,7 @@ import numpy as np
 from mam_envs.convex import THIN_SHARE, ConvexPiece
 from mam_envs.kinematics import KinematicModel
 from mam_pipeline.asset.card import Asset, CardGrasp, CardJoint
+from mam_pipeline.asset.dynamics import catch_pull
 from mam_pipeline.errors import NotPhysicalError, unknown_name
 from mam_pipeline.formats.urdf.geometry import existing, origin_of, shape_triangles
 from mam_pipeline.types import Coupling, FloatArray, IntArray
@@ -87,6 +88,22 @@ class ObjectModel:
                 out[name] = Coupling(joint.coupling.joint, multiplier, offset)
         return out
 
+    def catch_joint(self, name: str, place: float | None = None) -> CardJoint | None:
+        """The card's joint with closed and open values and the catch at this scale; None where
+        nothing but friction keeps it closed.
+
+        Args:
+            place: of the catch's force in its range, 0 to 1; None for the usual force.
+        """
+        joint = next((j for j in self.asset.card.joints if j.name == name), None)
+        if joint is None or joint.catch is None or joint.catch.force == 0.0:
+            return None
+        catch, unit, closed_open = joint.catch, self.unit(joint), self.span(joint)
+        force = catch.force if place is None else between(catch.force_range, place, catch.force)
+        force *= self.scale ** (3 if joint.type == "prismatic" else 4)
+        caught = replace(catch, force=force, width=catch.width * unit)
+        return replace(joint, closed=closed_open[0], open=closed_open[1], catch=caught)
+
     def limits(self, joint: CardJoint) -> tuple[float, float]:
         """(lower, upper), infinite for continuous joints."""
         unit = self.unit(joint)
@@ -140,9 +157,9 @@ class ObjectModel:
     def pulling_force(
         self, joint: str, q: FloatArray, point: FloatArray, width: float = 0.0
     ) -> float:
-        """Largest force (N) at `point` (3,) (asset frame, rest) that gravity and friction ask for
-        along the path `q` (N,): virtual work over the point's travel, or over that of the fingers
-        round a knob `width` metres across."""
+        """Largest force (N) at `point` (3,) (asset frame, rest) that gravity, friction and a catch
+        ask for along the path `q` (N,): virtual work over the point's travel, or over that of the
+        fingers round a knob `width` metres across."""
         moving = self.moving_links(joint)
         poses = self.kinematics.link_poses({joint: q})
         energy = np.zeros(len(q))
@@ -158,8 +175,13 @@ class ObjectModel:
         if self.kinematics.joint(joint).type != "prismatic":
             travel = np.maximum(travel, np.abs(np.diff(q)) * max(0.5 * width, 0.005))
         travel = np.maximum(travel, 1e-6)
-        friction = self.card_joint(joint).friction * np.abs(np.diff(q))
-        return float(np.max((np.maximum(np.diff(energy), 0.0) + friction) / travel, initial=0.0))
+        way = np.abs(np.diff(q))
+        against = self.card_joint(joint).friction * way
+        caught = self.catch_joint(joint)
+        if caught is not None:  # as hard as where a step begins: that is where it must start
+            pulls = np.array([catch_pull(caught, float(v)) for v in q[:-1]])
+            against = against + np.maximum(-pulls * np.sign(np.diff(q)), 0.0) * way
+        return float(np.max((np.maximum(np.diff(energy), 0.0) + against) / travel, initial=0.0))
 
     @cached_property
     def pieces(self) -> dict[str, tuple[ConvexPiece, ...]]:
@@ -274,6 +296,12 @@ class ObjectModel:
                 within = distance <= 0.0
                 if within.any():
                     yield near[rows][within], -distance[within], piece
+
+
+def between(pair: tuple[float, float], place: float, usual: float) -> float:
+    """A value at a place, 0 to 1, of a range, evenly in its logarithm; `usual` where it is none."""
+    low, high = pair
+    return low * (high / low) ** place if 0.0 < low <= high else usual
 
 
 def _pieces(collision: Any, urdf: Path, scale: float) -> list[ConvexPiece]:

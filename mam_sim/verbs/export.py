@@ -44,9 +44,12 @@ class Export(Verb):
         if self.mapping is not None:
             raise ConfigError("--mapping belongs to --to lerobot")
         file = _asset(self.source, self.out, to)
+        notes = _losses(self.source, to)
         if self.json:
-            screen.json({"folder": self.out, "kind": to, "file": file})
+            screen.json({"folder": self.out, "kind": to, "file": file, "notes": notes})
         screen.say(f"{to}: {file}")
+        for note in notes:
+            screen.say(f"note: {note}")
         seen = self.source if to == "sdf" else file  # check reads no SDF: it is made of the URDF
         profile = {"mjcf": "mujoco", "sdf": "gazebo"}.get(to, "isaac")
         screen.next("check", str(seen), "--profile", profile)
@@ -85,6 +88,18 @@ class Export(Verb):
         if found.kind == "policy":
             screen.say(f"next: the command lines in {found.folder / 'README.md'}")
         return 0
+
+
+def _losses(source: Path, to: str) -> list[str]:
+    """What the format has no words for, each in a sentence."""
+    from mam_pipeline.asset.card import Asset
+
+    joints = Asset.card_of(source).card.joints
+    caught = [j.name for j in joints if j.catch is not None and j.catch.force > 0]
+    if to == "mjcf" or not caught:
+        return []
+    named = to.upper().removesuffix("Z")
+    return [f"{named} cannot say what keeps {', '.join(caught)} closed; the MJCF has it"]
 
 
 def _asset(source: Path, out: Path, to: str) -> Path:

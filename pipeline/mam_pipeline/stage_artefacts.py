@@ -42,6 +42,7 @@ from mam_pipeline.edited import (
 from mam_pipeline.hints import load_hints, save_hints
 from mam_pipeline.types import (
     Articulation,
+    Catch,
     Coupling,
     DormantPart,
     Joint,
@@ -128,6 +129,7 @@ class JointRow:
     damping: NotNegative = 0.0
     friction: NotNegative = 0.0
     friction_range: tuple[NotNegative, NotNegative] = (0.0, 0.0)
+    catch: Catch | None = None
     effort: NotNegative = 100.0
     velocity: NotNegative = 2.0
     confidence: Share = 1.0
@@ -412,6 +414,9 @@ def _check_joints(file: JointFile, count: int, asleep: int) -> None:
                 ("joints", i, "dormant"), "is for the parts in 'dormant': wake one by --accept NAME"
             )
         held.add(joint.child)
+        bad = None if joint.catch is None else joint.catch.wrong
+        if bad is not None:
+            raise Wrong(("joints", i, "catch", bad[0]), bad[1])
         finite = joint.type == "continuous" or np.isfinite(joint.upper - joint.lower)
         if not (joint.lower <= joint.upper and finite):
             text = f"must be finite and not below lower, {joint.lower:g}, not {joint.upper:g}"
@@ -427,7 +432,7 @@ def _joint_rows(value: Articulation) -> list[dict[str, Any]]:
 
     def row(joint: Joint, child: str) -> dict[str, Any]:
         out = {**_fields(joint), "parent": names[joint.parent], "child": child}
-        return {k: v for k, v in out.items() if k != "dormant" or v}
+        return {k: v for k, v in out.items() if k not in ("catch", "dormant") or v}
 
     rows = [row(joint, names[joint.child]) for joint in value.joints]
     return rows + [row(part.joint, part.link.name) for part in value.dormant]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -328,6 +328,36 @@ class Coupling:
         return self.multiplier * leader + self.offset
 
 
+@dataclass(frozen=True)
+class Catch:
+    """What keeps a joint closed besides friction: a gasket, a latch, a magnet, a sprung hinge.
+
+    It pulls from open towards closed: with all its force at the closed value, less in proportion
+    on the way, and not at all from `width` on.
+
+    Attributes:
+        name: what it is, in words. source: where its force comes from; "" where a person says it.
+        force: at the closed value, N of a slide and N m of a hinge; 0 for none.
+        force_range: from the weakest such thing to the strongest; (0, 0) where nobody knows.
+        width: of the way on which it pulls, m or rad.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "allow_inf_nan": False}
+    name: str = ""
+    force: float = 0.0
+    force_range: tuple[float, float] = (0.0, 0.0)
+    width: float = 0.02
+    source: str = ""
+
+    @property
+    def wrong(self) -> tuple[str, str] | None:
+        """Which value nothing can have, and what it must be; None where all can be."""
+        for name, least in (("force", self.force), ("force_range", min(self.force_range))):
+            if least < 0.0:
+                return name, f"must be at least 0, not {least:g}"
+        return None if self.width > 0.0 else ("width", f"must be above 0, not {self.width:g}")
+
+
 def coupled(
     values: Mapping[str, float], couplings: Mapping[str, Coupling | None]
 ) -> dict[str, float]:
@@ -365,6 +395,7 @@ class Joint:
         closed, open: which joint values are called closed and open (within the range).
         damping, friction, effort, velocity: SI; friction is Coulomb (SAPIEN ignores the URDF's).
         friction_range: from the easiest such bearing to the stiffest; (0, 0) where nobody knows.
+        catch: what keeps it closed besides friction; None where nobody says.
         confidence: 0..1; below `NEEDS_REVIEW` the report says so.
         evidence: anything that explains the choice, for asset.json and the report alone.
         basis: why the range is what it is. provenance: who says that the part moves so.
@@ -388,6 +419,7 @@ class Joint:
     effort: float = 100.0
     velocity: float = 2.0
     friction_range: tuple[float, float] = (0.0, 0.0)
+    catch: Catch | None = None
     confidence: float = 1.0
     evidence: Mapping[str, Any] = field(default_factory=dict)
     basis: RangeBasis = field(default_factory=RangeBasis)

@@ -2,20 +2,24 @@
 
 MuJoCo reads joint friction from the MJCF. SAPIEN and PyBullet read a URDF's and do not act on it as
 Coulomb friction, so it is given to them as our environments give it: a drive, or a motor, towards
-standstill whose force is limited. Drake has no joint friction; Newton has what the USD says, and
-its solvers were not run.
+standstill whose force is limited. What keeps a door closed besides is an actuator of the MJCF, and
+a force at each step in the two others, as in our environments. Drake has no joint friction; Newton
+has what the USD says, and its solvers were not run.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from mam_pipeline.asset.card import Asset, CardJoint
+from mam_pipeline.asset.writer import write_asset
+from mam_world import make_object
 from tests.conformance.bullet import empty_world
 
 STEP = 1 / 500
@@ -45,15 +49,18 @@ class Handled:
         return 1.0 if self.joint.open >= self.joint.closed else -1.0
 
 
-def handled(asset: Asset) -> Handled:
-    """An asset with the joint of its heaviest part."""
+def handled(asset: Asset, caught: bool = False) -> Handled:
+    """An asset with the joint of its heaviest part; `caught`: of those with a catch."""
     mass = {p.link: p.mass for p in asset.card.parts}
-    limited = [j for j in asset.card.movable if j.lower is not None and j.upper is not None]
+    limited = [
+        j for j in asset.card.movable
+        if j.lower is not None and j.upper is not None and (j.catch is not None or not caught)
+    ]  # fmt: skip
     return Handled(asset, max(limited, key=lambda j: mass[j.child]))
 
 
 def _sapien(asset: Asset, joint: CardJoint) -> Push:
-    from mam_pipeline.asset.dynamics import set_joint_friction
+    from mam_pipeline.asset.dynamics import catch_pull, set_joint_friction
     from mam_pipeline.check.simulate import load_physics, physics_scene
 
     scene = physics_scene(STEP)
@@ -68,10 +75,10 @@ def _sapien(asset: Asset, joint: CardJoint) -> Push:
         q[at] = start
         robot.set_qpos(q)
         robot.set_qvel(np.zeros_like(q))
-        forces = np.zeros_like(q)
-        forces[at] = force
         for _ in range(steps):
-            robot.set_qf(forces)
+            forces = [catch_pull(c, float(v)) for c, v in zip(cards, robot.get_qpos())]
+            forces[at] += force
+            robot.set_qf(np.array(forces, np.float32))
             scene.step()
         return float(robot.get_qpos()[at])
 
@@ -98,6 +105,8 @@ def _mujoco(asset: Asset, joint: CardJoint) -> Push:
 
 
 def _pybullet(asset: Asset, joint: CardJoint) -> Push:
+    from mam_pipeline.asset.dynamics import catch_pull
+
     library = empty_world()
     library.setGravity(0, 0, -9.81)
     library.setTimeStep(STEP)
@@ -116,7 +125,8 @@ def _pybullet(asset: Asset, joint: CardJoint) -> Push:
             )
             library.resetJointState(body, i, start if i == at else card.closed)
         for _ in range(steps):
-            library.setJointMotorControl2(body, at, library.TORQUE_CONTROL, force=force)
+            caught = catch_pull(joint, float(library.getJointState(body, at)[0]))
+            library.setJointMotorControl2(body, at, library.TORQUE_CONTROL, force=force + caught)
             library.stepSimulation()
         return float(library.getJointState(body, at)[0])
 
@@ -138,7 +148,7 @@ def test_a_part_starts_at_the_same_force_and_stops_at_its_limits(
 ) -> None:
     part = handled(asset_named(name))
     push, joint = PROGRAMS[program](part.asset, part.joint), part.joint
-    wanted = joint.friction + part.opening * _gravity(part)
+    wanted = _wanted(part)
     found = _least(push, part, 3.0 * wanted)
     ends = _stops(push, part, found)
     row = {"asset": name, "joint": joint.name, "simulator": program, "wanted": wanted,
@@ -146,6 +156,40 @@ def test_a_part_starts_at_the_same_force_and_stops_at_its_limits(
     breakaway.append({**row, "unit": "N" if joint.type == "prismatic" else "N m"})
     assert found == pytest.approx(wanted, rel=NEAR), row
     assert max(ends) < NEAR, row
+
+
+@pytest.mark.parametrize("program", ["MuJoCo", "SAPIEN"])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(("category", "at_rest"), [("microwave", "closed"), ("dryer", "open")])
+def test_a_catch_lets_go_at_the_same_force_whichever_way_opens(
+    category: str, at_rest: str, way: float, program: str, tmp_path: Path
+) -> None:
+    """Also of a door that stands open at q = 0, and of one that opens towards smaller values."""
+    made = make_object(category, 1).articulation
+    joints = [
+        replace(j, axis=way * j.axis, lower=min(way * j.lower, way * j.upper),
+                upper=max(way * j.lower, way * j.upper), closed=way * j.closed, open=way * j.open)
+        for j in made.joints
+    ]  # fmt: skip
+    whole = replace(made, joints=tuple(joints))
+    part = handled(write_asset(whole, tmp_path / "a", name="a", thing=category), caught=True)
+    assert part.opening == way and (abs(part.joint.closed) < 0.1) == (at_rest == "closed")
+    catch = part.joint.catch
+    assert catch is not None and catch.force > 5 * part.joint.friction
+    push, wanted = PROGRAMS[program](part.asset, part.joint), _wanted(part)
+    assert _least(push, part, 3.0 * wanted) == pytest.approx(wanted, rel=NEAR)
+    # left ajar it closes; left where nothing pulls any more, it stays
+    for share, stays in ((0.3, False), (1.5, True)):
+        start = part.joint.closed + part.opening * share * catch.width
+        off = abs(push(start, 0.0, TRAVELS) - (start if stays else part.joint.closed))
+        assert off < 0.05 * catch.width
+
+
+def _wanted(part: Handled) -> float:
+    """What must start a closed part: friction, its catch, and what gravity adds or takes."""
+    catch = part.joint.catch
+    caught = 0.0 if catch is None else catch.force
+    return part.joint.friction + caught + part.opening * _gravity(part)
 
 
 def _gravity(part: Handled) -> float:

@@ -131,6 +131,31 @@ def test_an_asset_says_between_what_its_friction_and_masses_are_drawn(
     made.close()
 
 
+def test_a_catch_holds_up_to_its_force_and_pulls_what_is_ajar_closed(
+    drawer: Path, tmp_path: Path
+) -> None:
+    own = tmp_path / "drawer"
+    shutil.copytree(drawer, own)
+    card = json.loads((own / "asset.json").read_text())
+    card["joints"][0]["catch"] = {"force": 8.0, "width": 0.02}
+    (own / "asset.json").write_text(json.dumps(card))
+    made = mam_envs.make(own)
+    base = made.unwrapped
+    ends = {}
+    for start, push in ((0.0, 7.0), (0.0, 9.0), (0.01, 0.0), (0.05, 0.0)):
+        made.reset(seed=0)
+        base.object.set_qpos(torch.full_like(base.object.get_qpos(), start))
+        link = base.targets[0]._objs[0]
+        for _ in range(100):
+            base._before_simulation_step()
+            link.add_force_torque([-push, 0, 0], [0, 0, 0], "force")
+            base.scene.step()
+        ends[start, push] = float(base.object.get_qpos()[0, 0])
+    made.close()
+    assert abs(ends[0.0, 7.0]) < 1e-3 < 0.1 < ends[0.0, 9.0]
+    assert abs(ends[0.01, 0.0]) < 1e-3 and ends[0.05, 0.0] == pytest.approx(0.05, abs=1e-3)
+
+
 def test_a_part_feels_as_its_asset_says(drawer: Path, tmp_path: Path) -> None:
     own = tmp_path / "drawer"
     shutil.copytree(drawer, own)

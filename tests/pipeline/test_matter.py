@@ -13,12 +13,13 @@ import trimesh
 import yaml
 
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.asset.dynamics import HOLD, with_dynamics
+from mam_pipeline.asset.dynamics import HOLD, catch_pull, with_dynamics
 from mam_pipeline.asset.inertia import link_inertials
 from mam_pipeline.asset.matter import (
     BOARD,
     RULE,
     bearing_of,
+    catch_of,
     made_alike,
     material_of,
     usual_mass,
@@ -29,7 +30,7 @@ from mam_pipeline.asset.usd import export_usd
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.evidence.kinds import kinds
 from mam_pipeline.evidence.read import named_size
-from mam_pipeline.types import Articulation, Inertial, Joint, Link, Mesh
+from mam_pipeline.types import Articulation, Catch, Inertial, Joint, Link, Mesh
 
 G = 9.81
 PRODUCTS = Path(__file__).resolve().parents[2] / "benchmarks/masses.yaml"
@@ -166,3 +167,35 @@ def test_contact_friction_is_where_each_program_reads_it(asset: Asset, tmp_path:
             bound, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
             api = UsdPhysics.MaterialAPI(bound.GetPrim())
             assert api.GetDynamicFrictionAttr().Get() == pytest.approx(mu)
+
+
+def hinged(part: str) -> Articulation:
+    """As `cabinet`, on an upright hinge beside the part."""
+    made = cabinet(part)
+    (slide,) = made.joints
+    place = np.array([-0.3, -0.05, 0.0])
+    hinge = replace(slide, type="revolute", subtype="hinge", axis=np.array([0, 0, 1.0]),
+                    origin=place, upper=1.5, open=1.5)  # fmt: skip
+    return replace(made, joints=(hinge,))
+
+
+def test_a_fridge_door_has_a_gasket_and_a_cabinet_door_has_not() -> None:
+    made = hinged("door")
+    bodies = link_inertials(made)
+    (plain,) = with_dynamics(made, bodies).joints
+    (door,) = with_dynamics(made, bodies, "refrigerator").joints
+    kind = catch_of("door", "refrigerator")
+    assert kind is not None and plain.catch is None and door.catch is not None
+    arm = float(np.hypot(0.4, 0.1))  # of its farthest corner
+    assert door.catch.force == pytest.approx(kind.force * arm)
+    assert (door.friction, door.damping) == (plain.friction, plain.damping)
+    pulls = [catch_pull(door, share * door.catch.width) for share in (-0.1, 0, 0.25, 1, 2)]
+    assert pulls == pytest.approx(np.array([-1, -1, -0.75, 0, 0]) * door.catch.force)
+
+
+def test_what_a_person_says_of_a_catch_goes_before_the_table() -> None:
+    made = hinged("door")
+    (hinge,) = made.joints
+    made = replace(made, joints=(replace(hinge, catch=Catch()),))
+    (door,) = with_dynamics(made, link_inertials(made), "refrigerator").joints
+    assert door.catch == Catch() and catch_pull(door, 0.0) == 0.0

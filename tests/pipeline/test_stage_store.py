@@ -242,6 +242,8 @@ def test_edited_hints_of_a_photo_are_the_persons(
         ({"type": "floating"}, "joints[0].type must be one of fixed, revolute"),
         ({"name": "other"}, "joints[1] is a second joint named 'other'"),
         ({"friction": -1}, "joints[0].friction must be at least 0, not -1"),
+        ({"catch": {"force": -1}}, "joints[0].catch.force must be at least 0, not -1"),
+        ({"catch": {"width": 0}}, "joints[0].catch.width must be above 0, not 0"),
     ],
 )
 def test_edited_joints_hold_every_link(tmp_path: Path, change: dict[str, Any], said: str) -> None:

@@ -10,11 +10,12 @@ from mani_skill.utils.structs import Articulation
 
 from mam_envs.config import RandomisationConfig
 from mam_envs.grasping.candidates import PlacementError
+from mam_envs.object_model import between
 from mam_envs.placement.arm_path import rest_is_clear
 from mam_envs.placement.base import object_pose
 from mam_envs.scene.layout import Layout
 from mam_envs.tasks import JointGoal, Task
-from mam_pipeline.asset.dynamics import set_joint_friction
+from mam_pipeline.asset.dynamics import catch_pull, opening, set_joint_friction
 from mam_pipeline.types import FloatArray
 
 SLIDE, TURN = "prismatic", "revolute"
@@ -88,7 +89,12 @@ def draw_clear(
 
 
 class ObjectDynamics:
-    """Friction, damping and masses of one built object, scaled from what its asset says."""
+    """Friction, damping, masses and catches of one built object, scaled from what its asset says.
+
+    Attributes:
+        catches: (3, dof) of every active joint: the force or torque of its catch towards closed,
+            with its sign; its closed value; and 1 / width, with the sign of the way that opens.
+    """
 
     def __init__(self, articulation: Articulation, layout: Layout) -> None:
         """`articulation`: ManiSkill's, as built from the layout's asset."""
@@ -96,6 +102,7 @@ class ObjectDynamics:
         self.joints = [g.joint for g in layout.goals]
         self.springs = {g.joint: g for g in layout.goals if g.spring}
         self.moving = {n for name in self.joints for n in layout.model.moving_links(name)}
+        self.catches = np.zeros((3, len(articulation.active_joints)))
         self._masses = {
             link.name: (float(link._objs[0].mass), np.array(link._objs[0].inertia))
             for link in articulation.links
@@ -114,6 +121,19 @@ class ObjectDynamics:
             mass, inertia = self._masses[link.name]
             factor = self._mass(link.name, drawn) if link.name in self.moving else 1.0
             raw.mass, raw.inertia = mass * factor, inertia * factor
+        self.catches = self._catches(drawn)
+
+    def _catches(self, drawn: Draw) -> FloatArray:
+        active = self.articulation.active_joints
+        out = np.zeros((3, len(active)))
+        for k, joint in enumerate(active):
+            place = None if drawn.places is None else drawn.places[0]
+            caught = self.model.catch_joint(joint.name, place)
+            if caught is None or caught.catch is None or joint.name in self.springs:
+                continue
+            slope = opening(caught) / caught.catch.width
+            out[:, k] = catch_pull(caught, caught.closed), caught.closed, slope
+        return out
 
     def _spring(self, raw: Any, goal: JointGoal) -> None:
         """A spring in the place of friction, with as much damping as lets it come out without
@@ -132,7 +152,7 @@ class ObjectDynamics:
         part = next((p for p in self.model.asset.card.parts if p.link == name), None)
         if drawn.places is None or part is None or not part.mass:
             return drawn.mass
-        return drawn.mass * _between(part.mass_range, drawn.places[1], part.mass) / part.mass
+        return drawn.mass * between(part.mass_range, drawn.places[1], part.mass) / part.mass
 
     def _friction(self, name: str, drawn: Draw) -> tuple[str, float, float]:
         """Type, friction and damping of a joint, at the object's scale."""
@@ -144,15 +164,9 @@ class ObjectDynamics:
             power = self.model.scale ** (3 if slide else 4)
             friction = card.friction
             if drawn.places is not None:
-                friction = _between(card.friction_range, drawn.places[0], friction)
+                friction = between(card.friction_range, drawn.places[0], friction)
             friction, damping = friction * power, card.damping * power
             type_ = SLIDE if slide else TURN
         if name in self.joints:
             friction, damping = friction * drawn.friction, damping * drawn.damping
         return type_, friction, damping
-
-
-def _between(pair: tuple[float, float], place: float, usual: float) -> float:
-    """A value at a place, 0 to 1, of a range, evenly in its logarithm; `usual` where it is none."""
-    low, high = pair
-    return low * (high / low) ** place if 0.0 < low <= high else usual

@@ -38,6 +38,7 @@ from mam_pipeline.formats.urdf.admit import admitted
 from mam_pipeline.thresholds import MAX_LINKS
 from mam_pipeline.types import (
     NEEDS_REVIEW,
+    Catch,
     Coupling,
     GraspKind,
     JointSubtype,
@@ -94,6 +95,7 @@ class CardJoint:
     damping: NotNegative = 0.0
     friction: NotNegative = 0.0
     friction_range: tuple[NotNegative, NotNegative] = (0.0, 0.0)
+    catch: Catch | None = None
     effort: NotNegative = 100.0
     velocity: NotNegative = 2.0
     confidence: Share = 1.0
@@ -339,6 +341,11 @@ def _consistent(card: AssetCard) -> None:
     if len(card.bounds) == 1:
         raise Wrong(("bounds",), "must be a lower and an upper corner")
     leaders = {joint.name for joint in card.joints if joint.coupling is None}
+    for place, rows in (("joints", card.joints), ("dormant", card.dormant)):
+        for i, joint in enumerate(rows):
+            bad = None if joint.catch is None else joint.catch.wrong
+            if bad is not None:
+                raise Wrong((place, i, "catch", bad[0]), bad[1])
     for i, joint in enumerate(card.joints):
         if joint.coupling is not None and joint.coupling.joint not in leaders:
             text = f"must name a joint that follows none, not {joint.coupling.joint!r}"

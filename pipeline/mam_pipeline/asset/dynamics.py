@@ -4,33 +4,43 @@ Friction on the card is Coulomb: newton metres for hinges, newtons for slides. U
 has the same meaning, but SAPIEN ignores it, and its own joint friction is a dimensionless factor
 on the force that the joint transmits (PhysX): a vertical slide does not feel it at all. A velocity
 drive towards zero whose force is limited to the friction behaves as Coulomb friction should, so
-`coulomb_drive` gives its numbers.
+`coulomb_drive` gives its numbers. What keeps a joint closed besides is its catch, which no such
+format and no drive has either: `catch_pull` says what is to be applied at each step.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mam_pipeline.asset.matter import bearing_of
-from mam_pipeline.types import Articulation, Inertial, Joint
+from mam_pipeline.asset.matter import bearing_of, catch_of
+from mam_pipeline.types import Articulation, Catch, Inertial, Joint
 
 GRAVITY = 9.81
 HOLD = 1.3
 """Friction over the largest gravity load that must be held, so that nothing sags."""
+STOPPED = 0.02
+"""Share of the range by which a closed part may be off the end of it."""
 STOP_SECONDS = 0.6
 """A part that is let go comes to rest within about this time through damping alone."""
 CREEP = {"revolute": 0.001, "continuous": 0.001, "prismatic": 1e-4}
 """Speed (rad/s or m/s) at which a coulomb drive develops its whole friction."""
 
 
-def with_dynamics(articulation: Articulation, inertials: Sequence[Inertial]) -> Articulation:
-    """Fill in damping, friction, effort and velocity where the joints leave them at zero."""
-    joints = [_joint(articulation, j, inertials) for j in articulation.joints]
+def with_dynamics(
+    articulation: Articulation, inertials: Sequence[Inertial], thing: str = ""
+) -> Articulation:
+    """Fill in damping, friction, effort and velocity where the joints leave them at zero, and the
+    catch that such a part of such a thing has where they say nothing of one.
+
+    Args:
+        thing: the kind of object, "" where nobody knows.
+    """
+    joints = [_joint(articulation, j, inertials, thing) for j in articulation.joints]
     return replace(articulation, joints=tuple(joints))
 
 
@@ -50,6 +60,31 @@ def set_joint_friction(joint: Any, type_: str, friction: float, damping: float =
     joint.set_friction(0.0)
     joint.set_drive_properties(0.0, drive_damping, limit, "force")
     joint.set_drive_velocity_target(0.0)
+
+
+class Catches(Protocol):
+    """What is asked of a joint that may have a catch: one of the engine's, or one of a card."""
+
+    @property
+    def catch(self) -> Catch | None: ...
+    @property
+    def closed(self) -> float: ...
+    @property
+    def open(self) -> float: ...
+
+
+def opening(joint: Catches) -> float:
+    """Which way opens a joint, as a sign."""
+    return 1.0 if joint.open >= joint.closed else -1.0
+
+
+def catch_pull(joint: Catches, q: float) -> float:
+    """Force (N) or torque (N m) of a joint's catch at the joint value `q`, along the joint."""
+    if joint.catch is None:
+        return 0.0
+    way = opening(joint)
+    left = 1.0 - way * (q - joint.closed) / joint.catch.width
+    return -way * joint.catch.force * min(max(left, 0.0), 1.0)
 
 
 def gravity_load(
@@ -99,7 +134,9 @@ def _tilts(articulation: Articulation, joint: Joint) -> bool:
     return False
 
 
-def _joint(articulation: Articulation, joint: Joint, inertials: Sequence[Inertial]) -> Joint:
+def _joint(
+    articulation: Articulation, joint: Joint, inertials: Sequence[Inertial], thing: str
+) -> Joint:
     if joint.type == "fixed":
         return joint
     load, inertia, arm = gravity_load(articulation, joint, inertials)
@@ -112,8 +149,23 @@ def _joint(articulation: Articulation, joint: Joint, inertials: Sequence[Inertia
         friction = running + held
         between = (held + bearing.spread[0] * running, held + bearing.spread[1] * running)
     damping = joint.damping if joint.damping > 0 else inertia / STOP_SECONDS
-    effort = max(joint.effort, 4.0 * (friction + load))
-    return replace(joint, friction=friction, friction_range=between, damping=damping, effort=effort)
+    catch = joint.catch
+    if catch is None and _closes(joint):
+        kind = catch_of(articulation.links[joint.child].kind, thing)
+        catch = None if kind is None else kind.on(arm, slides)
+    against = friction + load + (0.0 if catch is None else catch.force)
+    effort = max(joint.effort, 4.0 * against)
+    return replace(
+        joint, friction=friction, friction_range=between, catch=catch, damping=damping,
+        effort=effort,
+    )  # fmt: skip
+
+
+def _closes(joint: Joint) -> bool:
+    """Whether the joint's closed value is known, and is where the part is stopped."""
+    near = min(abs(joint.closed - joint.lower), abs(joint.closed - joint.upper))
+    span = joint.upper - joint.lower
+    return joint.open != joint.closed and bool(np.isfinite(span)) and near <= STOPPED * span
 
 
 def _arm(articulation: Articulation, joint: Joint, links: Sequence[int]) -> float:

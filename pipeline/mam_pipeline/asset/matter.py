@@ -6,6 +6,7 @@ is made of and what it weighs at its size.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -15,7 +16,7 @@ import numpy as np
 
 from mam_pipeline.evidence.kinds import ObjectKind, Range, kinds
 from mam_pipeline.package_data import table
-from mam_pipeline.types import Inertial
+from mam_pipeline.types import Catch, Inertial
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,37 @@ class Bearing:
 
 
 @dataclass(frozen=True)
+class CatchKind:
+    """What keeps parts of a kind closed besides friction.
+
+    Attributes:
+        things, parts: kinds of objects, and of their parts, that have it.
+        force: N; of a hinge, at its farthest edge. spread: factors on it, as of a bearing.
+        width: of the way on which it pulls, degrees of a hinge and metres of a slide.
+        source: where the figures come from.
+    """
+
+    name: str
+    things: tuple[str, ...]
+    parts: tuple[str, ...]
+    force: float
+    spread: tuple[float, float]
+    width: float
+    source: str
+
+    def on(self, arm: float, slides: bool) -> Catch:
+        """The catch of a joint.
+
+        Args:
+            arm: of the farthest point, metres. slides: the joint is a slide.
+        """
+        force = self.force * (1.0 if slides else arm)
+        low, high = self.spread
+        width = self.width if slides else math.radians(self.width)
+        return Catch(self.name, force, (low * force, high * force), width, self.source)
+
+
+@dataclass(frozen=True)
 class MassRule:
     """How far what a thing weighs is believed.
 
@@ -105,6 +137,7 @@ class _Table:
     parts: dict[str, str]
     bearings: dict[str, Bearing]
     joints: dict[str, str]
+    catches: tuple[CatchKind, ...]
     others: dict[str, str]
 
 
@@ -122,7 +155,11 @@ def _read() -> _Table:
             (low, high), row["source"],
         )  # fmt: skip
         joints |= dict.fromkeys(row["parts"], name)
-    return _Table(materials, parts, bearings, joints, data["others"])
+    catches = tuple(
+        CatchKind(name, **{k: tuple(v) if isinstance(v, list) else v for k, v in row.items()})
+        for name, row in data["catches"].items()
+    )
+    return _Table(materials, parts, bearings, joints, catches, data["others"])
 
 
 def material_of(part: str, thing: str = "") -> Material:
@@ -145,6 +182,11 @@ def bearing_of(part: str, type_: str) -> Bearing:
     """The bearing of a moving part of a kind; of an unknown one, by its joint's type."""
     found = _read()
     return found.bearings[found.joints.get(part.lower(), found.others[type_])]
+
+
+def catch_of(part: str, thing: str) -> CatchKind | None:
+    """What keeps a part of an object closed; None where nothing but friction does."""
+    return next((c for c in _read().catches if thing in c.things and part.lower() in c.parts), None)
 
 
 def materials() -> list[Material]:

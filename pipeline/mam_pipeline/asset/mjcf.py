@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from mam_pipeline import folders
 from mam_pipeline.asset.card import Asset
+from mam_pipeline.asset.dynamics import catch_pull
 from mam_pipeline.asset.visuals import by_material, free_name
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.mesh_files import read_file, save_obj
@@ -39,13 +40,20 @@ OFFSCREEN = 1920, 1080
 """Pixels: the largest picture that `mujoco.Renderer` draws of an export."""
 
 
+IMPEDANCE = 0.999
+"""Of the friction of a joint with a catch (MuJoCo's own is 0.9 to 0.95): softer friction creeps,
+and what creeps out of its catch comes loose below the force that starts it."""
+
+
 def export_mjcf(asset: Asset, path: str | Path | None = None) -> Path:
     """Write object.xml and its meshes (folder `mjcf/` beside it); returns the XML's path.
 
     Bodies, masses, joint frames, ranges, damping and friction are those of the URDF, read by
     MuJoCo. Added are materials with their textures (PNG, the one format of MuJoCo), geom groups,
     lights, a sky, a camera, keyframes `closed` and `open`, and contact excludes between parent and
-    child, which SAPIEN leaves out too. The base is fixed.
+    child, which SAPIEN leaves out too. The base is fixed. What keeps a joint closed besides
+    friction is an actuator that nothing controls, its force a line of the joint's value: MuJoCo's
+    own springs only pull harder on the way.
 
     Args:
         asset: the folder. path: of the XML; default ASSET/object.xml.
@@ -82,6 +90,7 @@ def _exported(asset: Asset, work: Path) -> str:
         # MuJoCo's own filter leaves out parents that are fixed to the world
         child = joint.parent
         spec.add_exclude(bodyname1=child.parent.name, bodyname2=child.name)
+    _catches(spec, asset)
     _light(spec, asset)
     _keys(spec, asset)
     with _warnings_as_python():
@@ -122,6 +131,10 @@ def _exact(text: str, model: Any) -> str:
         element.set("frictionloss", numbers(model.dof_frictionloss[joint.dofadr]))
         if element.get("range") is not None:
             element.set("range", numbers(joint.range))
+    for element in root.findall("actuator/general"):
+        own = model.actuator(element.get("name"))
+        element.set("biasprm", numbers(own.biasprm[:3]))
+        element.set("forcerange", numbers(own.forcerange))
     for element, data in zip(root.findall("equality/joint"), model.eq_data):
         element.set("polycoef", numbers(data[:5]))
     for element in root.findall("keyframe/key"):
@@ -245,6 +258,26 @@ class _Files:
             spec.add_texture(name=name, type=kind, file=f"{name}.png")
             self.pictures[image] = name
         return self.pictures[image]
+
+
+def _catches(spec: Any, asset: Asset) -> None:
+    """An actuator without gain for each catch: its bias falls to nothing on the catch's width."""
+    import mujoco
+
+    moving = {joint.name: joint for joint in spec.joints}
+    for joint in asset.card.joints:
+        if joint.catch is None or joint.catch.force == 0.0 or joint.name not in moving:
+            continue
+        impedance = list(moving[joint.name].solimp_friction)
+        moving[joint.name].solimp_friction = [IMPEDANCE, IMPEDANCE, *impedance[2:]]
+        pull = catch_pull(joint, joint.closed)
+        slope = joint.catch.force / joint.catch.width
+        made = spec.add_actuator(name=f"{joint.name}_catch", target=joint.name)
+        made.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        made.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+        made.gainprm = [0.0] * len(made.gainprm)
+        made.biasprm = [pull - slope * joint.closed, slope, *[0.0] * (len(made.biasprm) - 2)]
+        made.forcelimited, made.forcerange = True, [min(pull, 0.0), max(pull, 0.0)]
 
 
 def _light(spec: Any, asset: Asset) -> None:

@@ -65,7 +65,8 @@ def write_asset(
         collision: pieces by link name (asset frame); computed for links that it leaves out.
         backends, seconds, notes, unconfirmed: for the card.
         visuals: format of the visual meshes; OBJ is what every simulator reads.
-        thing: the kind of object, by the table of kinds; its masses are those of such things.
+        thing: the kind of object, by the table of kinds; its masses, and what keeps its parts
+            closed, are those of such things.
 
     Raises:
         NotPhysicalError: a link without surface, or numbers that are not finite.
@@ -77,7 +78,7 @@ def write_asset(
     grasps = articulation.grasps or find_grasps(light)
     articulation, light = with_fixed(articulation), with_fixed(light)
     inertials = link_inertials(light, thing)
-    light = with_dynamics(light, inertials)
+    light = with_dynamics(light, inertials, thing)
     pieces = {k: list(v) for k, v in (collision or {}).items()}
     if any(link.name not in pieces for link in light.links):
         pieces = {**collision_shapes(light, skip=frozenset(pieces)), **pieces}

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from mam_pipeline.asset.card import Asset, AssetCard
+from mam_pipeline.asset.dynamics import catch_pull
 from mam_pipeline.check.lint import Linter, lint
 from mam_pipeline.check.mjcf_usd import file_findings, format_of
 from mam_pipeline.check.model import CheckModel
@@ -103,13 +105,14 @@ def _profile(path: str, target: _Target, profile: str) -> CheckReport:
 @dataclass(frozen=True)
 class _Target:
     """A URDF, its card where there is one, and what that knows of its joints: (friction, damping),
-    closed and open values."""
+    closed and open values, and by how much their catches pull at a value."""
 
     urdf: Path
     card: AssetCard | None = None
     friction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     closed: Mapping[str, float] = field(default_factory=dict)
     open: Mapping[str, float] = field(default_factory=dict)
+    catches: Mapping[str, Callable[[float], float]] = field(default_factory=dict)
 
 
 def _run(
@@ -208,6 +211,7 @@ def _locate(path: Path) -> _Target:
         {j.name: (j.friction, j.damping) for j in joints},
         {j.name: j.closed for j in joints},
         {j.name: j.open for j in joints},
+        {j.name: partial(catch_pull, j) for j in joints if j.catch is not None},
     )
 
 
@@ -333,7 +337,9 @@ def _drive(
     urdf = target.urdf
     follow = {j.name: j.coupling for j in model.articulation.joints if j.coupling is not None}
     friction = target.friction or model.friction
-    result = drive_urdf(urdf, friction, limit, poses=poses, couplings=follow)
+    result = drive_urdf(
+        urdf, friction, limit, poses=poses, couplings=follow, catches=target.catches
+    )
     if result.failure:
         return joints, [Finding("load_failed", urdf.name, result.failure)]
     findings = []

@@ -83,6 +83,7 @@ def drive_urdf(
     budget: int = MAX_DRIVE,
     poses: Mapping[str, Mapping[str, float]] | None = None,
     couplings: Mapping[str, Coupling] | None = None,
+    catches: Mapping[str, Callable[[float], float]] | None = None,
 ) -> DriveResult:
     """Load a URDF with a fixed base and drive its joints one after another.
 
@@ -96,6 +97,8 @@ def drive_urdf(
             at zero, or at the limit nearest to it. A joint's own value is where it starts and
             must return to.
         couplings: joint name -> what it follows: joints that are coupled are driven together.
+        catches: joint name -> force or torque by the joint's value of what keeps it closed besides
+            friction; it acts wherever friction does.
     """
     try:
         scene = physics_scene(STEP)
@@ -105,7 +108,10 @@ def drive_urdf(
     if robot is None:
         return DriveResult({}, failure="the loader returned nothing")
     follow = couplings or {}
-    return _Driver(scene, robot, frictions, thresholds, budget, poses or {}, follow).run()
+    driver = _Driver(
+        scene, robot, frictions, thresholds, budget, poses or {}, follow, catches or {}
+    )
+    return driver.run()
 
 
 class _Driver:
@@ -120,10 +126,13 @@ class _Driver:
         budget: int,
         poses: Mapping[str, Mapping[str, float]],
         couplings: Mapping[str, Coupling],
+        catches: Mapping[str, Callable[[float], float]],
     ) -> None:
         self.scene, self.robot, self.couplings = scene, robot, couplings
         self.frictions, self.thresholds, self.budget = frictions, thresholds, budget
         self.joints = list(robot.active_joints)
+        names = [j.name for j in self.joints]
+        self.catches = {names.index(k): pull for k, pull in catches.items() if k in names}
         bounds = np.asarray(robot.get_qlimits(), dtype=float).reshape(-1, 2)
         self.slide = np.array([j.type == "prismatic" for j in self.joints])
         free = ~np.isfinite(bounds).all(axis=1) | (np.ptp(bounds, axis=1) > 100 * _TURN)
@@ -228,6 +237,7 @@ class _Driver:
             self._rub()
             self._reset(q)
             for _ in range(int(self.thresholds.hold_seconds / STEP)):
+                self._catch()
                 if not self._step():
                     break
                 top = max(top, abs(float(self.robot.get_qvel()[index])))
@@ -236,11 +246,23 @@ class _Driver:
         return worst, top if top > self._creep(index) else 0.0
 
     def _rub(self) -> None:
-        """Nothing but friction holds the joints."""
+        """Nothing but friction, and catches where there are any, holds the joints."""
         for joint, slides in zip(self.joints, self.slide):
             friction, damping = self.frictions.get(joint.name, (0.0, 0.0))
             kind = "prismatic" if slides else "revolute"
             set_joint_friction(joint, kind, friction, damping)
+
+    def _catch(self, index: int = 0, force: float = 0.0) -> None:
+        """Apply what the catches pull where the joints are, and a force at one joint."""
+        if not self.catches and not force:
+            return
+        forces = np.zeros(len(self.joints), dtype=np.float32)
+        forces[index] = force
+        if self.catches:
+            q = self.robot.get_qpos().tolist()
+            for k, pull in self.catches.items():
+                forces[k] += pull(q[k])
+        self.robot.set_qf(forces)
 
     def _creep(self, index: int) -> float:
         """Speed beyond which a joint moves, and does not merely creep as drives do."""
@@ -259,6 +281,8 @@ class _Driver:
         load = abs(float(self.robot.compute_passive_force(True, False)[index]))
         friction = self.frictions.get(self.joints[index].name, (0.0, 0.0))[0]
         home = self.rest[index]
+        if index in self.catches:
+            load += abs(self.catches[index](float(home)))
         way = 1.0 if self.high[index] - home >= home - self.low[index] else -1.0
         if self._moves(index, self.rest, way * HANDLING.least):
             return 0.0
@@ -295,10 +319,9 @@ class _Driver:
     def _moves(self, index: int, q: FloatArray, force: float) -> bool:
         """Whether a joint starts to move from `q` under gravity and a force of its own."""
         self._reset(q)
-        forces = np.zeros(len(q), dtype=np.float32)
-        forces[index] = force
-        self.robot.set_qf(forces)
-        for _ in range(HANDLING.steps):
+        for k in range(HANDLING.steps):
+            if k == 0 or self.catches:
+                self._catch(index, force)
             self.budget -= len(self.joints)
             self.scene.step()
             if not abs(float(self.robot.get_qvel()[index])) <= self._creep(index):
