@@ -102,7 +102,7 @@ class ObjectDynamics:
         self.joints = [g.joint for g in layout.goals]
         self.springs = {g.joint: g for g in layout.goals if g.spring}
         self.moving = {n for name in self.joints for n in layout.model.moving_links(name)}
-        self.catches = np.zeros((3, len(articulation.active_joints)))
+        self.catches: FloatArray = np.zeros((3, len(articulation.active_joints)))
         self._masses = {
             link.name: (float(link._objs[0].mass), np.array(link._objs[0].inertia))
             for link in articulation.links

@@ -156,9 +156,12 @@ def _read() -> _Table:
         )  # fmt: skip
         joints |= dict.fromkeys(row["parts"], name)
     catches = tuple(
-        CatchKind(name, **{k: tuple(v) if isinstance(v, list) else v for k, v in row.items()})
+        CatchKind(
+            name, tuple(row["things"]), tuple(row["parts"]), row["force"],
+            (row["spread"][0], row["spread"][1]), row["width"], row["source"],
+        )
         for name, row in data["catches"].items()
-    )
+    )  # fmt: skip
     return _Table(materials, parts, bearings, joints, catches, data["others"])
 
 
