@@ -1,6 +1,7 @@
 """How many URDFs of others `mam-sim mend` brings to a passing check, and what is left by reason.
 
     python benchmarks/mend_foreign.py FOLDER ... [--broken] [--out FILE.json]
+    python benchmarks/mend_foreign.py FOLDER --row SOURCE  # a row of docs/results/mended.json
 
 With --broken, files that pass as they are are also broken on purpose, in one way at a time, and
 mended again. Files in which no joint moves are counted apart: no repair makes one.
@@ -8,6 +9,7 @@ mended again. Files in which no joint moves are counted apart: no repair makes o
 
 from __future__ import annotations
 
+import json
 import re
 import tempfile
 import xml.etree.ElementTree as ET
@@ -16,9 +18,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import results_page
 import tyro
 from broken_variants import KINDS
-from common import save
+from common import commit, machine, save
 from tyro.conf import Positional
 
 from mam_pipeline.check.model import CheckModel
@@ -91,13 +94,14 @@ SHARED = ("zero inertia", "block over the cavity", "upper limit doubled")
 
 def main(
     files: Positional[tuple[str, ...]], /, broken: bool = False, jobs: int = 1,
-    limit: int | None = None, drive: bool = True, out: Path | None = None,
+    limit: int | None = None, drive: bool = True, out: Path | None = None, row: str = "",
 ) -> None:  # fmt: skip
     """Print a line a file, then the counts.
 
     Args:
         files: as of `mam-sim mend`. broken: break those that pass, too. limit: files at most.
-        drive: also drive the joints. out: JSON file.
+        drive: also drive the joints. out: JSON file. row: name of the source, for a row of
+            docs/results/mended.json.
     """
     order, whole = Order(drive=drive), Count()
     kinds: dict[str, Count] = {}
@@ -118,7 +122,36 @@ def main(
     _print("files", whole)
     for name, count in kinds.items():
         _print(name, count)
+    if row:
+        _write_row(row, whole, Path(files[0]).name)
     save(out, {"files": whole.row(), "broken": {k: v.row() for k, v in kinds.items()}})
+
+
+def _write_row(name: str, count: Count, folder: str) -> None:
+    """One source's row of the results page; a row of the same source is replaced."""
+    able, had = count.files - count.still, count.had.most_common(4)
+    values = {
+        "files": able,
+        "pass before": f"{count.before} ({count.before / max(able, 1):.0%})",
+        "pass after": f"{count.after} ({count.after / max(able, 1):.0%})",
+        "worse": count.worse,
+        "most frequent reasons, before and after": ", ".join(
+            f"{reason} {number} and {count.left[reason]}" for reason, number in had
+        ),
+    }
+    new = {
+        "id": re.sub(r"\W+", "-", name.lower()),
+        "name": name,
+        "values": values,
+        "command": f'python benchmarks/mend_foreign.py {folder.upper()} --row "{name}"',
+        "commit": commit(),
+        "machine": machine(),
+    }
+    file = results_page.RESULTS / "mended.json"
+    table = json.loads(file.read_text(encoding="utf-8"))
+    table["rows"] = [r for r in table["rows"] if r["id"] != new["id"]] + [new]
+    text = json.dumps(table, indent=1, ensure_ascii=False)
+    file.write_text(text + "\n", encoding="utf-8")
 
 
 def _broken(source: Path, folder: Path, order: Order, kinds: dict[str, Count]) -> None:
