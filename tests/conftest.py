@@ -16,6 +16,8 @@ from tests.local_server import Replies, served
 os.environ.setdefault("HF_HUB_OFFLINE", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "2")
 
+SCHEDULED = os.sched_getscheduler(0), os.sched_getparam(0)
+"""How this process is scheduled before any test."""
 Answer = Callable[[str, bytes], tuple[int, str, bytes]]
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER_MARKS = {"envs": "sim", "policies": "sim", "conformance": "sim", "training": "slow"}
@@ -48,6 +50,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.bench_data)
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
+
+
+@pytest.fixture(autouse=True)
+def scheduled_as_before() -> Iterator[None]:
+    """A test that leaves its process a real-time one fails, and the process is as it was.
+
+    A video encoder does that as root. All later tests of the process would then take the processors
+    from whatever they wait for: a browser, a process that is stopped, a thread of a library.
+    """
+    yield
+    after = os.sched_getscheduler(0)
+    os.sched_setscheduler(0, *SCHEDULED)
+    assert after == SCHEDULED[0], "it was made real-time; see dataset.same_scheduling"
 
 
 @pytest.fixture(scope="session")

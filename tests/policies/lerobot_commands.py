@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from mam_policies.lerobot.dataset import same_scheduling
+
 
 def run_readme(
     monkeypatch: pytest.MonkeyPatch, folder: Path, verb: str, work: Path, *more: str
@@ -18,4 +20,5 @@ def run_readme(
     line = next(row for row in text.splitlines() if row.startswith(f"lerobot-{verb} "))
     monkeypatch.chdir(work)
     monkeypatch.setattr(sys, "argv", [*shlex.split(line), *more])
-    importlib.import_module(f"lerobot.scripts.lerobot_{verb}").main()
+    with same_scheduling():  # it records films
+        importlib.import_module(f"lerobot.scripts.lerobot_{verb}").main()
