@@ -38,7 +38,8 @@ class Plan:
         path: the arm path it times.
         arm: (T, n) joint targets, radians.
         gripper: (T,) gripper commands.
-        phase: (T,) names: move, approach, close, follow, settle, release; lift, hold for things.
+        phase: (T,) names: move, approach, close, follow, settle, release; for things also lift,
+            hold, carry, lower, leave.
         expected: (T,) joint value of the object that should be reached by then.
     """
 
