@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.asset.mjcf import export_mjcf
+from mam_pipeline.asset.exporters import export_asset
 from mam_pipeline.check.model import CheckModel
 from mam_pipeline.check.report import REASONS
-from mam_pipeline.errors import ConfigError
+from mam_pipeline.errors import ConfigError, MamSimError
 from mam_pipeline.formats.door import Door, is_file
 from mam_pipeline.geometry.surface import hull_of
 from mam_pipeline.types import Mesh
@@ -71,6 +71,9 @@ class Trying:
         try:
             with self.work.busy("Making and checking the asset"):
                 asset = self.work.open.make(self._stage)
+        except MamSimError as error:
+            self._forget(f"**It was not made:** {error}")
+            raise
         finally:
             self.make.disabled, self.progress.visible, self.doing.content = False, False, ""
         with self.work.lock:
@@ -87,7 +90,7 @@ class Trying:
     def _tell(self, asset: Asset) -> None:
         """Verdict, places where it fails, and collision pieces of an asset."""
         found = asset.card.checks.get("executability")
-        self.work.hulls = collision_pieces(asset)
+        self.work.hulls = collision_pieces(asset) if asset.card.joints else {}
         if found is None:
             self._forget("It was not checked.")
             return
@@ -141,12 +144,9 @@ class Trying:
         if self.export.value == "ZIP":
             event.client.send_file_download(f"{asset.card.name}.zip", zipped(asset.folder))
             return
-        if self.export.value == "MuJoCo":
-            path = export_mjcf(asset, asset.folder / "object.xml")
-        else:
-            from mam_pipeline.asset.usd import export_usd
-
-            path = export_usd(asset, asset.folder / "object.usd")
+        mujoco = self.export.value == "MuJoCo"
+        kind, name = ("mjcf", "object.xml") if mujoco else ("usd", "object.usd")
+        path = export_asset(asset, kind, asset.folder / name)
         self.work.say(event, "Written", f"{path}", "green")
 
 

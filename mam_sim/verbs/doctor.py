@@ -28,6 +28,7 @@ EXTRAS = {
     "usd-core": ("usd", "USD files and export"),
     "meshopt": ("formats", "glTF packed by meshoptimizer"),
     "opengl-basisu": ("formats", "KTX2 textures"),
+    "lib3mf": ("formats", "3MF files"),
     "openai": ("vlm", "vision-language reasoners"),
 }
 
@@ -211,7 +212,8 @@ def _plugins() -> list[Finding]:
     from mam_pipeline.registry import Registry
 
     out = []
-    for kind in ("robot", "task", "algorithm", "reader", "articulation"):
+    kinds = "robot", "task", "algorithm", "reader", "articulation", "exporter", "simulator_rules"
+    for kind in kinds:
         added = Registry(kind, {})
         for name, target in added.targets().items():
             state, ok = target, True

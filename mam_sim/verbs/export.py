@@ -104,23 +104,13 @@ def _losses(source: Path, to: str) -> list[str]:
 
 def _asset(source: Path, out: Path, to: str) -> Path:
     from mam_pipeline.asset.card import Asset
+    from mam_pipeline.asset.exporters import export_asset
 
     found = Asset.load(source)
     inside = out.resolve() == found.folder  # an asset may hold its own exports
     if not inside:
         claim_folder(out, EXPORT)
-    if to == "mjcf":
-        from mam_pipeline.asset.mjcf import export_mjcf
-
-        file = export_mjcf(found, out / "object.xml")
-    elif to == "sdf":
-        from mam_pipeline.asset.sdf import export_sdf
-
-        file = export_sdf(found, out / "object.sdf")
-    else:
-        from mam_pipeline.asset.usd import export_usd
-
-        file = export_usd(found, out / f"object.{to}")
+    file = export_asset(found, to, out / f"object.{'xml' if to == 'mjcf' else to}")
     if not inside:
         mark_export(out, to, source)
     return file

@@ -38,6 +38,18 @@ class MissingExtra(BackendError):
     """A package that an extra installs is not there."""
 
 
+def not_installed(what: str, package: str = "mam_sim_formats", way: str = "") -> MissingExtra:
+    """The error where a plug-in package of this repository is missing.
+
+    Args:
+        what: comes with it, as the subject of a sentence. way: another way out, or "".
+    """
+    return MissingExtra(
+        f"{what} comes with a package that is not installed; in a clone of mam-sim: "
+        f"pip install ./plugins/{package}{way}"
+    )
+
+
 def has(*modules: str) -> bool:
     """Whether all these packages are installed; imports none of them."""
     return all(find_spec(module) is not None for module in modules)

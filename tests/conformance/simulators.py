@@ -207,8 +207,7 @@ def _sapien_points(shape: Any) -> np.ndarray | None:
 def mujoco(asset: Asset) -> Opened:
     """The exported MJCF, compiled by MuJoCo."""
     import mujoco as library
-
-    from mam_pipeline.asset.mjcf import export_mjcf
+    from mam_sim_formats.mjcf_export import export_mjcf
 
     file = export_mjcf(asset, asset.folder.parent / f"{asset.folder.name}_mjcf" / "object.xml")
     model = library.MjModel.from_xml_path(str(file))
@@ -295,7 +294,7 @@ def pybullet(asset: Asset) -> Opened:
 
 def usd(asset: Asset) -> Opened:
     """The exported USD, read back with usd-core."""
-    from mam_pipeline.asset.usd import export_usd
+    from mam_sim_formats.usd_export import export_usd
 
     file = export_usd(asset, asset.folder.parent / f"{asset.folder.name}_usd" / "object.usd")
     return _read_usd(file, asset)
@@ -327,7 +326,7 @@ def drake(asset: Asset) -> Opened:
 
 def drake_sdf(asset: Asset) -> Opened:
     """The exported SDF as Drake takes it: its parser is Gazebo's, libsdformat."""
-    from mam_pipeline.asset.sdf import export_sdf
+    from mam_sim_formats.sdf_export import export_sdf
 
     file = export_sdf(asset, asset.folder.parent / f"{asset.folder.name}_sdf" / "object.sdf")
     return _opened_by("pydrake", "open_in_drake.py", file, asset)
@@ -335,7 +334,7 @@ def drake_sdf(asset: Asset) -> Opened:
 
 def newton(asset: Asset) -> Opened:
     """The exported USD as Newton builds it on a CPU."""
-    from mam_pipeline.asset.usd import export_usd
+    from mam_sim_formats.usd_export import export_usd
 
     file = export_usd(asset, asset.folder.parent / f"{asset.folder.name}_newton" / "object.usd")
     return _opened_by("newton", "open_in_newton.py", file, asset)

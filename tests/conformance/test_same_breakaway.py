@@ -87,7 +87,7 @@ def _sapien(asset: Asset, joint: CardJoint) -> Push:
 
 def _mujoco(asset: Asset, joint: CardJoint) -> Push:
     mujoco = pytest.importorskip("mujoco")
-    from mam_pipeline.asset.mjcf import export_mjcf
+    from mam_sim_formats.mjcf_export import export_mjcf
 
     file = export_mjcf(asset, asset.folder.parent / f"{asset.folder.name}_pushed" / "object.xml")
     model = mujoco.MjModel.from_xml_path(str(file))
@@ -195,8 +195,7 @@ def _wanted(part: Handled) -> float:
 def _gravity(part: Handled) -> float:
     """What must be applied at the closed pose so that gravity does not move the part."""
     import mujoco
-
-    from mam_pipeline.asset.mjcf import export_mjcf
+    from mam_sim_formats.mjcf_export import export_mjcf
 
     folder = part.asset.folder.parent / f"{part.asset.folder.name}_weighed"
     model = mujoco.MjModel.from_xml_path(str(export_mjcf(part.asset, folder / "object.xml")))

@@ -72,8 +72,7 @@ def _sapien(asset: Asset, slide: CardJoint, force: Force) -> tuple[np.ndarray, f
 
 def _mujoco(asset: Asset, slide: CardJoint, force: Force) -> tuple[np.ndarray, float]:
     import mujoco
-
-    from mam_pipeline.asset.mjcf import export_mjcf
+    from mam_sim_formats.mjcf_export import export_mjcf
 
     file = export_mjcf(asset, asset.folder.parent / "moved_mjcf" / "object.xml")
     model = mujoco.MjModel.from_xml_path(str(file))

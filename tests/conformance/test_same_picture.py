@@ -74,7 +74,7 @@ def _key() -> NDArray[np.float64]:
 
 def _mujoco(asset: Asset, target: NDArray[np.float64], far: float) -> View:
     mujoco = pytest.importorskip("mujoco")
-    from mam_pipeline.asset.mjcf import export_mjcf
+    from mam_sim_formats.mjcf_export import export_mjcf
 
     file = export_mjcf(asset, asset.folder.parent / "seen_mjcf" / asset.folder.name / "object.xml")
     model = mujoco.MjModel.from_xml_path(str(file))

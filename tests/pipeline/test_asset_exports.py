@@ -12,15 +12,18 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 import trimesh
+from mam_sim_formats.mjcf_export import _warnings_as_python, export_mjcf
+from mam_sim_formats.sdf_export import export_sdf
+from mam_sim_formats.usd_export import export_usd
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.asset.mjcf import _warnings_as_python, export_mjcf
-from mam_pipeline.asset.sdf import export_sdf
-from mam_pipeline.asset.usd import export_usd
+from mam_pipeline.asset.exporters import export_asset
 from mam_pipeline.asset.writer import write_asset
+from mam_pipeline.check.other_files import file_findings
 from mam_pipeline.errors import InputError
+from mam_pipeline.optional import MissingExtra
 from mam_pipeline.types import Articulation, Joint, Link, Material, Mesh
 
 VALUES = {"hinge": 0.7, "slide": 0.11, "spin": 2.0}
@@ -380,3 +383,16 @@ def test_usd_shows_boxes_and_moved_and_scaled_meshes(asset: Asset, tmp_path: Pat
     box = cache.ComputeWorldBound(stage.GetPseudoRoot()).ComputeAlignedRange()
     np.testing.assert_allclose([*box.GetMin()], [-1, -1, -2], atol=1e-6)
     np.testing.assert_allclose([*box.GetMax()], [1.5, 1, 11], atol=1e-6)
+
+
+def test_without_the_package_of_exporters_the_way_to_it_is_said(
+    asset: Asset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = export_asset(asset, "sdf", tmp_path / "object.sdf")
+    monkeypatch.setattr("mam_pipeline.registry.installed", lambda _group: ())
+    with pytest.raises(MissingExtra, match=r"MJCF export.*pip install \./plugins/mam_sim_formats"):
+        export_asset(asset, "mjcf", tmp_path / "object.xml")
+    assert made.is_file() and not (tmp_path / "object.xml").exists()
+    (tmp_path / "other.xml").write_text("<mujoco/>")
+    with pytest.raises(MissingExtra, match=r"checking MJCF.*pip install \./plugins"):
+        file_findings(tmp_path / "other.xml", "mujoco")

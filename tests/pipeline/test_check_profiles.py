@@ -209,7 +209,7 @@ def test_an_mjcf_opens_nothing_outside_its_folder(tmp_path: Path) -> None:
 
 def test_a_usd_file_is_looked_at_as_it_is(tmp_path: Path) -> None:
     pytest.importorskip("pxr")
-    from mam_pipeline.asset.usd import export_usd
+    from mam_sim_formats.usd_export import export_usd
 
     solids = [trimesh.creation.box((0.2, 0.2, 0.2)), trimesh.creation.box((0.02, 0.2, 0.2))]
     solids[1].apply_translation([-0.12, 0, 0])

@@ -100,7 +100,7 @@ def test_a_wrong_mimic_fails_the_lint(tmp_path: Path, mimic: str, said: str) -> 
 
 def test_mujoco_ties_coupled_joints(tmp_path: Path) -> None:
     mujoco = pytest.importorskip("mujoco", reason="the mujoco extra is not installed")
-    from mam_pipeline.asset.mjcf import export_mjcf
+    from mam_sim_formats.mjcf_export import export_mjcf
 
     asset = write_asset(read_urdf(two_doors(tmp_path)), tmp_path / "asset", name="a")
     model = mujoco.MjModel.from_xml_path(str(export_mjcf(asset)))
@@ -117,7 +117,7 @@ def test_mujoco_ties_coupled_joints(tmp_path: Path) -> None:
 
 def test_usd_names_what_a_joint_follows(tmp_path: Path) -> None:
     usd = pytest.importorskip("pxr.Usd", reason="the usd extra is not installed")
-    from mam_pipeline.asset.usd import export_usd
+    from mam_sim_formats.usd_export import export_usd
 
     asset = write_asset(read_urdf(two_doors(tmp_path)), tmp_path / "asset", name="a")
     stage = usd.Stage.Open(str(export_usd(asset)))
@@ -143,7 +143,7 @@ def test_the_check_drives_coupled_joints_together(tmp_path: Path) -> None:
 
 def test_usdz_is_one_file(tmp_path: Path) -> None:
     usd = pytest.importorskip("pxr.Usd", reason="the usd extra is not installed")
-    from mam_pipeline.asset.usd import export_usd
+    from mam_sim_formats.usd_export import export_usd
 
     asset = write_asset(read_urdf(two_doors(tmp_path)), tmp_path / "asset", name="a")
     packed = export_usd(asset, tmp_path / "there" / "object.usdz")
@@ -153,7 +153,7 @@ def test_usdz_is_one_file(tmp_path: Path) -> None:
 
 def test_usd_couples_no_slide_with_a_hinge(tmp_path: Path) -> None:
     pytest.importorskip("pxr.Usd", reason="the usd extra is not installed")
-    from mam_pipeline.asset.usd import export_usd
+    from mam_sim_formats.usd_export import export_usd
 
     source = two_doors(tmp_path)
     text = source.read_text()

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 import trimesh
 import yaml
+from mam_sim_formats.mjcf_export import export_mjcf
+from mam_sim_formats.usd_export import export_usd
 
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.asset.dynamics import HOLD, catch_pull, with_dynamics
+from mam_pipeline.asset.dynamics import DYNAMICS, catch_pull, with_dynamics
 from mam_pipeline.asset.inertia import link_inertials
 from mam_pipeline.asset.matter import (
     BOARD,
@@ -25,8 +27,6 @@ from mam_pipeline.asset.matter import (
     usual_mass,
     weighted,
 )
-from mam_pipeline.asset.mjcf import export_mjcf
-from mam_pipeline.asset.usd import export_usd
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.evidence.kinds import kinds
 from mam_pipeline.evidence.read import named_size
@@ -81,7 +81,9 @@ def test_what_gravity_pulls_is_held_beyond_what_the_bearing_asks_for() -> None:
     (joint,) = with_dynamics(made, bodies).joints
     weight = G * bodies[1].mass
     bearing = bearing_of("sash", "prismatic")
-    assert joint.friction == pytest.approx(bearing.force + bearing.share * weight + HOLD * weight)
+    assert joint.friction == pytest.approx(
+        bearing.force + bearing.share * weight + DYNAMICS.hold * weight
+    )
     assert joint.friction_range[0] > weight  # the easiest that is drawn holds it still
 
 

@@ -96,7 +96,7 @@ ENDLESS = {
 
 @pytest.mark.parametrize("kind", ENDLESS)
 def test_absurd_counts_are_refused_before_any_work(kind: str, tmp_path: Path) -> None:
-    from mam_pipeline.check.mjcf_usd import file_findings
+    from mam_pipeline.check.other_files import file_findings
 
     file = tmp_path / "a.xml"
     file.write_text(f"<mujoco>{ENDLESS[kind]}</mujoco>")

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from mam_sim_formats.usd_layers import check_layers
 from scipy.spatial.transform import Rotation
 
 from mam_pipeline.errors import InputError
@@ -17,7 +18,6 @@ from mam_pipeline.formats.mesh_files import load_mesh, read_file
 from mam_pipeline.formats.readers import reader_of
 from mam_pipeline.formats.soup import FileContent
 from mam_pipeline.formats.suffixes import BUILTIN, ELSEWHERE, mesh_suffixes
-from mam_pipeline.formats.usd_layers import check_layers
 from mam_pipeline.optional import MissingExtra, has
 from mam_pipeline.run import kind_of
 from mam_pipeline.types import FloatArray

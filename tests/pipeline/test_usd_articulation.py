@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 import yourdfpy
+from mam_sim_formats.usd_export import export_usd
 from scipy.spatial.transform import Rotation
 
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.asset.usd import export_usd
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats import articulations

@@ -10,8 +10,8 @@ format and no drive has either: `catch_pull` says what is to be applied at each 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -21,14 +21,31 @@ from mam_pipeline.asset.matter import bearing_of, catch_of
 from mam_pipeline.types import Articulation, Catch, Inertial, Joint
 
 GRAVITY = 9.81
-HOLD = 1.3
-"""Friction over the largest gravity load that must be held, so that nothing sags."""
-STOPPED = 0.02
-"""Share of the range by which a closed part may be off the end of it."""
-STOP_SECONDS = 0.6
-"""A part that is let go comes to rest within about this time through damping alone."""
-CREEP = {"revolute": 0.001, "continuous": 0.001, "prismatic": 1e-4}
-"""Speed (rad/s or m/s) at which a coulomb drive develops its whole friction."""
+
+
+@dataclass(frozen=True)
+class DynamicsSettings:
+    """What is assumed of a joint whose dynamics nobody states.
+
+    Attributes:
+        hold: friction over the largest gravity load that must be held, so that nothing sags.
+        stopped: share of the range by which a closed part may be off the end of it.
+        stop_seconds: a part that is let go comes to rest within about this time through damping.
+        creep: speed (rad/s or m/s), by type of joint, at which a coulomb drive develops its whole
+            friction.
+        other_creep: that of any other type.
+    """
+
+    hold: float = 1.3
+    stopped: float = 0.02
+    stop_seconds: float = 0.6
+    creep: Mapping[str, float] = field(
+        default_factory=lambda: {"revolute": 0.001, "continuous": 0.001, "prismatic": 1e-4}
+    )
+    other_creep: float = 0.002
+
+
+DYNAMICS = DynamicsSettings()
 
 
 def with_dynamics(
@@ -51,7 +68,7 @@ def coulomb_drive(type_: str, friction: float, damping: float = 0.0) -> tuple[fl
     """
     if friction <= 0.0:
         return damping, float(np.finfo(np.float32).max)
-    return max(damping, friction / CREEP.get(type_, 0.002)), friction
+    return max(damping, friction / DYNAMICS.creep.get(type_, DYNAMICS.other_creep)), friction
 
 
 def set_joint_friction(joint: Any, type_: str, friction: float, damping: float = 0.0) -> None:
@@ -143,12 +160,12 @@ def _joint(
     slides = joint.type == "prismatic"
     bearing = bearing_of(articulation.links[joint.child].kind, joint.type)
     weight = GRAVITY * sum(inertials[i].mass for i in articulation.carried_links(joint))
-    running, held = bearing.friction(weight, arm, slides), HOLD * load
+    running, held = bearing.friction(weight, arm, slides), DYNAMICS.hold * load
     friction, between = joint.friction, joint.friction_range
     if friction <= 0.0:
         friction = running + held
         between = (held + bearing.spread[0] * running, held + bearing.spread[1] * running)
-    damping = joint.damping if joint.damping > 0 else inertia / STOP_SECONDS
+    damping = joint.damping if joint.damping > 0 else inertia / DYNAMICS.stop_seconds
     catch = joint.catch
     if catch is None and _closes(joint):
         kind = catch_of(articulation.links[joint.child].kind, thing)
@@ -165,7 +182,9 @@ def _closes(joint: Joint) -> bool:
     """Whether the joint's closed value is known, and is where the part is stopped."""
     near = min(abs(joint.closed - joint.lower), abs(joint.closed - joint.upper))
     span = joint.upper - joint.lower
-    return joint.open != joint.closed and bool(np.isfinite(span)) and near <= STOPPED * span
+    return (
+        joint.open != joint.closed and bool(np.isfinite(span)) and near <= DYNAMICS.stopped * span
+    )
 
 
 def _arm(articulation: Articulation, joint: Joint, links: Sequence[int]) -> float:

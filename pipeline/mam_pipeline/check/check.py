@@ -13,8 +13,8 @@ import numpy as np
 from mam_pipeline.asset.card import Asset, AssetCard
 from mam_pipeline.asset.dynamics import catch_pull
 from mam_pipeline.check.lint import Linter, lint
-from mam_pipeline.check.mjcf_usd import file_findings, format_of
 from mam_pipeline.check.model import CheckModel
+from mam_pipeline.check.other_files import file_findings, format_of
 from mam_pipeline.check.profiles import profile_findings
 from mam_pipeline.check.report import CLAUSES, CheckReport, Finding, JointReport
 from mam_pipeline.check.sweep import JointSweep, exchanged, sweep_joint

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mam_pipeline.asset.dynamics import CREEP, set_joint_friction
+from mam_pipeline.asset.dynamics import DYNAMICS, set_joint_friction
 from mam_pipeline.check.simulate import load_physics, physics_scene
 from mam_pipeline.thresholds import HANDLING, MAX_DRIVE, THRESHOLDS, Thresholds
 from mam_pipeline.types import Coupling, FloatArray, coupled
@@ -266,7 +266,7 @@ class _Driver:
 
     def _creep(self, index: int) -> float:
         """Speed beyond which a joint moves, and does not merely creep as drives do."""
-        return HANDLING.moves * CREEP["prismatic" if self.slide[index] else "revolute"]
+        return HANDLING.moves * DYNAMICS.creep["prismatic" if self.slide[index] else "revolute"]
 
     def _handling(self, index: int, let_go: float) -> Handling:
         self.rest = self._pose(self.joints[index].name)

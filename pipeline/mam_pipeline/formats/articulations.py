@@ -12,7 +12,7 @@ from mam_pipeline.formats.apart import apart
 from mam_pipeline.formats.mjcf import urdf_of_mjcf
 from mam_pipeline.formats.mjcf_files import is_mjcf
 from mam_pipeline.formats.suffixes import USD
-from mam_pipeline.optional import MissingExtra
+from mam_pipeline.optional import not_installed
 from mam_pipeline.registry import Registry
 
 KINDS = "a URDF, an MJCF or a USD file"
@@ -51,8 +51,5 @@ def converted(path: Path, out: Path) -> Converted | None:
         kind = "USD" if suffix in USD else name.upper()
         return Converted(urdf, kind, f"composed by {kind}", left)
     if suffix in USD:
-        raise MissingExtra(
-            f"{path.name}: USD is read by a package that is not installed; in a clone of mam-sim: "
-            "pip install ./plugins/mam_sim_formats"
-        )
+        raise not_installed(f"{path.name}: the reader of USD")
     return None

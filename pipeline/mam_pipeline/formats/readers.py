@@ -12,7 +12,7 @@ from mam_pipeline.formats.apart import apart
 from mam_pipeline.formats.door import is_file
 from mam_pipeline.formats.soup import LIMITS, FileContent, checked
 from mam_pipeline.formats.suffixes import ELSEWHERE, READER, mesh_suffixes
-from mam_pipeline.optional import MissingExtra
+from mam_pipeline.optional import not_installed
 from mam_pipeline.registry import Registry, resolve
 
 
@@ -56,7 +56,6 @@ BUILTIN: Mapping[str, Reader] = {
     ".gltf": _GLTF,
     ".obj": Reader(f"{_FORMATS}.obj:read_obj", _large),
     ".dae": Reader(f"{_FORMATS}.collada:read_collada", _large),
-    ".3mf": Reader(f"{_FORMATS}.threemf:read_3mf"),
     **{suffix: _PLAIN for suffix in (".ply", ".stl", ".off")},
 }
 
@@ -88,10 +87,7 @@ def read_mesh(file: Path, root: Path | None = None) -> FileContent:
     reader = reader_of(suffix)
     if reader is None and suffix in ELSEWHERE:
         way = ELSEWHERE[suffix].format(file=file, stem=file.stem)
-        raise MissingExtra(
-            f"{file.name}: readers of {suffix} come with a package that is not installed; in a "
-            f"clone of mam-sim: pip install ./plugins/mam_sim_formats{way}"
-        )
+        raise not_installed(f"{file.name}: the reader of {suffix}", way=way)
     if reader is None:
         raise InputError(f"{file} is not a mesh file known here ({', '.join(mesh_suffixes())})")
     size = file.stat().st_size
@@ -104,16 +100,22 @@ def read_mesh(file: Path, root: Path | None = None) -> FileContent:
     except (ImportError, AttributeError) as error:
         raise BackendError(f"the reader of {file.suffix} cannot be imported: {error}") from error
     if not reader.apart(file):
-        return _sound(read(file, root), file)
-    return apart(lambda: _sound(read(file, root), file), file, file.suffix[1:].upper())
+        return _sound(read, file, root)
+    return apart(lambda: _sound(read, file, root), file, file.suffix[1:].upper())
 
 
-def _sound(content: FileContent, file: Path) -> FileContent:
-    """What a reader found, where it is a surface that can be worked with.
+def _sound(
+    read: Callable[[Path, Path | None], FileContent], file: Path, root: Path | None
+) -> FileContent:
+    """What a reader finds, where it is a surface that can be worked with.
 
     Raises:
-        InputError: it is none.
+        InputError: it is none. MissingExtra: a library that the reader needs is not installed.
     """
+    try:
+        content = read(file, root)
+    except ModuleNotFoundError as error:
+        raise not_installed(f"{file.name}: {error.name}, which reads {file.suffix},") from error
     count = sum(len(p.faces) for p in content.pieces)
     if count == 0:
         raise InputError(f"{file} has no faces: a surface is needed, not points or lines")

@@ -19,9 +19,10 @@ ELSEWHERE = {
     **dict.fromkeys(USD, ""),
     **dict.fromkeys((".step", ".stp", ".iges", ".igs"), _CAD),
     ".fbx": _BLENDER,
+    ".3mf": "",
 }
 """What plugins/mam_sim_formats reads, and what else one can do about such a file without it."""
-BUILTIN = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".off", ".3mf")
+BUILTIN = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".off")
 PHOTOS = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".gif", ".heic")
 READER = "mam_sim.reader"
 """Entry-point group in which other packages add readers, by suffix without its dot."""

@@ -19,8 +19,9 @@ import trimesh
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.pictures import Picture, Pictures, model_door
 from mam_pipeline.formats.soup import Budget, FileContent, Piece, fans, paired
-from mam_pipeline.formats.usd_layers import check_layers, check_size
+from mam_pipeline.optional import require
 from mam_pipeline.types import FloatArray, IntArray, Material
+from mam_sim_formats.usd_layers import check_layers, check_size
 
 _NOISE = re.compile(r"^\s*Error in '.*?' at line \d+ in file \S+ : ", re.M)
 """Where in its own source the library found an error."""
@@ -42,6 +43,7 @@ def read_usd(path: Path, root: Path | None = None) -> FileContent:
 @contextmanager
 def failures_said(path: Path) -> Iterator[None]:
     """Whatever the library raises is a sentence about the file."""
+    require(f"{path.name}: reading USD", "pxr")
     try:
         yield
     except InputError:

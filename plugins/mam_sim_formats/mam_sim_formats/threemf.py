@@ -11,8 +11,8 @@ from mam_pipeline.errors import InputError
 from mam_pipeline.formats.door import Door
 from mam_pipeline.formats.pictures import Pictures
 from mam_pipeline.formats.soup import LIMITS, Budget, FileContent, Piece
-from mam_pipeline.formats.threemf_header import check_3mf
 from mam_pipeline.types import FloatArray, IntArray, Material
+from mam_sim_formats.threemf_header import check_3mf
 
 _METRES = (1e-6, 1e-3, 1e-2, 0.0254, 0.3048, 1.0)
 """By lib3mf's number of the unit: micrometre, millimetre, centimetre, inch, foot, metre."""
@@ -27,7 +27,7 @@ def read_3mf(path: Path, root: Path | None = None) -> FileContent:
     check_3mf(path)
     try:
         return _Reader(path).content()
-    except InputError:
+    except (InputError, ModuleNotFoundError):
         raise
     except Exception as error:  # the library has one exception, with a number
         raise InputError(f"{path} cannot be read as 3MF ({error}); export it again") from error

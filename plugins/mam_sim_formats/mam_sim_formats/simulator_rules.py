@@ -5,82 +5,28 @@ An MJCF is compiled by MuJoCo, a USD file composed by OpenUSD; no file outside i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mam_pipeline import thresholds as limits
-from mam_pipeline.check.profiles import PROFILES, Profile, is_identifier
+from mam_pipeline.check.profiles import Profile, is_identifier
 from mam_pipeline.check.report import Finding
-from mam_pipeline.errors import InputError, unknown_name
-from mam_pipeline.formats.apart import apart
-from mam_pipeline.formats.door import Door, Outside
+from mam_pipeline.errors import InputError
+from mam_pipeline.formats.door import Door
 from mam_pipeline.formats.mjcf_files import check_counts
-from mam_pipeline.formats.suffixes import USD
-from mam_pipeline.formats.usd_layers import check_layers
-from mam_pipeline.formats.xml_file import Doctype, parse_xml
+from mam_pipeline.formats.xml_file import parse_xml
 from mam_pipeline.optional import require
+from mam_sim_formats.usd_layers import check_layers
 
-READERS = {
-    "MJCF": ("mujoco", "isaac", "newton", "physx-gpu"),
-    "USD": ("isaac", "newton", "physx-gpu"),
-}
-"""Simulators that read a format by themselves; the others read URDF."""
 _MIMIC = {"newton": "NewtonMimicAPI", "isaac": "PhysxMimicJointAPI"}
 
 
-def format_of(path: Path) -> str | None:
-    """ "MJCF" or "USD" for a file of such a format, else None."""
-    if path.suffix.lower() in USD:
-        return "USD"
-    if path.suffix.lower() != ".xml":
-        return None
-    try:
-        return "MJCF" if parse_xml(path, limits.MAX_XML_BYTES).tag == "mujoco" else None
-    except InputError:  # the lint of URDF says why
-        return None
-
-
-def file_findings(path: Path, name: str) -> list[Finding]:
-    """Findings about an MJCF or a USD file for one simulator.
-
-    Args:
-        path: a file of which `format_of` knows the format.
-        name: of the profile.
-
-    Raises:
-        ConfigError: no profile of that name. MissingExtra: MuJoCo or usd-core is not installed.
-    """
-    if name not in PROFILES:
-        raise unknown_name("profile", name, PROFILES)
-    kind = format_of(path) or ""
-    out = []
-    if name not in READERS[kind]:
-        text = f"this simulator takes no {kind}, or loses meshes and joints of it; give it URDF"
-        out.append(Finding("file_format", path.name, text))
-    try:
-        require(f"{path.name}: reading {kind}", "mujoco" if kind == "MJCF" else "pxr")
-        rules = _mjcf if kind == "MJCF" else _usd
-        work = partial(_found, rules, path, name)
-        return out + apart(work, path, kind, "simplify it, or give a URDF")
-    except Outside as error:
-        return [*out, Finding("mesh_outside", path.name, str(error))]
-    except Doctype as error:
-        return [*out, Finding("xml_entities", path.name, str(error))]
-    except InputError as error:
-        return [*out, Finding("file_unreadable", path.name, str(error))]
-
-
-def _found(
-    rules: Callable[[Path, str, Profile], Iterator[Finding]], path: Path, name: str
-) -> list[Finding]:
-    return list(rules(path, name, PROFILES[name]))
-
-
-def _mjcf(path: Path, name: str, profile: Profile) -> Iterator[Finding]:
+def mjcf_findings(path: Path, name: str, profile: Profile) -> Iterator[Finding]:
+    """Findings about an MJCF; InputError where MuJoCo does not take it."""
+    require(f"{path.name}: reading MJCF", "mujoco")
     import mujoco
 
     _stay_inside(path, path.parent, Door(path.parent), set())
@@ -137,7 +83,9 @@ def _stay_inside(path: Path, main: Path, door: Door, seen: set[Path]) -> None:
                     _stay_inside(file, main, door, seen)
 
 
-def _usd(path: Path, name: str, profile: Profile) -> Iterator[Finding]:
+def usd_findings(path: Path, name: str, profile: Profile) -> Iterator[Finding]:
+    """Findings about a USD file; InputError where OpenUSD does not take it."""
+    require(f"{path.name}: reading USD", "pxr")
     from pxr import Tf, Usd, UsdGeom, UsdPhysics
 
     try:

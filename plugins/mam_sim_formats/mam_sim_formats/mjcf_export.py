@@ -32,17 +32,29 @@ from mam_pipeline.geometry.shading import corner_normals
 from mam_pipeline.optional import require
 from mam_pipeline.types import FloatArray, Material, Mesh
 
-VISUAL_GROUP, COLLISION_GROUP = 2, 3
-"""Geom groups that MuJoCo's own models use: its viewer shows the first and hides the second."""
-TIMESTEP = 0.002
-"""Seconds; MuJoCo's default."""
-OFFSCREEN = 1920, 1080
-"""Pixels: the largest picture that `mujoco.Renderer` draws of an export."""
+
+@dataclass(frozen=True)
+class MjcfSettings:
+    """What an export says besides what the asset does.
+
+    Attributes:
+        visual_group, collision_group: of geoms, as in MuJoCo's own models: its viewer shows the
+            first and hides the second.
+        timestep: seconds; MuJoCo's default.
+        offscreen: pixels, width and height of the largest picture that `mujoco.Renderer` draws.
+        impedance: of the friction of a joint with a catch (MuJoCo's own is 0.9 to 0.95): softer
+            friction creeps, and what creeps out of its catch comes loose below the force that
+            starts it.
+    """
+
+    visual_group: int = 2
+    collision_group: int = 3
+    timestep: float = 0.002
+    offscreen: tuple[int, int] = (1920, 1080)
+    impedance: float = 0.999
 
 
-IMPEDANCE = 0.999
-"""Of the friction of a joint with a catch (MuJoCo's own is 0.9 to 0.95): softer friction creeps,
-and what creeps out of its catch comes loose below the force that starts it."""
+SETTINGS = MjcfSettings()
 
 
 def export_mjcf(asset: Asset, path: str | Path | None = None) -> Path:
@@ -83,7 +95,7 @@ def _exported(asset: Asset, work: Path) -> str:
         spec = mujoco.MjSpec.from_string(files.flattened(asset.urdf_path))
     spec.modelfiledir = str(work.resolve())
     spec.meshdir = spec.texturedir = files.folder.name
-    spec.option.timestep = TIMESTEP
+    spec.option.timestep = SETTINGS.timestep
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     files.dress(spec, {part.link: part.friction for part in asset.card.parts})
     for joint in spec.joints:
@@ -222,7 +234,7 @@ class _Files:
 
         for geom in spec.geoms:
             shown = geom.contype == 0 and geom.conaffinity == 0
-            geom.group = VISUAL_GROUP if shown else COLLISION_GROUP
+            geom.group = SETTINGS.visual_group if shown else SETTINGS.collision_group
             if not shown:
                 _, turning, rolling = geom.friction
                 geom.friction = [friction.get(geom.parent.name, geom.friction[0]), turning, rolling]
@@ -269,7 +281,11 @@ def _catches(spec: Any, asset: Asset) -> None:
         if joint.catch is None or joint.catch.force == 0.0 or joint.name not in moving:
             continue
         impedance = list(moving[joint.name].solimp_friction)
-        moving[joint.name].solimp_friction = [IMPEDANCE, IMPEDANCE, *impedance[2:]]
+        moving[joint.name].solimp_friction = [
+            SETTINGS.impedance,
+            SETTINGS.impedance,
+            *impedance[2:],
+        ]
         pull = catch_pull(joint, joint.closed)
         slope = joint.catch.force / joint.catch.width
         made = spec.add_actuator(name=f"{joint.name}_catch", target=joint.name)
@@ -288,7 +304,7 @@ def _light(spec: Any, asset: Asset) -> None:
     middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
     spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
     spec.visual.headlight.diffuse = [0.35, 0.35, 0.35]
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = OFFSCREEN
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = SETTINGS.offscreen
     sky = spec.add_texture(name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX)
     sky.builtin, sky.width, sky.height = mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, 256, 1536
     sky.rgb1, sky.rgb2 = [0.75, 0.83, 0.92], [0.95, 0.95, 0.95]
