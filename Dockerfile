@@ -24,7 +24,7 @@ RUN pip install -c constraints.txt ${MAM_SIM_TORCH_INDEX:+--extra-index-url "$MA
 COPY . .
 RUN apt-get update -qq && apt-get install -y -qq --no-install-recommends gcc g++ libc6-dev \
     && pip install -c constraints.txt ".[all]" ./plugins/mam_sim_models ./plugins/mam_sim_formats ./benchmarks/paper \
-    && pip install --no-deps ./plugins/lerobot_policy_mam_sim ./plugins/lerobot_robot_mam_sim \
+    && pip install --no-deps ./plugins/lerobot_policy_mam_sim ./plugins/lerobot_robot_mam_sim ./plugins/mam_sim_bench \
     && pip uninstall -y opencv-python \
     && pip install --no-deps --force-reinstall -c constraints.txt opencv-python-headless \
     && apt-get purge -y -qq gcc g++ libc6-dev && apt-get autoremove -y -qq \

@@ -18,14 +18,14 @@ import mujoco
 import numpy as np
 import tyro
 from common import save
+from mam_sim_bench.runner import find_tasks
+from mam_sim_formats.mjcf_export import export_mjcf
 from tyro.conf import Positional
 
 from mam_pipeline.asset.card import Asset, CardJoint
 from mam_pipeline.asset.dynamics import set_joint_friction
-from mam_pipeline.asset.mjcf import export_mjcf
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.check.simulate import load_physics, physics_scene
-from mam_sim.bench.runner import find_tasks
 
 STEP = 1 / 500
 HOLD, FALL = 2.0, 0.3

@@ -26,6 +26,7 @@ from pathlib import Path
 import numpy as np
 import tyro
 from common import commit, save
+from mam_sim_bench.runner import find_tasks
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from tyro.conf import Positional
@@ -37,7 +38,6 @@ from mam_pipeline.formats.urdf.tree import UrdfTree
 from mam_pipeline.geometry.motion import Motion, motion_points
 from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.types import Articulation, FloatArray, IntArray, Joint, Mesh
-from mam_sim.bench.runner import find_tasks
 
 TILT = np.radians(5.0)
 SHIFT = 0.05

@@ -19,6 +19,7 @@ import numpy as np
 import trimesh
 import tyro
 from common import save
+from mam_sim_bench.runner import find_tasks
 from tyro.conf import Positional
 
 from mam_pipeline.asset.collision import collision_shapes, outside
@@ -26,7 +27,6 @@ from mam_pipeline.geometry.raycast import RayScene
 from mam_pipeline.geometry.sampling import sample_surface
 from mam_pipeline.geometry.surface import Solid, link_components
 from mam_pipeline.types import Articulation, CollisionShape, FloatArray, Joint, joint_motion
-from mam_sim.bench.runner import find_tasks
 
 
 def main(

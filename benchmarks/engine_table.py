@@ -33,11 +33,11 @@ import code_state
 import results_page
 import tyro
 from common import machine
+from mam_sim_bench.runner import GENERATED, Record, record_from
+from mam_sim_bench.table import SURE, Row, calibration, summarise
 
 import mam_pipeline
 from mam_pipeline.weights import MANIFEST
-from mam_sim.bench.runner import GENERATED, Record, record_from
-from mam_sim.bench.table import SURE, Row, calibration, summarise
 
 TABLE, CONFIDENCE = "engine", "confidence"
 COLUMNS = {

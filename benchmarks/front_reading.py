@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 import tyro
+from mam_sim_bench.photo_scores import handle_hits
 from numpy.typing import NDArray
 from tyro.conf import Positional
 
@@ -25,7 +26,7 @@ from mam_pipeline.photo.image import make_photo
 from mam_pipeline.photo.measure import rectify
 from mam_pipeline.photo.panel import Panel
 from mam_pipeline.photo.quad import corners_of, upright
-from mam_pipeline.photo.score import handle_hits, match, polygon_iou, rect_quad
+from mam_pipeline.photo.score import match, polygon_iou, rect_quad
 from mam_training.photo.marked_photos import views
 from mam_world.photos.synthetic_photo import synthesise
 

@@ -17,12 +17,12 @@ from typing import Any
 
 import tyro
 from common import save
+from mam_sim_bench.runner import find_tasks
 from rank_baseline import Object, made
 from tyro.conf import Positional
 
 from mam_pipeline.asset.card import Asset
 from mam_policies.wilson import wilson
-from mam_sim.bench.runner import find_tasks
 
 
 def tried(run: Path, asset: Path, joint: str, episodes: int, out: Path) -> tuple[int, int] | None:

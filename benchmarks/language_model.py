@@ -25,7 +25,6 @@ questions put again, each number into an archive (`--vlm-images`); each archive 
 
 from __future__ import annotations
 
-import csv
 import json
 import sys
 import tempfile
@@ -44,6 +43,9 @@ import numpy as np
 import results_page
 import tyro
 from common import ROOT, load, machine, save
+from mam_sim_bench.photo_scores import panels_of
+from mam_sim_bench.runner import Record, execute
+from mam_sim_bench.table import Row, models_of, summarise
 from tyro.conf import Positional
 
 from mam_pipeline.asset.interiors import add_interiors
@@ -55,7 +57,6 @@ from mam_pipeline.metrics import score
 from mam_pipeline.models import settings
 from mam_pipeline.models.photo_reader import read_by_model
 from mam_pipeline.photo import reconstruct
-from mam_pipeline.photo.evaluate import panels_of
 from mam_pipeline.photo.find import Found
 from mam_pipeline.photo.image import read_photo
 from mam_pipeline.photo.options import parse_options
@@ -63,8 +64,7 @@ from mam_pipeline.photo.score import match, polygon_iou, rect_quad
 from mam_pipeline.stages import Stages
 from mam_pipeline.types import Articulation, KinematicTree, Primitives
 from mam_pipeline.weights import noting
-from mam_sim.bench.runner import Record, execute
-from mam_sim.bench.table import Row, models_of, summarise
+from mam_training.photo.real_photos import boxes_of
 
 ANSWERS = tuple(sorted((ROOT / "tests" / "pipeline").glob("answers*.zip")))
 EMBEDDED = "the embedded reasoner"
@@ -72,7 +72,7 @@ OWN = "our own reading"
 OTHERS = ("handle", "room door")  # classes of boxes
 COLUMNS = ("miou", "count", "type_error", "axis", "pivot", "executable")
 PATHS = (
-    "pipeline/mam_pipeline", ":!pipeline/mam_pipeline/photo", "mam_sim/bench",
+    "pipeline/mam_pipeline", ":!pipeline/mam_pipeline/photo", "plugins/mam_sim_bench",
     "benchmarks/language_model.py", "tests/pipeline/answers*.zip",
 )  # fmt: skip
 """What the rows depend on: the questions and the pictures, too."""
@@ -202,17 +202,6 @@ class Seen:
         return len(boxes), len(self.panels), len(hits)
 
 
-def boxes_of(file: Path) -> dict[str, list[Any]]:
-    """The boxes round doors and drawers of each photo, (4, 2) corners, 0..1 of the picture."""
-    out: dict[str, list[Any]] = {}
-    with file.open(encoding="utf-8") as rows:
-        for row in csv.DictReader(rows):
-            x, y, w, h = (float(row[k]) for k in ("x_center", "y_center", "width", "height"))
-            corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * (w / 2, h / 2) + (x, y)
-            out.setdefault(row["id"], []).extend([corners] if row["class"] not in OTHERS else [])
-    return out
-
-
 def inside(boxes: Sequence[Any], *seen: Seen) -> list[Any]:
     """The boxes whose middle lies in one of the fronts that were read."""
     fronts = [np.array(one.front, np.float32) for one in seen]
@@ -255,7 +244,10 @@ def read_photos(
     Args:
         out: every photo is kept there, and a run that was cut short goes on.
     """
-    boxes = boxes_of(folder / "boxes.csv")
+    boxes = {
+        photo: [box for kind, some in kinds.items() if kind not in OTHERS for box in some]
+        for photo, kinds in boxes_of(folder / "boxes.csv").items()
+    }
     readers = {archive.by: archive.folder for archive in known}
     asked = sorted(
         name for name in boxes

@@ -28,6 +28,7 @@ import numpy as np
 import trimesh
 import tyro
 from common import commit
+from mam_sim_bench.runner import GENERATED, Task, find_tasks
 from tyro.conf import Positional
 
 from mam_pipeline.asset.writer import write_asset
@@ -39,7 +40,6 @@ from mam_pipeline.guarded import Limits
 from mam_pipeline.make_config import EngineConfig, MakeConfig
 from mam_pipeline.run import make_asset
 from mam_pipeline.types import Articulation, Joint, Link, Mesh
-from mam_sim.bench.runner import GENERATED, Task, find_tasks
 from mam_sim.rank.measure import Measure, Share, Total, total
 from mam_sim.rank.run import attempts, examine, joints_of_truth, measured
 

@@ -23,11 +23,11 @@ from typing import Any
 
 import numpy as np
 import tyro
+from mam_sim_formats.mjcf_export import export_mjcf
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.asset.mjcf import export_mjcf
 from mam_pipeline.asset.read import read_asset
 from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.evidence.read import named_size

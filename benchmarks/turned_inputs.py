@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 import tyro
 from common import save
+from mam_sim_bench.config import BenchConfig
+from mam_sim_bench.runner import Task, find_tasks, run_bench
+from mam_sim_bench.table import summarise
 from tyro.conf import Positional
 
 from mam_pipeline.geometry.front import moved
 from mam_pipeline.ground_truth import GroundTruth
 from mam_pipeline.make_config import EngineConfig
-from mam_sim.bench.config import BenchConfig
-from mam_sim.bench.runner import Task, find_tasks, run_bench
-from mam_sim.bench.table import summarise
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "batch": ("mam_sim.verbs.batch:Batch", "assets of many inputs, resumable, side by side"),
     "check": ("mam_sim.verbs.check:Check", "lint and physical executability of an asset or URDF"),
     "mend": ("mam_sim.verbs.mend:Mend", "repair what check finds in anybody's URDF, MJCF or USD"),
-    "bench": ("mam_sim.verbs.bench:Bench", "score the engine on a folder of ground-truth URDFs"),
+    "bench": ("mam_sim_bench.bench:Bench", "score the engine on a folder of ground-truth URDFs"),
     "generate": ("mam_sim.verbs.generate:Generate", "procedural articulated objects with truth"),
     "collect": ("mam_sim.verbs.collect:Collect", "demonstrations by the scripted expert"),
     "train": ("mam_sim.verbs.train:Train", "a policy by imitation or reinforcement learning"),
@@ -40,12 +40,12 @@ VERBS: dict[str, tuple[str, str]] = {
     "park": ("mam_sim_arm.verbs.park:Park", "an arm that holds somewhere comes to rest"),
     "view": ("mam_sim.verbs.view:View", "pictures or a video of an asset moving its joints"),
     "studio": ("mam_sim.verbs.studio:Studio", "look at an object, and put right what is wrong"),
-    "bench-photo": ("mam_sim.verbs.bench_photo:BenchPhoto", "score the photo reconstructor"),
+    "bench-photo": ("mam_sim_bench.bench_photo:BenchPhoto", "score the photo reconstructor"),
     "doctor": ("mam_sim.verbs.doctor:Doctor", "what is installed, what is active, and the fixes"),
 }
 
-ARM = "mam_sim_arm"
-"""The package of the verbs for real arms; it is installed by plugins/lerobot_robot_mam_sim."""
+PACKAGES = {"mam_sim_arm": "lerobot_robot_mam_sim", "mam_sim_bench": "mam_sim_bench"}
+"""Packages of verbs (real arms, benchmarks), each with the folder of plugins/ that installs it."""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -122,14 +122,12 @@ def verb_class(verb: str) -> type[Verb]:
     try:
         found: type[Verb] = getattr(importlib.import_module(module), name)
     except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != ARM:
+        folder = PACKAGES.get((error.name or "").partition(".")[0])
+        if folder is None:
             raise
-        from mam_pipeline.errors import BackendError
+        from mam_pipeline.optional import not_installed
 
-        raise BackendError(
-            f"mam-sim {verb} comes with a package that is not installed; in a clone of mam-sim: "
-            "pip install ./plugins/lerobot_robot_mam_sim"
-        ) from error
+        raise not_installed(f"mam-sim {verb}", folder) from error
     return found
 
 

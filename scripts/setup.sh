@@ -9,7 +9,7 @@ cd "$(dirname "$0")/.."
 say() { printf 'setup: %s\n' "$*" >&2; }
 
 case "${1:-dev}" in
-  demo) level=demo extras=sim,studio gigabytes=10 ;;
+  demo) level=demo extras=sim,studio,formats gigabytes=10 ;;
   dev) level=dev extras=dev gigabytes=13 ;;
   *) say "no level '$1'; there are demo and dev"; exit 2 ;;
 esac
@@ -58,7 +58,8 @@ elif ! install --extra-index-url "$MAM_SIM_TORCH_INDEX" -c constraints.txt torch
   install -c constraints.txt torch torchvision
 fi
 install -c constraints.txt -e ".[$extras]"
-[ $level = demo ] || install --no-deps -e plugins/lerobot_policy_mam_sim -e plugins/lerobot_robot_mam_sim -e plugins/mam_sim_models -e plugins/mam_sim_formats -e benchmarks/paper
+install --no-deps -e plugins/mam_sim_formats -e plugins/mam_sim_bench
+[ $level = demo ] || install --no-deps -e plugins/lerobot_policy_mam_sim -e plugins/lerobot_robot_mam_sim -e plugins/mam_sim_models -e benchmarks/paper
 # opencv-python (asked for by sapien) and opencv-python-headless (by lerobot) own the same cv2 folder:
 # keep the headless one alone, which needs no display library.
 if .venv/bin/python -m pip show -q opencv-python 2>/dev/null; then

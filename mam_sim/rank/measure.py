@@ -14,7 +14,7 @@ from typing import Annotated
 
 from mam_pipeline.edited import STRICT, Range
 
-VERSION = 6
+VERSION = 7
 """Raised whenever the same asset could get another number."""
 
 

@@ -9,16 +9,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-from mam_pipeline import config_file
-from mam_pipeline.errors import ConfigError, InputError
-from mam_pipeline.ground_truth import list_objects, read_object
-from mam_pipeline.metrics import FoundJoint, score
-from mam_pipeline.types import DormantPart, Primitives
-from mam_sim.bench import runner
-from mam_sim.bench.config import BenchConfig
-from mam_sim.bench.runner import Record, Task, find_tasks, record_from, run_bench
-from mam_sim.bench.table import (
+from mam_sim_bench import runner
+from mam_sim_bench.bench import Bench
+from mam_sim_bench.config import BenchConfig
+from mam_sim_bench.runner import Record, Task, find_tasks, record_from, run_bench
+from mam_sim_bench.table import (
     PAPER,
     as_json,
     by_category,
@@ -30,9 +25,14 @@ from mam_sim.bench.table import (
     seen_line,
     summarise,
 )
+
+from mam_pipeline import config_file
+from mam_pipeline.errors import ConfigError, InputError
+from mam_pipeline.ground_truth import list_objects, read_object
+from mam_pipeline.metrics import FoundJoint, score
+from mam_pipeline.types import DormantPart, Primitives
 from mam_sim.cli import main
 from mam_sim.options import parse
-from mam_sim.verbs.bench import Bench
 from mam_world.splits import split_of
 from mam_world.truth import generated_truth
 

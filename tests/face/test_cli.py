@@ -14,7 +14,7 @@ from mam_pipeline.asset.card import AssetCard
 from mam_pipeline.errors import ConfigError
 from mam_policies.run import EnvChoice, RunInfo
 from mam_sim.api import make_env
-from mam_sim.cli import ARM, VERBS, main
+from mam_sim.cli import PACKAGES, VERBS, main
 
 
 def test_every_verb_exists() -> None:
@@ -26,12 +26,15 @@ def test_every_verb_exists() -> None:
 def test_a_verb_of_a_package_that_is_not_installed_names_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for module in [m for m in sys.modules if m.partition(".")[0] == ARM]:
+    for module in [m for m in sys.modules if m.partition(".")[0] in PACKAGES]:
         monkeypatch.delitem(sys.modules, module)
-    monkeypatch.setitem(sys.modules, ARM, None)
-    for verb in ("calibrate", "perceive", "deploy", "park"):
-        assert main([verb, "--help"]) == 2
-        assert "pip install ./plugins/lerobot_robot_mam_sim" in capsys.readouterr().err
+    for package, folder in PACKAGES.items():
+        monkeypatch.setitem(sys.modules, package, None)
+        verbs = [v for v, (target, _) in VERBS.items() if target.startswith(package)]
+        assert verbs
+        for verb in verbs:
+            assert main([verb, "--help"]) == 2
+            assert f"pip install ./plugins/{folder}" in capsys.readouterr().err
 
 
 def test_unknown_verb_names_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from mam_sim_bench.config import BenchConfig
 
 from mam_envs.config import EnvConfig, RewardConfig, SuccessConfig
 from mam_pipeline import config_file
@@ -16,7 +17,6 @@ from mam_pipeline.make_config import MakeConfig
 from mam_policies.algorithms import ALGORITHMS
 from mam_policies.algorithms.ppo import Ppo
 from mam_policies.run import EnvChoice, RunInfo
-from mam_sim.bench.config import BenchConfig
 from mam_sim.cli import VERBS, main, verb_class
 from mam_sim.options import Verb, carried, defaults, fill, parse, settings
 from mam_sim.preset_files import presets

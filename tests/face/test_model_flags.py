@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from mam_sim_bench.config import BenchConfig
+from mam_sim_bench.runner import Task, run_bench, task_key
 from PIL import Image
 
 from mam_pipeline.errors import ConfigError
@@ -19,8 +21,6 @@ from mam_pipeline.models import settings, transports
 from mam_pipeline.models.catalogue import ENDPOINT, models
 from mam_pipeline.models.settings import ModelConfig
 from mam_sim.asking import ask_upload, with_model
-from mam_sim.bench.config import BenchConfig
-from mam_sim.bench.runner import Task, run_bench, task_key
 from mam_sim.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -45,7 +45,7 @@ def test_a_number_is_only_compared_with_one_of_the_same_measure() -> None:
     """Whoever changes one of these raises VERSION, here, there, and on the page."""
     from mam_envs.config import EnvConfig
 
-    assert VERSION == 6
+    assert VERSION == 7
     assert asdict(Measure()) == {
         "episodes": 5, "seed": 50_000_017, "max_steps": 200, "control_mode": "pd_joint_pos",
         "task": None,
@@ -60,8 +60,8 @@ def test_a_number_is_only_compared_with_one_of_the_same_measure() -> None:
         "damping": [1.0, 1.0], "mass": [1.0, 1.0], "spread": False, "start": None,
         "light": [1.0, 1.0], "light_colour": 0.0,
         "light_turn": 0.0, "camera": 0.0, "camera_turn": 0.0, "fov": 0.0,
-        "colour": 0.0, "scenery": 0.0, "noise": 0.0, "blur": 0.0,
-            "backgrounds": 0.0,
+        "colour": 0.0, "scenery": 0.0, "noise": 0.0, "blur": 0.0, "backgrounds": 0.0,
+        "away": [1.0, 1.5], "away_angle": 30.0, "away_turn": 20.0,
     }  # fmt: skip
     text = (Path(__file__).resolve().parents[2] / "docs/concepts/success.md").read_text()
     assert f"Its version is {VERSION}," in text and "50 000 017" in text and "200 control" in text

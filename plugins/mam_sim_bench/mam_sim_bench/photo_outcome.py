@@ -27,7 +27,8 @@ from mam_pipeline.photo.options import parse_options
 from mam_pipeline.photo.panel import Panel
 from mam_pipeline.photo.quad import corners_of, upright
 from mam_pipeline.photo.reconstruct import read_object
-from mam_pipeline.photo.score import handle_hits, match, polygon_iou, rect_quad
+from mam_pipeline.photo.score import match, polygon_iou, rect_quad
+from mam_sim_bench.photo_scores import handle_hits
 
 Array = NDArray[np.float64]
 OUTCOMES = ("right", "usable", "wrong", "asked", "refused")

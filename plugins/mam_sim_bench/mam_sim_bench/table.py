@@ -13,8 +13,8 @@ from rich.table import Table
 from mam_pipeline.config_file import plain
 from mam_pipeline.metrics import reliability
 from mam_pipeline.weights import learned
-from mam_sim.bench.config import BenchConfig
-from mam_sim.bench.runner import GENERATED, UNSEEN, Record
+from mam_sim_bench.config import BenchConfig
+from mam_sim_bench.runner import GENERATED, UNSEEN, Record
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,7 @@ class BenchPhoto(Verb):
         if self.truth is not None:
             result = _outcomes(self.folder, self.truth, tell, self.layout)
         elif self.folder is not None:
-            from mam_pipeline.photo.evaluate import score_folder
+            from mam_sim_bench.photo_scores import score_folder
 
             result = {"photos": score_folder(self.folder, tell)}
         else:
@@ -84,7 +84,7 @@ def _outcomes(
     folder: Path | None, truth: Path, tell: Callable[[str], None], layout: bool
 ) -> dict[str, Any]:
     from mam_pipeline.errors import ConfigError
-    from mam_pipeline.photo.outcome import outcomes_of_folder
+    from mam_sim_bench.photo_outcome import outcomes_of_folder
 
     if folder is None:
         raise ConfigError("--truth needs the folder of its photos")
@@ -104,9 +104,8 @@ def _say(text: str, quiet: bool) -> None:
 def _synthetic(
     level: str, count: int, seed: int, layout: bool, keep: Path | None, quiet: bool
 ) -> dict[str, Any]:
-    from mam_pipeline.photo.evaluate import layout_of, score_image
     from mam_pipeline.photo.options import parse_options
-    from mam_pipeline.photo.score import summary
+    from mam_sim_bench.photo_scores import layout_of, score_image, summary
     from mam_world.photos.synthetic_photo import synthesise
 
     scores = []

@@ -27,7 +27,7 @@ from mam_pipeline.models import settings
 from mam_pipeline.stages import articulate_mesh
 from mam_pipeline.types import Articulation
 from mam_pipeline.weights import VARIABLE, noting
-from mam_sim.bench.config import BenchConfig
+from mam_sim_bench.config import BenchConfig
 
 GENERATED = "generated:"
 MOTIONLESS = "motionless"

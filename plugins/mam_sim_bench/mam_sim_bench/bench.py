@@ -17,12 +17,12 @@ from mam_pipeline.errors import ConfigError, HintNeeded
 from mam_pipeline.models.ledger import one_ledger
 from mam_pipeline.models.settings import given
 from mam_pipeline.weights import standing_in
-from mam_sim.bench.config import BenchConfig
 from mam_sim.console import Screen, counting_bar
 from mam_sim.options import Verb, settings
+from mam_sim_bench.config import BenchConfig
 
 if TYPE_CHECKING:
-    from mam_sim.bench.runner import Record
+    from mam_sim_bench.runner import Record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +49,7 @@ class Bench(Verb):
 
     def run(self) -> int:
         """Run and score every object; print the tables."""
-        from mam_sim.bench.table import as_json
+        from mam_sim_bench.table import as_json
 
         if self.bench.engine.reasoner == "vlm" and self.jobs > 1:
             raise ConfigError("--reasoner vlm needs --jobs 1: the cost cap is kept in one process")
@@ -81,7 +81,7 @@ class Bench(Verb):
 
     def _records(self, screen: Screen) -> list[Record]:
         """Run what is not in the log yet, with a bar."""
-        from mam_sim.bench.runner import find_tasks, run_bench
+        from mam_sim_bench.runner import find_tasks, run_bench
 
         tasks = find_tasks(self.dataset, self.only, self.limit)
         if self.out is not None:
@@ -102,7 +102,7 @@ class Bench(Verb):
     def _tables(
         self, screen: Screen, records: list[Record], models: Mapping[str, Any]
     ) -> None:  # fmt: skip
-        from mam_sim.bench import table
+        from mam_sim_bench import table
 
         screen.out.width = max(screen.out.width, 136)  # the table must not lose digits in a pipe
         screen.out.print(table.objects_table(records))
