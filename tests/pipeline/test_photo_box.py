@@ -43,7 +43,7 @@ def test_the_networks_in_numpy_are_those_that_were_trained(module: object) -> No
 def test_a_trained_network_is_read_again_as_it_was_saved(tmp_path: Path) -> None:
     torch = pytest.importorskip("torch")
     training = pytest.importorskip("mam_training.photo.train_box")
-    config = training.BoxTraining(count=4, batch=1, channels=8)
+    config = training.BoxTraining(count=4, batch=1, channels=8, start="", real=0.0)
     network = training.train(config)
     training.save(network, tmp_path / "network.npz")
     image = painted(0).picture[:96, :128]

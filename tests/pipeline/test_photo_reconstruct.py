@@ -9,6 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from mam_sim_bench.photo_scores import handle_hits, score_image, yolo_items
 from numpy.typing import NDArray
 
 from mam_pipeline.backends import load
@@ -23,7 +24,6 @@ from mam_pipeline.photo.camera import (
     quad_homography,
     rotation,
 )  # fmt: skip
-from mam_pipeline.photo.evaluate import score_image, yolo_items
 from mam_pipeline.photo.find import find_object
 from mam_pipeline.photo.image import make_photo
 from mam_pipeline.photo.layout import split
@@ -32,7 +32,7 @@ from mam_pipeline.photo.measure import settle_sizes
 from mam_pipeline.photo.options import PhotoOptions, parse_options
 from mam_pipeline.photo.quad import aspect_of_quad
 from mam_pipeline.photo.reconstruct import reconstruct_photo
-from mam_pipeline.photo.score import handle_hits, polygon_iou
+from mam_pipeline.photo.score import polygon_iou
 from mam_pipeline.photo.verdict import layout_as_read
 from mam_world.photos.synthetic_photo import synthesise
 

@@ -16,8 +16,14 @@ import pytest
 from mam_pipeline.errors import NotThisKind
 from mam_pipeline.photo import category
 from mam_pipeline.photo.agreement import shared
-from mam_pipeline.photo.category import Looks, front_kinds, look
-from mam_pipeline.photo.confidence import evidence, limits, panel_probability
+from mam_pipeline.photo.category import Looks, front_kinds, look, things_of
+from mam_pipeline.photo.confidence import (
+    TOPICS,
+    evidence,
+    limits,
+    panel_probability,
+    right_share,
+)
 from mam_pipeline.photo.efficientnet import read_checkpoint, weights
 from mam_pipeline.photo.find import Found, sizes_of
 from mam_pipeline.photo.front import FrontReading
@@ -25,6 +31,7 @@ from mam_pipeline.photo.handles import Blob
 from mam_pipeline.photo.image import read_photo
 from mam_pipeline.photo.layout import cells_of_layout, layout_text
 from mam_pipeline.photo.measure import USUAL, usual_size
+from mam_pipeline.photo.opened import LIKELY
 from mam_pipeline.photo.options import CATEGORY_NAMES, PhotoOptions, parse_layout, parse_options
 from mam_pipeline.photo.panel import Panel
 from mam_pipeline.photo.tiling import SeamMaps
@@ -33,8 +40,9 @@ from mam_pipeline.photo.verdict import (
     fills_the_picture,
     judge,
     may_be_a_room_door,
+    opened_in,
     seen_as,
-    shows_its_inside,
+    stop_if_no_box,
     stop_if_out_of_scope,
 )
 
@@ -55,10 +63,10 @@ def two_drawers(width: float = 1.0) -> Found:
     return Found((400, 300), quad, (width, 0.5, 1.0), reading, 0.1, 0.3, [quad], depth_hold=1.0)
 
 
-def why(found: Found, looks: Looks | None = CHEST, **other: str) -> str:
+def why(found: Found, looks: Looks | None = CHEST, opened: float = 0.0, **other: str) -> str:
     """Why a reading is doubted; empty where it is not."""
     words = {"cuboid": "high", "panels": "high", "handles": "high", **other}
-    doubt = doubt_about(found, words, PhotoOptions(), looks)
+    doubt = doubt_about(found, words, PhotoOptions(), looks, opened)
     return "" if doubt is None else doubt.why
 
 
@@ -127,6 +135,16 @@ def test_furniture_without_any_handle_can_be_believed() -> None:
 def test_a_probability_rises_with_the_votes() -> None:
     sure, unsure = (Panel((0, 0, 9, 9), "drawer", None, (), p, 1.0) for p in (0.6, 0.2))
     assert panel_probability(sure) > 0.9 > 0.5 > panel_probability(unsure)
+
+
+def test_no_panel_of_a_doubtful_front_is_sure() -> None:
+    sure = Panel((0, 0, 9, 9), "drawer", None, (), 0.6, 1.0)
+    alone, one_of_four = (panel_probability(sure, 0.3, n) for n in (1, 4))
+    assert alone == pytest.approx(0.3) and one_of_four == pytest.approx(0.3**0.25)
+    assert panel_probability(replace(sure, told=True), 0.3) == panel_probability(sure) > 0.9
+    for topic in TOPICS:
+        shares = [right_share(topic, word) for word in ("low", "medium", "high", "given")]
+        assert shares == sorted(shares) and shares[0] < 0.8 and shares[-1] == 1.0
 
 
 def test_the_checkpoint_holds_tensors_and_nothing_else() -> None:
@@ -269,13 +287,27 @@ def test_what_it_is_asked_to_be_is_what_the_draft_is() -> None:
 
 
 def test_what_stands_open_is_called_open() -> None:
-    fridge = Looks({"refrigerator": 1.0})
-    many = two_drawers()
-    many = replace(many, reading=replace(many.reading, panels=many.reading.panels * 6))
-    assert "stand open" in why(many, fridge)
-    assert "stand open" in why(many, Looks({"refrigerator": 0.9, "window": 0.1}), cuboid="low")
-    assert shows_its_inside(many, PhotoOptions(), fridge)
-    assert not shows_its_inside(many, PhotoOptions(), CHEST)
+    assert "stand open (0.90)" in why(two_drawers(), opened=0.9)
+    unlike = Looks({"window": 0.6, "refrigerator": 0.4})
+    assert "refrigerator (0.40), and a drawer or door" in why(two_drawers(), unlike, opened=0.9)
+    assert "stand open" not in why(two_drawers(), cuboid="low", opened=0.2)
+
+
+def test_what_is_no_box_may_be_an_open_one() -> None:
+    blurred = replace(two_drawers(), doubt=0.5)
+    with pytest.raises(NotThisKind, match=r"stand open \(0\.90\): close it, or if it is one, mark"):
+        stop_if_no_box(blurred, PhotoOptions(), "x.jpg", 0.9)
+    with pytest.raises(NotThisKind, match="of its side\\); if it is one, mark"):
+        stop_if_no_box(blurred, PhotoOptions(), "x.jpg", 0.1)
+
+
+def test_closed_pictures_are_called_closed_and_nobody_looks_where_panels_are_told() -> None:
+    for path in sorted((ROOT / "examples").glob("*.jpg")):
+        photo = read_photo(path)
+        looks = seen_as(photo, PhotoOptions())
+        assert looks is not None and 0.0 < looks.opened < LIKELY
+        assert opened_in(photo, PhotoOptions(category="fridge"), None) == looks.opened
+    assert opened_in(photo, parse_options({"layout": "2 drawers"}), Looks({}, 0.9)) == 0.0
 
 
 def test_the_kind_of_object_decides_kinds_of_panels() -> None:
@@ -286,6 +318,16 @@ def test_the_kind_of_object_decides_kinds_of_panels() -> None:
     assert max(flap, key=lambda kind: flap[kind]) == "door bottom"
     half = front_kinds({"refrigerator": 0.5})
     assert 1 < half["door left"] < fridge["door left"]
+
+
+def test_proportions_say_which_things_are_likely() -> None:
+    looks = Looks({"dishwasher": 0.6, "refrigerator": 0.3, "sofa": 0.1})
+    tall, low = (things_of(looks, PhotoOptions(), ratio) for ratio in (0.4, 0.72))
+    assert tall["refrigerator"] > 0.8 and tall["dishwasher"] < 0.02
+    assert low["dishwasher"] > 0.8
+    assert sum(tall.values()) == pytest.approx(sum(low.values())) == pytest.approx(0.9)
+    told = things_of(looks, PhotoOptions(category="dishwasher"), 0.4)
+    assert told == {"dishwasher": 1.0}, "what a person says stands"
 
 
 def test_tall_doors_without_sides_may_be_of_a_room() -> None:

@@ -18,6 +18,7 @@ from mam_training.joints.train import JointTraining
 from mam_training.parts.fit_abstention import AbstentionTraining
 from mam_training.parts.train import PartsTraining
 from mam_training.photo.fit_confidence import ConfidenceTraining
+from mam_training.photo.fit_opened import OpenedTraining
 from mam_training.photo.train_front import FrontTraining
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,7 +29,8 @@ FOLDERS = sorted({
 })  # fmt: skip
 TRAINERS = {
     "parts": PartsTraining, "joints": JointTraining, "photo_front": FrontTraining,
-    "photo_confidence": ConfidenceTraining, "abstention": AbstentionTraining,
+    "photo_confidence": ConfidenceTraining, "photo_opened": OpenedTraining,
+    "abstention": AbstentionTraining,
 }  # fmt: skip
 
 
@@ -38,7 +40,7 @@ def test_weights_have_a_manifest_that_is_true(folder: Path) -> None:
 
 
 def test_all_weights_lie_in_such_folders() -> None:
-    assert len(FOLDERS) == 7
+    assert len(FOLDERS) == 8
     loose = [f for p in ("*.gz", "*.npz", "*.xz") for f in PIPELINE.rglob(p)
              if f.parent not in FOLDERS]  # fmt: skip
     assert loose == []

@@ -2,7 +2,7 @@
 
 Every place of the object says where the eight corners of its box are and how sure it is of each
 (a Laplace distribution); the places are counted together. The network (`network`) was trained on
-painted photos only (`mam_training.photo.train_box`).
+painted and real photos (`mam_training.photo.train_box`).
 """
 
 from __future__ import annotations

@@ -16,6 +16,8 @@ from mam_pipeline.evidence.kinds import ObjectKind
 from mam_pipeline.evidence.kinds import kinds as kinds_of_things
 from mam_pipeline.package_data import table
 from mam_pipeline.photo import efficientnet
+from mam_pipeline.photo.measure import by_proportions
+from mam_pipeline.photo.opened import stands_open
 from mam_pipeline.photo.options import PhotoOptions
 
 THING = {
@@ -33,9 +35,11 @@ class Looks:
 
     Attributes:
         kinds: kind of thing to its probability, likeliest first; they sum to 1.
+        opened: 0..1 that a drawer or door stands open.
     """
 
     kinds: Mapping[str, float]
+    opened: float = 0.0
 
     @property
     def best(self) -> str:
@@ -126,11 +130,15 @@ def _has(thing: ObjectKind, name: str, side: str) -> float:
     return max((p.often for p in mine), default=0.0)
 
 
-def things_of(looks: Looks | None, options: PhotoOptions) -> dict[str, float]:
+def things_of(looks: Looks | None, options: PhotoOptions, ratio: float) -> dict[str, float]:
     """Kind of object to its probability, by what somebody says or else by what a photo looks like.
+
+    What it looks like counts by how well the front's proportions suit it: nothing that is three
+    times as high as wide is a dishwasher.
 
     Args:
         options: what a person, a language model or the file's name says that it is.
+        ratio: width of the front over its height.
     """
     category, named = options.category, options.things
     if category is not None:
@@ -138,7 +146,8 @@ def things_of(looks: Looks | None, options: PhotoOptions) -> dict[str, float]:
         return {thing: max(options.sure("category"), named.get(thing, 0.0))}
     out = dict(named)
     rest = 0.0 if looks is None else looks.in_scope * (1.0 - sum(named.values()))
-    for name, p in looks.categories().items() if looks is not None else ():
+    seen = {} if looks is None else by_proportions(ratio, looks.categories())
+    for name, p in seen.items():
         thing = THING.get(name, name)
         out[thing] = out.get(thing, 0.0) + p * rest
     return out
@@ -146,7 +155,7 @@ def things_of(looks: Looks | None, options: PhotoOptions) -> dict[str, float]:
 
 def look(rgb: NDArray[np.uint8]) -> Looks:
     """Name what a picture (h, w, 3) shows."""
-    views = np.stack([_letterbox(rgb), _square(rgb)])
+    views = described(rgb)
     p = efficientnet.probabilities(views) ** SHARPER
     p = (p / p.sum(axis=1, keepdims=True)).mean(axis=0)
     names = class_names()
@@ -155,7 +164,12 @@ def look(rgb: NDArray[np.uint8]) -> Looks:
     for k, value in enumerate(p):
         kind = of_class.get(k, names[k])
         out[kind] = out.get(kind, 0.0) + float(value)
-    return Looks(dict(sorted(out.items(), key=lambda item: -item[1])))
+    return Looks(dict(sorted(out.items(), key=lambda item: -item[1])), stands_open(views))
+
+
+def described(rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """(2, 1280) descriptions of a picture (h, w, 3): in its proportions, and squeezed."""
+    return efficientnet.described(np.stack([_letterbox(rgb), _square(rgb)]))
 
 
 def _square(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:

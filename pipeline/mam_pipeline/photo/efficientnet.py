@@ -30,23 +30,24 @@ STAGES = ((1, 3, 1), (2, 3, 2), (2, 5, 2), (3, 3, 2), (3, 5, 1), (4, 5, 2), (1, 
 EPSILON = 1e-3  # of the batch normalisation
 
 
-def probabilities(pictures: NDArray[np.uint8]) -> Array:
-    """(n, 1000) probabilities of n square RGB pictures (n, SIDE, SIDE, 3)."""
+def described(pictures: NDArray[np.uint8]) -> Array:
+    """(n, 1280) descriptions of n square RGB pictures (n, SIDE, SIDE, 3): what the head sees."""
     x = (pictures.astype(np.float32) - 127.0) / 128.0
-    return np.stack([_softmax(_logits(p.transpose(2, 0, 1))) for p in x])
+    return np.stack([_described(p.transpose(2, 0, 1)) for p in x])
 
 
-def _softmax(z: Array) -> Array:
-    e = np.exp(z - z.max())
-    return np.asarray(e / e.sum(), np.float32)
-
-
-def _logits(x: Array) -> Array:
-    """(1000,) of one picture (3, h, w)."""
+def probabilities(descriptions: Array) -> Array:
+    """(n, 1000) probabilities of ImageNet's classes for n descriptions (n, 1280)."""
     w = weights()
+    z = descriptions @ w["_fc.weight"].T + w["_fc.bias"]
+    e = np.exp(z - z.max(axis=1, keepdims=True))
+    return np.asarray(e / e.sum(axis=1, keepdims=True), np.float32)
+
+
+def _described(x: Array) -> Array:
+    """(1280,) of one picture (3, h, w)."""
     (last,) = deque(_after_blocks(x, layers()), maxlen=1)
-    x = _relu6(_convolve(last, *layers()["head"], 1))
-    return np.asarray(w["_fc.weight"] @ x.mean(axis=(1, 2)) + w["_fc.bias"], np.float32)
+    return _relu6(_convolve(last, *layers()["head"], 1)).mean(axis=(1, 2))
 
 
 def feature_maps(picture: NDArray[np.uint8], blocks: Collection[int], net: Layers) -> list[Array]:

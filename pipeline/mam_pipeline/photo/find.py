@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -108,20 +108,19 @@ def find_object(photo: Photo, options: PhotoOptions, looks: Looks | None = None)
     if options.hints is not None and options.hints.photo_front:
         check_near(photo, options.hints.photo_front)
         return found_in_hints(photo, options.hints)
-    kinds = front_kinds(things_of(looks, options))
     if options.front is None:
-        return _in_box(photo, options, kinds)
+        return _in_box(photo, options, looks)
     check_near(photo, [v for corner in options.front for v in corner])
-    found = _in_box(photo, options, kinds)
+    found = _in_box(photo, options, looks)
     printed = np.round(
         found.quad / photo.scale
     )  # in whole pixels, as the line that is offered has it
     if np.array_equal(printed, np.round(options.front)):  # what was found is confirmed
         return replace(found, front_given=True, doubt=0.0)
-    return _from_front(photo, options, kinds)
+    return _from_front(photo, options, looks)
 
 
-def _in_box(photo: Photo, options: PhotoOptions, kinds: Mapping[str, float]) -> Found:
+def _in_box(photo: Photo, options: PhotoOptions, looks: Looks | None) -> Found:
     told = told_mask(photo, options.mask)
     window = _window(photo, options, told)
     maps = look_at_photo(cut(photo.small, window))
@@ -129,7 +128,7 @@ def _in_box(photo: Photo, options: PhotoOptions, kinds: Mapping[str, float]) -> 
     cuboid = fit_cuboid(evidence)
     quad = cuboid.quad("front")
     w, d, h = cuboid.extents
-    reading = _read(photo, quad, w / h, options, kinds)
+    reading = _read(photo, quad, w / h, options, looks)
     others = [(f, cuboid.quad(f)) for f in cuboid.visible if f not in ("front", "bottom")]
     return Found(
         photo.size, quad, (w, d, h), reading, cuboid.cost, side_share(cuboid, "front"),
@@ -142,13 +141,14 @@ def _in_box(photo: Photo, options: PhotoOptions, kinds: Mapping[str, float]) -> 
 
 
 def _read(
-    photo: Photo, quad: Array, ratio: float, options: PhotoOptions, kinds: Mapping[str, float]
+    photo: Photo, quad: Array, ratio: float, options: PhotoOptions, looks: Looks | None
 ) -> FrontReading:
     """What is on a front (its quad in small pixels, `ratio` width over height)."""
     image = rectify(photo, quad, ratio)
     boxes = flattened(np.array(options.handles).reshape(-1, 4) * photo.scale, quad, image)
     handles = Told(tuple(boxes), options.sure("handles"))
     sure = options.sure("layout")
+    kinds = front_kinds(things_of(looks, options, ratio))
     return read_front(image, options.layout, options.category, kinds, sure, handles)
 
 
@@ -290,12 +290,12 @@ def legs_below(photo: Photo, told: Array | None, quad: Array) -> float:
     return legs if legs > LEAST_LEGS and slender else 0.0
 
 
-def _from_front(photo: Photo, options: PhotoOptions, kinds: Mapping[str, float]) -> Found:
+def _from_front(photo: Photo, options: PhotoOptions, looks: Looks | None) -> Found:
     quad = np.array(options.front) * photo.scale
     ratio = aspect_of_quad(quad, photo.size)
     if options.width and options.height:
         ratio = options.width / options.height
-    reading = _read(photo, quad, ratio, options, kinds)
+    reading = _read(photo, quad, ratio, options, looks)
     return Found(
         photo.size, quad, (ratio, 0.6, 1.0), reading, 0.0, 0.0, [quad], front_given=True
     )  # fmt: skip

@@ -1,6 +1,6 @@
 """A network's view of a front: where panels end, what each place belongs to, where handles sit.
 
-The network (`network`, 5 million weights) was trained on painted and rendered fronts only
+The network (`network`, 5 million weights) was trained on painted, rendered and real fronts
 (`mam_training.photo.train_front`). Every place of a panel also says how far the panel's sides are,
 as in FCOS (Tian et al., 2019): `tiling` counts these votes.
 """

@@ -136,13 +136,8 @@ def usual_size(
     shape = np.log([height, width] if depth is None else [height, width, depth])
     rows = []
     for category, p in categories.items():
-        usual = np.array(USUAL[category])[: len(shape)]
-        precision = usual[:, 1] ** -2.0
-        away = np.log(usual[:, 0]) - shape
-        k = float((precision * away).sum() / precision.sum())
-        misfit = float((precision * (away - k) ** 2).sum())
-        fit = p * np.exp(-0.5 * misfit) / np.prod(usual[:, 1]) * precision.sum() ** -0.5
-        rows.append((fit * _fits_panels(category, kinds), k, precision.sum() ** -0.5, category))
+        fit, k, sure = _fits(shape, category)
+        rows.append((p * fit * _fits_panels(category, kinds), k, sure, category))
     weight = np.array([r[0] for r in rows]) + 1e-12
     weight /= weight.sum()
     scales, own = (np.array([r[n] for r in rows]) for n in (1, 2))
@@ -150,6 +145,29 @@ def usual_size(
     spread = float(np.sqrt(weight @ (own**2 + (scales - mean) ** 2)))
     deep = float(np.exp(weight @ np.log([USUAL[r[3]][2][0] for r in rows])))
     return UsualSize(rows[int(weight.argmax())][3], float(np.exp(mean)), spread, deep)
+
+
+def by_proportions(ratio: float, categories: Mapping[str, float]) -> dict[str, float]:
+    """Categories to their probabilities, given a front's width over its height; the same sum."""
+    shape = np.log([1.0, ratio])
+    fits = {k: p * _fits(shape, k)[0] for k, p in categories.items()}
+    share = sum(categories.values()) / max(sum(fits.values()), 1e-12)
+    return {k: fit * share for k, fit in fits.items()}
+
+
+def _fits(shape: Array, category: str) -> tuple[float, float, float]:
+    """How well a shape suits a category, the logarithm of its scale then, and how sure that is.
+
+    Args:
+        shape: logarithms of height, width and, where it is seen, depth, any unit.
+    """
+    usual = np.array(USUAL[category])[: len(shape)]
+    precision = usual[:, 1] ** -2.0
+    away = np.log(usual[:, 0]) - shape
+    k = float((precision * away).sum() / precision.sum())
+    misfit = float((precision * (away - k) ** 2).sum())
+    own = float(precision.sum() ** -0.5)
+    return float(np.exp(-0.5 * misfit) / np.prod(usual[:, 1]) * own), k, own
 
 
 def _fits_panels(category: str, kinds: Sequence[str]) -> float:

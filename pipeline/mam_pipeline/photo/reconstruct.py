@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mam_pipeline.backends import Availability, Reconstruction
 from mam_pipeline.errors import NotThisKind
 from mam_pipeline.photo.build import BodySpec, CellSpec, HandleSpec, build_object
-from mam_pipeline.photo.confidence import panel_probability
+from mam_pipeline.photo.confidence import panel_probability, right_share
 from mam_pipeline.photo.find import Found, find_object, sizes_of
 from mam_pipeline.photo.front import FrontReading
 from mam_pipeline.photo.image import Photo, read_photo
@@ -28,6 +28,7 @@ from mam_pipeline.photo.texture import color_of, without, without_background
 from mam_pipeline.photo.verdict import (
     Judgement,
     judge,
+    opened_in,
     seen_as,
     stop_if_no_box,
     stop_if_out_of_scope,
@@ -75,7 +76,8 @@ def reconstruct_photo(
     options = options or PhotoOptions()
     found, judged, pictures = read_object(photo, options, name)
     sizes = sizes_of(found, options, judged.looks)
-    mesh, hints = build_object(body_of(photo, found, sizes))
+    all_right = right_share("panels", judged.words["panels"])
+    mesh, hints = build_object(body_of(photo, found, sizes, all_right))
     corners = tuple(float(v) for v in (found.quad / photo.scale).round(2).reshape(-1))
     hints = replace(hints, photo_front=corners)
     assumed = tuple(
@@ -111,13 +113,14 @@ def read_object(
     looks = seen_as(photo, options)
     stop_if_out_of_scope(looks, options, name)
     found = find_object(photo, options, looks)
-    judged = judge(found, options, looks)
+    opened = opened_in(photo, options, looks)
+    judged = judge(found, options, looks, opened)
     pictures = {
         "overlay": draw_overlay(photo, found.faces, found.quad, found.reading),
         "front": draw_front(found.reading),
     }
     try:
-        stop_if_no_box(found, options, name)
+        stop_if_no_box(found, options, name, opened)
     except NotThisKind as error:
         error.pictures = dict(pictures)
         raise
@@ -137,14 +140,17 @@ def _panel_row(p: Panel, reading: FrontReading) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def body_of(photo: Photo, found: Found, sizes: Sizes, digits: int = 4) -> BodySpec:
+def body_of(
+    photo: Photo, found: Found, sizes: Sizes, all_right: float = 1.0, digits: int = 4
+) -> BodySpec:
     """What to build, in metres: cells from the reading, textures from the visible faces.
 
     Other processors and numbers of threads give other last digits, and of twin drawers these would
     decide which one gets the lower number.
 
     Args:
-        digits: of a metre that are kept.
+        all_right: how often all panels of such a front are right. digits: of a metre that are
+            kept.
     """
     reading = found.reading
     h, w = reading.image.shape[:2]
@@ -171,7 +177,7 @@ def body_of(photo: Photo, found: Found, sizes: Sizes, digits: int = 4) -> BodySp
         cells.append(
             CellSpec(
                 f"{panel.kind}_{n}", panel.kind, metric(panel.box), panel.hinge_side, handles,
-                panel_probability(panel), panel.provenance,
+                panel_probability(panel, all_right, len(reading.movable)), panel.provenance,
             )
         )  # fmt: skip
     others = {face for face, _ in found.other_faces}

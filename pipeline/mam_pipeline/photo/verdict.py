@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mam_pipeline.doubt import Doubt, marking_line
 from mam_pipeline.errors import NotThisKind
-from mam_pipeline.evidence.kinds import kinds
 from mam_pipeline.photo import confidence
+from mam_pipeline.photo import opened as opened_in_photos
 from mam_pipeline.photo.agreement import agreement
 from mam_pipeline.photo.box_network import look_at_photo
-from mam_pipeline.photo.category import LIKELY, Looks, look, things_of
+from mam_pipeline.photo.category import LIKELY, Looks, look
 from mam_pipeline.photo.find import Found, around, cut, doubt_of, sizes_of
 from mam_pipeline.photo.front import FrontReading
 from mam_pipeline.photo.image import Photo
@@ -37,12 +37,10 @@ class DoubtRules:
     """When a person is asked; chosen on the marked photos.
 
     Attributes:
-        clearly: probability from which a kind of object is taken for known.
         other_face: share of what is seen of the box beside its front from which the front may be
             another face.
     """
 
-    clearly: float = 0.6
     other_face: float = 0.25
 
 
@@ -79,7 +77,19 @@ def seen_as(photo: Photo, options: PhotoOptions) -> Looks | None:
     looks = look(picture)
     if looks.in_scope >= SURE:
         return looks
-    return max(looks, _closer(picture), key=lambda seen: seen.in_scope)
+    best = max(looks, _closer(picture), key=lambda seen: seen.in_scope)
+    return replace(best, opened=looks.opened)
+
+
+def opened_in(photo: Photo, options: PhotoOptions, looks: Looks | None) -> float:
+    """0..1 that a drawer or door stands open; 0 where the user says what is on the front.
+
+    Args:
+        looks: what the photo looks like, if anybody looked (`seen_as`).
+    """
+    if options.layout is not None or options.hints is not None:
+        return 0.0
+    return (looks or look(photo.small)).opened
 
 
 def _closer(picture: NDArray[np.uint8]) -> Looks:
@@ -87,7 +97,7 @@ def _closer(picture: NDArray[np.uint8]) -> Looks:
     maps = look_at_photo(picture)
     height, width = picture.shape[:2]
     x0, y0, x1, y1 = window = around(maps.corners, (width, height))
-    clear = confidence.box_evidence(doubt_of(maps)) >= confidence.limits()["cuboid"][1]
+    clear = confidence.corner_evidence(doubt_of(maps)) >= confidence.RULES.clear
     return look(cut(picture, window) if clear and min(x1 - x0, y1 - y0) >= 8 else picture)
 
 
@@ -116,7 +126,9 @@ def _a(kind: str) -> str:
     return kind if kind in mass else f"a{'n' if kind[0] in 'aeiou' else ''} {kind}"
 
 
-def judge(found: Found, options: PhotoOptions, looks: Looks | None = None) -> Judgement:
+def judge(
+    found: Found, options: PhotoOptions, looks: Looks | None = None, opened: float = 0.0
+) -> Judgement:
     """Turn what was found into words.
 
     What the user says is `given`, which is no measure of how well it was found; what a language
@@ -136,7 +148,7 @@ def judge(found: Found, options: PhotoOptions, looks: Looks | None = None) -> Ju
         words["handles"] = "given"
     words["handles"] = min(words["handles"], words["panels"], key=ORDER.index)
     words["scale"] = "given" if options.height or options.width or options.depth else "low"
-    return Judgement(words, looks, doubt_about(found, words, options, looks))
+    return Judgement(words, looks, doubt_about(found, words, options, looks, opened))
 
 
 def read_again(found: Found, options: PhotoOptions) -> float:
@@ -146,35 +158,53 @@ def read_again(found: Found, options: PhotoOptions) -> float:
     return agreement(found.reading, options.category)
 
 
-def stop_if_no_box(found: Found, options: PhotoOptions, path: str) -> None:
-    """Raise NotThisKind where nothing in the photo looks like a closed box."""
+def stop_if_no_box(found: Found, options: PhotoOptions, path: str, opened: float = 0.0) -> None:
+    """Raise NotThisKind where nothing in the photo looks like a closed box.
+
+    Args:
+        opened: how likely something stands open (`opened_in`).
+    """
     if found.doubt > NO_BOX and not options.accept_low_confidence:
+        close = f"{_stands_open(opened)}, or " if opened > opened_in_photos.LIKELY else ""
         raise NotThisKind(
             f"{path} does not look like a closed, box-like object (the corners of its front are "
-            f"uncertain by {found.doubt:.0%} of its side); if it is one, mark its front:\n"
+            f"uncertain by {found.doubt:.0%} of its side); {close}if it is one, mark its front:\n"
             f"{marking_line(path)}"
         )
 
 
+def _stands_open(opened: float) -> str:
+    return f"a drawer or door seems to stand open ({opened:.2f}): close it"
+
+
 def doubt_about(
-    found: Found, words: Mapping[str, str], options: PhotoOptions, looks: Looks | None
+    found: Found,
+    words: Mapping[str, str],
+    options: PhotoOptions,
+    looks: Looks | None,
+    opened: float = 0.0,
 ) -> Doubt | None:
-    """Why the reading cannot be relied on as it is; None where it can."""
+    """Why the reading cannot be relied on as it is; None where it can.
+
+    Args:
+        opened: how likely something stands open (`opened_in`).
+    """
     if options.hints is not None:
         return None
     of_box = words["cuboid"] == "low" or (not found.front_given and fills_the_picture(found))
     of_thing = looks is not None and looks.in_scope < SURE
     unlike = of_thing and not (found.front_given or options.layout)
     of_room = may_be_a_room_door(found, options, looks)
-    opened = options.layout is None and shows_its_inside(found, options, looks)
+    stands_open = opened > opened_in_photos.LIKELY and options.layout is None
+    told = f"{_stands_open(opened)}, or say what each panel is"
     if unlike:
         assert looks is not None
         few = [f"{_a(k)} ({p:.2f})" for k, p in list(looks.kinds.items())[:2]]
         why = f"what it shows is uncertain: {' or '.join(few)}"
     elif of_room:
         why = "it may show a door of a room or a passage, which has no box behind it"
-    elif opened:
-        why = "a drawer or door seems to stand open: close it, or say what each panel is"
+    elif stands_open:
+        why = told
     elif not found.front_given and fills_the_picture(found):
         why = "the object is cut off by the picture's edges on all sides"
     elif of_box:
@@ -185,8 +215,8 @@ def doubt_about(
         why = "the panels on its front are uncertain"
     else:
         return None
-    if opened and "open" not in why:
-        why += ", and a drawer or door seems to stand open: close it, or say what each panel is"
+    if stands_open and why != told:
+        why += f", and {told}"
     return _settled_by(found, why, options, looks, of_box, of_thing or of_room)
 
 
@@ -234,19 +264,6 @@ def may_be_a_room_door(found: Found, options: PhotoOptions, looks: Looks | None 
         return False
     height = found.reading.image.shape[0]
     return all(p.kind == "door" and p.box[3] - p.box[1] > 0.7 * height for p in panels)
-
-
-def shows_its_inside(found: Found, options: PhotoOptions, looks: Looks | None) -> bool:
-    """Whether more opens than such a thing has: shelves and baskets behind an open door.
-
-    Of things that have doors alone; what may be furniture with drawers has no such number.
-    """
-    known = kinds().objects
-    for thing, p in things_of(looks, options).items():
-        parts = {part.kind: part for part in known[thing].parts}
-        if p > RULES.clearly and known[thing].machine and "door" in parts:
-            return len(found.reading.movable) > 2 * parts["door"].most
-    return False
 
 
 def fills_the_picture(found: Found) -> bool:

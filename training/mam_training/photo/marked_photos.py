@@ -12,9 +12,8 @@ from typing import Any
 
 import cv2
 import numpy as np
+from mam_sim_bench.photo_outcome import Mark, load_truth, marks_of
 from numpy.typing import NDArray
-
-from mam_pipeline.photo.outcome import Mark, load_truth, marks_of
 
 Array = NDArray[np.float64]
 OTHER_SIDE = {"left": "right", "right": "left"}

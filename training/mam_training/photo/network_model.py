@@ -7,7 +7,9 @@ quarter as large as the picture, are the answers of one network: its `MAPS`.
 
 from __future__ import annotations
 
+import io
 import math
+import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -148,6 +150,14 @@ class NetworkTraining:
     """Processes that paint."""
     device: str = "cpu"
     """That trains: cpu or cuda."""
+    start: str = ""
+    """Commit whose weights of this network it goes on from; empty: as ImageNet trained them."""
+    real: float = 0.0
+    """Of the lessons that come from real photos, each of which is seen many times."""
+    photos: Path = Path("../shared/corpus/photos")
+    """Folder of these, as ID.jpg."""
+    labels: Path = Path("labels/photos.jsonl")
+    """What was marked on them (`real_photos`)."""
 
 
 class Lessons(IterableDataset):  # type: ignore[type-arg]
@@ -187,15 +197,20 @@ def trained(
     answers: int,
     lesson: Callable[[int], tuple[NDArray[Any], ...]],
     loss_of: Callable[..., dict[str, Tensor]],
+    weights: Path,
 ) -> Network:
     """A network that was trained: the step rises for 5 % of the batches, and falls to 0.
 
     Args:
         answers: maps that it gives. lesson: see `Lessons`.
         loss_of: raw values and truth to losses by name; their sum is minimised.
+        weights: where the package keeps those of this network.
     """
     torch.manual_seed(config.seed)
-    network = Network(answers, config.channels).to(config.device)
+    network = Network(answers, config.channels)
+    if config.start:
+        network.load_state_dict(weights_at(config.start, weights))
+    network = network.to(config.device)
     batches = DataLoader(
         Lessons(config, lesson), batch_size=None, num_workers=config.workers, prefetch_factor=6
     )
@@ -221,6 +236,14 @@ def trained(
             said = " ".join(f"{name} {float(v.detach()):.3f}" for name, v in losses.items())
             print(f"{k + 1}/{steps} {said}", flush=True)
     return network
+
+
+def weights_at(commit: str, path: Path) -> dict[str, Tensor]:
+    """What `save` wrote to a file of the repository, as it was at a commit."""
+    show = ["git", "show", f"{commit}:./{path.name}"]
+    kept = subprocess.run(show, cwd=path.parent, capture_output=True, check=True).stdout
+    with np.load(io.BytesIO(kept)) as arrays:
+        return {k: torch.from_numpy(arrays[k].astype(np.float32)) for k in arrays.files}
 
 
 def save(network: Network, path: Path) -> None:

@@ -1,9 +1,11 @@
-"""Trains the box network on painted photos with exact truth.
+"""Trains the box network on painted photos with exact truth, and on real ones.
 
     python -m mam_training.photo.train_box configs/train/photo_box.yaml
 
-Every photo is painted once (`mam_world.photos.painted_photo`) and seen once. On a GPU with 11
-cores that paint it takes some 8 minutes, on one core an estimated 6 hours.
+Every photo is painted once (`mam_world.photos.painted_photo`) and seen once. Of real photos whose
+front was marked by eye (`real_photos`), each time another window is seen; of their box only the
+front's corners are known. From nothing it takes some 8 minutes on a GPU with 11 cores that paint,
+on one core an estimated 6 hours.
 """
 
 from __future__ import annotations
@@ -26,6 +28,14 @@ from mam_pipeline.photo.network import STRIDE, nearest_shape
 from mam_training import manifest
 from mam_training.command import configured
 from mam_training.photo.network_model import Network, NetworkTraining, save, trained
+from mam_training.photo.real_photos import (
+    IGNORED,
+    REAL,
+    MarkedPhoto,
+    marked_in,
+    photo_lesson,
+    toned,
+)
 from mam_world.photos.painted_photo import PaintedPhoto, paint_photo
 
 Array = NDArray[np.float32]
@@ -33,12 +43,22 @@ FLIPPED = (2, 3, 0, 1, 6, 7, 4, 5)
 """Corner that each corner becomes in a mirror."""
 SPREADS = (-6.0, 1.0)
 """Logarithms of the least and the greatest spread, over the mean of height and width."""
+UNKNOWN = -100  # in place of an index of SEEN: nobody says what is there
 
 
 @dataclass(frozen=True)
 class BoxTraining(NetworkTraining):
     """What the box network is trained on, and where it goes."""
 
+    start: str = "b00eaae"
+    count: int = 1_600
+    batch: int = 16
+    rate: float = 4e-4
+    slower: float = 0.3
+    real: float = 0.6
+    fold: int = -1
+    """Of `real_photos.FOLDS`, whose real photos are left out; -1: all are lessons. With the others
+    the confidence is fitted (`fit_confidence`)."""
     out: Path = Path("build/weights/photo/box")
     """Folder that the weights and their manifest are written to."""
 
@@ -46,7 +66,8 @@ class BoxTraining(NetworkTraining):
 class Lesson(NamedTuple):
     """A photo as the network sees it (h, w, 3) uint8, and what it should answer.
 
-    `seen` (h / 4, w / 4) is the index of SEEN, `corners` (16,) are places, x then y of each.
+    `seen` (h / 4, w / 4) is the index of SEEN or UNKNOWN, `corners` (16,) are places, x then y of
+    each; NaN where nobody knows them.
     """
 
     picture: NDArray[np.uint8]
@@ -61,6 +82,7 @@ def lesson_of(photo: PaintedPhoto, rng: np.random.Generator) -> Lesson:
     picture = cv2.resize(photo.picture, (w, h), interpolation=cv2.INTER_AREA)
     small = (w // STRIDE, h // STRIDE)
     seen = cv2.resize(photo.seen, small, interpolation=cv2.INTER_NEAREST).astype(np.int64)
+    seen = np.where(seen == IGNORED, UNKNOWN, seen)
     corners = photo.corners * [small[0] / width, small[1] / height]
     if rng.random() < 0.5:
         picture, seen = picture[:, ::-1], seen[:, ::-1]
@@ -73,9 +95,15 @@ def lesson_of(photo: PaintedPhoto, rng: np.random.Generator) -> Lesson:
     )  # fmt: skip
 
 
-def painted_lesson(config: BoxTraining, number: int) -> Lesson:
+Real = list[tuple[MarkedPhoto, NDArray[np.uint8]]]
+
+
+def box_lesson(config: BoxTraining, real: Real, number: int) -> Lesson:
     """The photo of a number as a lesson."""
     rng = np.random.default_rng([config.seed, number])
+    if real and rng.random() < config.real:
+        mark, picture = real[int(rng.integers(len(real)))]
+        return lesson_of(photo_lesson(mark, toned(picture, rng), rng), rng)
     return lesson_of(paint_photo(rng), rng)
 
 
@@ -89,18 +117,29 @@ def loss_of(out: Tensor, seen: Tensor, corners: Tensor) -> dict[str, Tensor]:
         indexing="ij",
     )  # fmt: skip
     here = torch.stack([x, y]).repeat(CORNERS, 1, 1)
-    true = (corners[:, :, None, None] - here) / unit
+    known = corners.view(n, CORNERS, 2).isfinite().all(dim=2)[:, :, None, None]
+    true = (corners.nan_to_num()[:, :, None, None] - here) / unit
     off = (way - true).abs().view(n, CORNERS, 2, h, w).sum(dim=2)
     log_b = spread.clamp(*SPREADS)
     likely = off / log_b.exp() + 2 * log_b
-    inside = (seen > 0)[:, None]
-    corner = (likely * inside).sum() / (CORNERS * inside.sum()).clamp(min=1)
-    return {"seen": f.cross_entropy(faces, seen), "corner": 0.3 * corner}
+    inside = (seen > 0)[:, None] & known
+    corner = (likely * inside).sum() / inside.sum().clamp(min=1)
+    shown = f.cross_entropy(faces, seen, ignore_index=UNKNOWN)
+    return {"seen": shown, "corner": 0.3 * corner}
 
 
 def train(config: BoxTraining) -> Network:
     """The network, trained."""
-    return trained(config, sum(MAPS.values()), partial(painted_lesson, config), loss_of)
+    lesson = partial(box_lesson, config, real_photos(config))
+    return trained(config, sum(MAPS.values()), lesson, loss_of, WEIGHTS)
+
+
+def real_photos(config: BoxTraining) -> Real:
+    """Those that were marked, without those of the fold; none where no lesson is to be of them."""
+    if not config.real:
+        return []
+    marked = marked_in(config.labels, config.photos)
+    return [one for one in marked if one[0].whole and one[0].fold != config.fold]
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -114,15 +153,18 @@ def main(argv: Sequence[str] | None = None) -> None:
         config,
         {"photos": config.seed},
         data_of(config),
-        [manifest.GENERATED, "imagenet"],
+        [manifest.GENERATED, "imagenet", *([REAL] if config.real else [])],
     )
 
 
 def data_of(config: BoxTraining) -> dict[str, Any]:
-    """How many photos were seen, and a digest of the first ones."""
+    """How many photos were seen, and a digest of the first painted, and of the real ones."""
     first = [paint_photo(np.random.default_rng([config.seed, k])).picture for k in range(20)]
+    real = real_photos(config)
+    first += [picture for _, picture in real]
     return {
         "photos": config.count,
+        "real": len(real),
         "sha256": manifest.data_digest(p.tobytes() for p in first),
     }
 
