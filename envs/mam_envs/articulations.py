@@ -61,7 +61,7 @@ class Articulations:
         """
         items = [self._claimed[i] for i in index]
         models, robot = [item.model for item in items], items[0].robot
-        base = np.stack([item.placement.base for item in items])
+        base = np.stack([item.stand(pose) for item, pose in zip(items, world_asset)])
         guess = np.stack([item.placement.path.approach[-1] for item in items])
         for k in range(self._postures.shape[1]):
             goals, grasps = [item.goals[k] for item in items], [item.grasps[k] for item in items]

@@ -92,6 +92,9 @@ class RandomisationConfig:
         position: object shift in the plane, metres, each way.
         yaw: object turn about its vertical middle axis, degrees, each way.
         robot_qpos: noise of the arm's start, radians (standard deviation).
+        away: metres from the handle at which a robot that drives begins; away_angle: degrees to
+            either side of where it is to stand, seen from the handle; away_turn: degrees by which
+            it does not face the handle, each way.
         friction, damping: factors on the joint's values.
         mass: factor on the mass of the moving links.
         spread: draw friction and mass from the ranges that the asset states, before the factors.
@@ -108,6 +111,9 @@ class RandomisationConfig:
     position: Annotated[float, Range(0, 1)] = 0.02
     yaw: Annotated[float, Range(0, 180)] = 10.0
     robot_qpos: Annotated[float, Range(0, 1)] = 0.01
+    away: tuple[Annotated[float, Range(0, 10)], Annotated[float, Range(0, 10)]] = (1.0, 1.5)
+    away_angle: Annotated[float, Range(0, 90)] = 30.0
+    away_turn: Annotated[float, Range(0, 180)] = 20.0
     friction: tuple[Factor, Factor] = (1.0, 1.0)
     damping: tuple[Factor, Factor] = (1.0, 1.0)
     mass: tuple[Factor, Factor] = (1.0, 1.0)

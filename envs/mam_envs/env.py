@@ -21,6 +21,7 @@ from mani_skill.vector.wrappers.gymnasium import ManiSkillVectorEnv
 from mam_envs.articulations import Articulations
 from mam_envs.config import EnvConfig
 from mam_envs.observing import Observing
+from mam_envs.placement.drive import in_plane
 from mam_envs.planner_state import PlannerState
 from mam_envs.robots import robot_spec
 from mam_envs.robots.agent import agent_of
@@ -262,6 +263,8 @@ class OperateJointEnv(Observing):
         links = self.agent.robot.links_map
         hand = [links[name] for name in (*spec.finger_links, *spec.hand_links)]
         self._tip = links[spec.tip]
+        for name in spec.drive.on_ground if spec.drive else ():
+            links[name].set_collision_group_bit(group=2, bit_idx=build.GROUND_BIT, bit=1)
         active = [j.name for j in self.agent.robot.active_joints]
         self._arm_index = [active.index(name) for name in spec.arm]
         tool = spec.chain.tool
@@ -298,8 +301,8 @@ class OperateJointEnv(Observing):
         for row, i in enumerate(env_idx.tolist()):
             item, rng = self.layout(i), self._batched_episode_rng[i]
             drawn, pose[row] = draw_clear(item, self.task_type, self.config.randomisation, rng)
-            qpos[row] = self._arm_start(drawn)
             base[row] = item.placement.base
+            qpos[row] = self._arm_start(drawn, base[row])
             object_q[row] = self._object_start(i, drawn)
             if not self.gpu_sim_enabled:
                 self._dynamics[i].apply(drawn)
@@ -333,13 +336,17 @@ class OperateJointEnv(Observing):
         self.object.set_qpos(q)
         self.object.set_qvel(torch.zeros_like(q))
 
-    def _arm_start(self, drawn: Draw) -> np.ndarray:
-        """(n,) float32 robot joints: at rest, the arm's with noise."""
+    def _arm_start(self, drawn: Draw, root: np.ndarray) -> np.ndarray:
+        """(n,) float32 robot joints: at rest, the arm's with noise, and those of a base that drives
+        away from the robot's `root` (4, 4), which is where it stands nominally."""
         spec = self.robot_spec
         names = [j.name for j in self.agent.robot.active_joints]
         out = np.array([spec.rest.get(name, 0.0) for name in names], dtype=np.float32)
         arm = [names.index(name) for name in spec.arm]
         out[arm] = np.clip(out[arm] + drawn.noise, *spec.chain.limits.T)
+        if spec.drive is not None and drawn.base is not None:
+            planar = [names.index(name) for name in spec.drive.joints]
+            out[planar] = in_plane(np.linalg.inv(root) @ drawn.base)
         return out
 
     def _object_start(self, index: int, drawn: Draw) -> np.ndarray:
@@ -416,6 +423,11 @@ class OperateJointEnv(Observing):
         """Pose (b,) of the tool frame: z approaches, y closes."""
         return self._tip.pose if self._tool is None else self._tip.pose * self._tool
 
+    def base_pose(self) -> Pose:
+        """Pose (b,) of the robot's base frame, which moves where it drives."""
+        drive, robot = self.robot_spec.drive, self.agent.robot
+        return robot.pose if drive is None else robot.links_map[drive.link].pose
+
     def planner_state(self, index: int = 0) -> PlannerState:
         """What a planner may know of sub-scene `index`."""
         item = self.layout(index)
@@ -427,16 +439,29 @@ class OperateJointEnv(Observing):
         state = PlannerState(
             layout=item,
             goal=goal,
-            base=item.placement.base,
+            base=self._base(index),
             world_asset=np.array(self._world_asset[index], dtype=float),
             q=float(values[joints.index(goal.joint)]),
             others={n: float(values[k]) for k, n in enumerate(joints) if n != goal.joint},
             arm=np.array([arm[names.index(n)] for n in self.robot_spec.arm], dtype=float),
             force=common.to_numpy(self._probe.part_push)[index].astype(float),
+            held=np.array(
+                [self.robot_spec.rest.get(n, 0.0) - arm[names.index(n)] for n in self._held()]
+            ),
             thing=None if self.loose is None else self.loose.matrix(),
         )
         claimed = self.claimed[self._chosen[index]]
         return state if claimed is item else as_claimed(state, claimed, int(self.stage[index]))
+
+    def _base(self, index: int) -> np.ndarray:
+        """(4, 4) world_T_base of a sub-scene; as it was placed where the robot stands still."""
+        if self.robot_spec.drive is None:
+            return self.layout(index).placement.base
+        matrix = self.base_pose().to_transformation_matrix()
+        return common.to_numpy(matrix)[index].astype(float)
+
+    def _held(self) -> tuple[str, ...]:
+        return () if self.robot_spec.drive is None else self.robot_spec.drive.held
 
     # -- stepping --------------------------------------------------------------------------
     def _step_action(self, action: Any) -> Any:

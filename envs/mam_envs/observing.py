@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 from mani_skill.envs.sapien_env import BaseEnv
-from mani_skill.utils.structs import Articulation, Link
+from mani_skill.utils.structs import Articulation, Link, Pose
 
 from mam_envs.articulations import Articulations
 from mam_envs.config import EnvConfig
@@ -36,6 +36,10 @@ class Observing(BaseEnv):
     _arm_index: list[int]
     _looks: Looks | None
 
+    def base_pose(self) -> Pose:
+        """Pose (b,) of the robot's base frame."""
+        raise NotImplementedError
+
     def _get_obs_extra(self, info: dict) -> dict[str, Any]:
         """The tool's pose, and in state modes what only a simulator knows, under `privileged`."""
         out: dict[str, Any] = {"tcp_pose": info["tcp_pose"]}
@@ -43,7 +47,7 @@ class Observing(BaseEnv):
             out["privileged"] = dict(self.task.observe(self._now, info))
             if self.config.observation.articulation:
                 poses = torch.stack([target.pose.raw_pose for target in self.targets], dim=1)
-                base = self.agent.robot.pose.raw_pose
+                base = self.base_pose().raw_pose
                 qpos = self.agent.robot.get_qpos()[:, self._arm_index]
                 tokens = self._articulation.observe(base, poses, self._now.tool, qpos)
                 out["privileged"] |= {key: self.task.pick(v) for key, v in tokens.items()}

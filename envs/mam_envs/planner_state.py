@@ -23,6 +23,7 @@ class PlannerState:
         q: joint value of the goal's joint. others: values of the object's other joints.
         arm: (n,) arm joint values.
         force: (3,) newtons of the part on the robot, world, mean of the last control step.
+        held: (h,) what the joints that a robot's `Drive` holds are short of their rest values.
         thing: (4, 4) world_T_thing of the loose thing; None for tasks without one.
     """
 
@@ -34,6 +35,7 @@ class PlannerState:
     others: Mapping[str, float]
     arm: FloatArray
     force: FloatArray
+    held: FloatArray
     thing: FloatArray | None = None
 
     @property

@@ -234,7 +234,8 @@ def _run(
         obs, reward, _, truncated, info = env.step(action)
         failed = bool(info.get("fail", [False])[0]) and not success
         success = success or bool(info["success"][0])
-        target = np.append(expert.target, expert.gripper)
+        speeds = expert.speeds if base.robot_spec.drive else ()
+        target = np.concatenate([expert.target, [expert.gripper], speeds])
         for key, value in (
             ("actions", clean),
             ("executed", action),
@@ -291,7 +292,11 @@ def _write_names(env: Any, attempts: Path) -> None:
             privileged += [f"{label}.{i}" if many else label for i in range(stop - start)]
     names = Names(
         state=tuple(unit(n) for n in joints),
-        action=(*(unit(n) for n in spec.arm), unit(spec.gripper[0])),
+        action=(
+            *(unit(n) for n in spec.arm),
+            unit(spec.gripper[0]),
+            *(("base_forwards.m_per_s", "base_turning.rad_per_s") if spec.drive else ()),
+        ),
         environment=tuple(privileged),
     )
     folders.write_text(attempts / "names.json", json.dumps(asdict(names)))

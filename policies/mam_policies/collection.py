@@ -29,7 +29,8 @@ class Track:
 
     Attributes:
         state: (T, S) float32, what a real arm can measure, named by `Names.state`.
-        action: (T, A) float32, absolute targets, named by `Names.action`.
+        action: (T, A) float32, absolute targets, and the speeds of a base that drives; named by
+            `Names.action`.
         environment: (T, E) float32, privileged (simulation only), named by `Names.environment`.
         images: camera name to (T, H, W, 3) uint8.
         success: of the whole episode. task: in words.

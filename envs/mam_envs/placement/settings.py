@@ -25,6 +25,9 @@ class PlacementSearch:
         looked_at: so many of the cheapest paths are compared with the object in full.
         above_ground: metres that the arm keeps above the ground: it sags under what it pulls.
         position_tolerance: error at which inverse kinematics has reached a pose, metres.
+        drive_step, drive_turn: metres and degrees between the poses at which a drive is looked at.
+        drive_room: metres that it keeps from the object: it arrives a centimetre or two beside
+            its place.
         seed: of the first guesses of inverse kinematics.
     """
 
@@ -40,6 +43,9 @@ class PlacementSearch:
     looked_at: int = 180
     above_ground: float = 0.008
     position_tolerance: float = 0.004
+    drive_step: float = 0.05
+    drive_turn: float = 8.0
+    drive_room: float = 0.03
     seed: int = 20240601
 
 

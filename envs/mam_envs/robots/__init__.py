@@ -5,11 +5,11 @@ A robot is a `RobotSpec` (docs/extend/robot.md).
 
 from __future__ import annotations
 
-from mam_envs.robots.base import RobotSpec
+from mam_envs.robots.base import Drive, RobotSpec
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.registry import Registry
 
-__all__ = ["ROBOTS", "RobotSpec", "robot_spec"]
+__all__ = ["ROBOTS", "Drive", "RobotSpec", "robot_spec"]
 
 ROBOTS = Registry(
     "robot",

@@ -26,6 +26,29 @@ from mam_pipeline.types import FloatArray
 Hand = tuple[FloatArray, FloatArray, list[ConvexPiece], list[ConvexPiece]]
 
 
+@dataclass(frozen=True)
+class Drive:
+    """A base on wheels. Its part of an action comes last: what changes the held joints, then the
+    speeds forwards and of turning to the left.
+
+    Attributes:
+        joints: of the base in the plane: along x, along y, and turning.
+        link: what these joints carry; its frame is the robot's base frame.
+        on_ground: links that stand on the ground and do not collide with it.
+        speed, turning: what an action of 1 asks for, m/s and rad/s.
+        held: joints that keep their values of `rest`, such as a torso, in the action's order.
+        held_delta: change that an action of 1 asks of them in one step, metres or radians.
+    """
+
+    joints: tuple[str, str, str]
+    link: str
+    on_ground: tuple[str, ...]
+    speed: float
+    turning: float
+    held: tuple[str, ...] = ()
+    held_delta: float = 0.1
+
+
 @dataclass(frozen=True, eq=False)
 class RobotSpec:
     """What placement, environment and expert need to know of an arm.
@@ -58,7 +81,8 @@ class RobotSpec:
             range from `opened` to `closed`.
         step: joint motion per control step that real arms of the kind follow, radians.
         floor_only: the robot drives on the floor and cannot be put on a stand.
-        extra_actions: entries of the action behind arm and gripper, which stay 0 (body, base).
+        extra_actions: entries of the action behind arm and gripper (body, base); 0 without `drive`.
+        drive: the base on wheels of a robot that drives to the object; None stands still.
         delta: arm joint change that a normalised action of 1 asks for in pd_joint_delta_pos.
         passive_links: words in the names of links that never come near the object.
     """
@@ -95,6 +119,7 @@ class RobotSpec:
     passive_links: tuple[str, ...] = ("wheel", "head", "caster", "bellows")
     package: str = ""
     agent: str = ""
+    drive: Drive | None = None
 
     def check(self) -> None:
         """Compare this specification with the robot's URDF.
@@ -106,6 +131,7 @@ class RobotSpec:
         for field_, names in (
             ("arm", self.arm), ("gripper", self.gripper),
             ("locked", tuple(self.locked)), ("rest", tuple(self.rest)),
+            ("drive", (*self.drive.joints, *self.drive.held) if self.drive else ()),
         ):  # fmt: skip
             for name in names:
                 if name not in joints:
@@ -113,6 +139,7 @@ class RobotSpec:
         for field_, names in (
             ("tip", (self.tip,)), ("finger_links", self.finger_links),
             ("hand_links", self.hand_links),
+            ("drive", (self.drive.link, *self.drive.on_ground) if self.drive else ()),
         ):  # fmt: skip
             for name in names:
                 if name not in self.model.links:
@@ -187,11 +214,28 @@ class RobotSpec:
         low, high = self.gripper_range or sorted((self.opened, self.closed))
         return low, high
 
-    def action(self, arm: FloatArray, gripper: float) -> FloatArray:
-        """Action of control mode pd_joint_pos: arm targets (n,), gripper command, zeros."""
+    def action(
+        self, arm: FloatArray, gripper: float, extra: FloatArray | None = None
+    ) -> FloatArray:
+        """Action of control mode pd_joint_pos: arm targets (n,), gripper command, and what comes
+        behind them (extra_actions,); zeros if None."""
         low, high = self.grip
         gripper = 2.0 * (gripper - low) / (high - low) - 1.0
-        return np.concatenate([arm, [gripper], np.zeros(self.extra_actions)]).astype(np.float32)
+        extra = np.zeros(self.extra_actions) if extra is None else extra
+        return np.concatenate([arm, [gripper], extra]).astype(np.float32)
+
+    def base_action(self, held: FloatArray, forwards: float, turning: float) -> FloatArray:
+        """The (extra_actions,) entries of a robot that drives, cut to -1..1.
+
+        Args:
+            held: (h,) changes that bring the held joints back, metres or radians.
+            forwards, turning: speeds, m/s and rad/s.
+        """
+        if self.drive is None:
+            return np.zeros(self.extra_actions)
+        speeds = [forwards / self.drive.speed, turning / self.drive.turning]
+        out: FloatArray = np.concatenate([held / self.drive.held_delta, speeds])
+        return np.clip(out, -1.0, 1.0)
 
     def link_poses(self, arm: FloatArray, gripper: float) -> dict[str, FloatArray]:
         """root_T_link (N, 4, 4) of all links at arm joints (N, n) and one gripper command."""

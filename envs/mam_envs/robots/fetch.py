@@ -1,8 +1,8 @@
-"""Fetch: a mobile robot that stands on the floor; its base and torso stay where they are."""
+"""Fetch: a mobile robot that drives to the object and stands still while its arm works."""
 
 from __future__ import annotations
 
-from mam_envs.robots.base import RobotSpec
+from mam_envs.robots.base import Drive, RobotSpec
 
 FETCH = RobotSpec(
     uid="fetch",
@@ -49,4 +49,12 @@ FETCH = RobotSpec(
     base_radius=0.3,
     floor_only=True,
     extra_actions=5,
+    drive=Drive(  # as ManiSkill's agent has it
+        joints=("root_x_axis_joint", "root_y_axis_joint", "root_z_rotation_joint"),
+        link="base_link",
+        on_ground=("base_link", "l_wheel_link", "r_wheel_link"),
+        speed=1.0,
+        turning=3.14,
+        held=("head_pan_joint", "head_tilt_joint", "torso_lift_joint"),
+    ),
 )

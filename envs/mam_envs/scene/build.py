@@ -30,6 +30,9 @@ OBJECT_BIT = 28
 """Bodies that share this bit do not collide: the object's own links (whose fit is checked offline
 by `mam-sim check`; convex pieces that graze each other would jam it) and what it stands on (a door
 that ends at the floor would rub there)."""
+GROUND_BIT = 27
+"""Links of a robot that drives share this bit with the ground: planar joints carry it, and wheels
+that dip into the ground would press on it with a force without bounds."""
 WOOD, GREY, WHITE = (0.58, 0.44, 0.31, 1.0), (0.35, 0.36, 0.38, 1.0), (0.86, 0.86, 0.84, 1.0)
 
 
@@ -127,7 +130,8 @@ def build_world(scene: ManiSkillScene, config: SceneConfig, layouts: list[Layout
         _box(scene, "table", (-0.3, 0.0, -0.02), (2.4, 2.4, 0.04), WOOD, None)
     else:
         ground = build_ground(scene, floor_width=40)
-        ground.set_collision_group_bit(group=2, bit_idx=OBJECT_BIT, bit=1)
+        for bit in (OBJECT_BIT, GROUND_BIT):
+            ground.set_collision_group_bit(group=2, bit_idx=bit, bit=1)
     for i, layout in enumerate(layouts):
         _stands(scene, layout, i)
         if config.wall and scene.can_render():

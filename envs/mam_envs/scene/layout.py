@@ -13,6 +13,7 @@ from mam_envs.config import EnvConfig, RandomisationConfig, SuccessConfig
 from mam_envs.grasping.candidates import Grasp, PlacementError, upright
 from mam_envs.object_model import ObjectModel
 from mam_envs.placement.base import Placement, object_pose
+from mam_envs.placement.drive import carried
 from mam_envs.placement.memory import remembered_place
 from mam_envs.placement.reach_in import ground_places, hand_places, served
 from mam_envs.robots import RobotSpec
@@ -34,6 +35,7 @@ class Layout:
         places: where in the drawer the goal's loose thing may lie so that this arm gets at it; see
             `Thing`.
         starts: where on the ground (x, y, world) it lies at first; none where it is in the drawer.
+        away: metres from the handle, at most, at which a robot that drives begins.
     """
 
     model: ObjectModel
@@ -44,16 +46,25 @@ class Layout:
     grasps: tuple[Grasp, ...]
     places: tuple[tuple[float, float, float], ...] = ()
     starts: tuple[tuple[float, float], ...] = ()
+    away: float = 0.0
 
     @property
     def world_asset(self) -> FloatArray:
         """(4, 4) nominal world_T_asset."""
         return object_pose(self.model, self.placement.object_height, (0.0, 0.0), 0.0)
 
+    def stand(self, world_asset: FloatArray) -> FloatArray:
+        """(4, 4) world_T_base where the robot is to operate an object at (4, 4) `world_asset`: one
+        that drives stands to a displaced object as to the nominal one; others stand where they do.
+        """
+        if self.robot.drive is None:
+            return self.placement.base
+        return carried(self.placement.base, self.world_asset, world_asset)
+
     def view(self) -> tuple[FloatArray, float, float]:
         """What a camera should see: middle (3,) and diagonal of the object, its open part, the arm
-        and what lies beside it; and the side (+1 or -1 along y) on which the arm is not in the
-        way."""
+        and where it begins to drive, and what lies beside it; and the side (+1 or -1 along y) on
+        which the arm is not in the way."""
         boxes = [self.model.bounds()]
         for goal in self.goals:
             boxes += [self.model.bounds({goal.joint: v}) for v in (goal.closed, goal.open)]
@@ -61,8 +72,12 @@ class Layout:
         base = self.placement.base[:3, 3]
         ground = np.array([(x, y, 0.0) for x, y in self.starts]).reshape(-1, 3)
         points = np.concatenate([np.concatenate(boxes) + pose[:3, 3], base[None], ground])
-        low, high = points.min(axis=0), points.max(axis=0)
         handle = pose[:3, :3] @ self.handles[0] + pose[:3, 3]
+        if self.robot.drive is not None:
+            out = (base - handle)[:2]
+            begin = handle[:2] + self.away * out / np.linalg.norm(out)
+            points = np.concatenate([points, [[*begin, 0.0], [*begin, self.robot.shoulder]]])
+        low, high = points.min(axis=0), points.max(axis=0)
         side = -1.0 if base[1] >= handle[1] - 0.02 else 1.0
         return 0.5 * (low + high), float(np.linalg.norm(high - low)), side
 
@@ -181,12 +196,17 @@ def _at_scale(asset: Asset, request: _Request, scale: float) -> Layout:
         for joint, name in zip(request.joints, request.names)
     )
     robot = request.robot
+    if robot.drive is not None and any(g.thing is not None and g.closing for g in goals):
+        raise ConfigError(
+            f"{asset.card.name}: put_in is not for {robot.uid}, which would drive over the cube on "
+            "the ground; take a robot that stands still, such as panda"
+        )
     shut = [g if g.thing is None or g.closing else replace(g, q_start=g.closed) for g in goals]
     placement = remembered_place(model, shut, robot, request.chance)
     later = [upright(robot, model.grasps(goal.joint)[0]) for goal in goals[1:]]
     grasps = (placement.path.grasp, *later)
     handles = tuple(np.array(grasp.card.position) for grasp in grasps)
-    layout = Layout(model, goals, placement, robot, handles, grasps)
+    layout = Layout(model, goals, placement, robot, handles, grasps, away=request.chance.away[1])
     if goals[0].thing is None:
         return layout
     places, poses = hand_places(model, goals[0], robot), []

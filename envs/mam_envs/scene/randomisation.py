@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from mam_envs.grasping.candidates import PlacementError
 from mam_envs.object_model import between
 from mam_envs.placement.arm_path import rest_is_clear
 from mam_envs.placement.base import object_pose
+from mam_envs.placement.drive import begin_at, drive_is_clear
 from mam_envs.scene.layout import Layout
 from mam_envs.tasks import JointGoal, Task
 from mam_pipeline.asset.dynamics import catch_pull, opening, set_joint_friction
@@ -30,6 +31,7 @@ class Draw:
         friction, damping, mass: factors.
         places: where friction and mass lie in the asset's own ranges, 0 to 1; None for its values.
         noise: (n,) radians on the arm's joints.
+        base: (4, 4) world_T_base where a robot that drives begins; None for others.
     """
 
     shift: np.ndarray
@@ -40,6 +42,7 @@ class Draw:
     mass: float
     noise: np.ndarray
     places: tuple[float, float] | None = None
+    base: FloatArray | None = None
 
 
 def draw(config: RandomisationConfig, rng: np.random.RandomState, arm: int) -> Draw:
@@ -69,22 +72,33 @@ def draw_clear(
 ) -> tuple[Draw, FloatArray]:
     """Draw an episode in which the arm at rest does not touch the object, and world_T_asset.
 
+    A robot that drives does not touch it on its way to where it is to stand, either.
+
     Raises:
         PlacementError: `tries` draws in a row overlap (the randomisation is too wide).
     """
-    goal = layout.goals[0]
+    goal, model, robot = layout.goals[0], layout.model, layout.robot
     for _ in range(tries):
         drawn = draw(config, rng, len(layout.robot.arm))
         pose = object_pose(
             layout.model, layout.placement.object_height, drawn.shift.tolist(), drawn.yaw
         )
         q = {g.joint: task.start(g, drawn.start) for g in layout.goals}
-        if rest_is_clear(layout.model, layout.robot, layout.placement.base, pose, q, drawn.noise):
-            return drawn, pose
+        if robot.drive is None:
+            if rest_is_clear(model, robot, layout.placement.base, pose, q, drawn.noise):
+                return drawn, pose
+            continue
+        stand = layout.stand(pose)
+        handle = pose[:3, :3] @ layout.handles[0] + pose[:3, 3]
+        start = begin_at(robot, stand, handle, config, rng.uniform(size=3))
+        if drive_is_clear(model, robot, start, stand, pose, q, drawn.noise):
+            return replace(drawn, base=start), pose
+    what, smaller = "the arm at rest overlaps", "randomisation.position or yaw smaller"
+    if robot.drive is not None:
+        what = f"on its way to the handle a {robot.uid} with its arm at rest runs into"
+        smaller += ", or randomisation.away larger"
     raise PlacementError(
-        f"{layout.model.asset.card.name}: the arm at rest overlaps the object at {goal.joint!r}; "
-        "make randomisation.position or yaw smaller",
-        "room",
+        f"{model.asset.card.name}: {what} the object at {goal.joint!r}; make {smaller}", "room"
     )
 
 

@@ -3,7 +3,7 @@ it in and close the drawer."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -19,10 +19,21 @@ from mam_policies.expert.config import ExpertConfig
 from mam_policies.expert.plan import Plan, PlanningError, timed
 
 Leg = Literal["joint", "open", "pick", "put"]
-SWING = 12
-"""Postures of a swing of the arm that are looked at."""
-PLACES = 6
-"""Places in the drawer that are tried."""
+
+
+@dataclass(frozen=True)
+class CarryLimits:
+    """How much is looked at for one cube.
+
+    Attributes:
+        swing: postures of a swing of the arm. places: in the drawer.
+    """
+
+    swing: int = 12
+    places: int = 6
+
+
+LIMITS = CarryLimits()
 
 
 def next_leg(now: PlannerState) -> Leg:
@@ -89,7 +100,7 @@ def put(now: PlannerState, config: ExpertConfig) -> Plan:
     else:
         raise PlanningError(f"{name} to above the cube beside {goal.joint!r}")
     places = now.layout.places
-    for k in np.unique(np.linspace(0, len(places) - 1, PLACES).astype(int)):
+    for k in np.unique(np.linspace(0, len(places) - 1, LIMITS.places).astype(int)):
         at = in_open(model, goal, places[k])
         at[2, 3] += REACH_IN.drop
         into = ways_to(model, robot, thing, at, q)
@@ -122,7 +133,7 @@ def _swings(
     robot, thing = now.robot, now.goal.thing
     assert thing is not None
     q, wide = {**now.others, now.goal.joint: now.q}, opening(robot, thing)
-    swing: FloatArray = np.asarray(np.linspace(begin, end, SWING), dtype=float)
+    swing: FloatArray = np.asarray(np.linspace(begin, end, LIMITS.swing), dtype=float)
     if not all(
         free(now.model, robot, arm, wide, now.base, now.world_asset, q, (), 0.0, 0.0)
         for arm in swing

@@ -65,3 +65,19 @@ class ExpertConfig:
     given way."""
     card_tries: int = 2
     """After so many grasps that slipped, those on the part's surface come first."""
+    drive_speed: float = 0.6
+    """Metres per second, at most, of a base that drives."""
+    turn_speed: float = 1.5
+    """Radians per second, at most, at which it turns."""
+    drive_ease: float = 1.5
+    """Metres per second by which its speed changes in a second, at most."""
+    turn_ease: float = 4.0
+    """Radians per second by which its turning changes in a second, at most."""
+    drive_gain: float = 3.0
+    """Speed per metre or radian that is left."""
+    drive_near: float = 0.01
+    """Metres from its place at which it has arrived."""
+    drive_aim: float = 0.01
+    """Radians from a direction at which it has turned far enough."""
+    longest_drive: int = 200
+    """Steps after which a drive is given up."""

@@ -16,6 +16,7 @@ from mam_pipeline.types import FloatArray
 from mam_policies.expert.carry import Leg, goal_of, next_leg, pick, put
 from mam_policies.expert.compliance import Compliance
 from mam_policies.expert.config import ExpertConfig
+from mam_policies.expert.drive import Driver
 from mam_policies.expert.plan import Plan, PlanningError, correction, hand_travel, plan
 
 MODES = ("pd_joint_pos", "pd_joint_delta_pos", "pd_joint_target_delta_pos", "pd_ee_delta_pose")
@@ -47,7 +48,7 @@ class Expert:
     Usage: `expert.reset()` after `env.reset(...)`, then `env.step(expert.act())`.
 
     Attributes:
-        phase: name of what it does now (move, approach, close, follow, settle,
+        phase: name of what it does now (drive, move, approach, close, follow, settle,
             release, lift, hold, carry, lower, leave, retreat, done).
         target: (n,) arm joint target of the last action, radians.
     """
@@ -86,6 +87,8 @@ class Expert:
         self.config = config or ExpertConfig()
         self.rng = np.random.default_rng(seed)
         self.plans: list[Plan] = []
+        self.driver: Driver | None = None
+        self.speeds = (0.0, 0.0)
         self.reason = ""
         self.phase = "done"
 
@@ -99,7 +102,17 @@ class Expert:
         self.plans, self.reason = [], ""
         self.stage, self.before = int(self.env.stage[0]), 0
         self.leg: Leg = "joint"
-        self._begin(self.env.planner_state())
+        self.driver, self.driven = None, 0
+        self.speeds = (0.0, 0.0)
+        now = self.env.planner_state()
+        if now.robot.drive is None:
+            self._begin(now)
+            return
+        # planned as if it stood there, so that what cannot be done is refused before it drives
+        stand = now.layout.stand(now.world_asset)
+        self._begin(replace(now, base=stand))
+        self.driver = Driver(stand, self.config, self.env.control_timestep)
+        self.phase = "drive"
 
     def _begin(self, now: PlannerState) -> None:
         leg = next_leg(now)
@@ -122,6 +135,8 @@ class Expert:
     def act(self) -> FloatArray:
         """The next action (the environment's action vector)."""
         now = self.env.planner_state()
+        if self.driver is not None and self._drives(now):
+            return self._action(now)
         begun = next_leg(now)
         now = replace(now, goal=goal_of(self.leg, now.goal))
         if int(self.env.stage[0]) != self.stage:
@@ -177,6 +192,18 @@ class Expert:
                 return self._action(now)
         self.at += 1
         return self._action(now)
+
+    def _drives(self, now: PlannerState) -> bool:
+        """Choose the base's speeds while it is on its way; once it stands, plan from there."""
+        assert self.driver is not None
+        speeds = self.driver.speeds(now.base)
+        self.driven += 1
+        if speeds is not None and self.driven <= self.config.longest_drive:
+            self.speeds = speeds
+            return True
+        self.driver, self.speeds, self.plans = None, (0.0, 0.0), []
+        self._again()
+        return False
 
     def _should_leave(self, now: PlannerState) -> bool:
         """Whether the joint has got there, and the task asks the hand to leave it then."""
@@ -258,16 +285,17 @@ class Expert:
     def _command(self, now: PlannerState, target: FloatArray) -> FloatArray:
         """The environment's action towards an arm joint target."""
         robot = now.robot
+        base = robot.base_action(now.held, *self.speeds)
         if self.mode == "pd_joint_pos":
             limits = robot.chain.limits
-            return robot.action(np.clip(target, limits[:, 0], limits[:, 1]), self.gripper)
+            return robot.action(np.clip(target, limits[:, 0], limits[:, 1]), self.gripper, base)
         if self.mode == "pd_ee_delta_pose":
             return self._hand_command(now, target)
         begin = now.arm
         if self.mode == "pd_joint_target_delta_pos":  # changes add up on the last target
             arm = self.env.agent.controller.controllers["arm"]
             begin = arm.get_state()["target_qpos"][0].cpu().numpy()
-        return np.clip(robot.action((target - begin) / robot.delta, self.gripper), -1, 1)
+        return np.clip(robot.action((target - begin) / robot.delta, self.gripper, base), -1, 1)
 
     def _hand_command(self, now: PlannerState, target: FloatArray) -> FloatArray:
         """The same as a change of the hand's pose: six entries in -1..1, then the gripper's.
@@ -283,7 +311,8 @@ class Expert:
         move = np.clip((position[1] - position[0]) / limits.pos_upper, -1, 1)
         turn = turned / limits.rot_lower
         turn = turn / max(1.0, float(np.linalg.norm(turn)))
-        whole = robot.action(np.concatenate([move, turn]), self.gripper)
+        base = robot.base_action(now.held, *self.speeds)
+        whole = robot.action(np.concatenate([move, turn]), self.gripper, base)
         return np.clip(whole, -1, 1)
 
 

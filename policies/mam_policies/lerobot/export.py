@@ -300,7 +300,16 @@ def _write_best(run: Path, interface: RobotInterface, folder: Path) -> Iterator[
 
 
 def _mapping_for(spec: RobotSpec, out: Path, mapping: Path | None) -> JointMapping | None:
-    """The user's mapping; None where the robot has no driver in LeRobot (identity will do)."""
+    """The user's mapping; None where the robot has no driver in LeRobot (identity will do).
+
+    Raises:
+        ConfigError: a robot that drives. HintNeeded: the user has to fill in a mapping first.
+    """
+    if spec.drive is not None:
+        raise ConfigError(
+            f"a mapping to a real arm knows no base that drives, as {spec.uid} has; take the "
+            "dataset that mam-sim collect writes beside its demonstrations"
+        )
     if mapping is not None:
         return load_mapping(mapping, [*spec.arm, spec.gripper[0]])
     if spec.uid not in SO_ARMS:
