@@ -1,13 +1,15 @@
 """Eyes and hands of a scripted person before the studio's page in a headless Chromium.
 
-Clicks, drags and keys are real and are counted. What is seen is found by rays from the browser's
+Clicks, drags and keys are real and are counted. Parts are chosen, removed and woken by the page's
+keys, as by somebody who has pressed `?` once. What is seen is found by rays from the browser's
 camera. Views are turned by setting that camera, which counts as one drag.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.types import FloatArray, IntArray
+from mam_sim.studio.lines import Lines, lines_near
 from mam_sim.studio.page import Page
 from mam_sim.studio.picking import Camera
 from mam_sim.studio.session import Session
@@ -34,13 +37,15 @@ class Acts:
     clicks: int = 0
     drags: int = 0
     keys: int = 0
+    shortcuts: int = 0
     steps: list[str] = field(default_factory=list)
 
     @property
     def seconds(self) -> float:
-        """Of the person alone: every click and drag is thought of, then pointed at."""
+        """Of the person alone: every act is thought of; clicks and drags are pointed at, too."""
         click, drag = THINK + POINT + PRESS, THINK + 2 * POINT + PRESS
-        return self.clicks * click + self.drags * drag + self.keys * TYPE
+        typed = self.keys * TYPE + self.shortcuts * (THINK + TYPE)
+        return self.clicks * click + self.drags * drag + typed
 
 
 class Hands:
@@ -48,6 +53,7 @@ class Hands:
 
     Attributes:
         acts: what was done. fresh: the next click on a piece selects anew.
+        looked: seconds that the rays of these eyes took; the page waited meanwhile.
     """
 
     def __init__(self, page: Page, window: Any, session: Session) -> None:
@@ -58,7 +64,21 @@ class Hands:
         """
         self.page, self.window, self.session = page, window, session
         self.face_area = face_geometry(session.mesh.vertices, session.mesh.faces)[1]
-        self.acts, self.fresh = Acts(), True
+        self.acts, self.fresh, self.looked = Acts(), True, 0.0
+        self._looking = False
+
+    @contextmanager
+    def looking(self) -> Iterator[None]:
+        """Count the seconds of what is done inside as `looked`."""
+        if self._looking:
+            yield
+            return
+        self._looking, begun = True, time.monotonic()
+        try:
+            yield
+        finally:
+            self._looking = False
+            self.looked += time.monotonic() - begun
 
     def clear(self) -> None:
         """Select nothing: a click beside the object."""
@@ -78,7 +98,8 @@ class Hands:
         slider.focus()
         for key in ("Home", "End") if share else ("End", "Home"):
             slider.press(key)
-        until(lambda: parts.all.value == share, 20.0)
+            wanted = 0 if key == "Home" else 100
+            until(lambda wanted=wanted: parts.all.value == wanted, 20.0)
         self.window.wait_for_timeout(300)
         return True
 
@@ -105,6 +126,47 @@ class Hands:
             return until(lambda: work.face is not None, 20.0, fail=False)
         return False
 
+    def where(
+        self, lines: Lines, wanted: Sequence[int], places: FloatArray
+    ) -> tuple[FloatArray, int] | None:
+        """Where on the screen one of some lines is pointed at, from a view in which it is found
+        with the fewest clicks, and how many; the view is turned there. None where it is nowhere.
+
+        Args:
+            wanted: rows of `lines`, at rest. places: (n, 3) on these lines.
+        """
+        work, size = self.page.work, self.session.mesh.diagonal
+        if any(abs(v) > 1e-6 for v in work.scene.values.values()):
+            self.all_to(0)
+        tracer, best = work.tracer()[1], None
+        with self.looking():
+            for side in [None, *SIDES]:
+                camera = self.camera() if side is None else self.seen_from(side)
+                for at in camera.screen(places):
+                    if not (at.min() > 0.02 and at.max() < 0.98):
+                        continue
+                    ray = camera.rays(at[None])[0]
+                    hits = lines_near(lines, tracer, camera.position, ray, size)
+                    clicks = next((k for k, hit in enumerate(hits, 1) if hit.line in wanted), 0)
+                    turned = side is not None
+                    if clicks and (best is None or clicks + turned < best[0]):
+                        best = clicks + turned, side, at, clicks
+        if best is None:
+            return None
+        if best[1] is not None:
+            self.turn(best[1])
+        return best[2], best[3]
+
+    def take_at(self, at: FloatArray) -> None:
+        """Click a place on the screen, whose line is taken."""
+        self.settled()
+        before = self.session.state
+        self.acts.clicks += 1
+        self.acts.edits += 1
+        self.acts.steps.append("click a line")
+        self.window.mouse.click(*self.pixel(at))
+        until(lambda: self.session.state is not before, 60.0, fail=False)
+
     def shown(self) -> set[int]:
         """Pieces that are selected on the page."""
         return set(self.page.work.selected)
@@ -117,6 +179,12 @@ class Hands:
         Args:
             labels: (F,) piece of every face; default: those of the page.
         """
+        with self.looking():
+            return self._places(camera, pieces, labels)
+
+    def _places(
+        self, camera: Camera, pieces: Iterable[int], labels: IntArray | None
+    ) -> dict[int, FloatArray]:
         labels = self.session.primitives.labels if labels is None else labels
         steps = (np.arange(120) + 0.5) / 120
         grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
@@ -218,15 +286,30 @@ class Hands:
         self.window.get_by_role("option", name=option, exact=True).click()
         until(lambda: before != now(), 20.0, False)
 
-    def press(self, button: str) -> None:
-        """Press a button that edits."""
+    def press(self, button: str, edit: bool = True) -> None:
+        """Press a button that edits, or with which an edit begins or ends."""
         self.settled()
         before = self.session.state
         self.acts.clicks += 1
-        self.acts.edits += 1
+        self.acts.edits += edit
         self.acts.steps.append(button)
         self.window.get_by_role("button", name=button).click()
-        until(lambda: self.session.state is not before, 60.0, fail=False)
+        if edit:
+            until(lambda: self.session.state is not before, 60.0, fail=False)
+        else:
+            pointing = button != "Done"
+            until(lambda: (self.page.work.pointing is not None) == pointing, 60.0, fail=False)
+
+    def shortcut(self, key: str, edit: bool = True) -> None:
+        """Press a key of the page."""
+        self.settled()
+        before = self.session.state
+        self.acts.shortcuts += 1
+        self.acts.edits += edit
+        self.acts.steps.append(f"key {key}")
+        self.window.keyboard.press(key)
+        if edit:
+            until(lambda: self.session.state is not before, 60.0, fail=False)
 
     def take_line(self, number: int) -> None:
         """Take a line of the list, from 1: a click."""

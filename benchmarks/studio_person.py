@@ -15,14 +15,17 @@ from studio_hands import SIDES, Hands, until
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.ground_truth import GroundTruth
 from mam_pipeline.metrics import nearest_face
-from mam_pipeline.types import FloatArray, IntArray, Joint, JointCandidate, PartNode
+from mam_pipeline.types import IntArray, Joint, JointCandidate, PartNode
+from mam_sim.studio.lines import mesh_lines
 from mam_sim.studio.page import Page
-from mam_sim.studio.picking import area_around, line_at, primitives_in_box
+from mam_sim.studio.parts import PLAYING
+from mam_sim.studio.picking import area_around, primitives_in_box
 from mam_sim.studio.session import Session
 
 TURNED, APART = np.radians(10), 0.03  # an axis within this is right: radians, diagonals
 WORTH = 0.01  # share of a part's surface below which a person does not miss a piece
 SHARED = 0.15  # share of a part, and of a piece, that is worth a cut
+ALONG = (0.5, 0.25, 0.75)  # shares of a line's segment at which it is pointed at
 SHORT = 0.5  # a range that covers less of the true one than this is set
 
 
@@ -30,10 +33,10 @@ class Person(Hands):
     """Puts one object right in a window, and counts what it takes."""
 
     def __init__(self, page: Page, window: Any, truth: GroundTruth, session: Session) -> None:
-        """Sit down before the page, which shows the object."""
+        """Sit down before the page, which shows the object; the truth is in the page's frame."""
         super().__init__(page, window, session)
         self.truth, self.unseen = truth, set[int]()
-        self.shift, self.link = owners(truth, session)
+        self.link = owners(truth, session)
         self.count()
 
     def count(self) -> None:
@@ -54,9 +57,10 @@ class Person(Hands):
             self.take_out(names[joint.child], joint)
         names = {link: name for link, name in names.items() if self.node(name) is not None}
         for node in list(self.session.state.tree.nodes[1:]):
-            if node.name not in names.values():
+            moves = node.subtype != "fixed" and not node.dormant
+            if moves and node.name not in names.values():
                 self.choose(node.name)
-                self.pick("Moves", "fixed")
+                self.shortcut("r")
         for joint in moving:
             name = names.get(joint.child)
             if name is not None:
@@ -74,11 +78,12 @@ class Person(Hands):
             if share < SHARED * whole or share > (1 - SHARED) * self.face_area[inside].sum():
                 continue
             areas = self.areas(inside, own)
-            if not areas.max(initial=-1) >= 0:
+            left = {*range(areas.max(initial=-1) + 1)}
+            views = [self.camera(), *map(self.seen_from, SIDES)]
+            if not any(self.places(view, left, areas) for view in views):
                 continue
             self.pick("Select", "faces up to an edge")
             self.clear()
-            left = {*range(areas.max() + 1)}
             for side in [None, *SIDES]:
                 if side is not None:
                     if not self.places(self.seen_from(side), left, areas):
@@ -98,11 +103,12 @@ class Person(Hands):
         """(F,) number of each area of a piece that is mostly of a part, -1 elsewhere."""
         out, free, count = np.full(len(inside), -1), inside & own, 0
         faces = np.flatnonzero(inside)
-        while free.any():
-            area = area_around(self.session.mesh, faces, int(np.argmax(free)))
-            free[area] = False
-            if self.face_area[area[own[area]]].sum() > 0.5 * self.face_area[area].sum():
-                out[area], count = count, count + 1
+        with self.looking():
+            while free.any():
+                area = area_around(self.session.mesh, faces, int(np.argmax(free)))
+                free[area] = False
+                if self.face_area[area[own[area]]].sum() > 0.5 * self.face_area[area].sum():
+                    out[area], count = count, count + 1
         return out
 
     def part(self, joint: Joint) -> str:
@@ -146,24 +152,24 @@ class Person(Hands):
         if self.right(name, joint):
             return
         self.choose(name)
+        node = self.node(name)
+        if node is not None and node.dormant:
+            self.shortcut("w")
+            if self.right(name, joint):
+                return
         slides = joint.type == "prismatic"
         found = self.joint(name)
-        if self.from_list(name, joint):
+        if found is not None and self.from_list(name, joint):
             return
         if found is None or (found.type == "prismatic") != slides:
             self.pick("Moves", "slide" if slides else "hinge")
             if self.right(name, joint) or self.from_list(name, joint):
                 return
-        at = self.place_of_line(name, joint)
-        if at is not None and self.point_at(at):
-            self.choose(name)
-            label = "slides out of" if slides else "turns about"
-            self.press(f"It {label} the clicked {'face' if slides else 'edge'}")
-            if self.right(name, joint):
-                return
+        if self.out_of_face(name, joint) if slides else self.about_line(name, joint):
+            return
         found = self.joint(name)
         if found is not None and float(found.axis @ joint.axis) < 0 and _bounded(joint):
-            self.press("Other direction")
+            self.shortcut("f")
 
     def from_list(self, name: str, joint: Joint) -> bool:
         """Take the first line of the list that fits; whether one does."""
@@ -174,27 +180,38 @@ class Person(Hands):
                 return True
         return False
 
-    def place_of_line(self, name: str, joint: Joint) -> FloatArray | None:
-        """(3,) a place on the part where a click gives its line; None where no place does."""
+    def out_of_face(self, name: str, joint: Joint) -> bool:
+        """Let a part slide out of a face that is clicked; whether it is right then."""
         shown = self.session.state.articulation
         index = [link.name for link in shown.links].index(name)
         faces, mesh = shown.links[index].faces, self.session.mesh
-        normals = face_geometry(mesh.vertices, mesh.faces[faces])[0]
-        middles = mesh.vertices[mesh.faces[faces]].mean(axis=1)
-        if joint.type == "prismatic":
-            cosine = normals @ joint.axis
-            best = int(np.argmax(cosine))
-            return middles[best] if cosine[best] > np.cos(TURNED) else None
-        origin = joint.origin + self.shift
-        corners = mesh.vertices[mesh.faces[faces]].reshape(-1, 3)
-        toward = 0.98 * corners + 0.02 * np.repeat(middles, 3, axis=0)
-        apart = np.linalg.norm(np.cross(corners - origin, joint.axis), axis=1)
-        for k in np.argsort(apart)[:12]:
-            found = line_at(mesh, faces, toward[k])
-            way = None if found is None else JointCandidate("hinge", found.axis, found.origin)
-            if way is not None and self.fits(way, joint):
-                return np.asarray(toward[k])
-        return None
+        cosine = face_geometry(mesh.vertices, mesh.faces[faces])[0] @ joint.axis
+        best = int(np.argmax(cosine))
+        middle = mesh.vertices[mesh.faces[faces[best]]].mean(axis=0)
+        if cosine[best] <= np.cos(TURNED) or not self.point_at(middle):
+            return False
+        self.choose(name)
+        self.press("It slides out of the clicked face")
+        return self.right(name, joint)
+
+    def about_line(self, name: str, joint: Joint) -> bool:
+        """Let a part turn about a line of the mesh that is pointed at; whether it is right then."""
+        shown = self.session.state.articulation
+        lines = mesh_lines(shown.mesh, np.array(shown.face_link))
+        ways = [JointCandidate("hinge", *line) for line in zip(lines.axis, lines.origin)]
+        fitting = [k for k, way in enumerate(ways) if self.fits(way, joint)]
+        ends = lines.ends[np.isin(lines.line, fitting)]
+        along = np.array(ALONG)[:, None, None]
+        places = ((1 - along) * ends[:, 0] + along * ends[:, 1]).reshape(-1, 3)
+        found = self.where(lines, fitting, places)
+        if found is None:
+            return False
+        at, clicks = found
+        self.press("Take the axis from the mesh", edit=False)
+        for _ in range(clicks):
+            self.take_at(at)
+        self.press("Done", edit=False)
+        return self.right(name, joint)
 
     def range(self, name: str, joint: Joint) -> None:
         """The true range, where the found one covers too little of it."""
@@ -204,14 +221,16 @@ class Person(Hands):
         same = float(found.axis @ joint.axis) >= 0
         low, high = (joint.lower, joint.upper) if same else (-joint.upper, -joint.lower)
         low, high = min(low, 0.0), max(high, 0.0)
-        both = max(0.0, min(high, found.upper) - max(low, found.lower))
-        if both >= SHORT * (high - low):
+        if _both(found.lower, found.upper, low, high) >= SHORT * (high - low):
             return
         self.choose(name)
+        if _both(-found.upper, -found.lower, low, high) >= SHORT * (high - low):
+            self.shortcut("f")
+            return
         factor = 100.0 if found.type == "prismatic" else np.degrees(1.0)
         for label, now, value in (("From", found.lower, low), ("To", found.upper, high)):
             if abs(now - value) > 0.02 * (high - low):
-                self.type_in(label, f"{factor * value:.1f}")
+                self.type_in(label, f"{factor * value + 0.0:.1f}")
 
     def right(self, name: str, joint: Joint) -> bool:
         """Whether a part moves as it truly does."""
@@ -225,7 +244,7 @@ class Person(Hands):
             return False
         if abs(float(found.axis @ joint.axis)) < np.cos(TURNED):
             return False
-        off = np.cross(found.origin - joint.origin - self.shift, joint.axis)
+        off = np.cross(found.origin - joint.origin, joint.axis)
         return slides or float(np.linalg.norm(off)) < APART * self.session.mesh.diagonal
 
     def joint(self, name: str) -> Joint | None:
@@ -304,35 +323,39 @@ class Person(Hands):
         self.fresh = False
 
     def choose(self, name: str) -> None:
-        """Choose a part: by a click on it where it is seen, else in the tree."""
-        node = self.node(name)
-        if self.page.work.part == name or node is None:
+        """Choose a part: by its digit, else by a click in the tree."""
+        if self.page.work.part == name or self.node(name) is None:
             return
-        for piece, at in self.places(self.camera(), set(node.primitives)).items():
-            self.click(at, piece, more=False)
-            break
-        if not until(lambda: self.page.work.part == name, 2.0, fail=False):
-            self.acts.clicks += 1
-            self.window.locator(f'.part[title^="{name} "]').click()
-            until(lambda: self.page.work.part == name, 20.0)
+        number = [row.name for row in self.page.parts.rows].index(name)
+        if 0 < number <= PLAYING.digits:
+            self.shortcut(str(number), edit=False)
+            if until(lambda: self.page.work.part == name, 2.0, fail=False):
+                return
+        self.acts.clicks += 1
+        self.window.locator(f'.part[title^="{name} "]').click()
+        until(lambda: self.page.work.part == name, 20.0)
 
     def make(self, patience: float) -> bool:
-        """Make and check the asset; whether the check passes."""
+        """Make and check the asset; whether it is made, and the check passes."""
         self.tab("Try")
+        self.settled()  # what was edited last is drawn: nothing moves under the pointer
         trying = self.page.trying
         self.acts.clicks += 1
         trying.verdict.content = ""
         self.window.get_by_role("button", name="Make and check the asset").click()
-        until(lambda: trying.verdict.content.startswith("**The check"), patience)
+        until(lambda: trying.verdict.content.startswith(("**The check", "**It was not")), patience)
         return bool(trying.verdict.content.startswith("**The check passes"))
 
 
-def owners(truth: GroundTruth, session: Session) -> tuple[FloatArray, IntArray]:
-    """Shift (3,) from the truth to the page, and the true link of every face (F,)."""
-    mesh = session.mesh
-    shift = mesh.bounds[0] - truth.mesh.bounds[0]
-    middles = mesh.vertices[mesh.faces].mean(axis=1) - shift
-    return shift, truth.face_link[nearest_face(truth.mesh, middles)]
+def owners(truth: GroundTruth, session: Session) -> IntArray:
+    """The true link of every face (F,)."""
+    middles = session.mesh.vertices[session.mesh.faces].mean(axis=1)
+    return truth.face_link[nearest_face(truth.mesh, middles)]
+
+
+def _both(a: float, b: float, low: float, high: float) -> float:
+    """How much of low to high lies in a to b."""
+    return max(0.0, min(high, b) - max(low, a))
 
 
 def _bounded(joint: Joint) -> bool:

@@ -217,6 +217,25 @@ def robot_sentences(card: AssetCard) -> list[str]:
     ]
 
 
+def attempt_sentence(card: AssetCard) -> str:
+    """What came of the arm's attempt that was filmed; "" where none was made."""
+    tried = card.checks.get("attempt")
+    if not isinstance(tried, Mapping):
+        return ""
+    part = next((j.child for j in card.joints if j.name == tried.get("joint")), tried.get("joint"))
+    count = tried.get("attempts")
+    end = f"succeeds at attempt {count}" if tried.get("ok") else f"fails: {tried.get('why')}"
+    if count and not tried.get("ok"):
+        end = f"fails {count} times; the last time: {tried.get('why')}"
+    return f"Robot {tried.get('robot')}, task {tried.get('task')}, {part}: {end}."
+
+
+def attempt_ok(card: AssetCard) -> bool:
+    """Whether the attempt that was filmed succeeded."""
+    tried = card.checks.get("attempt")
+    return isinstance(tried, Mapping) and tried.get("ok") is True
+
+
 def timeline(card: AssetCard) -> list[StageTime]:
     """The stages in their order, with the time each took."""
     found = {k: v for k, v in card.seconds.items() if not (k == NESTED and "asset" in card.seconds)}

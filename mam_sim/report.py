@@ -32,10 +32,12 @@ class ReportLimits:
     Attributes:
         pictured: joints of which there are pictures; the surest ones.
         photo: pixels along the longer side of a photo on the shared page.
+        film: bytes of a film; a larger one is left out.
     """
 
     pictured: int = 12
     photo: int = 640
+    film: int = 4_000_000
 
 
 LIMITS = ReportLimits()
@@ -52,7 +54,6 @@ class Figure:
 def write_report(asset: Asset) -> Path:
     """Draw report.html into the asset folder; returns its path."""
     card, articulation = asset.card, read_asset(asset)
-    film = asset.folder / "demo.mp4"
     stages = [*_photo(asset)[1:], *_stages(asset, articulation), *_masks(asset)]
     environment = Environment(
         loader=PackageLoader("mam_sim"), autoescape=True, undefined=StrictUndefined,
@@ -64,7 +65,8 @@ def write_report(asset: Asset) -> Path:
         mass=facts.mass_fact(card),
         whole=_whole(asset, articulation),
         turning=viewer.page(lightened(articulation), card.name),
-        film="" if not film.is_file() else _film(film.read_bytes()),
+        film=film_url(asset.folder),
+        attempt=facts.attempt_sentence(card),
         joints=facts.joint_facts(card, card.movable),
         pictured=_pictured(card, articulation),
         dormant=facts.joint_facts(card, card.likeliest),
@@ -187,8 +189,19 @@ def picture_url(picture: NDArray[np.uint8]) -> str:
     return _figure(picture, "").source
 
 
-def _film(film: bytes) -> str:
-    return "data:video/mp4;base64," + base64.b64encode(film).decode()
+def film_url(folder: Path) -> str:
+    """The film of the arm's attempt at an asset, as a data URL; "" where there is none of ours.
+
+    Raises:
+        InputError: it lies outside the folder.
+    """
+    from mam_pipeline.claims import FILM, is_ours
+    from mam_pipeline.formats.door import Door
+
+    file = Door(folder).find("demo.mp4", folder / "asset.json")
+    if file is None or file.stat().st_size > LIMITS.film or not is_ours(file, FILM):
+        return ""
+    return "data:video/mp4;base64," + base64.b64encode(file.read_bytes()).decode()
 
 
 def _data(picture: bytes) -> str:

@@ -41,8 +41,11 @@ class Hover:
         name = self.parts.rows[number].name if in_tree else ""
         # the row under the pointer is not drawn anew: a click on it would be lost
         work.over = ""
-        if said is not None and said["x"] and work.picks != "brush":
-            work.over = name = self._under(event.client, (float(said["x"]), float(said["y"])))
+        at = (float(said["x"]), float(said["y"])) if said is not None and said["x"] else None
+        if work.pointing is not None:
+            work.pointing.over(event.client, at)
+        elif at is not None and work.picks != "brush":
+            work.over = name = self._under(event.client, at)
         work.scene.point_out(work.open.faces_of(name), work.called(name))
         self.parts.refresh()
 

@@ -39,13 +39,14 @@ class Keys:
         on("Axis from front to back; again: the next such line", "X", lambda: mend.turn_to(0))
         on("Axis from left to right", "Y", lambda: mend.turn_to(1))
         on("Axis upright", "Z", lambda: mend.turn_to(2))
+        on("Axis from the mesh: point at an edge or a round rim", "E", mend.point)
         on("Add a part of what is selected", "A", mend.make)
         on("Remove the chosen part: it does not move", "R", mend.still)
         on("Wake the chosen dormant part", "W", lambda: mend.awake(work.part))
         on("Undo", "Z", self._undo, "cmd/ctrl")
         on("Redo", "Z", self._redo, "cmd/ctrl+shift")
         on("Save", "S", self._save)
-        on("Cancel what is being computed; else choose nothing", "escape", self._leave, alone=False)
+        on("Cancel, or end pointing; else choose nothing", "escape", self._leave, alone=False)
         on("Show the keys", "?", self._show, alone=False)
         for k in range(1, SHOWN + 1):
             self._command(f"Take line {k} of the chosen part", f"way {k}",

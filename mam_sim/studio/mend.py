@@ -13,11 +13,12 @@ from scipy.spatial.transform import Rotation
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.geometry.sampling import unit as unit_vector
 from mam_pipeline.hints import Hints
-from mam_pipeline.types import Joint, KinematicTree
+from mam_pipeline.types import FloatArray, Joint, KinematicTree
 from mam_sim.facts import shown_value
 from mam_sim.studio import edits, words
+from mam_sim.studio.from_mesh import FromMesh
 from mam_sim.studio.parts import Parts
-from mam_sim.studio.picking import line_at, snapped, snaps
+from mam_sim.studio.picking import snapped, snaps
 from mam_sim.studio.session import Session
 from mam_sim.studio.stand import Stand
 from mam_sim.studio.workspace import Picks, Workspace
@@ -25,8 +26,8 @@ from mam_sim.studio.workspace import Picks, Workspace
 KINDS = ("door", "drawer", "lid", "knob", "handle", "wheel", "lever", "button", "panel", "other")
 MOTIONS = ("hinge", "spin", "slide", "fixed")
 NONE = "(none)"
-TURNS, SLIDES = "It turns about the clicked edge", "It slides out of the clicked face"
-ASK_EDGE, ASK_FACE = "Click an edge to turn about", "Click a face to slide out of"
+FROM_MESH, POINTING = "Take the axis from the mesh", "Take no more axes (Esc)"
+SLIDES, ASK_FACE = "It slides out of the clicked face", "Click a face to slide out of"
 UNCHOSEN = "No part is chosen: click one in the tree or on the object, or press its digit."
 WAY = '<div class="way" data-key="way {k}" data-over="way {k}">{k}. {runs}<span>{sure}</span></div>'
 NOW = '<div class="way now">now: {runs}</div>'
@@ -52,14 +53,16 @@ class Mend:
             self.ways = gui.add_html("")
             self.low = gui.add_number("From", 0.0, step=0.5)
             self.high = gui.add_number("To", 0.0, step=0.5)
-            self.clicked = self._button(TURNS, self._from_click)
+            self.from_mesh = FromMesh(work, parts, self._take_line, self._fill)
+            self.take = self._button(FROM_MESH, self.point)
+            self.clicked = self._button(SLIDES, self._from_click)
             self._turn = self._button("Other direction", self.flip)
             self.name = gui.add_text("Name", "")
             self.kind = gui.add_text("Kind", "")
             self.parent = gui.add_dropdown("Hangs on", (NONE,))
             self._merging = self._button("Merge with the other part", self._merge)
             self._of_part = [
-                self.clicked, self._turn, self._merging,
+                self.take, self.clicked, self._turn, self._merging,
                 self._button("Select its pieces", self._select),
                 self._button("As the engine says", self._reset),
             ]  # fmt: skip
@@ -144,6 +147,7 @@ class Mend:
         joint = work.joint()
         for handle in self._of_part:
             handle.disabled = bool(work.open.why_fixed)
+        self.take.disabled |= joint is None
         self.clicked.disabled |= work.face is None or joint is None
         self._turn.disabled |= joint is None
         self._merging.disabled |= self.target.value == work.part
@@ -155,10 +159,13 @@ class Mend:
         self.name.value, self.kind.value = node.name, node.kind
         _options(self.parent, [n for n in names if n != node.name], nodes[node.parent].name)
         self.motion.value = node.subtype
-        slides, clicked = node.subtype == "slide", work.face is not None
-        label = (SLIDES if slides else TURNS) if clicked else (ASK_FACE if slides else ASK_EDGE)
-        if self.clicked.label != label:
-            self.clicked.label = label
+        self.clicked.visible = node.subtype == "slide"
+        for button, label in (
+            (self.take, FROM_MESH if work.pointing is None else POINTING),
+            (self.clicked, ASK_FACE if work.face is None else SLIDES),
+        ):  # fmt: skip
+            if button.label != label:
+                button.label = label
         self._fill_ways(joint)
         free = joint is None or not np.isfinite([joint.lower, joint.upper]).all()
         self.low.disabled = self.high.disabled = free or bool(work.open.why_fixed)
@@ -270,18 +277,28 @@ class Mend:
         self._open_it()
 
     def _from_click(self) -> None:
-        """The axis from the last click on the part: an edge to turn about, a way to slide."""
-        work, name, joint = self.work, self._named(), self._joint()
-        normal = work.face_normal()
-        subtype, axis, origin = joint.subtype, normal, work.at
-        if subtype != "slide":
-            faces = work.state.articulation.links[joint.child].faces
-            found = line_at(work.open.mesh, faces, work.at)
-            if found is None:
-                raise ConfigError("no sharp edge of this part is near the click")
-            axis, origin = work.open.opening(name, subtype, found.axis, found.origin), found.origin
-        work.edit(lambda h, t: edits.set_line(h, t, name, subtype, axis, origin))
+        """The way to slide from the last click on the part: out of that face."""
+        work, name = self.work, self._named()
+        subtype, normal = self._joint().subtype, work.face_normal()
+        work.edit(lambda h, t: edits.set_line(h, t, name, subtype, normal, work.at))
         self._open_it()
+
+    def point(self) -> None:
+        """Wait for a line of the mesh, or wait no more."""
+        if self.work.pointing is None:
+            self._joint()
+        self.from_mesh.toggle()
+
+    def _take_line(self, axis: FloatArray, origin: FloatArray) -> None:
+        """The chosen part turns about a line of the mesh, or slides along it.
+
+        Args:
+            axis, origin: (3,) of the line, at rest; which way it opens is not known yet.
+        """
+        work, name, joint = self.work, self._named(), self._joint()
+        at = joint.origin if joint.subtype == "slide" else origin
+        along = work.open.opening(name, joint.subtype, axis, at)
+        work.edit(lambda h, t: edits.set_line(h, t, name, joint.subtype, along, at))
 
     def _lower(self, value: float) -> None:
         joint = self._joint()

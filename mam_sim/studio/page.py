@@ -35,6 +35,8 @@ from mam_sim.studio.workspace import Workspace
 ORANGE = (230, 110, 20)
 HEAD = '<div class="head">{text}</div><div class="bar">{buttons}</div>'
 BUSY = '<div class="busy"><i></i><span>{text} …</span>{button}</div>'
+ASKED = """<div class="busy asked"><span>{text}</span>
+<button data-key="escape" title="Esc">Done</button></div>"""
 CANCEL = '<button data-key="escape" title="Esc">Cancel</button>'
 
 
@@ -67,7 +69,8 @@ class Page:
         self.work = Workspace(self.server, Scene(self.server.scene))
         self.head = gui.add_html(HEAD.format(text="Reading …", buttons=""))
         self.busy = gui.add_html("", visible=False)
-        self.work.tell = self._tell
+        self.asked = gui.add_html("", visible=False)
+        self.work.tell, self.work.ask = self._tell, self._ask
         self._queue: Queue | None = None
         self.url = f"http://{studio_server.HOST}:{self.server.get_port()}/"
         self.photo: MarkingPage | None = None
@@ -192,6 +195,11 @@ class Page:
         self.busy.content = BUSY.format(
             text=escape(doing), button=CANCEL if self.work.doing else ""
         )
+
+    def _ask(self, what: str) -> None:
+        """What the page waits for, with a button that ends it; else nothing."""
+        self.asked.visible = bool(what)
+        self.asked.content = ASKED.format(text=escape(what))
 
     def _build(self, queue: bool) -> None:
         """The panels; they are filled when an object is open."""

@@ -117,6 +117,7 @@ class Parts:
         self._sliders: dict[str, Any] = {}
         self._play = threading.Lock()
         self._stop = threading.Event()
+        self._before: dict[str, float] = {}  # where the joints were before what plays
 
     def refresh(self) -> None:
         """Rows and sliders of the parts that there are now."""
@@ -141,17 +142,22 @@ class Parts:
 
     def play(self) -> None:
         """Open and close the chosen part, or all; asked again while it plays, it stops."""
-        work = self.work
-        if not self._play.acquire(blocking=False):
+        if self._play.acquire(blocking=False):
+            self._play_once()
+        else:
             self._stop.set()
-            return
+
+    def _play_once(self) -> None:
+        """Open and close; who has `_play` gives it back here."""
+        work = self.work
         try:
             self._stop.clear()
             joint, state = work.joint(), work.state
-            before, begun = dict(work.scene.values), time.monotonic()
+            self._before = before = dict(work.scene.values)
+            begun = time.monotonic()
             while (share := (time.monotonic() - begun) / PLAYING.seconds) < 1:
                 with work.lock:
-                    if work.session is None or work.state is not state:
+                    if work.session is None or work.state is not state or self._stop.is_set():
                         return
                     values = all_at(state.articulation, float(np.sin(np.pi * share)))
                     self.pose(values if joint is None else {joint.name: values[joint.name]})
@@ -161,7 +167,24 @@ class Parts:
                 if work.session is not None and work.state is state:
                     self.pose(before)
         finally:
+            self._before = {}
             self._play.release()
+
+    def show_motion(self) -> None:
+        """Open and close the chosen part once, as it moves now."""
+
+        def instead() -> None:
+            self._play.acquire()  # until what plays has stopped
+            self._play_once()
+
+        self._stop.set()
+        threading.Thread(target=instead, daemon=True).start()
+
+    def leave_off(self) -> None:
+        """Play no more; all is as it was before."""
+        self._stop.set()
+        if self._before:
+            self.pose({k: v for k, v in self._before.items() if k in self.work.scene.values})
 
     def stop(self) -> None:
         """Play no more; all is left where it is."""

@@ -10,6 +10,7 @@ import trimesh
 from mam_pipeline.geometry.sampling import face_geometry
 from mam_pipeline.render.tracer import Tracer
 from mam_pipeline.types import FloatArray, IntArray, Mesh
+from mam_sim.studio.lines import mesh_lines
 
 
 @dataclass(frozen=True)
@@ -19,11 +20,9 @@ class PickThresholds:
     Attributes:
         rays: along each side of a selection box.
         inside: share of a primitive's seen and unseen faces that the box must hold.
-        crease: radians between faces at an edge that can be snapped to.
+        crease: radians between faces at an edge at which a selection of faces ends.
         near: diagonals of the object within which a line snaps.
         turned: radians within which a direction snaps.
-        gap: radians between neighbours on a circle, at most.
-        reach: diagonals within which a click means an edge.
         lift: of a number before its piece, diagonals.
     """
 
@@ -32,8 +31,6 @@ class PickThresholds:
     crease: float = 0.5
     near: float = 0.04
     turned: float = 0.35
-    gap: float = 1.1
-    reach: float = 0.1
     lift: float = 0.02
 
 
@@ -176,12 +173,16 @@ def snaps(mesh: Mesh, faces: IntArray) -> list[Snap]:
         mesh: at rest. faces: of the part.
     """
     part = _welded(mesh, faces)
-    out = [Snap(a, o, "edge") for a, o in _edges(part)]
+    lines = mesh_lines(mesh, np.where(np.isin(np.arange(len(mesh.faces)), faces), 0, -1))
+    out = [
+        Snap(axis, origin, "circle" if is_round else "edge")
+        for axis, origin, is_round in zip(lines.axis, lines.origin, lines.round)
+    ]
     for facet, normal, area in zip(part.facets, part.facets_normal, part.facets_area):
         if area > 0.02 * part.area:
             middle = part.triangles_center[facet].mean(axis=0)
             out.append(Snap(np.asarray(normal), middle, "face"))
-    return out + [Snap(a, o, "circle") for a, o, _ in _circles(part)]
+    return out
 
 
 def snapped(axis: FloatArray, origin: FloatArray, choices: list[Snap], size: float) -> Snap | None:
@@ -202,76 +203,12 @@ def snapped(axis: FloatArray, origin: FloatArray, choices: list[Snap], size: flo
     return best
 
 
-def line_at(mesh: Mesh, faces: IntArray, point: FloatArray) -> Snap | None:
-    """The sharp edge of a part that is nearest to a point; of a round rim, its middle axis.
-
-    Args:
-        mesh: at rest. faces: of the part. point: (3,) on its surface.
-
-    Returns:
-        None where no edge is near.
-    """
-    part = _welded(mesh, faces)
-    sharp = _sharp(part)
-    if not len(sharp):
-        return None
-    a, b = part.vertices[sharp[:, 0]], part.vertices[sharp[:, 1]]
-    along = b - a
-    length = np.maximum(np.linalg.norm(along, axis=1), 1e-12)
-    share = np.clip(((point - a) * along).sum(axis=1) / length**2, 0, 1)
-    apart = np.linalg.norm(a + share[:, None] * along - point, axis=1)
-    k = int(np.argmin(apart))
-    if apart[k] > PICK.reach * mesh.diagonal:
-        return None
-    for axis, middle, rim in _circles(part):
-        if sharp[k, 0] in rim:
-            return Snap(axis, middle, "circle")
-    return Snap(along[k] / length[k], np.asarray(0.5 * (a[k] + b[k])), "edge")
-
-
 def _welded(mesh: Mesh, faces: IntArray) -> trimesh.Trimesh:
     """Some faces as a mesh of their own, equal corners as one."""
     part = trimesh.Trimesh(mesh.vertices, mesh.faces[faces], process=False)
     part.merge_vertices(merge_tex=True, merge_norm=True)
     part.remove_unreferenced_vertices()
     return part
-
-
-def _sharp(part: trimesh.Trimesh) -> IntArray:
-    """(n, 2) ends of sharp edges."""
-    return np.asarray(part.face_adjacency_edges[part.face_adjacency_angles > PICK.crease])
-
-
-def _edges(part: trimesh.Trimesh) -> list[tuple[FloatArray, FloatArray]]:
-    """The longest straight sharp edges."""
-    sharp = _sharp(part)
-    if not len(sharp):
-        return []
-    a, b = part.vertices[sharp[:, 0]], part.vertices[sharp[:, 1]]
-    along = b - a
-    length = np.linalg.norm(along, axis=1)
-    order = np.argsort(-length)[:200]
-    return [
-        (along[k] / length[k], np.asarray(0.5 * (a[k] + b[k]))) for k in order if length[k] > 1e-9
-    ]
-
-
-def _circles(part: trimesh.Trimesh) -> list[tuple[FloatArray, FloatArray, IntArray]]:
-    """Axis, middle and vertices of closed loops of sharp edges whose points lie on a circle."""
-    sharp = _sharp(part)
-    found = []
-    groups = trimesh.graph.connected_components(sharp, min_len=8) if len(sharp) else []
-    for group in groups[:50]:
-        points = part.vertices[group]
-        middle = points.mean(axis=0)
-        along, across, normal = np.linalg.svd(points - middle)[2]
-        radius = np.linalg.norm(points - middle, axis=1)
-        flat = np.abs((points - middle) @ normal).max() < 0.03 * radius.mean()
-        turns = np.sort(np.arctan2((points - middle) @ across, (points - middle) @ along))
-        gap = np.diff(turns, append=turns[0] + 2 * np.pi).max()  # a panel's corners lie so too
-        if flat and radius.std() < 0.03 * radius.mean() and gap < PICK.gap:
-            found.append((np.asarray(normal), np.asarray(middle), np.asarray(group)))
-    return found
 
 
 def seen_spots(mesh: Mesh, labels: IntArray) -> dict[int, FloatArray]:

@@ -39,6 +39,9 @@ class Pointer:
 
     def _click(self, event: Any, more: bool) -> None:
         work = self.work
+        if work.pointing is not None:
+            work.pointing.click(event)
+            return
         tracer = work.tracer()[1]
         found = face_under(tracer, np.asarray(event.ray_origin), np.asarray(event.ray_direction))
         work.bad, work.face = (), None

@@ -47,7 +47,7 @@ class Preview:
                 self._wanted = 0
                 return
             state, part, way = work.state, work.part, ways[number - 1]
-            self.parts.stop()
+            self.parts.leave_off()
             carried = state.articulation.carried_links(joint)
             size = np.ptp(merged_bounds(state.articulation, joint.child), axis=0)
         far, begun = reach(way, float(np.abs(way.axis) @ size)), time.monotonic()

@@ -117,6 +117,7 @@ STYLE = """
 .bar button[disabled] { opacity: .4; cursor: not-allowed; }
 .busy { display: flex; gap: .5em; align-items: center; padding: .2em .75em; font-size: .9em; }
 .busy span { flex: 1; }
+.asked { background: #d6288c18; align-items: start; }
 .busy i {
   width: 1em; height: 1em; border: .15em solid #8886; border-top-color: #e66e14;
   border-radius: 50%; animation: round .8s linear infinite;

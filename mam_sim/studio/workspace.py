@@ -40,6 +40,19 @@ class Panel(Protocol):
         """Draw again what depends on the object, its state or the selection."""
 
 
+class Pointing(Protocol):
+    """What waits for a place of the view, in the stead of the selection."""
+
+    def over(self, client: Any, at: tuple[float, float] | None) -> None:
+        """The pointer of a window rests at a place, 0..1 from the upper left; None: on no place."""
+
+    def click(self, event: Any) -> None:
+        """A place was clicked."""
+
+    def end(self) -> None:
+        """Wait no more."""
+
+
 @dataclass
 class Workspace:
     """The state of the page; one for all windows that show it.
@@ -57,6 +70,8 @@ class Workspace:
         bad: links that run into something, drawn red. panels: told of every change.
         doing: what is being computed, in words; tell: shows it on the page.
         cancelled: set where the person wants none of it.
+        pointing: what clicks on the view are meant for, where not for the selection.
+        ask: says on the page what it waits for; "" nothing.
     """
 
     server: viser.ViserServer
@@ -81,6 +96,8 @@ class Workspace:
     doing: str = ""
     tell: Callable[[str], None] = lambda _text: None
     cancelled: threading.Event = field(default_factory=threading.Event)
+    pointing: Pointing | None = None
+    ask: Callable[[str], None] = lambda _text: None
     lock: threading.RLock = field(default_factory=threading.RLock)
     _called: tuple[State | None, dict[str, str]] = field(default=(None, {}), repr=False)
 
@@ -138,6 +155,7 @@ class Workspace:
     def put(self, session: Session) -> None:
         """Open another object."""
         with self.lock:
+            self.end_pointing()
             self.session, self.part, self.over = session, "", ""
             session.checkpoint = self.check
             self.select_nothing()
@@ -150,6 +168,7 @@ class Workspace:
     def drop(self) -> None:
         """Show nothing: the next object could not be opened."""
         with self.lock:
+            self.end_pointing()
             self.session, self.part = None, ""
             self.select_nothing()
             self.scene.clear()
@@ -194,14 +213,22 @@ class Workspace:
             raise MamSimError("cancelled: nothing was changed")
 
     def cancel(self) -> None:
-        """End what is being computed; where nothing is, choose nothing."""
+        """End what is being computed, or what waits for a click; else choose nothing."""
         if self.doing:
             self.cancelled.set()
             self.tell("Cancelling")
+        elif self.pointing is not None:
+            with self.lock:
+                self.end_pointing()
         elif self.session is not None:
             with self.lock:
                 self.select_nothing()
                 self.choose("")
+
+    def end_pointing(self) -> None:
+        """Clicks select again."""
+        if self.pointing is not None:
+            self.pointing.end()
 
     def edit(self, change: Change) -> None:
         """Change the hints and draw what comes of it; the collision pieces are then out of date."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 import sys
 from dataclasses import dataclass
 from functools import cached_property
@@ -99,15 +100,13 @@ class View(Verb):
     def _write_page(self, articulation: Articulation, folder: Path, card: AssetCard | None) -> int:
         from mam_pipeline.folders import write_text
         from mam_pipeline.formats.door import Door
-        from mam_sim.report import photo_url
         from mam_sim.viewer import page
 
         name = self.asset.stem if self.asset.is_file() else folder.name
         target = self._named() or Door(folder).may_write(folder / "view.html")
         claim_file(target, PAGE)
         target.parent.mkdir(parents=True, exist_ok=True)
-        photo, credit = (photo_url(folder), self._credit(card)) if card else ("", "")
-        write_text(target, page(articulation, name, card, photo, credit))
+        write_text(target, page(articulation, name, card, **self._beside(folder, card)))
         print(target)
         if not self.quiet:
             print("next: open it in any browser; it needs no network", file=sys.stderr)
@@ -119,28 +118,39 @@ class View(Verb):
         from mam_pipeline.folders import write_text
         from mam_pipeline.formats.door import Door
         from mam_pipeline.geometry.stand_in import lightened
-        from mam_sim.report import photo_url
         from mam_sim.viewer import gallery, page
 
         target = self._named() or Door(self.asset).may_write(self.asset / "gallery.html")
         claim_file(target, PAGE)
         target.parent.mkdir(parents=True, exist_ok=True)
-        shown = []
+        shown, passed = [], 0
         for folder in asset_folders([self.asset]):
             if not self.quiet:
                 print(folder.name, file=sys.stderr, flush=True)
             articulation, _, card = _read(folder)
             file = Door(folder).may_write(folder / "view.html")
             claim_file(file, PAGE)
-            credit, photo = self._credit(card), photo_url(folder)
-            write_text(file, page(lightened(articulation), folder.name, card, photo, credit))
+            passed += card is not None and card.executable is True
+            beside = self._beside(folder, card)
+            write_text(file, page(lightened(articulation), _title(folder), card, **beside))
             link = _relative(file, target.parent)
-            shown.append(self._shown(folder, articulation, link, credit))
-        write_text(target, gallery(shown, f"{self.asset.resolve().name}: {len(shown)} objects"))
+            shown.append(self._shown(folder, articulation, link, beside.get("credit", "")))
+        title = f"{len(shown)} objects" + (f", {passed} pass the check" if passed else "")
+        write_text(target, gallery(shown, title))
         print(target)
         if not self.quiet:
             print("next: open it in any browser; keep the folder with it", file=sys.stderr)
         return 0
+
+    def _beside(self, folder: Path, card: AssetCard | None) -> dict[str, str]:
+        """Photo, credit and film of an asset, for its page."""
+        from mam_sim.report import film_url, photo_url
+
+        if card is None:
+            return {}
+        return {
+            "photo": photo_url(folder), "credit": self._credit(card), "film": film_url(folder),
+        }  # fmt: skip
 
     @cached_property
     def _credits(self) -> dict[str, str]:
@@ -172,6 +182,7 @@ class View(Verb):
         from mam_pipeline.asset.card import Asset
         from mam_pipeline.check.report import REASONS
         from mam_pipeline.render.motion import motion_pictures
+        from mam_sim import facts
         from mam_sim.report import picture_url
         from mam_sim.viewer import Shown
 
@@ -183,11 +194,16 @@ class View(Verb):
         reasons = card.check_reasons if card.executable is False else ()
         count = sum(j.type != "fixed" for j in articulation.joints)
         return Shown(
-            folder.name, link, picture_url(closed), picture_url(opened),
-            f"{count} joint{'' if count == 1 else 's'}",
+            _title(folder), link, picture_url(closed), picture_url(opened),
+            f"{count} joint{'' if count == 1 else 's'}" if count else "nothing moves",
             "check fails: " + "; ".join(REASONS.get(r, r) for r in reasons) if reasons else "",
-            credit,
+            credit, facts.attempt_sentence(card), facts.attempt_ok(card),
         )  # fmt: skip
+
+
+def _title(folder: Path) -> str:
+    """The name of an asset's folder without the digest that a batch puts behind it."""
+    return re.sub(r"(?<=.)-[0-9a-f]{8}$", "", folder.name)
 
 
 def _relative(file: Path, folder: Path) -> str:

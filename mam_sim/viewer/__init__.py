@@ -20,7 +20,7 @@ from mam_sim import facts
 
 def page(
     articulation: Articulation, name: str, card: AssetCard | None = None, photo: str = "",
-    credit: str = "",
+    credit: str = "", film: str = "",
 ) -> str:  # fmt: skip
     """HTML that opens offline: geometry, pictures, joints and the script that draws them.
 
@@ -28,6 +28,7 @@ def page(
         articulation: asset frame (metres, Z up, front towards -X). name: of the object.
         card: whose sizes and joints stand below the sliders. photo: data URL of the one that the
             object was made from; "" for none. credit: who made what it was made from.
+        film: data URL of a robot's attempt at it; "" for none.
     """
     mesh = articulation.mesh
     names = [link.name for link in articulation.links]
@@ -45,7 +46,8 @@ def page(
     script = resources.files("mam_sim.viewer").joinpath("viewer.js").read_text(encoding="utf-8")
     return _template("page.html.j2").render(
         name=name, asset=_inside_script(json.dumps(asset)), script=_inside_script(script),
-        card=card, photo=photo, credit=credit,
+        card=card, photo=photo, credit=credit, film=film,
+        attempt="" if card is None else facts.attempt_sentence(card),
         size=None if card is None else facts.size_fact(card),
         mass=None if card is None else facts.mass_fact(card),
         verdict="" if card is None else facts.verdict(card),
@@ -60,7 +62,8 @@ class Shown:
     Attributes:
         name: of it. link: of its page, from the gallery's folder. closed, opened: pictures as data
             URLs. joints: in words. fails: why its check fails, in words; "" where it passes.
-        credit: who made what it was made from, and under which licence.
+        credit: who made what it was made from, and under which licence. attempt: what came of a
+            robot's filmed attempt, in words; opens: whether it succeeded.
     """
 
     name: str
@@ -70,6 +73,8 @@ class Shown:
     joints: str
     fails: str = ""
     credit: str = ""
+    attempt: str = ""
+    opens: bool = False
 
 
 def gallery(objects: Sequence[Shown], title: str) -> str:

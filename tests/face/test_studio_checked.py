@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,26 @@ def test_what_the_check_puts_to_sleep_is_dormant_on_the_page_until_it_is_woken(
         window.get_by_role("button", name="wake").click()
         until(lambda: "door" in moving(jammed))
         assert jammed.state.hints.accept == ("door",) and not asleep(jammed)
+    finally:
+        page.stop()
+
+
+def test_the_page_says_why_an_asset_without_moving_parts_fails(
+    jammed: Session, window: Any
+) -> None:
+    pytest.importorskip("viser", reason="the studio's page needs the extra studio")
+    from mam_sim.studio.page import Page
+
+    for name in [node.name for node in jammed.state.tree.nodes[1:]]:
+        jammed.edit(partial(edits.set_subtype, name=name, subtype="fixed"))
+    page = Page()
+    page.put(jammed)
+    try:
+        window.goto(page.url)
+        window.get_by_role("tab", name="Try").click()
+        window.get_by_role("button", name="Make and check the asset").click()
+        window.get_by_text("The check fails").wait_for()
+        window.get_by_text("nothing moves").first.wait_for()
     finally:
         page.stop()
 

@@ -10,13 +10,13 @@ import pytest
 
 from mam_pipeline.types import Joint, KinematicTree, Mesh, PartNode, Primitives
 from mam_sim.studio import edits
+from mam_sim.studio.lines import Lines, lines_near, mesh_lines
 from mam_sim.studio.picking import (
     Camera,
     Snap,
     area_around,
     faces_in_box,
     faces_near,
-    line_at,
     primitives_in_box,
     snapped,
     snaps,
@@ -205,21 +205,89 @@ def test_a_language_models_answers_are_told_and_what_was_overruled() -> None:
     assert "**door**: upper 60.0" in text and "pieces 2 belong to **body**" in text
 
 
-def test_a_click_near_an_edge_gives_its_line_and_of_a_rim_its_middle_axis() -> None:
+def lines_of(shape: Any) -> Lines:
+    return mesh_lines(Mesh(shape.vertices, shape.faces), np.zeros(len(shape.faces), np.int64))
+
+
+def test_straight_edges_are_one_line_each_however_their_faces_are_cut_wound_or_doubled() -> None:
     import trimesh
 
-    for shape, click, axis, at in (
-        (trimesh.creation.box((0.4, 0.5, 0.6)), (0.2, 0.24, 0.1), (0, 0, 1), (0.2, 0.25)),
-        (trimesh.creation.box((0.02, 0.46, 0.55)), (0.01, 0.22, 0.1), (0, 0, 1), (0.01, 0.23)),
-        (trimesh.creation.cylinder(0.05, 0.2), (0.045, 0.0, 0.1), (0, 0, 1), (0.0, 0.0)),
-    ):
-        mesh = Mesh(shape.vertices, shape.faces)
-        found = line_at(mesh, np.arange(len(mesh.faces)), np.array(click))
-        assert found is not None and abs(found.axis @ np.array(axis)) == pytest.approx(1)
-        assert np.allclose(found.origin[:2], at, atol=1e-6)
-    ball = trimesh.creation.icosphere(3)
-    smooth = Mesh(ball.vertices, ball.faces)
-    assert line_at(smooth, np.arange(len(ball.faces)), np.array([1.0, 0, 0])) is None
+    box = trimesh.creation.box((0.4, 0.5, 0.6))
+    fine = box.subdivide().subdivide().subdivide()
+    both = trimesh.Trimesh(
+        fine.vertices, np.concatenate([fine.faces, fine.faces[:, ::-1]]), process=False
+    )
+    mixed = fine.copy()
+    mixed.faces[::3] = mixed.faces[::3, ::-1]
+    soup = trimesh.Trimesh(**trimesh.triangles.to_kwargs(fine.triangles), process=False)
+    for shape in (box, fine, both, mixed, soup):
+        lines = lines_of(shape)
+        assert np.allclose(np.sort(lines.length), np.repeat([0.4, 0.5, 0.6], 4))
+        assert not lines.round.any()
+        k = int(np.argmin(np.linalg.norm(lines.origin - [0.2, 0.25, 0.0], axis=1)))
+        assert np.allclose(lines.origin[k], [0.2, 0.25, 0.0])
+        assert abs(lines.axis[k, 2]) == pytest.approx(1)
+    sheet = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [1, 2, 0], [0, 2, 0]], [[0, 1, 2], [0, 2, 3]])
+    assert np.allclose(np.sort(lines_of(sheet).length), [1, 1, 2, 2]), "where it ends, not across"
+    assert not len(lines_of(trimesh.creation.icosphere(3)).axis), "a ball has no edge"
+
+
+def test_a_narrow_side_has_a_line_in_its_middle() -> None:
+    import trimesh
+
+    door = lines_of(trimesh.creation.box((0.04, 0.6, 2.0)))
+    upright = np.abs(door.axis[:, 2]) > 0.999
+    assert np.allclose(np.sort(door.origin[upright][:, 1]), np.repeat([-0.3, 0.3], 3))
+    middle = door.origin[upright & (np.abs(door.origin[:, 0]) < 1e-9)]
+    assert np.allclose(np.sort(middle[:, 1]), [-0.3, 0.3]), "one on each side, not in between"
+    turned = trimesh.creation.box((0.04, 0.6, 2.0)).subdivide()
+    turned.faces[::2] = turned.faces[::2, [1, 2, 0]]
+    assert len(lines_of(turned).axis) == len(door.axis)
+
+
+def test_round_rims_give_their_middle_axis_and_what_is_across() -> None:
+    import trimesh
+
+    for sections in (10, 16, 32, 300):
+        tube = trimesh.creation.annulus(0.02, 0.05, 0.2, sections=sections)
+        lines = lines_of(tube.subdivide())
+        rims = np.flatnonzero(lines.round)
+        assert np.allclose(np.sort(lines.length[rims]), [0.04, 0.04, 0.1, 0.1], rtol=0.03)
+        assert np.allclose(np.abs(lines.axis[rims, 2]), 1, atol=1e-6)
+        assert np.allclose(lines.origin[rims, :2], 0, atol=1e-6)
+    half = trimesh.creation.cylinder(0.05, 0.2).slice_plane([0, 0, 0], [1, 0, 0])
+    lines = lines_of(half)
+    assert np.allclose(lines.origin[lines.round][:, :2], 0, atol=1e-6), "half a rim has it too"
+    assert not lines_of(trimesh.creation.box((0.4, 0.5, 0.6))).round.any()
+
+
+def test_the_line_that_is_seen_comes_first_and_the_hidden_ones_from_front_to_back() -> None:
+    import trimesh
+
+    from mam_pipeline.render.tracer import Tracer
+
+    ahead = trimesh.transformations.translation_matrix((-0.3, 0, 0))
+    front = trimesh.creation.box((0.02, 0.5, 0.6), ahead)
+    inner, back = (trimesh.creation.box(size) for size in ((0.1, 0.2, 0.2), (0.4, 0.204, 0.204)))
+    shapes = front, inner, back
+    joined: Any = trimesh.util.concatenate(shapes)
+    mesh = Mesh(joined.vertices, joined.faces)
+    owner = np.repeat(np.arange(3), [len(shape.faces) for shape in shapes])
+    lines, tracer = mesh_lines(mesh, owner), Tracer(mesh.vertices, mesh.faces)
+    eye = np.array([-3.0, 0.0, 0.0])
+
+    def hits(y: float, z: float) -> list[tuple[int, bool, float]]:
+        ray = np.array([-0.3, y, z]) - eye
+        found = lines_near(lines, tracer, eye, ray / np.linalg.norm(ray), mesh.diagonal)
+        return [(int(lines.owner[h.line]), h.hidden, float(lines.origin[h.line][0])) for h in found]
+
+    seen = hits(0.249, 0.0)
+    assert seen[0][:2] == (0, False) and seen[0][2] == pytest.approx(-0.31)
+    behind = hits(0.094, 0.0)
+    assert [hidden for _, hidden, _ in behind] == [True] * len(behind) and len(behind) >= 4
+    assert {o for o, _, _ in behind} == {1, 2}
+    assert [x for _, _, x in behind] == sorted(x for _, _, x in behind), "from front to back"
+    assert not hits(0.17, 0.0), "no edge is near"
 
 
 def test_parts_are_called_by_their_place_as_seen_from_the_front() -> None:

@@ -65,7 +65,7 @@ def test_a_gallery_shows_every_asset_and_leads_to_its_page(tmp_path: Path) -> No
     assert view.run() == 0
     page = (tmp_path / "all" / "gallery.html").read_text(encoding="utf-8")
     assert page.count("&lt;b&gt;Ann, CC0") == 2 and "<b>Ann" not in page
-    assert "all: 2 objects" in page and page.count("data:image/png") == 4
+    assert "<h1>2 objects</h1>" in page and page.count("data:image/png") == 4
     for k in range(2):
         link = f"station_button_00000{k}/view.html"
         own = (tmp_path / "all" / link).read_text(encoding="utf-8")
@@ -102,6 +102,42 @@ def test_the_sites_gallery_is_made_by_one_command_and_says_who_made_the_files(
     (folder / "credits.csv").write_text("file,credit\n../x.glb,Ann\n", encoding="utf-8")
     with pytest.raises(InputError):
         make_gallery.of_others(folder)
+
+
+def test_films_are_of_objects_that_pass_evenly_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "docs"))
+    import make_gallery
+
+    rows = [{"name": str(k), "status": "passes" if k % 2 else "fails"} for k in range(12)]
+    assert make_gallery.in_turn(rows, 3) == ["1", "5", "9", "3", "7", "11"]
+    assert make_gallery.in_turn(rows, 99) == ["1", "3", "5", "7", "9", "11"]
+    assert make_gallery.in_turn([], 3) == []
+
+
+@pytest.mark.sim
+@pytest.mark.slow
+def test_a_robots_attempt_is_filmed_once_and_told_with_what_came_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("mani_skill", reason="films need the simulator")
+    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "docs"))
+    import make_gallery
+
+    from mam_pipeline.asset.card import Asset
+    from mam_sim.facts import attempt_ok, attempt_sentence
+    from mam_sim.report import film_url
+    from mam_world.dataset import write_dataset
+
+    write_dataset("station_button", 1, 0, tmp_path)
+    folder = tmp_path / "station_button_000000"
+    make_gallery.films([folder], 1)
+    card, when = Asset.load(folder).card, (folder / "asset.json").stat().st_mtime_ns
+    told = attempt_sentence(card)
+    assert told.startswith("Robot panda, task ") and ", button: " in told
+    assert attempt_ok(card) == (": succeeds at attempt " in told) != (": fails" in told)
+    assert film_url(folder).startswith("data:video/mp4;base64,")
+    make_gallery.films([folder], 1)
+    assert (folder / "asset.json").stat().st_mtime_ns == when
 
 
 def test_a_page_gets_the_suffix_by_which_a_browser_opens_it(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from mam_pipeline.errors import MamSimError
+from mam_pipeline.hints import load_hints
 from mam_sim.studio import edits
 from mam_sim.studio.session import Session
 from tests.face.studio_window import (
@@ -50,21 +52,80 @@ def own_page(opened: Session) -> Iterator[Any]:
     pages[-1].stop()
 
 
-def test_in_a_browser_a_part_turns_about_the_edge_that_was_clicked(
+def test_in_a_browser_an_axis_is_taken_from_an_edge_and_again_from_the_one_behind_it(
     page: Any, window: Any, session: Session
 ) -> None:
     show(page, window, "Put right")
-    part = door(session).name
-    here = -np.sign(joint_of(session, part).origin[1]) * 0.23  # the edge without the hinge
+    work, part = page.work, door(session).name
+    before = joint_of(session, part)
+    here = -np.sign(before.origin[1]) * 0.23  # the edge without the hinge
     front = session.mesh.bounds[0, 0] + 0.04  # the knob stands 0.04 m before it
-    click_at(page, window, [front, 0.97 * here, 0.45])
-    assert page.work.part == part and page.work.face is not None
-    window.get_by_role("button", name="It turns about the clicked edge").click()
-    until(lambda: bool(abs(joint_of(session, part).origin[1] - here) < 1e-3))
+    work.choose(part)
+    window.get_by_role("button", name="Take the axis from the mesh").click()
+    window.get_by_text("point at an edge or a round rim").wait_for()
+    at = pixel(page, window, [[front, here, 0.4]])[0]
+    window.mouse.move(*at)
+    name = f"edge of the {work.called(part)}, 55.0 cm"
+    window.get_by_text(re.compile(name, re.IGNORECASE)).first.wait_for()
+    node = until(lambda: page.mend.from_mesh._drawn or None)[-1]
+    assert node.text == name and joint_of(session, part) is before, "a line is only shown"
+
+    window.mouse.click(*at)
+    window.get_by_text(f"Taken: {name}").wait_for()
     joint = joint_of(session, part)
-    assert abs(joint.axis[2]) > 0.999 and joint.provenance == "user"
+    assert np.allclose(joint.origin[:2], [front, here], atol=1e-4)
+    assert abs(joint.axis[2]) > 0.9999 and joint.provenance == "user"
     opened = joint.axis @ np.cross([0, -np.sign(here), 0], [-1, 0, 0])
     assert opened > 0, "positive motion brings the free side to the front"
+    hits = page.mend.from_mesh._place.hits
+    hidden = [hit for hit in hits if hit.hidden]
+    assert hidden and hits[-1].hidden, "those that are hidden come last"
+
+    def another_than(state: Any) -> bool:
+        return session.state is not state
+
+    for _ in hits[1:]:
+        now = session.state
+        window.mouse.click(*at)
+        until(partial(another_than, now))
+    lines = page.mend.from_mesh.lines()
+    last = joint_of(session, part)
+    assert np.allclose(last.origin, lines.origin[hits[-1].line], atol=1e-6)
+    assert not np.allclose(last.origin[:2], joint.origin[:2], atol=1e-3)
+    for _ in hits[1:]:
+        now = session.state
+        window.keyboard.press("Control+z")
+        until(partial(another_than, now))
+    assert joint_of(session, part) is joint
+
+    card = session.make().card  # which saves the hints
+    row = next(row for row in card.joints if row.child == part)
+    assert np.allclose(np.abs(row.axis), [0, 0, 1]) and np.allclose(row.origin[1], here, atol=1e-4)
+    said = next(p for p in load_hints(session.place.hints).parts if p.name == part).joint
+    assert said is not None and np.allclose(said.origin or 0.0, joint.origin)
+    session.place.hints.unlink()
+
+    window.mouse.click(canvas(window)["x"] + 20, canvas(window)["y"] + 20)
+    window.get_by_text("no straight edge and no round rim is near the pointer").wait_for()
+    window.keyboard.press("Escape")
+    until(lambda: work.pointing is None)
+    assert work.part == part, "Escape has ended the pointing alone"
+    window.get_by_text("Taken:").wait_for(state="hidden")
+
+
+def test_a_drawer_takes_the_direction_of_an_edge_alone(page: Any, session: Session) -> None:
+    work, part = page.work, door(session).name
+    work.choose(part)
+    work.edit(lambda h, t: edits.set_subtype(h, t, part, "slide"))
+    origin = joint_of(session, part).origin
+    page.mend._take_line(np.array([0.0, 1.0, 0.0]), np.array([5.0, 5.0, 5.0]))
+    joint = joint_of(session, part)
+    assert joint.type == "prismatic" and np.allclose(np.abs(joint.axis), [0, 1, 0])
+    assert np.allclose(joint.origin, origin)
+    work.choose(session.state.tree.nodes[0].name)
+    with pytest.raises(MamSimError, match="choose a part first"):
+        page.mend.point()
+    assert work.pointing is None
 
 
 def test_in_a_browser_the_tree_chooses_and_keys_edit_the_chosen_part(
