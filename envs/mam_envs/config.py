@@ -45,7 +45,6 @@ class SuccessConfig:
         link_force: the same for each link of the robot against anything else.
         grace_steps: control steps (20 a second) after a touch for which motion counts as the
             robot's.
-        max_steps: control steps of one episode (used by the verbs; gym.make takes its own).
     """
 
     fraction: Annotated[float, Range(0, 1, above=True)] = 0.75
@@ -59,7 +58,6 @@ class SuccessConfig:
     part_force: Positive | None = 60.0
     link_force: Positive | None = 150.0
     grace_steps: Annotated[int, Range(0, 1000)] = 5
-    max_steps: Annotated[int, Range(1, 100_000)] = 200
 
 
 @dataclass(frozen=True)

@@ -97,6 +97,15 @@ def window_middle(box: dict[str, float]) -> tuple[int, int]:
     return int(box["x"] + box["width"] / 2), int(box["y"] + box["height"] / 2)
 
 
+def drawn(window: Any) -> bool:
+    """Whether the middle of the view, as wide as it is now, shows something.
+
+    The view is as wide as the window until the panels have their place.
+    """
+    column, row = window_middle(canvas(window))
+    return bool(seen(window)[row, column].min() < 250)
+
+
 def show(page: Any, window: Any, tab: str = "") -> None:
     """Open the studio's page, wait until the object is drawn, and go to a tab."""
     with page.work.lock:
@@ -105,8 +114,7 @@ def show(page: Any, window: Any, tab: str = "") -> None:
     window.goto(page.url)
     window.get_by_text("cabinet").wait_for()
     until(lambda: len(page.server.get_clients()) > 0)
-    column, row = window_middle(canvas(window))
-    until(lambda: bool(seen(window)[row, column].min() < 250))
+    until(lambda: drawn(window))
     if tab:
         window.get_by_role("tab", name=tab).click()
 

@@ -53,7 +53,7 @@ def test_a_number_is_only_compared_with_one_of_the_same_measure() -> None:
     assert plain(EnvConfig().success) == {
         "fraction": 0.75, "widest": np.pi / 2, "start": 0.6, "value": None, "tolerance": None,
         "still_speed": [0.1, 0.5], "driven": 0.5, "touch_force": 0.1, "part_force": 60.0,
-        "link_force": 150.0, "grace_steps": 5, "max_steps": 200,
+        "link_force": 150.0, "grace_steps": 5,
     }  # fmt: skip
     assert plain(EnvConfig().randomisation) == {
         "position": 0.02, "yaw": 10.0, "robot_qpos": 0.01, "friction": [1.0, 1.0],

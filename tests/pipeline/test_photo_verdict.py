@@ -31,7 +31,7 @@ from mam_pipeline.photo.handles import Blob
 from mam_pipeline.photo.image import read_photo
 from mam_pipeline.photo.layout import cells_of_layout, layout_text
 from mam_pipeline.photo.measure import USUAL, usual_size
-from mam_pipeline.photo.opened import LIKELY
+from mam_pipeline.photo.opened import RULES
 from mam_pipeline.photo.options import CATEGORY_NAMES, PhotoOptions, parse_layout, parse_options
 from mam_pipeline.photo.panel import Panel
 from mam_pipeline.photo.tiling import SeamMaps
@@ -305,7 +305,7 @@ def test_closed_pictures_are_called_closed_and_nobody_looks_where_panels_are_tol
     for path in sorted((ROOT / "examples").glob("*.jpg")):
         photo = read_photo(path)
         looks = seen_as(photo, PhotoOptions())
-        assert looks is not None and 0.0 < looks.opened < LIKELY
+        assert looks is not None and 0.0 < looks.opened < RULES.likely
         assert opened_in(photo, PhotoOptions(category="fridge"), None) == looks.opened
     assert opened_in(photo, parse_options({"layout": "2 drawers"}), Looks({}, 0.9)) == 0.0
 

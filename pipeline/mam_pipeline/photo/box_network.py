@@ -42,11 +42,11 @@ class BoxMaps:
     spread: NDArray[np.float64]
 
 
-def look_at_photo(image: NDArray[np.uint8]) -> BoxMaps:
-    """Box of the main object of a photo (height, width, 3), RGB."""
+def look_at_photo(image: NDArray[np.uint8], weights: Path = WEIGHTS) -> BoxMaps:
+    """Box of the main object of a photo (height, width, 3), RGB, by a network's weights."""
     height, width = image.shape[:2]
     shape = nearest_shape(SHAPES, height, width)
-    raw = load_network(WEIGHTS)(image, shape)
+    raw = load_network(weights)(image, shape)
     seen, corner, spread = np.split(raw, np.cumsum(list(MAPS.values()))[:-1])
     seen = softmax(seen)
     at, off = counted(1 - seen[0], corner, spread)

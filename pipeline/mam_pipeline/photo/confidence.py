@@ -104,7 +104,12 @@ def box_evidence(found: Found) -> float:
     """Evidence 0..1 that the box is right; 1 where the user gave its front."""
     if found.front_given:
         return 1.0
-    return corner_evidence(found.doubt) * float(np.exp(-found.cost / RULES.cost))
+    return fit_evidence(found.doubt, found.cost)
+
+
+def fit_evidence(doubt: float, cost: float) -> float:
+    """Evidence 0..1 that a fitted box is right: of its front's corners' doubt, and its cost."""
+    return corner_evidence(doubt) * float(np.exp(-cost / RULES.cost))
 
 
 def corner_evidence(doubt: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -11,7 +12,20 @@ from numpy.typing import NDArray
 
 NAME = "opened.json"
 KEPT = Path(__file__).parent / "weights" / "opened" / NAME
-LIKELY = 0.5  # from this probability on it is said
+
+
+@dataclass(frozen=True)
+class OpenedRules:
+    """When a photo is said to show something that stands open.
+
+    Attributes:
+        likely: from this probability on.
+    """
+
+    likely: float = 0.5
+
+
+RULES = OpenedRules()
 
 
 def stands_open(described: NDArray[np.float32]) -> float:

@@ -21,12 +21,7 @@ from mam_pipeline.photo.image import Photo
 from mam_pipeline.photo.layout import layout_text
 from mam_pipeline.photo.options import PhotoOptions
 
-OUT = 0.2  # of the probability that it is in scope: below, nothing is made
-SURE = 0.6  # below, the user is asked what it is
-BORDER = 0.01  # of the picture's side: nearer to its edge an object is cut off there
-TALL = 0.85  # width over height of the doors of a room is less
 APPLIANCES = ("refrigerator", "microwave", "oven", "dishwasher", "washing machine", "safe")
-NO_BOX = 0.3  # of the front's side: where its corners are more doubtful, there is no box
 ORDER = ("low", "medium", "high", "given")
 CLOSED = "If a drawer or door stands open in the photo, close it and take another."
 CONTROLS = ("microwave", "oven", "dishwasher", "washing_machine", "fridge")
@@ -39,9 +34,19 @@ class DoubtRules:
     Attributes:
         other_face: share of what is seen of the box beside its front from which the front may be
             another face.
+        out, sure: probability that it is in scope below which nothing is made, and below which a
+            person is asked what it is.
+        border: of the picture's side: nearer to its edge an object is cut off there.
+        tall: width over height of the doors of a room is less.
+        no_box: of the front's side: where its corners are more doubtful, there is no box.
     """
 
     other_face: float = 0.25
+    out: float = 0.2
+    sure: float = 0.6
+    border: float = 0.01
+    tall: float = 0.85
+    no_box: float = 0.3
 
 
 RULES = DoubtRules()
@@ -75,7 +80,7 @@ def seen_as(photo: Photo, options: PhotoOptions) -> Looks | None:
             return None
         picture = np.ascontiguousarray(cut)
     looks = look(picture)
-    if looks.in_scope >= SURE:
+    if looks.in_scope >= RULES.sure:
         return looks
     best = max(looks, _closer(picture), key=lambda seen: seen.in_scope)
     return replace(best, opened=looks.opened)
@@ -103,7 +108,7 @@ def _closer(picture: NDArray[np.uint8]) -> Looks:
 
 def stop_if_out_of_scope(looks: Looks | None, options: PhotoOptions, path: str) -> None:
     """Raise NotThisKind for a photo that shows something else than box furniture."""
-    if looks is None or looks.in_scope >= OUT:
+    if looks is None or looks.in_scope >= RULES.out:
         return
     if options.front or options.layout or options.accept_low_confidence:  # the user sees a front
         return
@@ -164,8 +169,8 @@ def stop_if_no_box(found: Found, options: PhotoOptions, path: str, opened: float
     Args:
         opened: how likely something stands open (`opened_in`).
     """
-    if found.doubt > NO_BOX and not options.accept_low_confidence:
-        close = f"{_stands_open(opened)}, or " if opened > opened_in_photos.LIKELY else ""
+    if found.doubt > RULES.no_box and not options.accept_low_confidence:
+        close = f"{_stands_open(opened)}, or " if opened > opened_in_photos.RULES.likely else ""
         raise NotThisKind(
             f"{path} does not look like a closed, box-like object (the corners of its front are "
             f"uncertain by {found.doubt:.0%} of its side); {close}if it is one, mark its front:\n"
@@ -192,10 +197,10 @@ def doubt_about(
     if options.hints is not None:
         return None
     of_box = words["cuboid"] == "low" or (not found.front_given and fills_the_picture(found))
-    of_thing = looks is not None and looks.in_scope < SURE
+    of_thing = looks is not None and looks.in_scope < RULES.sure
     unlike = of_thing and not (found.front_given or options.layout)
     of_room = may_be_a_room_door(found, options, looks)
-    stands_open = opened > opened_in_photos.LIKELY and options.layout is None
+    stands_open = opened > opened_in_photos.RULES.likely and options.layout is None
     told = f"{_stands_open(opened)}, or say what each panel is"
     if unlike:
         assert looks is not None
@@ -260,7 +265,7 @@ def may_be_a_room_door(found: Found, options: PhotoOptions, looks: Looks | None 
         return False
     w, _, h = found.shape
     panels = found.reading.movable
-    if w / h > TALL or found.depth_from == "observed" or not 1 <= len(panels) <= 2:
+    if w / h > RULES.tall or found.depth_from == "observed" or not 1 <= len(panels) <= 2:
         return False
     height = found.reading.image.shape[0]
     return all(p.kind == "door" and p.box[3] - p.box[1] > 0.7 * height for p in panels)
@@ -270,7 +275,7 @@ def fills_the_picture(found: Found) -> bool:
     """Whether the box touches the picture's edge on all four sides."""
     width, height = found.picture
     corners = np.vstack(found.faces)
-    edge = BORDER * max(width, height)
+    edge = RULES.border * max(width, height)
     low, high = corners.min(axis=0), corners.max(axis=0)
     return bool((low < edge).all() and high[0] > width - edge and high[1] > height - edge)
 

@@ -23,7 +23,7 @@ from mam_pipeline.digests import file_digest
 from mam_pipeline.errors import InputError
 from mam_pipeline.photo.category import described
 from mam_pipeline.photo.image import read_photo
-from mam_pipeline.photo.opened import LIKELY, NAME
+from mam_pipeline.photo.opened import NAME, RULES
 from mam_training import manifest
 from mam_training.command import configured
 from mam_training.photo.real_photos import REAL
@@ -84,7 +84,7 @@ def in_folds(x: Array, y: NDArray[np.bool_], config: OpenedTraining) -> dict[str
     for seen, left in folds.split(x, y):
         weights, bias = fit(x[seen], y[seen], config)
         value[left] = 1.0 / (1.0 + np.exp(-(x[left] @ weights + bias)))
-    called = value > LIKELY
+    called = value > RULES.likely
     return {
         "open": int(y.sum()),
         "of_these_called_open": int((called & y).sum()),

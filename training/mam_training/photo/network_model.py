@@ -206,6 +206,7 @@ def trained(
         loss_of: raw values and truth to losses by name; their sum is minimised.
         weights: where the package keeps those of this network.
     """
+    torch.set_num_threads(1)  # sums have one order
     torch.manual_seed(config.seed)
     network = Network(answers, config.channels)
     if config.start:

@@ -48,7 +48,7 @@ UNMARKED = -1.0  # in place of a share of a handle: nobody says whether one is t
 class FrontTraining(NetworkTraining):
     """What the front network is trained on, and where it goes."""
 
-    start: str = "b00eaae"
+    start: str = "2526952"
     count: int = 3_200
     """Fronts that are seen."""
     batch: int = 16
@@ -261,7 +261,6 @@ def real_fronts(config: FrontTraining) -> list[PaintedFront]:
 def main(argv: Sequence[str] | None = None) -> None:
     """Train and save."""
     config = configured(FrontTraining(), argv)
-    torch.set_num_threads(1)
     save(train(config), config.out / WEIGHTS.name)
     manifest.write(
         config.out,
