@@ -101,6 +101,16 @@ POINTER = """
 """
 """What the pointer rests on, a tenth of a second long, is written into a field of the page that
 nobody sees (`hover.Hover`): a row that has `data-over`, or a place in the view."""
+LOST = """
+addEventListener("webglcontextlost", () => {
+  const last = Number(sessionStorage.getItem("lost") ?? 0);
+  sessionStorage.setItem("lost", Date.now());
+  if (Date.now() - last > 20000) setTimeout(() => location.reload(), 500);
+}, true);
+"""
+"""A view whose drawing process ended (a driver that was reset, a laptop that slept) stays as it is,
+or white, for good. The page is loaded again; what was edited is the server's. Not more often than
+every 20 s, where drawing fails each time."""
 STYLE = """
 @media (min-width: 1800px) { html { font-size: 115% !important; } }
 @media (min-width: 2400px) { html { font-size: 140% !important; } }
@@ -214,7 +224,7 @@ def _with_script(response: Any) -> Any:
         return response
     packed = response.headers.get("Content-Encoding") == "gzip"
     body = gzip.decompress(response.body) if packed else response.body
-    head = f"<head><script>{LIGHT}{KEYS}{POINTER}</script><style>{STYLE}</style>"
+    head = f"<head><script>{LIGHT}{KEYS}{POINTER}{LOST}</script><style>{STYLE}</style>"
     body = body.replace(b"<head>", head.encode(), 1)
     response.body = gzip.compress(body, 1) if packed else body
     del response.headers["Content-Length"]

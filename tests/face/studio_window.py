@@ -22,7 +22,10 @@ CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 SIZE = {"width": 900, "height": 560}
 
 
-DRAWN_BY_CPU = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+DRAWN_BY_CPU = [
+    "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--disable-gpu-watchdog",  # which ends the drawing process where a frame takes long
+]  # fmt: skip
 
 
 PATIENCE = 120_000  # ms: on a machine with other work a frame takes seconds
@@ -43,11 +46,17 @@ def joint_of(session: Session, name: str) -> Joint:
     return found
 
 
-def until(true: Callable[[], Any], seconds: float = PATIENCE / 1000) -> Any:
-    """Wait until something is neither None nor False; returns it."""
+def until(
+    true: Callable[[], Any], seconds: float = PATIENCE / 1000, told: Callable[[], Any] = str
+) -> Any:
+    """Wait until something is neither None nor False; returns it.
+
+    Args:
+        told: what a failure says besides.
+    """
     end = time.monotonic() + seconds
     while (found := true()) is None or found is False:
-        assert time.monotonic() < end, "it did not happen in time"
+        assert time.monotonic() < end, f"it did not happen in time {told()}"
         time.sleep(0.05)
     return found
 
@@ -106,6 +115,24 @@ def drawn(window: Any) -> bool:
     return bool(seen(window)[row, column].min() < 250)
 
 
+def in_place(page: Any) -> bool:
+    """Whether the browser's camera is where the page puts it at first."""
+    at = page.server.initial_camera.position
+    return bool(np.allclose(camera_of(page).position, at, atol=1e-3))
+
+
+def still(window: Any) -> bool:
+    """Whether two pictures of the window are the same."""
+    return bool(np.array_equal(seen(window), seen(window)))
+
+
+def is_lost(window: Any) -> bool:
+    """Whether the process that draws the view has ended."""
+    view = window.locator("canvas").first
+    lost: bool = view.evaluate("canvas => canvas.getContext('webgl2').isContextLost()")
+    return lost
+
+
 def show(page: Any, window: Any, tab: str = "") -> None:
     """Open the studio's page, wait until the object is drawn, and go to a tab."""
     with page.work.lock:
@@ -114,7 +141,10 @@ def show(page: Any, window: Any, tab: str = "") -> None:
     window.goto(page.url)
     window.get_by_text("cabinet").wait_for()
     until(lambda: len(page.server.get_clients()) > 0)
-    until(lambda: drawn(window))
+    until(
+        lambda: in_place(page) and drawn(window) and still(window),
+        told=lambda: (canvas(window), is_lost(window), camera_of(page)),
+    )
     if tab:
         window.get_by_role("tab", name=tab).click()
 

@@ -20,6 +20,8 @@ from tests.face.studio_window import (
     click_at,
     door,
     door_front,
+    drawn,
+    is_lost,
     joint_of,
     pixel,
     seen,
@@ -157,3 +159,15 @@ def test_a_port_that_is_taken_is_an_error(page: Any) -> None:
 
     with pytest.raises(InputError, match="cannot listen on port"):
         Page(page.server.get_port())
+
+
+def test_in_a_browser_a_view_that_was_lost_is_drawn_again(
+    page: Any, window: Any, session: Session
+) -> None:
+    show(page, window)
+    view = window.locator("canvas").first
+    view.evaluate(
+        "canvas => canvas.getContext('webgl2').getExtension('WEBGL_lose_context').loseContext()"
+    )
+    assert is_lost(window)
+    until(lambda: not is_lost(window) and drawn(window))
