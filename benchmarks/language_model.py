@@ -43,6 +43,7 @@ import numpy as np
 import results_page
 import tyro
 from common import ROOT, load, machine, save
+from mam_sim_bench.metrics import score
 from mam_sim_bench.photo_scores import panels_of
 from mam_sim_bench.runner import Record, execute
 from mam_sim_bench.table import Row, models_of, summarise
@@ -51,9 +52,7 @@ from tyro.conf import Positional
 from mam_pipeline.asset.interiors import add_interiors
 from mam_pipeline.backends import KinematicPrior
 from mam_pipeline.errors import BackendError, HintNeeded, MamSimError, NotThisKind
-from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.make_config import EngineConfig
-from mam_pipeline.metrics import score
 from mam_pipeline.models import settings
 from mam_pipeline.models.photo_reader import read_by_model
 from mam_pipeline.photo import reconstruct
@@ -65,6 +64,7 @@ from mam_pipeline.stages import Stages
 from mam_pipeline.types import Articulation, KinematicTree, Primitives
 from mam_pipeline.weights import noting
 from mam_training.photo.real_photos import boxes_of
+from mam_world.ground_truth import GroundTruth, list_objects, read_object
 
 ANSWERS = tuple(sorted((ROOT / "tests" / "pipeline").glob("answers*.zip")))
 EMBEDDED = "the embedded reasoner"

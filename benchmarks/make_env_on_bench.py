@@ -24,9 +24,9 @@ from mam_envs.trial import try_environment
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.formats.mesh_files import save_glb
 from mam_pipeline.geometry.fuse import fuse_mesh
-from mam_pipeline.ground_truth import list_objects, read_object
 from mam_pipeline.types import Mesh
 from mam_sim.cli import main as mam_sim
+from mam_world.ground_truth import list_objects, read_object
 
 
 def save_mesh(mesh: Mesh, stem: Path, fuse: bool) -> Path:

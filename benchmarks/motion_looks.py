@@ -18,7 +18,7 @@ from language_model import ANSWERS, Archive, judged, line
 from mam_sim_bench.runner import Record
 from tyro.conf import Positional
 
-from mam_pipeline.ground_truth import list_objects, read_object
+from mam_world.ground_truth import list_objects, read_object
 
 
 def main(dataset: Positional[str], answers: tuple[Path, ...] = ANSWERS) -> None:

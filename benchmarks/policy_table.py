@@ -26,13 +26,13 @@ from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.check.check import check_asset
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.formats.mesh_files import save_glb
-from mam_pipeline.ground_truth import list_objects, read_object
 from mam_policies.algorithms.bc import BcConfig, BehaviourCloning
 from mam_policies.evaluate import evaluate_run, plain
 from mam_policies.run import EnvChoice
 from mam_policies.wilson import wilson
 from mam_sim.cli import main as mam_sim
 from mam_world import make_object
+from mam_world.ground_truth import list_objects, read_object
 
 
 @dataclass

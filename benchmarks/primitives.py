@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 import tyro
 from common import save
+from mam_sim_bench.metrics import nearest_face
 from tyro.conf import Positional
 
 from mam_pipeline.geometry.fuse import fuse_mesh
 from mam_pipeline.geometry.sampling import face_geometry
-from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
-from mam_pipeline.metrics import nearest_face
 from mam_pipeline.segment.fused import cut, hierarchy
 from mam_pipeline.segment.geometric import GeometricSegmenter
 from mam_pipeline.segment.topology import topology
 from mam_pipeline.types import FloatArray, IntArray, Mesh
+from mam_world.ground_truth import GroundTruth, list_objects, read_object
 
 CUTS = (10, 20, 40, 80, 160, 400)
 INVISIBLE = 2e-4  # of the area: parts below it are left out of the bound

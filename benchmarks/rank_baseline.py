@@ -35,13 +35,13 @@ from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.formats.mesh_files import LoadedMesh, load_mesh, save_obj
 from mam_pipeline.geometry.front import front_of, moved
-from mam_pipeline.ground_truth import GroundTruth
 from mam_pipeline.guarded import Limits
 from mam_pipeline.make_config import EngineConfig, MakeConfig
 from mam_pipeline.run import make_asset
 from mam_pipeline.types import Articulation, Joint, Link, Mesh
 from mam_sim.rank.measure import Measure, Share, Total, total
 from mam_sim.rank.run import attempts, examine, joints_of_truth, measured
+from mam_world.ground_truth import GroundTruth
 
 SPECK = 0.05
 """A component with less than this share of the surface belongs to the base."""

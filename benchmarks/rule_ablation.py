@@ -25,13 +25,12 @@ import numpy as np
 import tyro
 from common import save
 from compare_bench import interval
+from mam_sim_bench.metrics import score
 
 from mam_pipeline.geometry.fuse import fuse_mesh
-from mam_pipeline.ground_truth import GroundTruth
 from mam_pipeline.joints.estimate import OF_JOINTS, JointEstimator
 from mam_pipeline.joints.solver import EmbeddedSolver
 from mam_pipeline.make_config import EngineConfig
-from mam_pipeline.metrics import score
 from mam_pipeline.parts.embedded import (
     REASONER,
     Scored,
@@ -48,6 +47,7 @@ from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.segment.geometric import GeometricSegmenter
 from mam_pipeline.segment.topology import without_repeats
 from mam_pipeline.types import KinematicTree, Mesh, Primitives
+from mam_world.ground_truth import GroundTruth
 from mam_world.splits import VALIDATION_ONLY, iterate
 from mam_world.truth import generated_truth
 

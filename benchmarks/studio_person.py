@@ -9,18 +9,18 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from mam_sim_bench.metrics import nearest_face
 from numpy.typing import NDArray
 from studio_hands import SIDES, Hands, until
 
 from mam_pipeline.geometry.sampling import face_geometry
-from mam_pipeline.ground_truth import GroundTruth
-from mam_pipeline.metrics import nearest_face
 from mam_pipeline.types import IntArray, Joint, JointCandidate, PartNode
 from mam_sim.studio.lines import mesh_lines
 from mam_sim.studio.page import Page
 from mam_sim.studio.parts import PLAYING
 from mam_sim.studio.picking import area_around, primitives_in_box
 from mam_sim.studio.session import Session
+from mam_world.ground_truth import GroundTruth
 
 TURNED, APART = np.radians(10), 0.03  # an axis within this is right: radians, diagonals
 WORTH = 0.01  # share of a part's surface below which a person does not miss a piece

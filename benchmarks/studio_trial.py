@@ -34,6 +34,7 @@ from typing import Any
 import numpy as np
 import tyro
 from common import save
+from mam_sim_bench.metrics import nearest_face, score
 from mam_sim_bench.runner import Task, find_tasks
 from playwright.sync_api import Error as PageError
 from playwright.sync_api import sync_playwright
@@ -48,13 +49,12 @@ from mam_pipeline.errors import MamSimError
 from mam_pipeline.formats.mesh_files import save_glb
 from mam_pipeline.geometry.front import moved
 from mam_pipeline.geometry.sampling import face_geometry
-from mam_pipeline.ground_truth import GroundTruth
 from mam_pipeline.make_config import MakeConfig
-from mam_pipeline.metrics import nearest_face, score
 from mam_pipeline.run import make_asset
 from mam_sim.studio.page import Page
 from mam_sim.studio.place import place_of
 from mam_sim.studio.session import Session
+from mam_world.ground_truth import GroundTruth
 
 PATIENCE = 60.0  # seconds for one step of the machine
 GENERATED = 60  # objects of a generated split that are looked at

@@ -17,9 +17,9 @@ import tyro
 from common import save
 from tyro.conf import Positional
 
-from mam_pipeline.ground_truth import list_objects, read_object
 from mam_pipeline.joints.limits import Surroundings, embedded_limits
 from mam_pipeline.types import Articulation, Joint
+from mam_world.ground_truth import list_objects, read_object
 
 
 @dataclass(frozen=True)

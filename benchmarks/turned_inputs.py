@@ -20,8 +20,8 @@ from mam_sim_bench.table import summarise
 from tyro.conf import Positional
 
 from mam_pipeline.geometry.front import moved
-from mam_pipeline.ground_truth import GroundTruth
 from mam_pipeline.make_config import EngineConfig
+from mam_world.ground_truth import GroundTruth
 
 
 @dataclass(frozen=True)

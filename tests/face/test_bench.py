@@ -12,6 +12,7 @@ import pytest
 from mam_sim_bench import runner
 from mam_sim_bench.bench import Bench
 from mam_sim_bench.config import BenchConfig
+from mam_sim_bench.metrics import FoundJoint, score
 from mam_sim_bench.runner import Record, Task, find_tasks, record_from, run_bench
 from mam_sim_bench.table import (
     PAPER,
@@ -28,11 +29,10 @@ from mam_sim_bench.table import (
 
 from mam_pipeline import config_file
 from mam_pipeline.errors import ConfigError, InputError
-from mam_pipeline.ground_truth import list_objects, read_object
-from mam_pipeline.metrics import FoundJoint, score
 from mam_pipeline.types import DormantPart, Primitives
 from mam_sim.cli import main
 from mam_sim.options import parse
+from mam_world.ground_truth import list_objects, read_object
 from mam_world.splits import split_of
 from mam_world.truth import generated_truth
 

@@ -18,9 +18,9 @@ import code_state  # noqa: E402 - benchmarks/ is no package
 import engine_table  # noqa: E402
 import results_page  # noqa: E402
 from code_state import State  # noqa: E402
+from mam_sim_bench.metrics import score  # noqa: E402
 from mam_sim_bench.runner import Record  # noqa: E402
 
-from mam_pipeline.metrics import score  # noqa: E402
 from mam_world.truth import generated_truth  # noqa: E402
 
 TABLES = sorted(

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from mam_sim_bench.metrics import limit_iou, pivot_distance, score
 
-from mam_pipeline.ground_truth import GroundTruth
-from mam_pipeline.metrics import limit_iou, pivot_distance, score
 from mam_pipeline.types import NEEDS_REVIEW, Articulation, Joint, JointType, Link, Mesh
+from mam_world.ground_truth import GroundTruth
 
 
 def cabinet(

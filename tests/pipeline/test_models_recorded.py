@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mam_sim_bench.metrics import score
 from pydantic import BaseModel
 
-from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.make_config import EngineConfig
-from mam_pipeline.metrics import score
 from mam_pipeline.models import photo_reader, questions, settings
 from mam_pipeline.stages import Stages
 from mam_pipeline.types import KinematicTree, Primitives
+from mam_world.ground_truth import GroundTruth, list_objects, read_object
 
 ARCHIVE = Path(__file__).resolve().parent / "answers.zip"
 with zipfile.ZipFile(ARCHIVE) as archive:

@@ -9,7 +9,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from mam_pipeline.ground_truth import read_object
+from mam_world.ground_truth import read_object
 
 SCRIPT = Path(__file__).resolve().parents[2] / "benchmarks" / "sweet_home_dataset.py"
 CATALOGUE = """

@@ -11,7 +11,6 @@ import pytest
 import trimesh
 
 from mam_pipeline.errors import ConfigError, InputError
-from mam_pipeline.ground_truth import list_objects, read_object
 from mam_pipeline.weights import standing_in
 from mam_training.labels.__main__ import dataset
 from mam_training.labels.ask import ask_all, items_of, label_file, pack, unpack
@@ -23,6 +22,7 @@ from mam_training.labels.dataset import (
     write_dataset,
 )
 from mam_training.labels.label import Label, faces_of, runs_of
+from mam_world.ground_truth import list_objects, read_object
 
 LABELS = Path(__file__).resolve().parents[2] / "labels"
 PARTS = {"base": "body", "parts": [{

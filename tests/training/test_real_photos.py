@@ -12,8 +12,8 @@ import pytest
 from mam_pipeline.models.photo_reader import PhotoReading, faults
 from mam_pipeline.photo.camera import FACES
 from mam_pipeline.photo.front_network import KINDS
-from mam_pipeline.photo.truth import PanelTruth
 from mam_training.photo import real_photos as real
+from mam_world.photos.truth import PanelTruth
 
 ROOT = Path(__file__).resolve().parents[2]
 LABELS = ROOT / "labels" / "photos.jsonl"

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from mam_pipeline.evidence.kinds import kinds
-from mam_pipeline.ground_truth import GroundTruth
+from mam_world.ground_truth import GroundTruth
 from mam_world.object import generator
 
 TRUE = 0.5  # share of objects whose names mean their parts

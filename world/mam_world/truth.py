@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mam_pipeline.geometry.front import moved
-from mam_pipeline.ground_truth import GroundTruth
+from mam_world.ground_truth import GroundTruth
 from mam_world.object import make_object
 
 

@@ -8,9 +8,10 @@ from scipy.optimize import linear_sum_assignment
 from shapely.geometry import Polygon
 
 from mam_pipeline.photo.camera import apply_homography, quad_homography
-from mam_pipeline.photo.truth import Rect
 
 Array = NDArray[np.float64]
+Rect = tuple[float, float, float, float]
+"""u0, v0, u1, v1 in front coordinates: 0..1 of the front, u to the viewer's right, v downwards."""
 
 
 def polygon_iou(a: Array, b: Array) -> float:

@@ -26,7 +26,7 @@ from mam_pipeline.types import (
 )
 
 if TYPE_CHECKING:
-    from mam_pipeline.ground_truth import GroundTruth
+    from mam_world.ground_truth import GroundTruth
 
 SAMPLES = 20_000
 SAMPLES_PER_PART = 500

@@ -18,8 +18,8 @@ from mam_pipeline.photo.layout import layout_text
 from mam_pipeline.photo.options import PhotoOptions, parse_options
 from mam_pipeline.photo.quad import corners_of, upright
 from mam_pipeline.photo.score import match, polygon_iou, rect_quad
-from mam_pipeline.photo.truth import PhotoTruth, Rect
 from mam_pipeline.photo.verdict import judge
+from mam_world.photos.truth import PhotoTruth, Rect
 
 Array = NDArray[np.float64]
 YOLO_CLASSES = ("door", "handle", "cabinet door", "refrigerator door")  # of DoorDetect

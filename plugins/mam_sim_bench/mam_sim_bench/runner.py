@@ -21,13 +21,13 @@ from mam_pipeline.errors import ConfigError, HintNeeded, MamSimError
 from mam_pipeline.evidence.spec import NOTHING, KindCount, KinematicSpec, Said
 from mam_pipeline.folders import Scratch
 from mam_pipeline.geometry.front import moved
-from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
-from mam_pipeline.metrics import RIGHT_IOU, FoundJoint, JointScore, Scores, score
 from mam_pipeline.models import settings
 from mam_pipeline.stages import articulate_mesh
 from mam_pipeline.types import Articulation
 from mam_pipeline.weights import VARIABLE, noting
 from mam_sim_bench.config import BenchConfig
+from mam_sim_bench.metrics import RIGHT_IOU, FoundJoint, JointScore, Scores, score
+from mam_world.ground_truth import GroundTruth, list_objects, read_object
 
 GENERATED = "generated:"
 MOTIONLESS = "motionless"
@@ -231,8 +231,8 @@ def grouping_bound(mesh: Any, labels: Any, truth: GroundTruth) -> float:
         labels: (F,) primitive of every face of `mesh`.
     """
     from mam_pipeline.geometry.sampling import face_geometry
-    from mam_pipeline.metrics import nearest_face
     from mam_pipeline.types import Link
+    from mam_sim_bench.metrics import nearest_face
 
     nearest = nearest_face(truth.mesh, mesh.vertices[mesh.faces].mean(axis=1))
     owner = truth.face_link[nearest]

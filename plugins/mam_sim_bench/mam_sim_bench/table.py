@@ -11,9 +11,9 @@ import numpy as np
 from rich.table import Table
 
 from mam_pipeline.config_file import plain
-from mam_pipeline.metrics import reliability
 from mam_pipeline.weights import learned
 from mam_sim_bench.config import BenchConfig
+from mam_sim_bench.metrics import reliability
 from mam_sim_bench.runner import GENERATED, UNSEEN, Record
 
 

@@ -9,15 +9,15 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import trimesh
+from mam_sim_bench.metrics import Scores, score
 
 from mam_pipeline import folders
 from mam_pipeline.errors import ConfigError, InputError
-from mam_pipeline.ground_truth import GroundTruth
-from mam_pipeline.metrics import Scores, score
 from mam_pipeline.types import Articulation, FloatArray
 from mam_pipeline.weights import learned, rooms
 from mam_training.labels.ask import items_of, read_item
 from mam_training.labels.label import Label
+from mam_world.ground_truth import GroundTruth
 
 SOURCE = "labels"  # what manifests of weights call these objects
 

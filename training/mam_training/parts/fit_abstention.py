@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mam_sim_bench.metrics import reliability, rigid_parts, score
 from numpy.typing import NDArray
 from scipy import optimize
 from scipy.special import expit, logit
@@ -31,9 +32,7 @@ from scipy.special import expit, logit
 from mam_pipeline.dormant import awake
 from mam_pipeline.errors import InputError
 from mam_pipeline.geometry.sampling import face_geometry
-from mam_pipeline.ground_truth import GroundTruth, list_objects, read_object
 from mam_pipeline.make_config import EngineConfig
-from mam_pipeline.metrics import reliability, rigid_parts, score
 from mam_pipeline.parts.abstain import SIGNS, Bar
 from mam_pipeline.parts.embedded import decide, sampled_views, tree_of
 from mam_pipeline.parts.scores import load_scores
@@ -43,6 +42,7 @@ from mam_pipeline.stages import Stages
 from mam_pipeline.types import NEEDS_REVIEW, Articulation, KinematicTree, Mesh, Primitives
 from mam_training import manifest
 from mam_training.command import configured
+from mam_world.ground_truth import GroundTruth, list_objects, read_object
 
 Array = NDArray[np.float64]
 # signs whose direction is known beforehand: few objects must not turn it round
@@ -118,7 +118,7 @@ def rows_of(
     tree: KinematicTree, primitives: Primitives, articulation: Articulation, truth: GroundTruth
 ) -> list[dict[str, Any]]:
     """Signs, confidence and truth of every part that is awake without the bar, and whether its
-    joint is right (`mam_pipeline.metrics.FoundJoint`)."""
+    joint is right (`mam_sim_bench.metrics.FoundJoint`)."""
     moving = rigid_parts(articulation)[1]
     right = {j.name: f.right for j, f in zip(moving, score(articulation, truth).found)}
     label = rigid_parts(truth.truth_articulation())[0][truth.face_link]

@@ -39,9 +39,9 @@ from mam_pipeline.photo.measure import quad_area, rectify
 from mam_pipeline.photo.options import parse_layout
 from mam_pipeline.photo.quad import aspect_of_quad, corners_of, upright
 from mam_pipeline.photo.score import match, polygon_iou, rect_quad
-from mam_pipeline.photo.truth import PanelTruth
 from mam_world.photos.painted_front import PaintedFront
 from mam_world.photos.painted_photo import PaintedPhoto
+from mam_world.photos.truth import PanelTruth
 
 Array = NDArray[np.float64]
 Rect = tuple[float, float, float, float]

@@ -26,7 +26,6 @@ from torch.nn import functional as f
 
 from mam_pipeline.photo.front_network import KINDS, MAPS, SHAPES, WEIGHTS
 from mam_pipeline.photo.network import STRIDE, nearest_shape
-from mam_pipeline.photo.truth import PanelTruth
 from mam_training import manifest
 from mam_training.command import configured
 from mam_training.photo.network_model import Network, NetworkTraining, save, trained
@@ -34,6 +33,7 @@ from mam_training.photo.real_photos import REAL, marked_in, toned
 from mam_training.photo.real_photos import front_lesson as real_front
 from mam_world.photos.painted_front import PaintedFront, paint_front
 from mam_world.photos.synthetic_photo import LEVELS, synthesise
+from mam_world.photos.truth import PanelTruth
 
 Array = NDArray[np.float32]
 PHOTO_WIDTH = 560  # pixels of a rendered photo

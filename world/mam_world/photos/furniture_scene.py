@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mam_pipeline.photo.truth import PanelTruth, Rect
 from mam_world.photos.photo_renderer import Scene, Surface
 from mam_world.photos.synthetic_furniture import (
     Cell,
@@ -19,6 +18,7 @@ from mam_world.photos.synthetic_furniture import (
     random_style,
     random_surfaces,
 )  # fmt: skip
+from mam_world.photos.truth import PanelTruth, Rect
 
 
 @dataclass(frozen=True)

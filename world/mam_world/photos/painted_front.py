@@ -14,7 +14,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from mam_pipeline.photo.truth import PanelTruth, Rect
 from mam_world.photos.front_layout import Box, FrontCell, random_cells
 from mam_world.photos.painted_handles import handles
 from mam_world.photos.painted_sheet import (
@@ -31,6 +30,7 @@ from mam_world.photos.painted_sheet import (
     slices,
 )
 from mam_world.photos.surface_texture import Texture, random_colour, random_texture
+from mam_world.photos.truth import PanelTruth, Rect
 
 LONG = 520  # pixels of the front's long side while it is painted
 MARGIN = 60  # pixels of room around it

@@ -5,9 +5,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from mam_pipeline.photo.truth import Rect
 from mam_world.photos.front_layout import Box, FrontCell
 from mam_world.photos.painted_sheet import Sheet, blend, disc, plate
+from mam_world.photos.truth import Rect
 
 
 def handles(sheet: Sheet, box: Box, cell: FrontCell) -> tuple[Rect, ...]:

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mam_pipeline.photo.truth import PanelTruth
 from mam_world.photos.front_layout import Box
 from mam_world.photos.surface_texture import Texture
+from mam_world.photos.truth import PanelTruth
 
 Picture = NDArray[np.float32]
 Colour = NDArray[np.float32]

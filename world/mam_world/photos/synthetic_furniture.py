@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mam_pipeline.photo.truth import PanelTruth, Rect
 from mam_world.photos.photo_renderer import Scene, Surface
+from mam_world.photos.truth import PanelTruth, Rect
 
 CATEGORIES = (
     "nightstand", "drawer_unit", "cabinet", "sideboard", "wardrobe",

@@ -19,10 +19,10 @@ from mam_pipeline.photo.camera import (
     quad_homography,
     rotation,
 )  # fmt: skip
-from mam_pipeline.photo.truth import PanelTruth, PhotoTruth, Rect
 from mam_world.photos.furniture_scene import Piece, build_piece, point
 from mam_world.photos.photo_renderer import Light, Scene, Surface, render
 from mam_world.photos.synthetic_furniture import CATEGORIES, METALS, PAINTS, WEIGHTS, WOODS
+from mam_world.photos.truth import PanelTruth, PhotoTruth, Rect
 
 LEVELS = ("clean", "medium", "clutter")
 

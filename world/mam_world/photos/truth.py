@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Rect = tuple[float, float, float, float]  # u0, v0, u1, v1
+from mam_pipeline.photo.score import Rect
 
 
 @dataclass(frozen=True)
