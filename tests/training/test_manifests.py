@@ -19,6 +19,7 @@ from mam_training.parts.fit_abstention import AbstentionTraining
 from mam_training.parts.train import PartsTraining
 from mam_training.photo.fit_confidence import ConfidenceTraining
 from mam_training.photo.fit_opened import OpenedTraining
+from mam_training.photo.train_box import BoxTraining
 from mam_training.photo.train_front import FrontTraining
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -29,6 +30,7 @@ FOLDERS = sorted({
 })  # fmt: skip
 TRAINERS = {
     "parts": PartsTraining, "joints": JointTraining, "photo_front": FrontTraining,
+    "photo_box": BoxTraining,
     "photo_confidence": ConfidenceTraining, "photo_opened": OpenedTraining,
     "abstention": AbstentionTraining,
 }  # fmt: skip
@@ -44,6 +46,32 @@ def test_all_weights_lie_in_such_folders() -> None:
     loose = [f for p in ("*.gz", "*.npz", "*.xz") for f in PIPELINE.rglob(p)
              if f.parent not in FOLDERS]  # fmt: skip
     assert loose == []
+
+
+def named_commits() -> dict[str, str]:
+    """Commits that recipes and manifests name, by where they do."""
+    trainers = {name: make() for name, make in TRAINERS.items()}
+    out = {name: start for name, t in trainers.items() if (start := getattr(t, "start", ""))}
+    for folder in FOLDERS:
+        kept = json.loads((folder / manifest.NAME).read_text(encoding="utf-8"))
+        if kept["reproducible"]:
+            out[str(folder.relative_to(PIPELINE))] = kept["code"]
+    return out
+
+
+def test_the_commits_that_recipes_and_manifests_name_are_in_the_history() -> None:
+    """Weights whose code, or whose start, nobody can check out are not made again by a command."""
+    if _git("rev-parse", "--is-shallow-repository").stdout.strip() != b"false":
+        pytest.skip("no clone, or one without its whole history")
+    lost = {
+        where: commit for where, commit in named_commits().items()
+        if _git("merge-base", "--is-ancestor", commit, "HEAD").returncode
+    }  # fmt: skip
+    assert lost == {}
+
+
+def _git(*words: str) -> subprocess.CompletedProcess[bytes]:
+    return subprocess.run(["git", *words], cwd=ROOT, capture_output=True, check=False)
 
 
 @dataclass(frozen=True)

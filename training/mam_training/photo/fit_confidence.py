@@ -163,7 +163,7 @@ class ConfidenceTraining:
     """What was marked on them (`real_photos`)."""
     folds: Path = Path("build/weights/photo/box_folds")
     """Folder of the box networks that did not see a fold of these, as FOLD/network.npz; those that
-    are not there are trained, in 20 to 30 minutes each on one core."""
+    are not there are trained, in 20 to 45 minutes each on one core."""
     cache: Path = Path("build/photo_confidence.jsonl")
     """Rows that were collected, which are read again."""
     out: Path = Path("build/weights/photo/confidence")
