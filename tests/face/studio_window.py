@@ -122,8 +122,9 @@ def in_place(page: Any) -> bool:
 
 
 def still(window: Any) -> bool:
-    """Whether two pictures of the window are the same."""
-    return bool(np.array_equal(seen(window), seen(window)))
+    """Whether two pictures of the view are the same."""
+    box = canvas(window)
+    return changed(seen(window), seen(window), box, few=0) is None
 
 
 def is_lost(window: Any) -> bool:
@@ -142,9 +143,10 @@ def show(page: Any, window: Any, tab: str = "") -> None:
     window.get_by_text("cabinet").wait_for()
     until(lambda: len(page.server.get_clients()) > 0)
     until(
-        lambda: in_place(page) and drawn(window) and still(window),
-        told=lambda: (canvas(window), is_lost(window), camera_of(page)),
+        lambda: in_place(page) and drawn(window),
+        told=lambda: (camera_of(page), canvas(window), is_lost(window)),
     )
+    any(still(window) for _ in range(10))  # all of it is there, unless a part plays
     if tab:
         window.get_by_role("tab", name=tab).click()
 
@@ -160,8 +162,10 @@ def door_front(session: Session) -> FloatArray:
     return np.array([-0.222, 0.1, 0.35])
 
 
-def changed(before: FloatArray, after: FloatArray, box: dict[str, float]) -> FloatArray | None:
-    """(n, 2) pixels of the view that differ, column and row; None for too few."""
+def changed(
+    before: FloatArray, after: FloatArray, box: dict[str, float], few: int = 500
+) -> FloatArray | None:
+    """(n, 2) pixels of the view that differ, column and row; None for `few` of them."""
     differs = np.abs(before - after).max(axis=2) > 24
     rows, columns = np.nonzero(differs[:, : int(box["x"] + box["width"])])
-    return np.stack([columns, rows], axis=1) if len(rows) > 500 else None
+    return np.stack([columns, rows], axis=1) if len(rows) > few else None
