@@ -21,7 +21,7 @@ import tyro
 from common import save
 from tyro.conf import Positional
 
-from mam_sim import forkserver
+from mam_pipeline import forkserver
 from mam_sim.batch.pages import write_pages
 from mam_sim.batch.record import Record, Target
 

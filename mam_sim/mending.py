@@ -9,12 +9,12 @@ from pathlib import Path
 
 from mam_pipeline.edited import read_json, validated
 from mam_pipeline.errors import InputError, MamSimError
+from mam_pipeline.forkserver import run_all
 from mam_pipeline.formats.articulations import KINDS, SUFFIXES
 from mam_pipeline.formats.suffixes import USD
 from mam_pipeline.guarded import Limits
 from mam_pipeline.mend import Mended, Order, mend
 from mam_sim.batch.inputs import USUAL, Input, find_inputs, telling_name
-from mam_sim.forkserver import run_all
 
 
 @dataclass(frozen=True)

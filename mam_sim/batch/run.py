@@ -16,12 +16,12 @@ from pathlib import Path
 from mam_pipeline import folders
 from mam_pipeline.claims import not_a_link
 from mam_pipeline.errors import ConfigError
+from mam_pipeline.forkserver import on_this_process, run_all
 from mam_pipeline.guarded import Limits
 from mam_sim.batch.inputs import Input
 from mam_sim.batch.record import GUARDED, MADE, Record, Target
 from mam_sim.batch.work import Job, Work, job_key
 from mam_sim.console import duration
-from mam_sim.forkserver import on_this_process, run_all
 
 REFRESH = 60.0
 """Seconds between two versions of the manifest and the gallery while a batch runs."""

@@ -148,6 +148,10 @@ class Work:
         )
 
 
+_WARMED: list[Work] = []
+"""What this process, a server, is ready for."""
+
+
 @dataclass(frozen=True)
 class Job:
     """One input and all that its process must know."""
@@ -167,8 +171,10 @@ class Job:
         ).readable  # fmt: skip
 
     def warm(self) -> None:
-        """Once in the server of its process."""
-        self.work.warm()
+        """Load what objects need, at the first one."""
+        if not _WARMED:
+            _WARMED.append(self.work)
+            self.work.warm()
 
     def run(self) -> None:
         """Make the object and write its record; every error that Python can catch becomes one.

@@ -1,7 +1,7 @@
 """Running the measure: a task for every asset, then one for every joint and robot.
 
-Each task is a process of its own (mam_sim.forkserver): an asset that crashes the simulator ends
-its own row. Results are files; what is there and unchanged is not measured again.
+Each task is a process of its own (`mam_pipeline.forkserver`): an asset that crashes the simulator
+ends its own row. Results are files; what is there and unchanged is not measured again.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from mam_pipeline.errors import (
     disk_error,
     disk_is_full,
 )
+from mam_pipeline.forkserver import run_all
 from mam_pipeline.formats.articulations import KINDS, SUFFIXES, converted
 from mam_pipeline.formats.door import entries, is_file
 from mam_pipeline.formats.suffixes import PHOTOS, mesh_suffixes
 from mam_pipeline.guarded import Ending, Limits
 from mam_sim.batch.inputs import content_digest, telling_name
-from mam_sim.forkserver import run_all
 from mam_sim.rank.measure import VERSION, Measure, Row, Verdict
 
 T = TypeVar("T")

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.folders import Scratch
+from mam_pipeline.forkserver import ForkServer
 from mam_pipeline.guarded import Limits
-from mam_sim.forkserver import ForkServer
 from mam_sim.studio.place import Place, make
 
 

@@ -86,13 +86,13 @@ class Limits:
 
 
 def watched(
-    work: Callable[[], None], limits: Limits, log: IO[bytes], asker: int | None = None
+    work: Callable[[], None], limits: Limits, log: IO[bytes], askers: Sequence[int] = ()
 ) -> Ending:
     """Fork a child that does some work, and wait for its end or end it.
 
     Args:
         log: an open file; what the child prints goes there.
-        asker: a handle that can be read when whoever asked is gone; then all of it ends. This
+        askers: handles that can be read when whoever asked is gone; then all of it ends. This
             process has no other children then, and what the child leaves behind ends with it.
     """
     began, parent = time.perf_counter(), os.getpid()
@@ -103,9 +103,8 @@ def watched(
     handle = os.pidfd_open(child)
     try:
         while True:
-            others = [] if asker is None else [asker]
             left = max(0.0, began + limits.seconds - time.perf_counter())
-            ready, _, _ = select.select([handle, *others], [], [], min(WATCHING.look, left))
+            ready, _, _ = select.select([handle, *askers], [], [], min(WATCHING.look, left))
             if handle in ready:
                 break
             if ready:  # whoever asked is gone
@@ -122,7 +121,7 @@ def watched(
         os.close(handle)
         kill_family(child)  # and whatever it left running
         _, status, used = os.wait4(child, 0)
-        if asker is not None:
+        if askers:
             _end_orphans()
     code = os.waitstatus_to_exitcode(status)
     if how == "done" and code != 0:
@@ -274,7 +273,7 @@ def main(parent: str, seconds: str, memory: str, *command: str) -> int:
 
     signal.signal(signal.SIGTERM, stop)
     with open(os.devnull, "r+b") as log:
-        ending = watched(replace, Limits(float(seconds), float(memory)), log, handle)
+        ending = watched(replace, Limits(float(seconds), float(memory)), log, (handle,))
     if ending.how in ("timeout", "memory"):
         print(ending.why, file=sys.stderr)
         return 124 if ending.how == "timeout" else 137

@@ -6,6 +6,7 @@ MJCF is ours; other packages add formats by suffix, as plugins/mam_sim_formats a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from mam_pipeline.formats.apart import apart
@@ -47,7 +48,7 @@ def converted(path: Path, out: Path) -> Converted | None:
     table, name = Registry("articulation", {}), suffix[1:]
     if name in table.targets():
         write = table.load(name)
-        urdf, left = apart(lambda: write(path, out), path, suffix[1:].upper(), "give a URDF")
+        urdf, left = apart(partial(write, path, out), path, suffix[1:].upper(), "give a URDF")
         kind = "USD" if suffix in USD else name.upper()
         return Converted(urdf, kind, f"composed by {kind}", left)
     if suffix in USD:

@@ -6,6 +6,7 @@ MuJoCo compiles the file, so that defaults, includes and computed inertias mean 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -48,12 +49,10 @@ def urdf_of_mjcf(path: Path, out: Path) -> Path:
             its folder.
     """
     require("MJCF", "mujoco")
-    import mujoco  # noqa: F401 - once, and not in every child
-
     if not is_file(path):
         raise InputError(f"no MJCF at {path}")
     files_of_mjcf(path)
-    return apart(lambda: _compiled(path, out), path, "MJCF", "simplify it, or give a URDF")
+    return apart(partial(_compiled, path, out), path, "MJCF", "simplify it, or give a URDF")
 
 
 def _compiled(path: Path, out: Path) -> Path:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
@@ -101,7 +102,7 @@ def read_mesh(file: Path, root: Path | None = None) -> FileContent:
         raise BackendError(f"the reader of {file.suffix} cannot be imported: {error}") from error
     if not reader.apart(file):
         return _sound(read, file, root)
-    return apart(lambda: _sound(read, file, root), file, file.suffix[1:].upper())
+    return apart(partial(_sound, read, file, root), file, file.suffix[1:].upper())
 
 
 def _sound(

@@ -4,6 +4,9 @@ What a task does to its process (memory that is not given back, a crash in nativ
 endless loop) ends with the child. The server watches it (`mam_pipeline.guarded`): it kills the
 child that exceeds its time or memory, and also when whoever asked is gone. Requests and replies are
 pickles on the server's standard input and output.
+
+The process of whoever asks is not forked itself: it may have threads, of which a child has none.
+Locks that these held stay locked in the child, and a library that waits for them waits for ever.
 """
 
 from __future__ import annotations
@@ -12,21 +15,25 @@ import gc
 import os
 import pickle
 import queue
+import select
 import subprocess
 import sys
 import tempfile
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import suppress
 from dataclasses import replace
 from typing import Protocol, TypeVar
 
-from mam_pipeline.guarded import Ending, Limits, adopt_orphans, end_with, last_words, watched
+from mam_pipeline.guarded import Ending, Limits, adopt_orphans, last_words, watched
 
 T = TypeVar("T", bound="Task")
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """A process per core serves many tasks better than threads do, and threads survive no fork."""
-_SERVE = "import sys; from mam_sim.forkserver import main; main(int(sys.argv[1]))"
+_SERVE = "import sys; sys.path[:] = {path!r}; from {name} import main; main(int(sys.argv[1]))"
+GRACE = 5.0
+"""Seconds in which a server ends its child and itself when nobody asks any more."""
 
 
 class Task(Protocol):
@@ -36,7 +43,7 @@ class Task(Protocol):
     def limits(self) -> Limits: ...
 
     def warm(self) -> None:
-        """Import and read what such tasks need; done once, in the server."""
+        """Import and read what such tasks need, in the server; there is nothing to do twice."""
 
     def run(self) -> None:
         """Do it, in the child."""
@@ -58,10 +65,11 @@ class ForkServer:
         Raises:
             KeyboardInterrupt: the server was closed meanwhile.
         """
+        request = pickle.dumps(task)
         server = self._started()
         assert server.stdin is not None and server.stdout is not None
         try:
-            pickle.dump(task, server.stdin)
+            server.stdin.write(request)
             server.stdin.flush()
             ending: Ending = pickle.load(server.stdout)
             return ending
@@ -74,10 +82,17 @@ class ForkServer:
             return Ending("killed" if status < 0 else "crash", why, last_words(self._words))
 
     def close(self) -> None:
-        """End the server and the child at work."""
+        """End the server and the child at work, with all that the child has started."""
         self.closed = True
         with self._lock:
-            if self._process is not None:
+            if self._process is None:
+                return
+            assert self._process.stdin is not None
+            with suppress(BrokenPipeError):
+                self._process.stdin.close()
+            try:
+                self._process.wait(GRACE)
+            except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
 
@@ -87,7 +102,10 @@ class ForkServer:
                 raise KeyboardInterrupt
             if self._process is None:
                 self._process = subprocess.Popen(
-                    [sys.executable, "-c", _SERVE, str(os.getpid())],
+                    [
+                        *(sys.executable, "-P", "-c", _SERVE.format(path=sys.path, name=__name__)),
+                        str(os.getpid()),
+                    ],
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
                     stderr=self._words,
@@ -145,35 +163,55 @@ def _all_once(tasks: Sequence[T], processes: int) -> Iterator[tuple[T, Ending]]:
         pool.shutdown(cancel_futures=True)
 
 
-_OWN: list[ForkServer] = []
+_IDLE: list[ForkServer] = []
+"""Servers of this process that wait for a task."""
+os.register_at_fork(after_in_child=_IDLE.clear)  # they are its parent's
+
+
+def in_child(task: Task) -> Ending:
+    """Have a task done by a server of this process, which stays for the next one.
+
+    Threads may do so at once; each gets a server of its own.
+    """
+    server = _IDLE.pop() if _IDLE else ForkServer()
+    try:
+        ending = server.run(task)
+    except BaseException:  # its reply is still to come
+        server.close()
+        raise
+    _IDLE.append(server)
+    return ending
 
 
 def on_this_process(task: Task) -> Ending:
-    """Have a task done by the one server of this process, as a worker of Ray does."""
-    if not _OWN:
-        _OWN.append(ForkServer())
-    ending = _OWN[0].run(task)
-    return ending if ending.how != "killed" else _second(_OWN[0].run(task))
+    """Have a task done, as a worker of Ray does; once more where somebody else killed it."""
+    ending = in_child(task)
+    return ending if ending.how != "killed" else _second(in_child(task))
 
 
 def main(parent: int) -> None:
     """Serve until standard input ends, or the process that started this one."""
-    end_with(parent)
+    asker = os.pidfd_open(parent)  # of the process: the thread that started this one may end
+    if os.getppid() != parent:
+        return
     adopt_orphans()
+    askers = (sys.stdin.fileno(), asker)
     replies = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what libraries print is no reply
-    warmed: set[type] = set()
+    modules = 0
     while True:
+        if asker in select.select(askers, [], [])[0]:
+            return
         try:
             task = pickle.load(sys.stdin.buffer)
         except EOFError:
             return
-        if type(task) not in warmed:
-            task.warm()
-            warmed.add(type(task))
+        task.warm()
+        if len(sys.modules) > modules:
+            modules = len(sys.modules)
             gc.collect()
             gc.freeze()  # children share these pages as long as nobody walks through them
         with tempfile.TemporaryFile() as log:
-            ending = watched(task.run, task.limits, log, sys.stdin.fileno())
+            ending = watched(task.run, task.limits, log, askers)
         pickle.dump(ending, replies)
         replies.flush()
