@@ -19,6 +19,7 @@ from mam_envs.kinematics import Solution
 from mam_envs.object_model import ObjectModel
 from mam_envs.placement.settings import PLACEMENT
 from mam_envs.robots import RobotSpec
+from mam_envs.robots.self_collision import self_collision
 from mam_envs.tasks.base import JointGoal
 from mam_pipeline.types import FloatArray
 
@@ -67,7 +68,7 @@ class Search:
             return f"{what} is out of reach from every place that was tried ({self.tried} poses)"
         if not self.followed:
             return f"{what} can be reached but not followed along the joint's whole path"
-        return f"{what} can be followed, but the arm would hit the object or the ground"
+        return f"{what} can be followed, but the arm would hit the object, the ground or itself"
 
 
 def search(
@@ -226,7 +227,7 @@ def clear(
     ground: float = 0.0,
     begin: FloatArray | None = None,
 ) -> bool:
-    """Whether the arm stays out of the object and above the ground along a whole path.
+    """Whether the arm stays out of the object and itself, and above the ground, on a whole path.
 
     While the hand holds the part its fingers may touch the part, and the hand may come close.
     """
@@ -300,8 +301,11 @@ def free(
     slack: float,
     moving: tuple[str, ...] = (),
 ) -> bool:
-    """Whether one arm posture keeps clear; `touching` links may touch `moving` ones."""
+    """Whether one arm posture keeps clear of the object, the ground and the arm itself; `touching`
+    links may touch `moving` ones."""
     poses = robot.link_poses(arm[None], gripper)
+    if self_collision(robot, PLACEMENT.arm_room).touches(poses):
+        return False
     into = np.linalg.inv(world_asset) @ base
     held: list[FloatArray] = []
     rest: list[FloatArray] = []

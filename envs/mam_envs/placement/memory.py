@@ -38,6 +38,7 @@ SOURCES = (
     "placement/*.py",
     "grasping/*.py",
     "robots/base.py",
+    "robots/self_collision.py",
     "kinematics.py",
     "convex.py",
     "object_model.py",

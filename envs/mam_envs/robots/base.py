@@ -294,7 +294,7 @@ class RobotSpec:
         """(P, 3) points on each link's collision shapes, link frame."""
         return {
             name: np.concatenate(
-                [_samples(h, 160 if name in self.finger_links else 48) for h in hulls]
+                [samples(h, 160 if name in self.finger_links else 48) for h in hulls]
             )
             for name, hulls in self.hulls.items()
             if hulls
@@ -312,7 +312,7 @@ def _hull(collision: yourdfpy.Collision, folder: Path) -> trimesh.Trimesh | None
     return hull
 
 
-def _samples(hull: trimesh.Trimesh, count: int) -> FloatArray:
+def samples(hull: trimesh.Trimesh, count: int) -> FloatArray:
     """Points on a hull: even samples and corners."""
     samples, _ = trimesh.sample.sample_surface(hull, count, seed=0)
     return np.concatenate([samples, hull.vertices[:: max(1, len(hull.vertices) // count)]])
