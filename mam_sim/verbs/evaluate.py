@@ -27,8 +27,9 @@ class Evaluate(Verb):
     """Measure how often a policy, or the scripted expert, succeeds, with Wilson 95 % intervals."""
 
     policy: Positional[Path | None] = None
-    """A run folder of mam-sim train; with --asset also a policy folder of LeRobot, or a zip of
-    stable-baselines3 (--trust); without one, --expert and --asset measure the expert alone."""
+    """A run folder of mam-sim train; with --asset also generalist-drawer or generalist-door, which
+    come with mam-sim, a policy folder of LeRobot, or a zip of stable-baselines3 (--trust); without
+    one, --expert and --asset measure the expert alone."""
     episodes: Annotated[int, Range(1, 100_000)] = 20
     """How many, per asset."""
     asset: tuple[Path, ...] = ()
@@ -64,6 +65,19 @@ class Evaluate(Verb):
     """JSON file for the result."""
     json: bool = False
     """Print the result as JSON instead of the table."""
+
+    def __post_init__(self) -> None:
+        from mam_policies.run import run_folder
+
+        if self.policy is not None:
+            object.__setattr__(self, "policy", run_folder(self.policy))
+
+    @property
+    def shipped(self) -> bool:
+        """Whether the policy came with mam-sim."""
+        from mam_policies.run import SHIPPED
+
+        return self.policy is not None and self.policy.parent == SHIPPED
 
     @property
     def foreign(self) -> bool:
@@ -120,7 +134,9 @@ class Evaluate(Verb):
         if len(errors) == len(named):
             raise errors[0]
         total = _total(rows)
-        run = None if self.policy is None else str(self.policy)
+        run = (
+            None if self.policy is None else self.policy.name if self.shipped else str(self.policy)
+        )
         result = {"run": run, "results": rows, "total": total}
         if len(rows) > 1:
             screen.say(f"{'total':<28} {total['line']}")
@@ -160,6 +176,8 @@ class Evaluate(Verb):
         home = replace(RunInfo.load(self.policy).env, config=self.env)
         if (self.policy / "policy").is_dir():  # what it wishes is looked at before any episode
             policy_folder(self.policy / "policy")
+        if self.shipped and not named:
+            raise ConfigError(f"{self.policy.name} has no asset of its own; add --asset")
         if self.held_out:
             named += held_out(self.policy)
         return home, named or home.assets
@@ -233,7 +251,7 @@ class Evaluate(Verb):
 
     def _film(self) -> Path:
         run = self.policy
-        if run is None:
+        if run is None or self.shipped:
             return Path("evaluation.mp4")
         film = run.with_suffix(".mp4") if self.zipped else run / "evaluation.mp4"
         return Door(film.parent).may_write(film)

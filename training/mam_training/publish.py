@@ -19,16 +19,20 @@ import tyro
 from tyro.conf import Positional
 
 import mam_pipeline
+import mam_policies
 from mam_pipeline import folders
 from mam_pipeline.errors import ConfigError
 from mam_training import manifest
 
 PACKAGE = Path(mam_pipeline.__file__).parent
+POLICIES = Path(mam_policies.__file__).parent
 
 
 def published_place(room: str, package: Path = PACKAGE) -> Path:
     """Where the weights of a room (`parts/abstention`, `joints`) lie in the package."""
     wing, _, rest = room.partition("/")
+    if wing == "policies":
+        return (POLICIES if package == PACKAGE else package / wing) / "weights" / rest
     return package / wing / "weights" / rest
 
 

@@ -1,0 +1,1 @@
+"""Trains policies that come with mam-sim."""
