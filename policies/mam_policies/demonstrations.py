@@ -37,7 +37,7 @@ class Demonstration:
 
 def seed_of(config_seed: int, number: int) -> int:
     """Seed of a demonstration, from that of its run."""
-    return config_seed * 1_000_003 + number
+    return (config_seed * 1_000_003 + number) % 2**31
 
 
 def is_noisy(number: int) -> bool:

@@ -6,6 +6,7 @@ import ast
 import inspect
 from dataclasses import FrozenInstanceError, fields
 
+import numpy as np
 import pytest
 
 from mam_pipeline.errors import ConfigError
@@ -44,3 +45,12 @@ def test_a_wrong_name_or_setting_is_named() -> None:
     with pytest.raises(ConfigError, match="episodes must be at least 1, not 0"):
         algorithm("bc").Config(episodes=0)
     assert algorithm("ppo").Config(episodes=0).episodes == 0  # from scratch
+
+
+@pytest.mark.parametrize("seed", [0, 4294, 4295, 2**31 - 1])
+def test_every_seed_that_a_run_takes_gives_seeds_that_numpy_takes(seed: int) -> None:
+    from mam_policies.demonstrations import seed_of
+
+    found = {seed_of(seed, number) for number in range(1000)}
+    assert len(found) == 1000
+    assert all(np.random.RandomState(value) for value in (min(found), max(found)))

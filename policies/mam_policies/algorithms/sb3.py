@@ -253,7 +253,7 @@ def _environments(choice: EnvChoice, config: Sb3Config, done: int) -> Any:
     """SB3's vector of environments, at the curriculum's state after `done` steps."""
     share = _share(config, done)
     makers: list[Callable[[], gym.Env]] = [
-        partial(make_training_env, choice, share, config.seed * 100 + i, config.gamma)
+        partial(make_training_env, choice, share, (config.seed * 100 + i) % 2**31, config.gamma)
         for i in range(config.processes)
     ]
     single = config.processes == 1
