@@ -27,9 +27,9 @@ class Evaluate(Verb):
     """Measure how often a policy, or the scripted expert, succeeds, with Wilson 95 % intervals."""
 
     policy: Positional[Path | None] = None
-    """A run folder of mam-sim train; with --asset also generalist-drawer or generalist-door, which
-    come with mam-sim, a policy folder of LeRobot, or a zip of stable-baselines3 (--trust); without
-    one, --expert and --asset measure the expert alone."""
+    """A run folder of mam-sim train; with --asset also generalist-drawer, which comes with mam-sim,
+    a policy folder of LeRobot, or a zip of stable-baselines3 (--trust); without one, --expert and
+    --asset measure the expert alone."""
     episodes: Annotated[int, Range(1, 100_000)] = 20
     """How many, per asset."""
     asset: tuple[Path, ...] = ()
@@ -67,7 +67,7 @@ class Evaluate(Verb):
     """Print the result as JSON instead of the table."""
 
     def __post_init__(self) -> None:
-        from mam_policies.run import run_folder
+        from mam_policies.shipped import run_folder
 
         if self.policy is not None:
             object.__setattr__(self, "policy", run_folder(self.policy))
@@ -75,7 +75,7 @@ class Evaluate(Verb):
     @property
     def shipped(self) -> bool:
         """Whether the policy came with mam-sim."""
-        from mam_policies.run import SHIPPED
+        from mam_policies.shipped import SHIPPED
 
         return self.policy is not None and self.policy.parent == SHIPPED
 

@@ -15,6 +15,24 @@ from tests.envs.box_assets import without_range, write_asset
 pytestmark = pytest.mark.slow  # the simulator runs
 
 
+def test_a_policy_that_comes_with_mam_sim_opens_a_drawer_it_has_not_seen(
+    drawer: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["eval", "generalist-drawer"]) == 2
+    assert "generalist-drawer has no asset of its own; add --asset" in capsys.readouterr().err
+    command = ["eval", "generalist-drawer", "--asset", str(drawer), "--episodes", "5", "--json"]
+    assert main(command) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["run"] == "generalist-drawer" and found["total"]["successes"] >= 1
+    (tmp_path / "generalist-drawer").mkdir()  # a folder of that name is meant, where there is one
+    assert main(command) == 2
+    assert "no run.json in generalist-drawer" in capsys.readouterr().err
+
+
 def test_a_policy_over_several_objects_is_tried_on_one_that_it_has_not_seen(
     drawer: Path, two_drawers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

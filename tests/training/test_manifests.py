@@ -12,6 +12,7 @@ import pytest
 import mam_pipeline
 from mam_pipeline import config_file
 from mam_pipeline.errors import ConfigError
+from mam_policies.shipped import SHIPPED
 from mam_training import manifest, publish
 from mam_training.command import configured
 from mam_training.joints.train import JointTraining
@@ -21,30 +22,32 @@ from mam_training.photo.fit_confidence import ConfidenceTraining
 from mam_training.photo.fit_opened import OpenedTraining
 from mam_training.photo.train_box import BoxTraining
 from mam_training.photo.train_front import FrontTraining
+from mam_training.policies.train_generalist import GeneralistTraining
 
 ROOT = Path(__file__).resolve().parents[2]
 PIPELINE = Path(mam_pipeline.__file__).parent
+PATTERNS = ("*.gz", "*.npz", "*.xz", "*.safetensors", "weights/**/*.txt", "weights/**/*.json")
 FOLDERS = sorted({
-    file.parent for pattern in ("*.gz", "*.npz", "*.xz", "weights/**/*.txt", "weights/**/*.json")
-    for file in PIPELINE.rglob(pattern) if "weights" in file.parts
+    file.parent for package in (PIPELINE, SHIPPED.parent) for pattern in PATTERNS
+    for file in package.rglob(pattern) if "weights" in file.parts
 })  # fmt: skip
 TRAINERS = {
     "parts": PartsTraining, "joints": JointTraining, "photo_front": FrontTraining,
     "photo_box": BoxTraining,
     "photo_confidence": ConfidenceTraining, "photo_opened": OpenedTraining,
-    "abstention": AbstentionTraining,
+    "abstention": AbstentionTraining, "generalist_drawer": GeneralistTraining,
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("folder", FOLDERS, ids=lambda f: "-".join(f.relative_to(PIPELINE).parts))
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda f: "-".join(f.parts[-3:]))
 def test_weights_have_a_manifest_that_is_true(folder: Path) -> None:
     assert manifest.faults(folder) == []
 
 
 def test_all_weights_lie_in_such_folders() -> None:
-    assert len(FOLDERS) == 8
-    loose = [f for p in ("*.gz", "*.npz", "*.xz") for f in PIPELINE.rglob(p)
-             if f.parent not in FOLDERS]  # fmt: skip
+    assert len(FOLDERS) == 9
+    loose = [f for p in PATTERNS[:4] for package in (PIPELINE, SHIPPED.parent)
+             for f in package.rglob(p) if f.parent not in FOLDERS]  # fmt: skip
     assert loose == []
 
 
@@ -55,7 +58,7 @@ def named_commits() -> dict[str, str]:
     for folder in FOLDERS:
         kept = json.loads((folder / manifest.NAME).read_text(encoding="utf-8"))
         if kept["reproducible"]:
-            out[str(folder.relative_to(PIPELINE))] = kept["code"]
+            out["/".join(folder.parts[-3:])] = kept["code"]
     return out
 
 

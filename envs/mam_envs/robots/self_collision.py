@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from itertools import combinations
 from pathlib import Path
@@ -41,7 +41,6 @@ class SelfCollision:
             name: [p for h in hulls if (p := ConvexPiece.of(samples(h, POINTS)))]
             for name, hulls in robot.hulls.items()
         }
-        self._balls = {name: _ball(points) for name, points in robot.surface.items()}
         between = {
             name: {j.name for j in robot.model.chain(name)} & set(robot.arm)
             for name in robot.surface
@@ -55,6 +54,11 @@ class SelfCollision:
             and frozenset((a, b)) not in out
             and not self._meet(a, b, poses)
         ]
+        balls = [_ball(points) for points in robot.surface.values()]
+        order = {name: k for k, name in enumerate(robot.surface)}
+        self._centers = np.array([center for center, _ in balls])
+        self._index = np.array([[order[a], order[b]] for a, b in self.pairs], int).reshape(-1, 2).T
+        self._reach = np.array([size for _, size in balls])[self._index].sum(axis=0) + room
 
     def touches(self, poses: Mapping[str, FloatArray]) -> bool:
         """Whether two links are too near.
@@ -62,23 +66,40 @@ class SelfCollision:
         Args:
             poses: root_T_link (1, 4, 4) of all links.
         """
-        return any(self._meet(a, b, poses) for a, b in self.pairs)
+        return any(self._meet(a, b, poses) for a, b in self._near(poses))
+
+    def _near(self, poses: Mapping[str, FloatArray]) -> Iterator[tuple[str, str]]:
+        """Pairs whose balls are too near to each other."""
+        frames = np.stack([poses[name][0] for name in self._points])
+        centers = np.einsum("nij,nj->ni", frames[:, :3, :3], self._centers) + frames[:, :3, 3]
+        first, second = self._index
+        apart = centers[first] - centers[second]
+        for k in np.flatnonzero(np.einsum("ij,ij->i", apart, apart) < self._reach**2):
+            yield self.pairs[k]
 
     def _meet(self, a: str, b: str, poses: Mapping[str, FloatArray]) -> bool:
-        into = np.linalg.inv(poses[b][0]) @ poses[a][0]
-        (center, radius), (other, size) = self._balls[a], self._balls[b]
-        apart = into[:3, :3] @ center + into[:3, 3] - other
-        if float(np.linalg.norm(apart)) > radius + size + self.room:
-            return False
-        return self._enters(a, b, into) or self._enters(b, a, np.linalg.inv(into))
+        """Whether points on one link come too near to the other."""
+        one, other = poses[a][0], poses[b][0]
+        return self._enters(a, b, one, other) or self._enters(b, a, other, one)
 
-    def _enters(self, name: str, other: str, into: FloatArray) -> bool:
-        """Whether points on one link, carried into the other's frame, come too near to it."""
-        points = self._points[name] @ into[:3, :3].T + into[:3, 3]
-        return any(
-            bool(((points @ p.planes[:, :3].T + p.planes[:, 3]).max(axis=1) < self.room).any())
-            for p in self._pieces[other]
-        )
+    def _enters(self, name: str, other: str, pose: FloatArray, into: FloatArray) -> bool:
+        turn = into[:3, :3].T @ pose[:3, :3]
+        points = self._points[name] @ turn.T + (pose[:3, 3] - into[:3, 3]) @ into[:3, :3]
+        for piece in self._pieces[other]:
+            low, high = piece.box
+            inside = (points > low - self.room).all(axis=1) & (points < high + self.room).all(
+                axis=1
+            )
+            near = points[inside]
+            if len(near) and bool((_height(near, piece) < self.room).any()):
+                return True
+        return False
+
+
+def _height(points: FloatArray, piece: ConvexPiece) -> FloatArray:
+    """(P,) distance of points (P, 3) from the farthest of a shape's planes; negative inside."""
+    out: FloatArray = (points @ piece.planes[:, :3].T + piece.planes[:, 3]).max(axis=1)
+    return out
 
 
 @lru_cache

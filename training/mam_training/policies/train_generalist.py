@@ -42,14 +42,17 @@ class GeneralistTraining:
     """
 
     kind: str = "drawer"
-    categories: tuple[str, ...] = ("chest_of_drawers",)
-    count: int = 20
+    categories: tuple[str, ...] = (
+        "chest_of_drawers", "nightstand", "filing_cabinet", "desk", "table_with_drawers",
+        "dressing_table", "coffee_table", "box_drawer", "storage_mixed",
+    )  # fmt: skip
+    count: int = 18
     seed: int = 7000
-    episodes: int = 800
+    episodes: int = 1000
     hidden: tuple[int, ...] = (384, 384)
     epochs: int = 40
     rounds: int = 3
-    round_episodes: int = 100
+    round_episodes: int = 120
     cache: Path = Path("build/generalist-drawer")
     out: Path = Path("build/weights/policies/generalist-drawer")
 
