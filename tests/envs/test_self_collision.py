@@ -19,7 +19,7 @@ FOLDED = np.array([0.0, -0.5, 0.0, -3.05, 0.0, 0.6, 0.785])
 
 
 def touches(robot: RobotSpec, arm: np.ndarray) -> bool:
-    found = self_collision(robot, PLACEMENT.arm_room)
+    found = self_collision(robot, PLACEMENT.arm_room * robot.reach)
     return found.touches(robot.link_poses(arm[None], robot.opened))
 
 
@@ -66,7 +66,7 @@ def test_the_simulator_stops_the_arm_where_this_says_so(drawer: Path) -> None:
     env.reset(seed=0)
     scene, arm = env.unwrapped.scene, env.unwrapped.agent.robot
     arm.set_pose(sapien.Pose([0.0, 0.0, 5.0]))  # away from all else
-    near = self_collision(robot, PLACEMENT.arm_room)
+    near = self_collision(robot, PLACEMENT.arm_room * robot.reach)
     low, high = robot.chain.limits.T
     stopped = 0
     for posture in [FOLDED, robot.rest_arm, *np.random.default_rng(1).uniform(low, high, (60, 7))]:

@@ -304,7 +304,7 @@ def free(
     """Whether one arm posture keeps clear of the object, the ground and the arm itself; `touching`
     links may touch `moving` ones."""
     poses = robot.link_poses(arm[None], gripper)
-    if self_collision(robot, PLACEMENT.arm_room).touches(poses):
+    if self_collision(robot, PLACEMENT.arm_room * robot.reach).touches(poses):
         return False
     into = np.linalg.inv(world_asset) @ base
     held: list[FloatArray] = []

@@ -24,7 +24,8 @@ class PlacementSearch:
             the fingers may jam there.
         looked_at: so many of the cheapest paths are compared with the object in full.
         above_ground: metres that the arm keeps above the ground: it sags under what it pulls.
-        arm_room: metres that links of the arm keep from each other: it lags behind its targets.
+        arm_room: share of the arm's reach that its links keep from each other: it lags behind its
+            targets.
         position_tolerance: error at which inverse kinematics has reached a pose, metres.
         drive_step, drive_turn: metres and degrees between the poses at which a drive is looked at.
         drive_room: metres that it keeps from the object: it arrives a centimetre or two beside
@@ -43,7 +44,7 @@ class PlacementSearch:
     pivoting: float = 1.0
     looked_at: int = 180
     above_ground: float = 0.008
-    arm_room: float = 0.01
+    arm_room: float = 0.0125
     position_tolerance: float = 0.004
     drive_step: float = 0.05
     drive_turn: float = 8.0
