@@ -46,13 +46,13 @@ class GeneralistTraining:
         "chest_of_drawers", "nightstand", "filing_cabinet", "desk", "table_with_drawers",
         "dressing_table", "coffee_table", "box_drawer", "storage_mixed",
     )  # fmt: skip
-    count: int = 18
+    count: int = 10
     seed: int = 7000
-    episodes: int = 1000
+    episodes: int = 500
     hidden: tuple[int, ...] = (384, 384)
     epochs: int = 40
     rounds: int = 3
-    round_episodes: int = 120
+    round_episodes: int = 80
     cache: Path = Path("build/generalist-drawer")
     out: Path = Path("build/weights/policies/generalist-drawer")
 
