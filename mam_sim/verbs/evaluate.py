@@ -106,6 +106,8 @@ class Evaluate(Verb):
 
     def run(self) -> int:
         """Evaluate on every asset, a line for each."""
+        from mam_policies.shipped import joint_for
+
         claim_file(self.out, EVALUATION)
         if self.video:
             claim_file(self._film(), FILM, flag="")
@@ -125,6 +127,8 @@ class Evaluate(Verb):
         for folder in named:
             choice = replace(home, assets=(folder,), joint=self.joint or home.joint)
             try:
+                if self.policy is not None and self.shipped and self.joint is None:
+                    choice = replace(choice, joint=joint_for(self.policy, choice))
                 rows.append(self._row(choice, screen, film=self.video and not rows))
             except MamSimError as error:
                 errors.append(error)
@@ -150,8 +154,9 @@ class Evaluate(Verb):
         if self.policy is None:
             screen.next("collect", named[0], "--out", f"{Path(named[0]).name}-demos")
         elif not self.foreign:
+            what = (self.policy.name, "--asset", named[0]) if self.shipped else (str(self.policy),)
             more = ("--to", "lerobot", "--out", f"{self.policy.name}-lerobot")
-            screen.next("export", str(self.policy), *more)
+            screen.next("export", *what, *more)
         return 0
 
     def _choice(self) -> tuple[Any, tuple[str, ...]]:

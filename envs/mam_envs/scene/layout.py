@@ -147,7 +147,7 @@ def _arrange(folder: str, stamp: int, request: _Request, scale: float | str) -> 
     if request.joints != (None,):
         return _sized(asset, request, scale)
     first: NotPhysicalError | None = None
-    for name in _likely(asset):
+    for name in likely(asset):
         try:
             return _sized(asset, replace(request, joints=(name,)), scale)
         except NotPhysicalError as error:  # the arm cannot, or the joint cannot
@@ -156,7 +156,7 @@ def _arrange(folder: str, stamp: int, request: _Request, scale: float | str) -> 
     raise first
 
 
-def _likely(asset: Asset, most: int = 6) -> list[str]:
+def likely(asset: Asset, most: int = 6) -> list[str]:
     """Movable joints in the order in which one would try them: with a handle, sure, and wide."""
     model = ObjectModel.load(asset)
     model.default_joint()  # refuses an asset without movable joints

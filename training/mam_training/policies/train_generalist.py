@@ -69,7 +69,7 @@ def objects(config: GeneralistTraining) -> list[Path]:
 
 
 def fits(card: Path, config: GeneralistTraining) -> bool:
-    """Whether what a policy would open there is a part of the kind."""
+    """Whether the joint that comes first there moves a part of the kind."""
     asset = Asset.load(card.parent)
     try:
         goal = joint_goal(ObjectModel.load(asset), None, "open", EnvConfig().success)
