@@ -153,10 +153,9 @@ class Evaluate(Verb):
             screen.say(f"video: {self._film()}")
         if self.policy is None:
             screen.next("collect", named[0], "--out", f"{Path(named[0]).name}-demos")
-        elif not self.foreign:
-            what = (self.policy.name, "--asset", named[0]) if self.shipped else (str(self.policy),)
+        elif not self.foreign and not self.shipped:
             more = ("--to", "lerobot", "--out", f"{self.policy.name}-lerobot")
-            screen.next("export", *what, *more)
+            screen.next("export", str(self.policy), *more)
         return 0
 
     def _choice(self) -> tuple[Any, tuple[str, ...]]:

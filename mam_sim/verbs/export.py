@@ -19,9 +19,8 @@ class Export(Verb):
     """Hand a result on to other software."""
 
     source: Positional[Path]
-    """A run of mam-sim train, generalist-drawer, which comes with mam-sim, or the folder of
-    mam-sim collect (to lerobot), or an asset folder (to mjcf; usd; usdz: everything in one file;
-    sdf: a model folder of Gazebo)."""
+    """A run of mam-sim train or the folder of mam-sim collect (to lerobot), or an asset folder (to
+    mjcf; usd; usdz: everything in one file; sdf: a model folder of Gazebo)."""
     out: Path
     """The folder to write; an earlier export there is replaced."""
     to: Literal["lerobot", "mjcf", "usd", "usdz", "sdf"] | None = None
@@ -30,14 +29,9 @@ class Export(Verb):
     """Joint mapping between simulation and the real arm (YAML). For arms that LeRobot drives it
     must be filled in by measuring; without it a template is written."""
     asset: str | None = None
-    """Of a run on several assets, the one to export for; of one that comes with mam-sim, any."""
+    """Of a run on several assets, the one to export for."""
     json: bool = False
     """Print the result as JSON."""
-
-    def __post_init__(self) -> None:
-        from mam_policies.shipped import run_folder
-
-        object.__setattr__(self, "source", run_folder(self.source))
 
     def run(self) -> int:
         """Write the export; print where it is and what to do next."""

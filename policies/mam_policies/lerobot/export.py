@@ -34,7 +34,6 @@ from mam_policies.lerobot.robot_interface import RobotInterface, mapping_of
 from mam_policies.mlp import MlpPolicy
 from mam_policies.run import RunInfo
 from mam_policies.settings import ALGORITHMS
-from mam_policies.shipped import SHIPPED, joint_for
 
 MAPPING = "joint_mapping.yaml"
 BEST = "best_trajectory"
@@ -78,11 +77,7 @@ def export_run(
     if learned.leaves_lerobot:
         return _export_lerobot_policy(run, info, out, mapping)
     policy = learned.network(run)
-    if asset is None and run.parent == SHIPPED:
-        raise ConfigError(f"{run.name} has no asset of its own; add --asset")
     choice = _one_asset(info, asset)
-    if run.parent == SHIPPED:
-        choice = replace(choice, joint=joint_for(run, choice))
     spec = robot_spec(choice.robot)
     unknown = [name for name, *_ in info.observation if name not in OBSERVED]
     if unknown:
