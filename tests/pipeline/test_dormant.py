@@ -191,8 +191,8 @@ def test_an_object_without_candidates_is_an_asset_that_the_check_refuses(tmp_pat
 
 
 def test_waking_computes_no_parts_again(tmp_path: Path) -> None:
-    truth = generated_truth("chest_of_drawers", 9)
-    file, out = tmp_path / "chest.glb", tmp_path / "asset"
+    truth = generated_truth("nightstand", 2)  # two drawers: the object is made four times
+    file, out = tmp_path / "nightstand.glb", tmp_path / "asset"
     save_glb(truth.mesh, file)
     make_asset(file, out, MakeConfig())
     stage = out / "stages" / "3_parts"
