@@ -100,6 +100,15 @@ def test_a_process_that_is_forked_asks_a_server_of_its_own() -> None:
     assert apart.apart(partial(int, "2"), FILE, "FBX") == 2
 
 
+def test_nothing_is_imported_from_the_folder_in_which_one_works(tmp_path: Path) -> None:
+    (tmp_path / "queue.py").write_text("open('ran', 'w').close()")  # a stranger's
+    code = "from functools import partial\nfrom pathlib import Path\n"
+    code += "from mam_pipeline.formats.apart import apart\n"
+    code += "assert apart(partial(int, '1'), Path('a.fbx'), 'FBX') == 1"
+    subprocess.run([sys.executable, "-P", "-c", code], cwd=tmp_path, check=True, timeout=60)
+    assert not (tmp_path / "ran").exists()
+
+
 def test_a_thread_that_ends_takes_no_server_with_it() -> None:
     found = []
     for number in range(3):
