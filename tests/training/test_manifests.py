@@ -36,6 +36,7 @@ TRAINERS = {
     "photo_box": BoxTraining,
     "photo_confidence": ConfidenceTraining, "photo_opened": OpenedTraining,
     "abstention": AbstentionTraining, "generalist_drawer": GeneralistTraining,
+    "generalist_door": GeneralistTraining,
 }  # fmt: skip
 
 

@@ -2,9 +2,9 @@
 
     python -m mam_training.policies.train_generalist configs/train/generalist_drawer.yaml
 
-Objects of several categories are generated; those whose surest joint moves a part of the kind are
-given to `mam-sim train`, which clones the scripted expert. What ships is the run: run.json and the
-network. No real object is seen.
+Objects of several categories are generated; those on which an environment takes a part of the kind
+are given to `mam-sim train`, which clones the scripted expert. What ships is the run: run.json and
+the network. No real object is seen.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mam_envs.config import EnvConfig
-from mam_envs.object_model import ObjectModel
-from mam_envs.tasks.operate_joint import joint_goal
+from mam_envs.robots import robot_spec
+from mam_envs.scene.layout import arrange
 from mam_pipeline import folders
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.digests import file_digest
 from mam_pipeline.errors import ConfigError, MamSimError
+from mam_policies.run import EnvChoice
 from mam_sim.cli import main as mam_sim
 from mam_training import manifest
 from mam_training.command import configured
@@ -58,25 +59,31 @@ class GeneralistTraining:
 
 
 def objects(config: GeneralistTraining) -> list[Path]:
-    """Asset folders to learn on, generated where they are not there yet."""
+    """Asset folders with a part of the kind that moves, generated where they are not there yet."""
     out = []
     for category in config.categories:
         folder = config.cache / "objects" / category
         if not folder.is_dir():
             write_dataset(category, config.count, config.seed, folder, textures=False)
-        out += [file.parent for file in sorted(folder.glob("*/asset.json")) if fits(file, config)]
+        found = [file.parent for file in sorted(folder.glob("*/asset.json"))]
+        out += [asset for asset in found if moving(Asset.load(asset), config.kind)]
     return out
 
 
-def fits(card: Path, config: GeneralistTraining) -> bool:
-    """Whether the joint that comes first there moves a part of the kind."""
-    asset = Asset.load(card.parent)
+def moving(asset: Asset, kind: str) -> set[str]:
+    """Names of the joints that move a part of a kind."""
+    links = {part.link for part in asset.card.parts if part.kind == kind}
+    return {joint.name for joint in asset.card.joints if joint.child in links}
+
+
+def fits(folder: Path, kind: str) -> bool:
+    """Whether the joint that an environment takes there moves a part of the kind."""
+    asset = Asset.load(folder)
     try:
-        goal = joint_goal(ObjectModel.load(asset), None, "open", EnvConfig().success)
+        layout = arrange(asset, None, "open", robot_spec(EnvChoice.robot), "auto", EnvConfig())
     except MamSimError:
         return False
-    joint = next(j for j in asset.card.joints if j.name == goal.joint)
-    return any(p.link == joint.child and p.kind == config.kind for p in asset.card.parts)
+    return layout.goals[0].joint in moving(asset, kind)
 
 
 def train(config: GeneralistTraining, assets: Sequence[Path]) -> Path:
@@ -101,7 +108,7 @@ def train(config: GeneralistTraining, assets: Sequence[Path]) -> Path:
 def main(argv: Sequence[str] | None = None) -> None:
     """Generate, train, keep."""
     config = configured(GeneralistTraining(), argv)
-    assets = objects(config)
+    assets = [asset for asset in objects(config) if fits(asset, config.kind)]
     print(f"{len(assets)} objects with a {config.kind} to open")
     run = train(config, assets)
     config.out.mkdir(parents=True, exist_ok=True)
