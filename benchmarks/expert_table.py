@@ -35,7 +35,7 @@ REFUSED = "refused"
 
 @dataclass
 class Row:
-    """One joint's result; `done` are the seeds that were run, from FIRST_SEED on."""
+    """One joint's result, or that of several in sequence ("a + b"), from FIRST_SEED on."""
 
     asset: str
     joint: str
@@ -69,7 +69,7 @@ def measure(path: Path, row: Row, robot: str, seeds: int, task: str | None) -> R
     start = time.process_time()
     try:
         env = mam_envs.make(
-            path, joint=row.joint, task=task, robot_uids=robot,
+            path, joint=row.joint.split(" + "), task=task, robot_uids=robot,
             control_mode="pd_joint_pos", obs_mode="none", reward_mode="none",
         )  # fmt: skip
     except MamSimError as error:

@@ -14,7 +14,7 @@ import pytest
 from tests.local_server import Replies, served
 
 os.environ.setdefault("HF_HUB_OFFLINE", "1")
-os.environ.setdefault("OMP_NUM_THREADS", "2")
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # more wait for each other beside a second worker
 
 SCHEDULED = os.sched_getscheduler(0), os.sched_getparam(0)
 """How this process is scheduled before any test."""

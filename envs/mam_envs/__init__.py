@@ -40,10 +40,14 @@ def make(asset: _Any, env_id: str = "OperateJoint-v1", **kwargs: _Any) -> _Any:
     """gym.make of one of our environments whose errors say only what the user must know.
 
     Args:
-        asset: asset folder or folders; kwargs as in mam_envs.env.OperateJointEnv.
+        asset: asset folder or folders; kwargs as in mam_envs.env.OperateJointEnv, and
+            max_episode_steps, which is the task's if it is not given.
     """
+    from mam_envs.tasks import episode_steps
     from mam_pipeline.errors import MamSimError
 
+    if env_id == "OperateJoint-v1" and kwargs.get("max_episode_steps") is None:
+        kwargs["max_episode_steps"] = episode_steps(kwargs.get("task"), kwargs.get("joint"))
     try:
         return _gym.make(env_id, asset=asset, **kwargs)
     except MamSimError as error:  # gymnasium appends all arguments to the message

@@ -27,11 +27,11 @@ from mam_envs.robots import robot_spec
 from mam_envs.robots.agent import agent_of
 from mam_envs.scene import build, vulkan
 from mam_envs.scene.contact_probe import ContactProbe
-from mam_envs.scene.layout import Layout, arrange, several
+from mam_envs.scene.layout import Layout, arrange
 from mam_envs.scene.looks import Looks
 from mam_envs.scene.loose import loose_thing
 from mam_envs.scene.randomisation import Draw, ObjectDynamics, draw, draw_clear
-from mam_envs.tasks import TaskState, rewards, task_class
+from mam_envs.tasks import TaskState, rewards, several, task_class
 from mam_envs.truth import as_claimed, true_layout
 from mam_pipeline.asset.card import Asset
 from mam_pipeline.config_file import fill

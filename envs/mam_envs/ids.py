@@ -31,7 +31,7 @@ OURS = "OperateJoint"
 def register(
     asset: str | Path | Sequence[str | Path],
     id: str,
-    max_episode_steps: int = MAX_EPISODE_STEPS,
+    max_episode_steps: int | None = None,
     **arguments: Any,
 ) -> str:
     """Bind an asset to an environment id in this process, for gym.make and all that calls it.
@@ -42,7 +42,8 @@ def register(
     Args:
         asset: asset folder, or a folder that holds some, or a list: of several, one is drawn for
             every episode.
-        id: as Nightstand-v1. arguments: of OperateJoint-v1 (joint, task, robot_uids, config ...).
+        id: as Nightstand-v1. max_episode_steps: default: the task's.
+        arguments: of OperateJoint-v1 (joint, task, robot_uids, config ...).
 
     Returns:
         The id by which code in other processes finds it, once `remember` wrote it down.
@@ -50,12 +51,14 @@ def register(
     Raises:
         InputError: no asset there. ConfigError: an id that gymnasium does not take.
     """
+    from mam_envs.tasks import episode_steps
     from mam_pipeline.asset.listing import asset_folders
 
     check_id(id)
+    steps = max_episode_steps or episode_steps(arguments.get("task"), arguments.get("joint"))
     given = [asset] if isinstance(asset, str | Path) else list(asset)
     found = [str(folder) for folder in asset_folders([Path(p) for p in given])]
-    bind(id, {"asset": found[0] if len(found) == 1 else found, **arguments}, max_episode_steps)
+    bind(id, {"asset": found[0] if len(found) == 1 else found, **arguments}, steps)
     return f"mam_envs:{id}"
 
 

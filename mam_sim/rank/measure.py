@@ -14,7 +14,7 @@ from typing import Annotated
 
 from mam_pipeline.edited import STRICT, Range
 
-VERSION = 7
+VERSION = 8
 """Raised whenever the same asset could get another number."""
 
 
@@ -24,14 +24,14 @@ class Measure:
 
     Attributes:
         episodes: a joint and robot. seed: of the first; the others follow.
-        max_steps: control steps of an episode, 20 a second.
+        max_steps: control steps of an episode, 20 a second; None: the task's.
         control_mode: of the arm, in ManiSkill's words.
         task: asked of every joint that it is for; None is what the joint suggests.
     """
 
     episodes: int = 5
     seed: int = 50_000_017
-    max_steps: int = 200
+    max_steps: int | None = None
     control_mode: str = "pd_joint_pos"
     task: str | None = None
 

@@ -262,13 +262,14 @@ class Try:
         _write(self.file, asdict(replace(row, seconds=round(time.perf_counter() - began, 1))))
 
     def _measured(self) -> Row:
+        from mam_envs.tasks import episode_steps
         from mam_policies.evaluate import evaluate_expert, evaluate_run
         from mam_policies.run import EnvChoice, task_settings
 
         m = self.measure
         choice = EnvChoice(
-            (self.verdict.folder,), self.joint, m.task, self.robot, m.control_mode, m.max_steps,
-            task_settings(m.task),
+            (self.verdict.folder,), self.joint, m.task, self.robot, m.control_mode,
+            m.max_steps or episode_steps(m.task), task_settings(m.task),
         )  # fmt: skip
         film, truth = self.film if self.video else None, self._truth()
         found = evaluate_expert(choice, m.episodes, m.seed, video=film, truth=truth)

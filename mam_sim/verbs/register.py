@@ -36,8 +36,8 @@ class Register(Verb):
     plug-in's; default: what it suggests."""
     robot: str = "panda"
     """Name of the arm: panda, so100, so101, fetch, xarm6_robotiq, or that of a plug-in."""
-    max_steps: Annotated[int, Range(1, 100_000)] = 200
-    """Control steps of one episode."""
+    max_steps: Annotated[int, Range(1, 100_000)] | None = None
+    """Control steps of one episode; default: the task's (put_in 400, others 200)."""
     env: EnvConfig = field(default_factory=EnvConfig)
     json: bool = False
     """Print the result as JSON."""
@@ -52,6 +52,7 @@ class Register(Verb):
         """Write the id down; print it, and its NumPy twin."""
         from mam_envs.ids import check_id, numpy_id, remember
         from mam_envs.robots import ROBOTS
+        from mam_envs.tasks import episode_steps
         from mam_pipeline import config_file
         from mam_pipeline.asset.listing import asset_folders
         from mam_pipeline.errors import ConfigError
@@ -70,7 +71,8 @@ class Register(Verb):
         }  # fmt: skip
         if self.env != task_settings(self.task):
             arguments["config"] = config_file.plain(self.env)
-        file = remember(self.id, arguments, self.max_steps)
+        steps = self.max_steps or episode_steps(self.task)
+        file = remember(self.id, arguments, steps)
         ids = {"id": f"mam_envs:{self.id}", "numpy": f"mam_envs:{numpy_id(self.id)}"}
         if self.json:
             screen.json({**ids, "file": file, "assets": fit, "refused": refused})

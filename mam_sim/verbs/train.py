@@ -48,8 +48,8 @@ class Train(Verb):
     plug-in's; default: what it suggests."""
     robot: str = "panda"
     """Name of the arm: panda, so100, so101, fetch, xarm6_robotiq, or that of a plug-in."""
-    max_steps: Annotated[int, Range(1, 100_000)] = 200
-    """Control steps of one episode."""
+    max_steps: Annotated[int, Range(1, 100_000)] | None = None
+    """Control steps of one episode; default: the task's (put_in 400, others 200)."""
     test: Annotated[int, Range(0, 100_000)] = 20
     """Episodes of evaluation at the end, at unseen seeds (0: none)."""
     randomise: Path | None = None
@@ -85,6 +85,7 @@ class Train(Verb):
     def run(self) -> int:
         """Train, and test what was trained; print the run folder."""
         from mam_envs.robots import ROBOTS
+        from mam_envs.tasks import episode_steps
         from mam_policies.algorithms import algorithm
 
         if not self.asset:
@@ -94,8 +95,8 @@ class Train(Verb):
         screen = Screen(self.quiet or self.json)
         assets, divided = self._assets(screen)
         choice = EnvChoice(
-            assets, self.joint, self.task, self.robot, learner.control_mode, self.max_steps,
-            self.env,
+            assets, self.joint, self.task, self.robot, learner.control_mode,
+            self.max_steps or episode_steps(self.task), self.env,
         )  # fmt: skip
         refuse_foreign(self.out)
         folders.check_place(self.out)  # the simulator takes long to start

@@ -191,7 +191,7 @@ def _make(asset: str, config: CollectConfig, env_config: EnvConfig) -> Any:
         control_mode=config.control_mode,
         obs_mode="rgb+state" if config.cameras else "state",
         reward_mode="normalized_dense",
-        max_episode_steps=config.max_steps,
+        max_episode_steps=config.steps,
         config=env_config,
     )
 
@@ -317,7 +317,7 @@ def _write_h5(found: Collection) -> Path:
     listing: dict[str, Any] = {
         "env_info": {
             "env_id": mam_envs.ENV_ID,
-            "max_episode_steps": config.max_steps,
+            "max_episode_steps": config.steps,
             "env_kwargs": kwargs,
         },
         "source_type": "motionplanning",

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_envs.config import EnvConfig
+from mam_envs.tasks import episode_steps
 from mam_pipeline import config_file, folder_data
 from mam_pipeline.arrays import Arrays
 from mam_pipeline.edited import STRICT, Finite, Index, Range, Seed, Text, Word, validated
@@ -94,8 +95,13 @@ class CollectConfig:
     """Keep failed attempts in the data as well."""
     settle: Annotated[int, Range(0, 1000)] = 5
     """Control steps that are recorded after success."""
-    max_steps: Annotated[int, Range(1, 100_000)] = 220
-    """Control steps of one attempt."""
+    max_steps: Annotated[int, Range(1, 100_000)] | None = None
+    """Control steps of one attempt; default: the task's, and some for what follows success."""
+
+    @property
+    def steps(self) -> int:
+        """`max_steps`, or its default."""
+        return self.max_steps or episode_steps(self.task) + 20
 
 
 def read_claim(file: Path) -> dict[str, Any]:

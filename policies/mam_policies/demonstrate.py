@@ -11,6 +11,7 @@ import torch
 import mam_envs
 from mam_envs.scene.video import Camera, Frame, write_strip, write_video
 from mam_envs.scene.vulkan import vulkan_ok
+from mam_envs.tasks import episode_steps
 from mam_policies.expert import Expert, PlanningError
 
 
@@ -66,7 +67,8 @@ def demonstrate(
     render = "rgb_array" if video and vulkan_ok() else None
     env = mam_envs.make(
         asset_dir, joint=joint, task=task, robot_uids=robot, control_mode="pd_joint_pos",
-        obs_mode="state", render_mode=render, reward_mode="none", max_episode_steps=260,
+        obs_mode="state", render_mode=render, reward_mode="none",
+        max_episode_steps=episode_steps(task) + 60,
     )  # fmt: skip
     try:
         camera = Camera(env) if video else None

@@ -125,3 +125,16 @@ def test_a_file_of_ids_that_cannot_be_read_is_a_warning(tmp_path: Path) -> None:
             ids.bind_remembered()
         with pytest.raises(ConfigError, match="delete it"):
             ids.remember("Door-v1", {}, 50)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "steps"),
+    [({}, 200), ({"task": "put_in"}, 400), ({"joint": ["a", "b"]}, 400)],
+)
+def test_an_episode_is_as_long_as_its_task_needs(
+    drawer: Path, arguments: dict[str, Any], steps: int
+) -> None:
+    mam_envs.register(drawer, id="Timed-v1", **arguments)
+    assert gym.spec("Timed-v1").max_episode_steps == steps
+    mam_envs.register(drawer, id="Timed-v1", max_episode_steps=7, **arguments)
+    assert gym.spec("Timed-v1").max_episode_steps == 7

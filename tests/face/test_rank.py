@@ -45,9 +45,9 @@ def test_a_number_is_only_compared_with_one_of_the_same_measure() -> None:
     """Whoever changes one of these raises VERSION, here, there, and on the page."""
     from mam_envs.config import EnvConfig
 
-    assert VERSION == 7
+    assert VERSION == 8
     assert asdict(Measure()) == {
-        "episodes": 5, "seed": 50_000_017, "max_steps": 200, "control_mode": "pd_joint_pos",
+        "episodes": 5, "seed": 50_000_017, "max_steps": None, "control_mode": "pd_joint_pos",
         "task": None,
     }  # fmt: skip
     assert plain(EnvConfig().success) == {

@@ -17,7 +17,7 @@ from mam_envs.placement.drive import carried
 from mam_envs.placement.memory import remembered_place
 from mam_envs.placement.reach_in import ground_places, hand_places, served
 from mam_envs.robots import RobotSpec
-from mam_envs.tasks import JointGoal, Task, task_class
+from mam_envs.tasks import JointGoal, Task, several, task_class
 from mam_pipeline.asset.card import Asset, CardJoint
 from mam_pipeline.check.lint import lint
 from mam_pipeline.errors import ConfigError, InputError, NotPhysicalError
@@ -117,11 +117,6 @@ def arrange(
         joints, tasks, task_class(tasks), robot, config.success, config.randomisation
     )
     return _arrange(str(found.folder), stamp, request, scale)
-
-
-def several(names: str | Sequence[str] | None) -> tuple[str | None, ...]:
-    """One name or several as a tuple; None stays one name that is left open."""
-    return (names,) if names is None or isinstance(names, str) else tuple(names)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,10 @@ from mam_envs.tasks.base import JointGoal, OtherTaskError, Task, TaskState
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.registry import Registry
 
-__all__ = ["TASKS", "JointGoal", "OtherTaskError", "Task", "TaskState", "task_class"]
+__all__ = [
+    "TASKS", "JointGoal", "OtherTaskError", "Task", "TaskState", "episode_steps", "several",
+    "task_class",
+]  # fmt: skip
 
 OPERATE_JOINT = "mam_envs.tasks.operate_joint:OperateJoint"
 TASKS = Registry(
@@ -23,6 +26,23 @@ TASKS = Registry(
         "put_in": "mam_envs.tasks.carry:PutIn",
     },
 )
+
+
+def several(names: str | Sequence[str] | None) -> tuple[str | None, ...]:
+    """One name or several as a tuple; None stays one name that is left open."""
+    return (names,) if names is None or isinstance(names, str) else tuple(names)
+
+
+def episode_steps(
+    task: str | Sequence[str] | None, joint: str | Sequence[str] | None = None
+) -> int:
+    """Control steps of an episode unless told otherwise: the task's, for each joint in sequence.
+
+    Raises:
+        ConfigError, BackendError: as `task_class`.
+    """
+    tasks, joints = several(task), several(joint)
+    return task_class(tasks).steps * max(len(tasks), len(joints))
 
 
 def task_class(names: Sequence[str | None]) -> type[Task]:

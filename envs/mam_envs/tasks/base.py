@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -116,10 +117,13 @@ class Task(ABC):
     `evaluate`, and `observe` and `reward_terms` with what `evaluate` returned.
 
     Attributes:
+        steps: control steps in which an episode is to end, for each joint of a sequence.
         goals: per sub-scene, one `JointGoal` per stage.
         config: the environment's settings, of the types that `defaults` returns.
         stage: (b,) index of the joint that is to be moved now; 0 for tasks on one joint.
     """
+
+    steps: ClassVar[int] = 200
 
     def __init__(
         self, goals: Sequence[Sequence[JointGoal]], config: EnvConfig, device: torch.device

@@ -223,6 +223,7 @@ class PutIn(Carry):
     """
 
     named = "close"
+    steps = 400
 
     @classmethod
     def defaults(cls) -> EnvConfig:
