@@ -10,8 +10,12 @@ import torch
 from mani_skill.utils.geometry.rotation_conversions import quaternion_apply
 from mani_skill.utils.structs import Pose
 
-from mam_envs.postures import MARKS, postures
+from mam_envs.grasping.candidates import Grasp
+from mam_envs.planner_state import PlannerState
+from mam_envs.postures import MARKS, along, postures
+from mam_envs.replanning import arm_path
 from mam_envs.scene.layout import Layout
+from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.types import FloatArray
 
 
@@ -36,28 +40,35 @@ class Articulations:
         )
         self._slides = tensor([[float(j.type == "prismatic") for j in row] for row in joints])
         self._way = tensor([[abs(g.q_goal - g.q_start) for g in item.goals] for item in layouts])
-        grasps = [item.grasps for item in layouts]
-        self._pushes = tensor([[float(g.mode == "push") for g in row] for row in grasps])
-        self._width = tensor([[g.card.width for g in row] for row in grasps])
-        self._lag = tensor([[g.lag for g in row] for row in grasps])
-        held = np.zeros((len(layouts), len(joints[0]), 4, 4))  # link_T_tool
-        for i, item in enumerate(layouts):
-            rest = item.model.kinematics.link_poses({})
-            for k, joint in enumerate(joints[i]):
-                held[i, k] = np.linalg.inv(rest[joint.child][0]) @ item.grasps[k].tool
-        self._place, self._approach, self._closing = (
-            torch.tensor(held[..., :3, column], dtype=torch.float32, device=device)
-            for column in (3, 2, 1)
+        shape = (len(layouts), len(joints[0]))
+        arm = len(layouts[0].robot.arm)
+        self._pushes, self._width, self._lag, self._place, self._approach, self._closing = (
+            torch.zeros(shape + more, device=device) for more in ((), (), (), (3,), (3,), (3,))
         )
-        self._claimed = claimed
-        shape = (len(layouts), len(joints[0]), len(MARKS), len(layouts[0].robot.arm))
-        self._postures = torch.zeros(shape, device=device)
+        self._postures = torch.zeros((*shape, len(MARKS), arm), device=device)
+        self._layouts, self._claimed = layouts, claimed
+        for i, item in enumerate(layouts):
+            for k, grasp in enumerate(item.grasps):
+                self._take(i, k, grasp)
+
+    def _take(self, index: int, stage: int, grasp: Grasp) -> None:
+        """Note how the hand takes hold of a joint's part."""
+        item = self._layouts[index]
+        kinematics = item.model.kinematics
+        child = kinematics.joint(item.goals[stage].joint).child
+        link_tool = np.linalg.inv(kinematics.link_poses({})[child][0]) @ grasp.tool
+        columns = ((self._place, 3), (self._approach, 2), (self._closing, 1))
+        for directions, column in columns:
+            directions[index, stage] = torch.as_tensor(link_tool[:3, column]).to(directions)
+        self._pushes[index, stage] = float(grasp.mode == "push")
+        self._width[index, stage] = grasp.card.width
+        self._lag[index, stage] = grasp.lag
 
     def placed(self, index: Sequence[int], world_asset: FloatArray) -> None:
         """Find the postures for sub-scenes whose objects now stand at (k, 4, 4) world_T_asset.
 
-        The first joint of a sequence is grasped as the placement plans it; the others are begun
-        from where the arm ends at the one before.
+        The first joint of a sequence is taken hold of as the expert would do it from there; the
+        others are begun from where the arm ends at the one before.
         """
         items = [self._claimed[i] for i in index]
         models, robot = [item.model for item in items], items[0].robot
@@ -66,6 +77,15 @@ class Articulations:
         for k in range(self._postures.shape[1]):
             goals, grasps = [item.goals[k] for item in items], [item.grasps[k] for item in items]
             found = postures(models, goals, grasps, robot, np.linalg.inv(base) @ world_asset, guess)
+            for i, number in enumerate(index if k == 0 else ()):
+                now = PlannerState.at_rest(items[i], base[i], world_asset[i])
+                try:
+                    path = arm_path(now)
+                except NotPhysicalError:
+                    self._take(number, 0, grasps[i])
+                    continue
+                self._take(number, 0, path.grasp)
+                found[i] = along(path)
             self._postures[index, k] = torch.as_tensor(found).to(self._postures)
             guess = found[:, -1]
 

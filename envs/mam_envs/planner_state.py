@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from mam_envs.object_model import ObjectModel
 from mam_envs.robots import RobotSpec
 from mam_envs.scene.layout import Layout
@@ -37,6 +39,15 @@ class PlannerState:
     force: FloatArray
     held: FloatArray
     thing: FloatArray | None = None
+
+    @staticmethod
+    def at_rest(layout: Layout, base: FloatArray, world_asset: FloatArray) -> PlannerState:
+        """Before the first joint of a task is moved, with the arm at rest."""
+        goal, robot = layout.goals[0], layout.robot
+        nothing = np.zeros(0)
+        return PlannerState(
+            layout, goal, base, world_asset, goal.q_start, {}, robot.rest_arm, np.zeros(3), nothing
+        )
 
     @property
     def model(self) -> ObjectModel:

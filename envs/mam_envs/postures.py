@@ -1,6 +1,6 @@
 """The arm's postures at the marks of a motion: before the grasp, at it, and on the way to the goal.
 
-They come from inverse kinematics on the twin alone, so a real arm has them as well.
+They are found on the twin alone, so a real arm has them as well.
 """
 
 from __future__ import annotations
@@ -12,13 +12,20 @@ import numpy as np
 from mam_envs.grasping.candidates import Grasp, backed, goal_values, tool_path
 from mam_envs.grasping.limits import LIMITS
 from mam_envs.object_model import ObjectModel
+from mam_envs.placement.arm_path import ArmPath
 from mam_envs.robots import RobotSpec
 from mam_envs.tasks.base import JointGoal
 from mam_pipeline.types import FloatArray
 
-MARKS = ("approach", "grasp", "half", "goal")
-WAYPOINTS = 5
+MARKS = ("approach", "grasp", "quarter", "half", "three_quarters", "goal")
+WAYPOINTS = len(MARKS) - 1
 """Joint values along the way that are solved for, each from the one before."""
+
+
+def along(path: ArmPath) -> FloatArray:
+    """(6, n) arm joints at MARKS of a planned path."""
+    way = path.follow[np.linspace(0, len(path.follow) - 1, WAYPOINTS).round().astype(int)]
+    return np.concatenate([path.approach[:1], way])
 
 
 def postures(
@@ -29,7 +36,7 @@ def postures(
     base_asset: FloatArray,
     guess: FloatArray,
 ) -> FloatArray:
-    """(N, 4, n) arm joints at MARKS for N objects, radians (metres of sliding joints).
+    """(N, 6, n) arm joints at MARKS for N objects, radians (metres of sliding joints).
 
     Each posture is looked for from the one before, on its branch; what is out of reach gives the
     nearest that was found.
@@ -54,4 +61,4 @@ def postures(
     way = [grasp]
     for k in range(1, WAYPOINTS):
         way.append(towards(targets[:, k], way[-1], 12))
-    return np.stack([before, grasp, way[WAYPOINTS // 2], way[-1]], axis=1)
+    return np.stack([before, *way], axis=1)

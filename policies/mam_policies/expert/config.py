@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from mam_envs.replanning import TILTS
+
 
 @dataclass(frozen=True, kw_only=True)
 class ExpertConfig:
     """Steps are control steps, 20 a second; shares of a speed are of the robot's `step`."""
 
-    tilts: tuple[int, ...] = (0, 15, 30, 45, 60)
+    tilts: tuple[int, ...] = TILTS
     """Angles between the hand and the part's surface that are tried, degrees."""
     move_speed: float = 0.8
     """Share of the arm's speed on the way to the part."""

@@ -7,23 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mam_envs.grasping.candidates import (
-    Grasp,
-    PlacementError,
-    card_grasps,
-    goal_values,
-    grasp_opening,
-    tool_path,
-)
-from mam_envs.grasping.surface import surface_grasps
-from mam_envs.placement.arm_path import ArmPath, Search, search
+from mam_envs.grasping.candidates import Grasp, grasp_opening, tool_path
+from mam_envs.placement.arm_path import ArmPath
 from mam_envs.planner_state import PlannerState
+from mam_envs.replanning import arm_path
 from mam_envs.robots import RobotSpec
 from mam_pipeline.errors import NotPhysicalError
 from mam_pipeline.types import FloatArray
 from mam_policies.expert.config import ExpertConfig
-
-_SURFACE: dict[tuple[object, ...], list[Grasp]] = {}
 
 
 class PlanningError(NotPhysicalError):
@@ -60,75 +51,17 @@ def plan(
 ) -> Plan:
     """Plan from the present state of arm and object.
 
-    The grasp and branch of the nominal placement are tried first, so that all episodes are alike
-    (a learner needs that); then every grasp that the asset offers.
-
     Args:
         skip: grasps that were tried in vain.
 
     Raises:
         PlanningError: with the reason.
     """
-    robot, goal, model = now.robot, now.goal, now.model
-    q = goal_values(goal, q_now=now.q)
-    nominal = now.layout.placement.path
-    if nominal.grasp.card.joint == goal.joint and not _tried(nominal.grasp, skip):
-        found = search(
-            model,
-            goal,
-            robot,
-            [nominal.grasp],
-            now.base[None],
-            now.world_asset,
-            q,
-            now.others,
-            now.arm,
-            keep=1,
-            seeds=np.stack([nominal.approach[-1], nominal.approach[0]]),
-        )
-        if found.paths:
-            return time_path(robot, now, found.paths[0], config)
-    found = Search((), 0, 0, 0)
-    refusal: NotPhysicalError | None = None
-    offers = [lambda: card_grasps(model, goal, robot, config.tilts), lambda: _surface(now)]
-    for offer in offers if len(skip) < config.card_tries else offers[::-1]:
-        try:
-            candidates = [h for h in offer() if not _tried(h, skip)]
-        except PlacementError as error:
-            refusal = error
-            continue
-        here = search(
-            model,
-            goal,
-            robot,
-            candidates,
-            now.base[None],
-            now.world_asset,
-            q,
-            now.others,
-            now.arm,
-            keep=1,
-        )
-        if here.paths:
-            return time_path(robot, now, here.paths[0], config)
-        found = max(found, here, key=lambda s: (s.followed, s.reached, s.tried))
-    if refusal is not None and not found.tried:
-        raise PlanningError(str(refusal))
-    raise PlanningError(found.reason(f"{model.asset.card.name}: joint {goal.joint!r}"))
-
-
-def _surface(now: PlannerState) -> list[Grasp]:
-    """The grasps on the part's surface, found once for each task."""
-    key = (now.model.asset.folder, now.model.scale, now.goal, now.robot.uid)
-    if key not in _SURFACE:
-        if len(_SURFACE) > 64:
-            _SURFACE.clear()
-        _SURFACE[key] = surface_grasps(now.model, now.goal, now.robot)
-    return _SURFACE[key]
-
-
-def _tried(grasp: Grasp, skip: Sequence[Grasp]) -> bool:
-    return any(grasp.mode == s.mode and np.allclose(grasp.tool, s.tool, atol=1e-3) for s in skip)
+    try:
+        path = arm_path(now, skip, config.tilts, surface_first=len(skip) >= config.card_tries)
+    except NotPhysicalError as error:
+        raise PlanningError(str(error)) from error
+    return time_path(now.robot, now, path, config)
 
 
 def time_path(robot: RobotSpec, now: PlannerState, path: ArmPath, config: ExpertConfig) -> Plan:
