@@ -40,6 +40,11 @@ class _Sizes:
     activation: Literal["relu", "tanh"] = "relu"
     inputs: Row | None = None
     marks: Row = ()
+    fine: Row = ()
+
+
+FINE_METRES, FINE_RADIANS = 0.02, 0.1
+"""Differences within which a magnified entry tells most."""
 
 
 class MlpPolicy(torch.nn.Module):
@@ -48,8 +53,8 @@ class MlpPolicy(torch.nn.Module):
     The arm's part of an action is predicted as its difference to the present joint values when
     `relative` (absolute joint targets); the gripper command as it is. `squash` says how actions
     are kept in -1..1: none, clip or tanh. With `marks` (postures as differences to the present one)
-    that difference is a weighted sum of theirs and a rest: what moves an arm from mark to mark on
-    one object then does so on others.
+    that difference is a weighted sum of theirs: what moves an arm from mark to mark on one object
+    then does so on others.
     """
 
     mean: torch.Tensor
@@ -71,9 +76,11 @@ class MlpPolicy(torch.nn.Module):
         activation: str = "relu",
         inputs: tuple[int, ...] | None = None,
         marks: tuple[int, ...] = (),
+        fine: tuple[int, ...] = (),
     ) -> None:
         """`inputs`: entries of the observation that the network sees; None is all of them. `marks`:
-        where in the observation the arm's way to each mark begins."""
+        where in the observation the arm's way to each mark begins. `fine`: entries that it also
+        sees magnified, metres."""
         super().__init__()
         self.sizes = {
             "obs_dim": obs_dim,
@@ -88,19 +95,23 @@ class MlpPolicy(torch.nn.Module):
             "activation": activation,
             "inputs": None if inputs is None else list(inputs),
             "marks": list(marks),
+            "fine": list(fine),
         }
-        self.marks = list(marks)
+        self.marks, self.fine = list(marks), list(fine)
         self.inputs = None if inputs is None else list(inputs)
         self.obs_dim, self.action_dim, self.arm_joints = obs_dim, action_dim, arm_joints
         self.chunk, self.horizon, self.timed = chunk, horizon, timed
         self.relative, self.squash = relative, squash
         layers: list[torch.nn.Module] = []
-        width = (obs_dim if inputs is None else len(inputs)) + int(timed) + len(marks)
+        width = (
+            (obs_dim if inputs is None else len(inputs)) + int(timed) + 2 * len(marks) + len(fine)
+        )
         kind = torch.nn.Tanh if activation == "tanh" else torch.nn.ReLU
         for size in hidden:
             layers += [torch.nn.Linear(width, size), kind()]
             width = size
-        layers.append(torch.nn.Linear(width, chunk * (action_dim + len(marks))))
+        outputs = action_dim - arm_joints + len(marks) if marks else action_dim
+        layers.append(torch.nn.Linear(width, chunk * outputs))
         self.net = torch.nn.Sequential(*layers)
         self.register_buffer("mean", torch.zeros(obs_dim))
         self.register_buffer("std", torch.ones(obs_dim))
@@ -114,14 +125,16 @@ class MlpPolicy(torch.nn.Module):
             x = x[:, self.inputs]
         if self.timed:
             x = torch.cat([x, (step[:, None].float() / self.horizon)], dim=1)
+        x = torch.cat([x, torch.tanh(obs[:, self.fine] / FINE_METRES)], dim=1)
         if not self.marks:
             return self.net(x).reshape(len(obs), self.chunk, self.action_dim)
         ways = torch.stack([obs[:, k : k + self.arm_joints] for k in self.marks], dim=1)
         far = ways.abs().amax(dim=2)
-        out = self.net(torch.cat([x, far], dim=1)).reshape(len(obs), self.chunk, -1)
-        rest, weights = out.split([self.action_dim, len(self.marks)], dim=2)
-        along = weights @ ways / self.scale[: self.arm_joints]
-        return torch.cat([rest[..., : self.arm_joints] + along, rest[..., self.arm_joints :]], 2)
+        x = torch.cat([x, far, torch.tanh(far / FINE_RADIANS)], dim=1)
+        out = self.net(x).reshape(len(obs), self.chunk, -1)
+        n = self.arm_joints
+        others, weights = out.split([self.action_dim - n, len(self.marks)], dim=2)
+        return torch.cat([(weights @ ways - self.offset[:n]) / self.scale[:n], others], dim=2)
 
     def actions(self, obs: torch.Tensor, step: torch.Tensor) -> torch.Tensor:
         """(b, chunk, action_dim) in the environment's units."""
@@ -152,7 +165,7 @@ class MlpPolicy(torch.nn.Module):
             with safe_open(file, "pt") as opened:
                 said = (opened.metadata() or {})["sizes"]
             sizes = validated(_Sizes, parse_json(said, f"{file}: sizes"))
-            if max((*(sizes.inputs or ()), *sizes.marks), default=0) >= sizes.obs_dim:
+            if max((*(sizes.inputs or ()), *sizes.marks, *sizes.fine), default=0) >= sizes.obs_dim:
                 raise ValueError("it looks at entries beyond the observation")
             with torch.device("meta"):  # the weights take the memory, not what they are told to be
                 policy = MlpPolicy(**vars(sizes))

@@ -66,7 +66,8 @@ def test_entries_leave_out_speed_touch_and_the_world() -> None:
         ("extra/tcp_pose", 6, 13, False),
         ("extra/privileged/grasp_offset", 13, 16, True),
     ]
-    assert entries(rows, False) == (0, 1, 2, 3, 4, 5, 13, 14, 15)
+    assert entries(rows, False, 1) == (1, 5, 13, 14, 15)  # the gripper, touch and the way left
+    assert entries(rows, True, 1) == (1, 13, 14, 15)
 
 
 def test_file_of_another_kind_is_named(tmp_path: Path) -> None:

@@ -79,7 +79,8 @@ class BehaviourCloning(Algorithm[BcConfig]):
 
 
 def _network(choice: EnvChoice, config: BcConfig, sizes: dict[str, Any]) -> MlpPolicy:
-    absolute = choice.control_mode == "pd_joint_pos"
+    absolute, rows = choice.control_mode == "pd_joint_pos", sizes["observation"]
+    marks = starts(rows, "/posture_") if absolute else ()
     return MlpPolicy(
         sizes["observation"][-1][2],
         sizes["action_dim"],
@@ -89,34 +90,45 @@ def _network(choice: EnvChoice, config: BcConfig, sizes: dict[str, Any]) -> MlpP
         choice.max_steps,
         relative=absolute,
         squash="none" if absolute else "clip",
-        inputs=entries(sizes["observation"], config.deployable),
-        marks=marks(sizes["observation"]) if absolute else (),
+        inputs=entries(rows, config.deployable, sizes["arm_joints"] if marks else None),
+        marks=marks,
+        fine=tuple(k for start in starts(rows, "/grasp_offset") for k in range(start, start + 3)),
     )
 
 
 UNMEASURED = ("agent/qvel", "extra/privileged/joint_speed", "extra/privileged/touching")
 """Velocities and touch, which real arms do not report."""
-IN_WORLD = ("extra/tcp_pose", "extra/privileged/handle_position", "extra/privileged/tcp_to_handle")
-"""What is seen in the world's frame: it tells objects apart by where the arm stands before them."""
+ALIKE = (
+    "open_fraction", "progress", "touching", "joint_slides", "joint_way", "grasp_offset",
+    "grasp_pushes", "grasp_width", "grasp_lag",
+)  # fmt: skip
+"""What is seen of an articulation that does not tell where arm and object stand, nor how the arm
+is bent: a policy over many objects would learn single objects by that."""
+Rows = list[tuple[str, int, int, bool]]
 
 
-def entries(rows: list[tuple[str, int, int, bool]], deployable: bool) -> tuple[int, ...] | None:
+def entries(rows: Rows, deployable: bool, arm_joints: int | None = None) -> tuple[int, ...] | None:
     """Entries of the flat observation that the network sees; None is all of them.
 
-    With joint and grasp in the base's frame (observation.articulation) the world's frame is left
-    out; a policy over many objects would learn single objects by it.
+    Args:
+        arm_joints: of a policy that weighs postures: it sees only the gripper, whose joints follow
+            these, and what `ALIKE` names.
     """
-    unseen: tuple[str, ...] = UNMEASURED if deployable else ()
-    if any(name.endswith("/grasp_offset") for name, *_ in rows):
-        unseen += IN_WORLD
+    unseen = UNMEASURED if deployable else ()
+    if arm_joints is not None:
+        gripper = tuple(range(arm_joints, rows[0][2]))
+        return gripper + tuple(
+            i for name, a, b, _ in rows for i in range(a, b)
+            if name.split("/")[-1] in ALIKE and name not in unseen
+        )  # fmt: skip
     if not unseen:
         return None
     return tuple(i for name, a, b, _ in rows for i in range(a, b) if name not in unseen)
 
 
-def marks(rows: list[tuple[str, int, int, bool]]) -> tuple[int, ...]:
-    """Where in the flat observation the arm's way to each known posture begins."""
-    return tuple(start for name, start, *_ in rows if "/posture_" in name)
+def starts(rows: Rows, word: str) -> tuple[int, ...]:
+    """Where in the flat observation each entry with a word in its name begins."""
+    return tuple(start for name, start, *_ in rows if word in name)
 
 
 def dagger_round(
