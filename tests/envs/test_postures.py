@@ -46,7 +46,7 @@ def test_a_clone_with_marks_weighs_the_ways_to_them() -> None:
     assert isinstance(last, torch.nn.Linear)
     with torch.no_grad():
         last.weight.zero_()
-        last.bias.copy_(torch.tensor([0.0, 0, 7, 0.1, 0.5] * 2))  # the rest, then two weights
+        last.bias.copy_(torch.tensor([7, 0.1, 0.5] * 2))  # the gripper, then two weights
     policy.scale.copy_(torch.tensor([0.2, 0.3, 1.0]))
     told = policy.actions(torch.tensor([[3.0, -3.0, 4.0, -2.0, 1.0, 0.0]]), torch.zeros(1))
     torch.testing.assert_close(told, torch.tensor([[[3.9, -3.2, 7.0]] * 2]))
