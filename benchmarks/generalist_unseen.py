@@ -3,7 +3,7 @@
     python benchmarks/generalist_unseen.py configs/train/generalist_drawer.yaml --out FILE.json
 
 The objects are of the recipe's categories. One that the arm cannot operate counts as failed
-episodes. `generalist_on_real.py generalist-drawer DATASET drawer` tries it on real meshes.
+episodes. On assets of real meshes: `mam-sim eval generalist-drawer --asset ASSET ... --expert`.
 """
 
 from __future__ import annotations

@@ -27,9 +27,9 @@ class Evaluate(Verb):
     """Measure how often a policy, or the scripted expert, succeeds, with Wilson 95 % intervals."""
 
     policy: Positional[Path | None] = None
-    """A run folder of mam-sim train; with --asset also generalist-drawer, which comes with mam-sim,
-    a policy folder of LeRobot, or a zip of stable-baselines3 (--trust); without one, --expert and
-    --asset measure the expert alone."""
+    """A run folder of mam-sim train; with --asset also generalist-drawer or generalist-door, which
+    come with mam-sim, a policy folder of LeRobot, or a zip of stable-baselines3 (--trust); without
+    one, --expert and --asset measure the expert alone."""
     episodes: Annotated[int, Range(1, 100_000)] = 20
     """How many, per asset."""
     asset: tuple[Path, ...] = ()

@@ -15,7 +15,7 @@ from tests.envs.box_assets import without_range, write_asset
 pytestmark = pytest.mark.slow  # the simulator runs
 
 
-def test_a_policy_that_comes_with_mam_sim_opens_a_drawer_it_has_not_seen(
+def test_policies_that_come_with_mam_sim_open_what_they_have_not_seen(
     drawer: Path,
     door: Path,
     tmp_path: Path,
@@ -31,6 +31,9 @@ def test_a_policy_that_comes_with_mam_sim_opens_a_drawer_it_has_not_seen(
     assert found["run"] == "generalist-drawer" and found["total"]["successes"] >= 1
     assert main(["eval", "generalist-drawer", "--asset", str(door)]) == 2
     assert "has no drawer that moves, which generalist-drawer is for" in capsys.readouterr().err
+    doors = ["eval", "generalist-door", "--asset", str(door), "--episodes", "5", "--json"]
+    assert main(doors) == 0
+    assert json.loads(capsys.readouterr().out)["total"]["successes"] >= 1
     (tmp_path / "generalist-drawer").mkdir()  # a folder of that name is meant, where there is one
     assert main(command) == 2
     assert "no run.json in generalist-drawer" in capsys.readouterr().err

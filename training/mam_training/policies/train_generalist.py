@@ -45,15 +45,16 @@ class GeneralistTraining:
     kind: str = "drawer"
     categories: tuple[str, ...] = (
         "chest_of_drawers", "nightstand", "filing_cabinet", "desk", "table_with_drawers",
-        "dressing_table", "coffee_table", "box_drawer", "storage_mixed",
+        "dressing_table", "coffee_table", "box_drawer", "storage_mixed", "cabinet_nested_drawers",
+        "sideboard", "tool_cabinet", "bed_storage", "kitchen_run",
     )  # fmt: skip
-    count: int = 10
+    count: int = 12
     seed: int = 7000
-    episodes: int = 500
+    episodes: int = 600
     hidden: tuple[int, ...] = (384, 384)
     epochs: int = 40
-    rounds: int = 3
-    round_episodes: int = 80
+    rounds: int = 2
+    round_episodes: int = 100
     cache: Path = Path("build/generalist-drawer")
     out: Path = Path("build/weights/policies/generalist-drawer")
 
