@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mam_envs.config import EnvConfig
-from mam_envs.tasks import episode_steps
 from mam_pipeline import config_file, folder_data
 from mam_pipeline.arrays import Arrays
 from mam_pipeline.edited import STRICT, Finite, Index, Range, Seed, Text, Word, validated
@@ -101,6 +100,8 @@ class CollectConfig:
     @property
     def steps(self) -> int:
         """`max_steps`, or its default."""
+        from mam_envs.tasks import episode_steps  # imports torch, which `--help` does without
+
         return self.max_steps or episode_steps(self.task) + 20
 
 

@@ -147,3 +147,9 @@ def test_training_refuses_a_foreign_folder_and_leaves_none_of_its_own(
     (begun / ".settings.txt.partial-4194305.txt").write_text("half")
     refuse_foreign(begun)
     assert not list(begun.iterdir())
+
+
+def test_what_collect_can_be_told_needs_no_torch() -> None:
+    code = "import sys, mam_sim.verbs.collect; print('torch' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
