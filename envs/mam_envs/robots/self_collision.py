@@ -14,9 +14,6 @@ from mam_envs.robots.base import RobotSpec, samples
 from mam_pipeline.formats.xml_file import parse_xml
 from mam_pipeline.types import FloatArray
 
-POINTS = 48
-"""Of a convex shape whose hull stands for it: some have thousands of faces."""
-
 
 class SelfCollision:
     """The pairs of links of a robot that could meet, and whether they do.
@@ -29,16 +26,17 @@ class SelfCollision:
         pairs: names of the links. room: metres that they must keep from each other.
     """
 
-    def __init__(self, robot: RobotSpec, room: float) -> None:
+    def __init__(self, robot: RobotSpec, room: float, points: int = 48) -> None:
         """Find the pairs.
 
         Args:
             room: metres that links must keep from each other.
+            points: of a convex shape whose hull stands for it: some have thousands of faces.
         """
         self.room = room
         self._points = robot.surface
         self._pieces = {
-            name: [p for h in hulls if (p := ConvexPiece.of(samples(h, POINTS)))]
+            name: [p for h in hulls if (p := ConvexPiece.of(samples(h, points)))]
             for name, hulls in robot.hulls.items()
         }
         between = {

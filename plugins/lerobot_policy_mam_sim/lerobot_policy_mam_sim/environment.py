@@ -12,6 +12,7 @@ from lerobot.envs.configs import EnvConfig
 from lerobot.utils.constants import ACTION, OBS_IMAGES, OBS_STATE
 from mani_skill.utils.gym_utils import convert_observation_to_space
 
+from mam_envs.tasks import episode_steps
 from mam_policies.lerobot.robot_interface import RobotInterface
 from mam_policies.run import EnvChoice, task_settings
 from mam_policies.task_words import task_words
@@ -27,6 +28,7 @@ class MamSimEnvConfig(EnvConfig):
     Attributes:
         asset: folder; joint, task, robot: as in mam-sim. mapping: joint mapping file.
         pictures: observe the cameras, too (needs a Vulkan driver).
+        episode_length: control steps; default: the task's.
         picture: width and height of videos; ray-cast where there is no Vulkan driver.
     """
 
@@ -37,7 +39,7 @@ class MamSimEnvConfig(EnvConfig):
     robot: str = "panda"
     mapping: str | None = None
     pictures: bool = False
-    episode_length: int = 200
+    episode_length: int | None = None
     picture: tuple[int, int] = (96, 72)
     features: dict[str, PolicyFeature] = field(default_factory=dict)
     features_map: dict[str, str] = field(
@@ -97,14 +99,15 @@ class MamSimGym(gym.Env):
         robot: str = "panda",
         mapping: str | None = None,
         pictures: bool = False,
-        max_steps: int = 200,
+        max_steps: int | None = None,
         picture: tuple[int, int] = (96, 72),
     ) -> None:
         settings = task_settings(task)
-        choice = EnvChoice((asset,), joint, task, robot, max_steps=max_steps, config=settings)
+        steps = max_steps or episode_steps(task, joint)
+        choice = EnvChoice((asset,), joint, task, robot, max_steps=steps, config=settings)
         more: dict[str, Any] = {"obs_mode": "rgb+state"} if pictures else {}
         self.interface = RobotInterface(choice, mapping, **more)
-        self._max_episode_steps = max_steps
+        self._max_episode_steps = steps
         self._picture = picture
         self._camera: Any = None
         self.task = task_words(self.interface.env.unwrapped)
