@@ -1,19 +1,17 @@
 """The scripted expert's demonstrations for cloning: what was seen and what to do, a file each.
 
 The expert acts with noise on its targets while the noise-free target is the label, so that a
-policy learns to come back to the path (as in DART). In a DAgger episode the policy acts and the
-expert's plan gives the labels.
+policy learns to come back to the path (as in DART).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mam_pipeline import folders
 from mam_pipeline.arrays import Arrays
@@ -102,35 +100,6 @@ def record(env: Any, seed: int, noise: float, settle: int) -> Demonstration | st
                 return Demonstration(np.stack(seen), np.stack(labels))
         if bool(np.asarray(truncated).reshape(-1)[0]):
             return "out of time"
-
-
-def dagger_steps(
-    env: Any, actor: Any, seed: int, lost: float, observe: Callable[[Any], Any] = flat
-) -> Iterator[tuple[Any, NDArray[np.float64], bool]]:
-    """An episode in which the policy acts and the expert's plan labels (DAgger, Ross 2011).
-
-    The policy's clock is the plan's, so the label of step t is the plan's row t: the way back to
-    the path. The episode ends at success, out of time, or `lost` radians off the plan.
-
-    Yields:
-        (what `observe` makes of the observation, (n + 1,) targets of the arm's joints and of the
-        gripper, whether the step that the policy then took succeeded).
-
-    Raises:
-        PlanningError: the expert finds no plan from this start.
-    """
-    obs, _ = env.reset(seed=seed)
-    expert = Expert(env, attempts=1)
-    expert.reset()
-    actor.reset()
-    for arm, gripper in zip(expert.plan.arm, expert.plan.gripper):
-        seen = observe(obs)
-        obs, _, _, truncated, info = env.step(actor.act(obs))
-        success = bool(np.asarray(info["success"]).reshape(-1)[0])
-        yield seen, np.append(arm, gripper), success
-        away = np.abs(env.unwrapped.planner_state().arm - arm).max()
-        if success or away > lost or bool(np.asarray(truncated).reshape(-1)[0]):
-            return
 
 
 def save(file: Path, found: Demonstration | str) -> None:

@@ -20,9 +20,9 @@ from mam_pipeline import folders
 from mam_pipeline.errors import InputError
 from mam_pipeline.optional import has
 from mam_policies.algorithms import Algorithm, OnProgress
+from mam_policies.dagger import dagger_steps
 from mam_policies.demonstrations import (
     Demonstration,
-    dagger_steps,
     demonstrations,
     load,
     save,

@@ -26,7 +26,8 @@ from mam_pipeline.folder_data import file_of
 from mam_policies.algorithms import Algorithm, OnProgress
 from mam_policies.collect import collect
 from mam_policies.collection import CollectConfig, Names, Track
-from mam_policies.demonstrations import dagger_steps, seed_of
+from mam_policies.dagger import dagger_steps
+from mam_policies.demonstrations import seed_of
 from mam_policies.expert import PlanningError
 from mam_policies.lerobot.actor import LeRobotActor
 from mam_policies.lerobot.dataset import (
