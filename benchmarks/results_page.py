@@ -35,6 +35,14 @@ def load(name: str) -> dict[str, Any]:
     return table
 
 
+def put(name: str, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Put rows into a table, in the place of those with the same ids, or below the others."""
+    table = load(name)
+    kept = {row["id"]: row for row in table["rows"]} | {row["id"]: dict(row) for row in rows}
+    text = json.dumps({**table, "rows": list(kept.values())}, indent=1, ensure_ascii=False)
+    (RESULTS / f"{name}.json").write_text(text + "\n", encoding="utf-8")
+
+
 def state(table: Mapping[str, Any], row: Mapping[str, Any]) -> State:
     """Whether a row was measured on the present code; what others printed always was."""
     if row["commit"] is None:

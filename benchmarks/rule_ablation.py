@@ -9,7 +9,6 @@ that are in --logs are not run again, so the work can be cut short and shared ou
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -87,22 +86,18 @@ def main(
 
     base = run("")
     words = " ".join([*(s.name for s in sources), *flags])
-    table = results_page.load(TABLE)
-    rows = {row["id"]: row for row in table["rows"]}
     for rule in names:
         if only and rule not in only:
             continue
         values = gains(base, run(rule))
         name = f"{rule}{'_fused' * fused}"
-        rows[name] = {
+        row = {
             "id": name, "name": f"`{rule}`{', each object fused' * fused}", "values": values,
             "command": f"python benchmarks/rule_ablation.py {words}",
             "commit": code_state.head(), "machine": machine(),
         }  # fmt: skip
         print(rule, values, flush=True)
-        table["rows"] = list(rows.values())
-        text = json.dumps(table, indent=1, ensure_ascii=False) + "\n"
-        (results_page.RESULTS / f"{TABLE}.json").write_text(text, encoding="utf-8")
+        results_page.put(TABLE, [row])
 
 
 if __name__ == "__main__":

@@ -1,9 +1,10 @@
-"""The scripted expert at every task, on generated objects: one line a task.
+"""The scripted expert at every task, on generated objects: one row a task.
 
-    python benchmarks/task_table.py --count 20 --seeds 3 --out FILE
+    python benchmarks/task_table.py --count 20 --seeds 1 --out FILE
 
 The objects of a task are of some categories, as many of each. An object that the arm cannot serve
-counts as failed episodes and is counted. Rows go into --out as they come; the same command goes on.
+counts as failed episodes and is counted. What was done goes into --out as it comes; the same
+command goes on. The table is docs/results/tasks.json.
 """
 
 from __future__ import annotations
@@ -13,10 +14,13 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
+import code_state
+import results_page
 import torch
 import tyro
-from common import load, save
+from common import load, machine, save
 from expert_table import Row, measure, world_assets
 
 from mam_pipeline.asset.card import Asset
@@ -88,16 +92,25 @@ def objects(trial: Trial, count: int, folder: Path) -> Iterator[tuple[Path, Row]
         seed += 1
 
 
-def line(name: str, rows: list[Row], seeds: int) -> str:
-    """Objects, refused ones, episodes and success, where a refused object has failed them all."""
-    good, refused = sum(row.successes for row in rows), sum(bool(row.refused) for row in rows)
-    low, high = wilson(good, seeds * len(rows))
-    share = f"{100 * good / (seeds * len(rows)):.0f} % [{100 * low:.0f}, {100 * high:.0f}]"
-    return f"| {name} | {len(rows)} | {refused} | {good} of {seeds * len(rows)} | {share} |"
+def row_of(trial: Trial, rows: list[Row], seeds: int, command: str) -> dict[str, Any]:
+    """The row of the table; a refused object has failed all its episodes."""
+    good, episodes = sum(row.successes for row in rows), seeds * len(rows)
+    low, high = wilson(good, episodes)
+    values = {
+        "objects": len(rows),
+        "refused": sum(bool(row.refused) for row in rows),
+        "success": f"{good}/{episodes} = {100 * good / episodes:.0f} % "
+        f"[{100 * low:.0f}, {100 * high:.0f}]",
+    }
+    name = trial.name if trial.robot == "panda" else f"{trial.name} ({trial.robot.capitalize()})"
+    return {
+        "id": trial.name, "name": name, "values": values, "command": command,
+        "commit": code_state.head(), "machine": machine(),
+    }  # fmt: skip
 
 
 def main(
-    count: int = 20, seeds: int = 3, only: str = "", keep: Path | None = None,
+    count: int = 20, seeds: int = 1, only: str = "", keep: Path | None = None,
     out: Path | None = None,
 ) -> None:  # fmt: skip
     """Measure and print the table.
@@ -108,7 +121,7 @@ def main(
     """
     torch.set_num_threads(1)
     known = {(r["subtype"], r["asset"]): Row(**r) for r in load(out) or []}
-    lines = ["| task | objects | refused | episodes | success |", "|---|---|---|---|---|"]
+    command = f"python benchmarks/task_table.py --count {count} --seeds {seeds}"
     with tempfile.TemporaryDirectory() as scratch:
         for trial in TRIALS:
             if only not in trial.name:
@@ -123,8 +136,9 @@ def main(
                     print(said, file=sys.stderr, flush=True)
                     save(out, [asdict(r) for r in known.values()])
                 rows.append(row)
-            lines.append(line(trial.name, rows, seeds))
-    print("\n".join(lines))
+            row_done = row_of(trial, rows, seeds, command)
+            print(row_done["name"], row_done["values"], flush=True)
+            results_page.put("tasks", [row_done])
 
 
 if __name__ == "__main__":
