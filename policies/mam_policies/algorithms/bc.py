@@ -88,6 +88,7 @@ def _network(choice: EnvChoice, config: BcConfig, sizes: dict[str, Any]) -> MlpP
         config.chunk,
         config.hidden,
         choice.max_steps,
+        timed=not marks,  # the arm's place among the postures tells how far it has come
         relative=absolute,
         squash="none" if absolute else "clip",
         inputs=entries(rows, config.deployable, sizes["arm_joints"] if marks else None),
@@ -99,11 +100,12 @@ def _network(choice: EnvChoice, config: BcConfig, sizes: dict[str, Any]) -> MlpP
 UNMEASURED = ("agent/qvel", "extra/privileged/joint_speed", "extra/privileged/touching")
 """Velocities and touch, which real arms do not report."""
 ALIKE = (
-    "open_fraction", "progress", "touching", "joint_slides", "joint_way", "grasp_offset",
-    "grasp_pushes", "grasp_width", "grasp_lag",
+    "open_fraction", "progress", "touching", "grasp_offset", "grasp_pushes", "grasp_width",
+    "grasp_lag",
 )  # fmt: skip
 """What is seen of an articulation that does not tell where arm and object stand, nor how the arm
-is bent: a policy over many objects would learn single objects by that."""
+is bent: a policy over many objects would learn single objects by that. Nor does it tell the joint's
+type or way, which hardly vary among parts of a kind: another one is an input never seen."""
 Rows = list[tuple[str, int, int, bool]]
 
 
