@@ -64,13 +64,20 @@ def world_assets(wishes: list[str], folder: Path) -> list[Path]:
     return out
 
 
-def measure(path: Path, row: Row, robot: str, seeds: int, task: str | None) -> Row:
-    """Run the expert on one joint for the seeds that `row` still lacks."""
+def measure(
+    path: Path, row: Row, robot: str, seeds: int, task: str | None, steps: int | None = None
+) -> Row:
+    """Run the expert on one joint for the seeds that `row` still lacks.
+
+    Args:
+        steps: of an episode; None: the task's.
+    """
     start = time.process_time()
     try:
         env = mam_envs.make(
             path, joint=row.joint.split(" + "), task=task, robot_uids=robot,
             control_mode="pd_joint_pos", obs_mode="none", reward_mode="none",
+            max_episode_steps=steps,
         )  # fmt: skip
     except MamSimError as error:
         row.refused = str(error).removeprefix(f"{row.asset}: ")
@@ -78,16 +85,16 @@ def measure(path: Path, row: Row, robot: str, seeds: int, task: str | None) -> R
         return row
     expert = Expert(env)
     reasons: dict[str, int] = defaultdict(int, row.reasons)
-    steps = row.steps * row.episodes
+    taken = row.steps * row.episodes
     for seed in range(row.episodes, seeds):
         episode = run_episode(env, expert, seed=FIRST_SEED + seed)
         row.episodes += 1
         row.successes += episode.success
-        steps += episode.steps
+        taken += episode.steps
         if not episode.success:
             reasons[episode.reason.replace(f"{row.asset}: ", "")] += 1
     env.close()
-    row.reasons, row.steps = dict(reasons), steps / max(row.episodes, 1)
+    row.reasons, row.steps = dict(reasons), taken / max(row.episodes, 1)
     row.seconds += time.process_time() - start
     return row
 
