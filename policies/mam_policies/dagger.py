@@ -22,31 +22,19 @@ class PaceConfig:
 
     near: float = 0.2
     """Radians that a joint may be off a row before the next one is asked for."""
-    again: int = 2
-    """Times that a grasp which slipped is taken once more."""
-    moved: float = 0.1
-    """Share of the joint's way after which that grasp is elsewhere, and the plan is of no use."""
 
 
 class Teacher(Expert):
     """The expert's plan, row by row, at the pace of the learner.
 
-    A row is asked for until the arm is there, and a hand is to hold before it may pull. A grasp
-    that slipped is taken again from the beginning of its approach.
+    A row is asked for until the arm is there, and a hand is to hold before it may pull. Where a
+    grasp has slipped there is nothing more to say: a learner without memory cannot tell the way
+    back from the way to the handle, and would stop between them.
     """
 
     def __init__(self, env: Any, pace: PaceConfig = PaceConfig()) -> None:
         super().__init__(env, attempts=1)
         self.pace = pace
-
-    def reset(self) -> None:
-        """Plan from the state after a reset.
-
-        Raises:
-            PlanningError: there is no motion; the message says why.
-        """
-        super().reset()
-        self.again, self.returning = 0, False
 
     def label(self) -> FloatArray:
         """(n + 1,) targets of the arm's joints and of the gripper."""
@@ -60,11 +48,9 @@ class Teacher(Expert):
         """
         now = self.env.planner_state()
         off = float(np.abs(now.arm - self.plan.arm[self.at]).max())
-        self.returning = self.returning and off > self.pace.near
-        if off > lost and not self.returning:
+        moves = self.plan.phase[self.at] in ("follow", "settle")
+        if off > lost or (moves and self._slipped(now)):
             return False
-        if self.plan.phase[self.at] in ("follow", "settle") and self._slipped(now):
-            return self._take_again(now)
         if off > self._room() or not self._holds(now, gripper):
             return True
         self.at += 1
@@ -81,15 +67,6 @@ class Teacher(Expert):
             return True
         robot = now.robot
         return abs(gripper - robot.closed) < abs(gripper - robot.opened)
-
-    def _take_again(self, now: PlannerState) -> bool:
-        way = now.goal.q_goal - now.goal.q_start
-        moved = abs(now.q - now.goal.q_start) > self.pace.moved * abs(way)
-        if moved or self.again >= self.pace.again or "approach" not in self.plan.phase:
-            return False
-        self.again += 1
-        self.at, self.returning = self.plan.phase.index("approach"), True
-        return True
 
     def _go_on(self, now: PlannerState) -> bool:
         """At the end of the plan: by what the joint still lacks."""

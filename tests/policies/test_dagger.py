@@ -77,14 +77,12 @@ def test_a_hand_that_does_not_close_is_told_to_close_not_to_pull(env: Any) -> No
     assert (told[-20:, -1] == env.unwrapped.robot_spec.closed).all()
 
 
-def test_a_grasp_that_slipped_is_taken_again(env: Any) -> None:
+def test_where_a_grasp_slipped_the_labels_end(env: Any) -> None:
     def slips(e: Any, expert: Expert, step: int) -> np.ndarray:
         opened = step >= expert.plan.phase.index("follow")
         return at_row(e, expert, step, e.robot_spec.opened if opened else None)
 
     # the hand closes as it should, lets go when it is to pull, and moves on without the drawer
     told, expert, success = labels(env, slips)
-    begin = expert.plan.arm[expert.plan.phase.index("approach")]
-    after = told[expert.plan.phase.index("follow") :]
     assert not success
-    assert any(np.allclose(row, np.append(begin, expert.plan.gripper[0])) for row in after)
+    assert expert.plan.phase.index("follow") < len(told) < len(expert.plan)
