@@ -20,16 +20,19 @@ from mam_policies.run import flat
 class PaceConfig:
     """When a learner counts as being at a row of the expert's plan."""
 
-    near: float = 0.2
-    """Radians that a joint may be off a row before the next one is asked for."""
+    lead: int = 3
+    """Rows by which the plan is ahead of the arm at most, on the way to the part: as many as when
+    the expert acts."""
+    ready: float = 0.03
+    """Radians that a joint may be off where the hand is to close next."""
 
 
 class Teacher(Expert):
     """The expert's plan, row by row, at the pace of the learner.
 
-    A row is asked for until the arm is there, and a hand is to hold before it may pull. Where a
-    grasp has slipped there is nothing more to say: a learner without memory cannot tell the way
-    back from the way to the handle, and would stop between them.
+    The plan waits for an arm that comes late, and for a hand that is to hold before it pulls.
+    Where a grasp has slipped there is nothing more to say: a learner without memory cannot tell
+    the way back from the way to the handle, and would stop between them.
     """
 
     def __init__(self, env: Any, pace: PaceConfig = PaceConfig()) -> None:
@@ -51,15 +54,20 @@ class Teacher(Expert):
         moves = self.plan.phase[self.at] in ("follow", "settle")
         if off > lost or (moves and self._slipped(now)):
             return False
-        if off > self._room() or not self._holds(now, gripper):
+        if self._waits(now, off) or not self._holds(now, gripper):
             return True
         self.at += 1
         return self.at < len(self.plan) or self._go_on(now)
 
-    def _room(self) -> float:
-        """Radians that the arm may be off this row: less where the hand is to close next."""
-        closing = self.plan.phase[self.at : self.at + 2] == ("approach", "close")
-        return self.config.lag if closing else self.pace.near
+    def _waits(self, now: PlannerState, off: float) -> bool:
+        """Whether the arm has still to come after: the label stays."""
+        phases = self.plan.phase[self.at : self.at + 2]
+        if phases[0] not in ("move", "approach"):
+            return False
+        far = np.abs(self.plan.arm[: self.at + 1] - now.arm).max(axis=1)
+        nearest = self.at - int(np.argmin(far[::-1]))
+        late = off > self.pace.ready and phases == ("approach", "close")
+        return late or self.at - nearest > self.pace.lead
 
     def _holds(self, now: PlannerState, gripper: float) -> bool:
         """Whether the learner closes the hand where the plan does."""
