@@ -35,9 +35,14 @@ def load(name: str) -> dict[str, Any]:
     return table
 
 
-def put(name: str, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Put rows into a table, in the place of those with the same ids, or below the others."""
-    table = load(name)
+def put(name: str, rows: Sequence[Mapping[str, Any]], new: Mapping[str, Any] | None = None) -> None:
+    """Put rows into a table, in the place of those with the same ids, or below the others.
+
+    Args:
+        new: the table without its rows, where there is none yet.
+    """
+    there = new is None or (RESULTS / f"{name}.json").is_file()
+    table = load(name) if there else {**(new or {}), "rows": []}
     kept = {row["id"]: row for row in table["rows"]} | {row["id"]: dict(row) for row in rows}
     text = json.dumps({**table, "rows": list(kept.values())}, indent=1, ensure_ascii=False)
     (RESULTS / f"{name}.json").write_text(text + "\n", encoding="utf-8")
