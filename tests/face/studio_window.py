@@ -134,6 +134,22 @@ def is_lost(window: Any) -> bool:
     return lost
 
 
+def lose(window: Any) -> bool:
+    """End what draws the view; returns whether it has ended.
+
+    Asked in the same call: the page loads itself again soon after, and then hears no question.
+    """
+    view = window.locator("canvas").first
+    lost: bool = view.evaluate(
+        """canvas => {
+          const drawing = canvas.getContext('webgl2');
+          drawing.getExtension('WEBGL_lose_context').loseContext();
+          return drawing.isContextLost();
+        }"""
+    )
+    return lost
+
+
 def show(page: Any, window: Any, tab: str = "") -> None:
     """Open the studio's page, wait until the object is drawn, and go to a tab."""
     with page.work.lock:

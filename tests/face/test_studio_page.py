@@ -13,6 +13,7 @@ from mam_pipeline.errors import InputError
 from mam_pipeline.hints import load_hints
 from mam_sim.studio.session import Session
 from tests.face.studio_window import (
+    PATIENCE,
     camera_of,
     canvas,
     changed,
@@ -23,6 +24,7 @@ from tests.face.studio_window import (
     drawn,
     is_lost,
     joint_of,
+    lose,
     pixel,
     seen,
     show,
@@ -165,9 +167,6 @@ def test_in_a_browser_a_view_that_was_lost_is_drawn_again(
     page: Any, window: Any, session: Session
 ) -> None:
     show(page, window)
-    view = window.locator("canvas").first
-    view.evaluate(
-        "canvas => canvas.getContext('webgl2').getExtension('WEBGL_lose_context').loseContext()"
-    )
-    assert is_lost(window)
+    with window.expect_navigation(timeout=PATIENCE):  # the page loads itself again
+        assert lose(window)
     until(lambda: not is_lost(window) and drawn(window))
