@@ -26,7 +26,7 @@ import numpy as np
 import tyro
 import yaml
 
-from mam_pipeline.asset.dynamics import gravity_load, with_dynamics
+from mam_pipeline.asset.dynamics import gravity_load, rubbing, with_dynamics
 from mam_pipeline.asset.inertia import link_inertials
 from mam_pipeline.evidence.read import named_size
 from mam_pipeline.geometry.front import moved
@@ -152,11 +152,11 @@ def _force(name: str, row: dict[str, Any]) -> dict[str, Any]:
             if made.links[joint.child].kind != row["part"]:
                 continue
             arm = gravity_load(made, joint, bodies)[2]
-            between = joint.friction_range or (joint.friction, joint.friction)
+            friction, between = rubbing(joint)
             catch = joint.catch or Catch()
             caught = catch.force_range if any(catch.force_range) else (catch.force, catch.force)
             lows.append((between[0] + caught[0]) / arm)
-            usual.append((joint.friction + catch.force) / arm)
+            usual.append((friction + catch.force) / arm)
             highs.append((between[1] + caught[1]) / arm)
     low, middle, high = (float(np.median(x)) for x in (lows, usual, highs))
     least, most = row["force"]

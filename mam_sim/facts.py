@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mam_pipeline.asset.card import AssetCard, CardJoint, CardPart
+from mam_pipeline.asset.dynamics import rubbing
 from mam_pipeline.asset.origins import (
     SAID,
     assumed,
@@ -90,7 +91,9 @@ def _facts(
         mass = Fact(value, str(mass_origin(part.material)))
     force = Fact("")
     if joint.friction > 0:
-        value = _between(joint.friction, joint.friction_range, "N" if slides else "N m")
+        value = _between(*rubbing(joint), "N" if slides else "N m")
+        if joint.balance is not None:
+            value += f"; its weight is carried by {joint.balance.name or 'springs'}"
         force = Fact(value, str(friction_origin(joint.friction_range)))
     way = Fact(span(joint), str(range_origin(joint, source)))
     kind, motion = "" if part is None else part.kind, str(motion_origin(joint, source))

@@ -13,7 +13,7 @@ import numpy as np
 from mam_envs.convex import THIN_SHARE, ConvexPiece
 from mam_envs.kinematics import KinematicModel
 from mam_pipeline.asset.card import Asset, CardGrasp, CardJoint
-from mam_pipeline.asset.dynamics import catch_pull
+from mam_pipeline.asset.dynamics import catch_pull, rubbing
 from mam_pipeline.errors import NotPhysicalError, unknown_name
 from mam_pipeline.formats.urdf.geometry import existing, origin_of, shape_triangles
 from mam_pipeline.types import Coupling, FloatArray, IntArray
@@ -157,10 +157,11 @@ class ObjectModel:
     def pulling_force(
         self, joint: str, q: FloatArray, point: FloatArray, width: float = 0.0
     ) -> float:
-        """Largest force (N) at `point` (3,) (asset frame, rest) that gravity, friction and a catch
-        ask for along the path `q` (N,): virtual work over the point's travel, or over that of the
-        fingers round a knob `width` metres across."""
-        moving = self.moving_links(joint)
+        """Largest force (N) at `point` (3,) (asset frame, rest) that gravity, where nothing carries
+        the part, friction and a catch ask for along the path `q` (N,): virtual work over the
+        point's travel, or over that of the fingers round a knob `width` metres across."""
+        card = self.card_joint(joint)
+        moving = self.moving_links(joint) if card.balance is None else ()
         poses = self.kinematics.link_poses({joint: q})
         energy = np.zeros(len(q))
         for link in self.kinematics.robot.links:
@@ -176,7 +177,7 @@ class ObjectModel:
             travel = np.maximum(travel, np.abs(np.diff(q)) * max(0.5 * width, 0.005))
         travel = np.maximum(travel, 1e-6)
         way = np.abs(np.diff(q))
-        against = self.card_joint(joint).friction * way
+        against = rubbing(card)[0] * way
         caught = self.catch_joint(joint)
         if caught is not None:  # as hard as where a step begins: that is where it must start
             pulls = np.array([catch_pull(caught, float(v)) for v in q[:-1]])

@@ -96,10 +96,15 @@ def _losses(source: Path, to: str) -> list[str]:
 
     joints = Asset.card_of(source).card.joints
     caught = [j.name for j in joints if j.catch is not None and j.catch.force > 0]
-    if to == "mjcf" or not caught:
-        return []
-    named = to.upper().removesuffix("Z")
-    return [f"{named} cannot say what keeps {', '.join(caught)} closed; the MJCF has it"]
+    carried = [j.name for j in joints if j.balance is not None]
+    named, out = to.upper().removesuffix("Z"), []
+    if caught:
+        out.append(f"{named} cannot say what keeps {', '.join(caught)} closed; the MJCF has it")
+    if carried:
+        out.append(
+            f"in {named} friction holds {', '.join(carried)}; the MJCF has springs that carry them"
+        )
+    return [] if to == "mjcf" else out
 
 
 def _asset(source: Path, out: Path, to: str) -> Path:

@@ -42,6 +42,7 @@ from mam_pipeline.edited import (
 from mam_pipeline.hints import load_hints, save_hints
 from mam_pipeline.types import (
     Articulation,
+    Balance,
     Catch,
     Coupling,
     DormantPart,
@@ -58,6 +59,7 @@ from mam_pipeline.types import (
     Provenance,
     RangeBasis,
     UsualTravel,
+    wrong_of,
 )
 
 MOST_ROWS = 2000
@@ -130,6 +132,7 @@ class JointRow:
     friction: NotNegative = 0.0
     friction_range: tuple[NotNegative, NotNegative] = (0.0, 0.0)
     catch: Catch | None = None
+    balance: Balance | None = None
     effort: NotNegative = 100.0
     velocity: NotNegative = 2.0
     confidence: Share = 1.0
@@ -414,9 +417,9 @@ def _check_joints(file: JointFile, count: int, asleep: int) -> None:
                 ("joints", i, "dormant"), "is for the parts in 'dormant': wake one by --accept NAME"
             )
         held.add(joint.child)
-        bad = None if joint.catch is None else joint.catch.wrong
+        bad = wrong_of(joint)
         if bad is not None:
-            raise Wrong(("joints", i, "catch", bad[0]), bad[1])
+            raise Wrong(("joints", i, *bad[0]), bad[1])
         finite = joint.type == "continuous" or np.isfinite(joint.upper - joint.lower)
         if not (joint.lower <= joint.upper and finite):
             text = f"must be finite and not below lower, {joint.lower:g}, not {joint.upper:g}"

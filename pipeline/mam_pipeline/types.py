@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -358,6 +358,47 @@ class Catch:
         return None if self.width > 0.0 else ("width", f"must be above 0, not {self.width:g}")
 
 
+@dataclass(frozen=True)
+class Balance:
+    """Springs or weights that carry what a joint moves, so that it stays where it is left.
+
+    Attributes:
+        name: what they are, in words. source: who says that such a part has them; "" where a
+            person says it.
+        friction: how much of the joint's friction stands for them in a simulator that has no such
+            thing, N of a slide and N m of a hinge; where they are simulated it is not there.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "allow_inf_nan": False}
+    name: str = ""
+    friction: float = 0.0
+    source: str = ""
+
+
+class Held(Protocol):
+    """What is asked of a joint about what holds it: one of the engine's, or one of a card."""
+
+    @property
+    def friction(self) -> float: ...
+    @property
+    def friction_range(self) -> tuple[float, float]: ...
+    @property
+    def catch(self) -> Catch | None: ...
+    @property
+    def balance(self) -> Balance | None: ...
+
+
+def wrong_of(joint: Held) -> tuple[tuple[str, str], str] | None:
+    """Which value of a joint's catch or balance nothing can have, and what it must be."""
+    bad = None if joint.catch is None else joint.catch.wrong
+    if bad is not None:
+        return ("catch", bad[0]), bad[1]
+    if joint.balance is not None and not 0.0 <= joint.balance.friction <= joint.friction:
+        between = f"must be between 0 and the joint's friction, not {joint.balance.friction:g}"
+        return ("balance", "friction"), between
+    return None
+
+
 def coupled(
     values: Mapping[str, float], couplings: Mapping[str, Coupling | None]
 ) -> dict[str, float]:
@@ -396,6 +437,7 @@ class Joint:
         damping, friction, effort, velocity: SI; friction is Coulomb (SAPIEN ignores the URDF's).
         friction_range: from the easiest such bearing to the stiffest; (0, 0) where nobody knows.
         catch: what keeps it closed besides friction; None where nobody says.
+        balance: what carries its weight; None where friction holds it.
         confidence: 0..1; below `NEEDS_REVIEW` the report says so.
         evidence: anything that explains the choice, for asset.json and the report alone.
         basis: why the range is what it is. provenance: who says that the part moves so.
@@ -420,6 +462,7 @@ class Joint:
     velocity: float = 2.0
     friction_range: tuple[float, float] = (0.0, 0.0)
     catch: Catch | None = None
+    balance: Balance | None = None
     confidence: float = 1.0
     evidence: Mapping[str, Any] = field(default_factory=dict)
     basis: RangeBasis = field(default_factory=RangeBasis)

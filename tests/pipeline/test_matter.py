@@ -15,7 +15,7 @@ from mam_sim_formats.mjcf_export import export_mjcf
 from mam_sim_formats.usd_export import export_usd
 
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.asset.dynamics import DYNAMICS, catch_pull, with_dynamics
+from mam_pipeline.asset.dynamics import DYNAMICS, catch_pull, gravity_load, rubbing, with_dynamics
 from mam_pipeline.asset.inertia import link_inertials
 from mam_pipeline.asset.matter import (
     BOARD,
@@ -28,6 +28,7 @@ from mam_pipeline.asset.matter import (
     weighted,
 )
 from mam_pipeline.asset.writer import write_asset
+from mam_pipeline.check.check import check_asset
 from mam_pipeline.evidence.kinds import kinds
 from mam_pipeline.evidence.read import named_size
 from mam_pipeline.types import Articulation, Catch, Inertial, Joint, Link, Mesh
@@ -201,3 +202,47 @@ def test_what_a_person_says_of_a_catch_goes_before_the_table() -> None:
     made = replace(made, joints=(replace(hinge, catch=Catch()),))
     (door,) = with_dynamics(made, link_inertials(made), "refrigerator").joints
     assert door.catch == Catch() and catch_pull(door, 0.0) == 0.0
+
+
+def dropping(part: str) -> Articulation:
+    """As `cabinet`, on a level hinge at the lower edge of the part."""
+    made = cabinet(part)
+    (slide,) = made.joints
+    hinge = replace(slide, type="revolute", subtype="hinge", axis=np.array([0, -1.0, 0]),
+                    origin=np.array([-0.3, 0.0, -0.1]), upper=1.5, open=1.5)  # fmt: skip
+    return replace(made, joints=(hinge,))
+
+
+def test_springs_carry_the_door_of_an_oven_and_friction_that_of_an_unknown_thing() -> None:
+    made = dropping("door")
+    bodies = link_inertials(made)
+    (plain,) = with_dynamics(made, bodies).joints
+    (door,) = with_dynamics(made, bodies, "oven").joints
+    load, _, arm = gravity_load(made, made.joints[0], bodies)
+    bearing = bearing_of("door", "revolute")
+    assert plain.balance is None and rubbing(plain) == (plain.friction, plain.friction_range)
+    # a simulator without springs holds it as it holds any other door
+    assert door.friction == plain.friction >= DYNAMICS.hold * load > 0
+    assert door.balance is not None and door.balance.source
+    friction, between = rubbing(door)
+    assert friction == pytest.approx(bearing.force * arm)
+    assert between == pytest.approx([s * friction for s in bearing.spread])
+    # beside its hinge it weighs nothing on it
+    (upright,) = with_dynamics(hinged("door"), link_inertials(hinged("door")), "oven").joints
+    assert upright.balance is None
+
+
+def test_a_door_on_springs_starts_with_what_rubs_and_stays_where_it_is_left(tmp_path: Path) -> None:
+    asset = write_asset(dropping("door"), tmp_path / "a", name="a", thing="oven")
+    (joint,) = asset.card.joints
+    (found,) = check_asset(asset.folder).joints
+    assert joint.catch is not None
+    wanted = rubbing(joint)[0] + joint.catch.force
+    assert found.breakaway == pytest.approx(wanted, rel=0.1)
+    assert found.let_go == 0.0
+    # the same, held by friction alone
+    card = replace(asset.card, joints=[replace(joint, balance=None)])
+    card.save(asset.folder)
+    (held,) = check_asset(asset.folder).joints
+    assert held.breakaway is not None and held.breakaway - joint.catch.force > 3 * rubbing(joint)[0]
+    assert held.let_go == 0.0

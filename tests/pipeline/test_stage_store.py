@@ -244,6 +244,10 @@ def test_edited_hints_of_a_photo_are_the_persons(
         ({"friction": -1}, "joints[0].friction must be at least 0, not -1"),
         ({"catch": {"force": -1}}, "joints[0].catch.force must be at least 0, not -1"),
         ({"catch": {"width": 0}}, "joints[0].catch.width must be above 0, not 0"),
+        (
+            {"friction": 1, "balance": {"friction": 2}},
+            "joints[0].balance.friction must be between 0 and the joint's friction, not 2",
+        ),
     ],
 )
 def test_edited_joints_hold_every_link(tmp_path: Path, change: dict[str, Any], said: str) -> None:

@@ -38,6 +38,7 @@ from mam_pipeline.formats.urdf.admit import admitted
 from mam_pipeline.thresholds import MAX_LINKS
 from mam_pipeline.types import (
     NEEDS_REVIEW,
+    Balance,
     Catch,
     Coupling,
     GraspKind,
@@ -45,6 +46,7 @@ from mam_pipeline.types import (
     JointType,
     Provenance,
     RangeBasis,
+    wrong_of,
 )
 
 SCHEMA: Literal[2] = 2
@@ -96,6 +98,7 @@ class CardJoint:
     friction: NotNegative = 0.0
     friction_range: tuple[NotNegative, NotNegative] = (0.0, 0.0)
     catch: Catch | None = None
+    balance: Balance | None = None
     effort: NotNegative = 100.0
     velocity: NotNegative = 2.0
     confidence: Share = 1.0
@@ -343,9 +346,9 @@ def _consistent(card: AssetCard) -> None:
     leaders = {joint.name for joint in card.joints if joint.coupling is None}
     for place, rows in (("joints", card.joints), ("dormant", card.dormant)):
         for i, joint in enumerate(rows):
-            bad = None if joint.catch is None else joint.catch.wrong
+            bad = wrong_of(joint)
             if bad is not None:
-                raise Wrong((place, i, "catch", bad[0]), bad[1])
+                raise Wrong((place, i, *bad[0]), bad[1])
     for i, joint in enumerate(card.joints):
         if joint.coupling is not None and joint.coupling.joint not in leaders:
             text = f"must name a joint that follows none, not {joint.coupling.joint!r}"

@@ -5,20 +5,22 @@ has the same meaning, but SAPIEN ignores it, and its own joint friction is a dim
 on the force that the joint transmits (PhysX): a vertical slide does not feel it at all. A velocity
 drive towards zero whose force is limited to the friction behaves as Coulomb friction should, so
 `coulomb_drive` gives its numbers. What keeps a joint closed besides is its catch, which no such
-format and no drive has either: `catch_pull` says what is to be applied at each step.
+format and no drive has either: `catch_pull` says what is to be applied at each step. Where springs
+carry a part (`Joint.balance`), a simulator that can leaves gravity out for its links
+(`carry`), and only what rubs is left (`rubbing`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mam_pipeline.asset.matter import bearing_of, catch_of
-from mam_pipeline.types import Articulation, Catch, Inertial, Joint
+from mam_pipeline.asset.matter import balance_of, bearing_of, catch_of
+from mam_pipeline.types import Articulation, Balance, Catch, Held, Inertial, Joint
 
 GRAVITY = 9.81
 
@@ -52,7 +54,7 @@ def with_dynamics(
     articulation: Articulation, inertials: Sequence[Inertial], thing: str = ""
 ) -> Articulation:
     """Fill in damping, friction, effort and velocity where the joints leave them at zero, and the
-    catch that such a part of such a thing has where they say nothing of one.
+    catch and the balance that such a part of such a thing has where they say nothing of one.
 
     Args:
         thing: the kind of object, "" where nobody knows.
@@ -77,6 +79,23 @@ def set_joint_friction(joint: Any, type_: str, friction: float, damping: float =
     joint.set_friction(0.0)
     joint.set_drive_properties(0.0, drive_damping, limit, "force")
     joint.set_drive_velocity_target(0.0)
+
+
+def rubbing(joint: Held) -> tuple[float, tuple[float, float]]:
+    """Friction of a joint, and its range, where what carries the part is simulated too."""
+    held = 0.0 if joint.balance is None else joint.balance.friction
+    low, high = joint.friction_range
+    return joint.friction - held, (max(low - held, 0.0), max(high - held, 0.0))
+
+
+def carry(links: Iterable[Any], balanced: Collection[str]) -> None:
+    """Leave gravity out for SAPIEN's links that the joints named move."""
+    for link in links:
+        above = link
+        while above is not None and above.joint.name not in balanced:
+            above = above.parent
+        if above is not None:
+            link.disable_gravity = True
 
 
 class Catches(Protocol):
@@ -161,10 +180,13 @@ def _joint(
     bearing = bearing_of(articulation.links[joint.child].kind, joint.type)
     weight = GRAVITY * sum(inertials[i].mass for i in articulation.carried_links(joint))
     running, held = bearing.friction(weight, arm, slides), DYNAMICS.hold * load
-    friction, between = joint.friction, joint.friction_range
+    friction, between, balance = joint.friction, joint.friction_range, joint.balance
     if friction <= 0.0:
         friction = running + held
         between = (held + bearing.spread[0] * running, held + bearing.spread[1] * running)
+        springs = balance_of(articulation.links[joint.child].kind, thing)
+        if balance is None and springs is not None and load > 0.0:
+            balance = Balance(springs.name, held, springs.source)
     damping = joint.damping if joint.damping > 0 else inertia / DYNAMICS.stop_seconds
     catch = joint.catch
     if catch is None and _closes(joint):
@@ -174,7 +196,7 @@ def _joint(
     effort = max(joint.effort, 4.0 * against)
     return replace(
         joint, friction=friction, friction_range=between, catch=catch, damping=damping,
-        effort=effort,
+        effort=effort, balance=balance,
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -113,6 +113,21 @@ class CatchKind:
 
 
 @dataclass(frozen=True)
+class BalanceKind:
+    """Springs or weights that carry parts of a kind.
+
+    Attributes:
+        things, parts: kinds of objects, and of their parts, that have them.
+        source: who says so.
+    """
+
+    name: str
+    things: tuple[str, ...]
+    parts: tuple[str, ...]
+    source: str
+
+
+@dataclass(frozen=True)
 class MassRule:
     """How far what a thing weighs is believed.
 
@@ -131,6 +146,9 @@ BOARD = "particle board"
 """Of what a thing is that nobody knows."""
 
 
+OfParts = TypeVar("OfParts", CatchKind, BalanceKind)
+
+
 @dataclass(frozen=True)
 class _Table:
     materials: dict[str, Material]
@@ -138,6 +156,7 @@ class _Table:
     bearings: dict[str, Bearing]
     joints: dict[str, str]
     catches: tuple[CatchKind, ...]
+    balances: tuple[BalanceKind, ...]
     others: dict[str, str]
 
 
@@ -162,7 +181,11 @@ def _read() -> _Table:
         )
         for name, row in data["catches"].items()
     )  # fmt: skip
-    return _Table(materials, parts, bearings, joints, catches, data["others"])
+    balances = tuple(
+        BalanceKind(name, tuple(row["things"]), tuple(row["parts"]), row["source"])
+        for name, row in data["balances"].items()
+    )
+    return _Table(materials, parts, bearings, joints, catches, balances, data["others"])
 
 
 def material_of(part: str, thing: str = "") -> Material:
@@ -189,7 +212,16 @@ def bearing_of(part: str, type_: str) -> Bearing:
 
 def catch_of(part: str, thing: str) -> CatchKind | None:
     """What keeps a part of an object closed; None where nothing but friction does."""
-    return next((c for c in _read().catches if thing in c.things and part.lower() in c.parts), None)
+    return _first(_read().catches, part, thing)
+
+
+def balance_of(part: str, thing: str) -> BalanceKind | None:
+    """What carries a part of an object, if it weighs on its joint; None where friction does."""
+    return _first(_read().balances, part, thing)
+
+
+def _first(kinds: Sequence[OfParts], part: str, thing: str) -> OfParts | None:
+    return next((k for k in kinds if thing in k.things and part.lower() in k.parts), None)
 
 
 def materials() -> list[Material]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mam_pipeline.asset.card import Asset, AssetCard
-from mam_pipeline.asset.dynamics import catch_pull
+from mam_pipeline.asset.dynamics import catch_pull, rubbing
 from mam_pipeline.check.lint import Linter, lint
 from mam_pipeline.check.model import CheckModel
 from mam_pipeline.check.other_files import file_findings, format_of
@@ -105,7 +105,7 @@ def _profile(path: str, target: _Target, profile: str) -> CheckReport:
 @dataclass(frozen=True)
 class _Target:
     """A URDF, its card where there is one, and what that knows of its joints: (friction, damping),
-    closed and open values, and by how much their catches pull at a value."""
+    closed and open values, by how much their catches pull at a value, and which springs carry."""
 
     urdf: Path
     card: AssetCard | None = None
@@ -113,6 +113,7 @@ class _Target:
     closed: Mapping[str, float] = field(default_factory=dict)
     open: Mapping[str, float] = field(default_factory=dict)
     catches: Mapping[str, Callable[[float], float]] = field(default_factory=dict)
+    balanced: Collection[str] = ()
 
 
 def _run(
@@ -208,10 +209,11 @@ def _locate(path: Path) -> _Target:
     return _Target(
         asset.urdf_path,
         asset.card,
-        {j.name: (j.friction, j.damping) for j in joints},
+        {j.name: (rubbing(j)[0], j.damping) for j in joints},
         {j.name: j.closed for j in joints},
         {j.name: j.open for j in joints},
         {j.name: partial(catch_pull, j) for j in joints if j.catch is not None},
+        [j.name for j in joints if j.balance is not None],
     )
 
 
@@ -338,8 +340,9 @@ def _drive(
     follow = {j.name: j.coupling for j in model.articulation.joints if j.coupling is not None}
     friction = target.friction or model.friction
     result = drive_urdf(
-        urdf, friction, limit, poses=poses, couplings=follow, catches=target.catches
-    )
+        urdf, friction, limit, poses=poses, couplings=follow, catches=target.catches,
+        balanced=target.balanced,
+    )  # fmt: skip
     if result.failure:
         return joints, [Finding("load_failed", urdf.name, result.failure)]
     findings = []

@@ -9,7 +9,7 @@ which it no longer stays. Friction has closed forms; contacts between parts, whi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mam_pipeline.asset.dynamics import DYNAMICS, set_joint_friction
+from mam_pipeline.asset.dynamics import DYNAMICS, carry, set_joint_friction
 from mam_pipeline.check.simulate import load_physics, physics_scene
 from mam_pipeline.thresholds import HANDLING, MAX_DRIVE, THRESHOLDS, Thresholds
 from mam_pipeline.types import Coupling, FloatArray, coupled
@@ -84,6 +84,7 @@ def drive_urdf(
     poses: Mapping[str, Mapping[str, float]] | None = None,
     couplings: Mapping[str, Coupling] | None = None,
     catches: Mapping[str, Callable[[float], float]] | None = None,
+    balanced: Collection[str] = (),
 ) -> DriveResult:
     """Load a URDF with a fixed base and drive its joints one after another.
 
@@ -99,6 +100,7 @@ def drive_urdf(
         couplings: joint name -> what it follows: joints that are coupled are driven together.
         catches: joint name -> force or torque by the joint's value of what keeps it closed besides
             friction; it acts wherever friction does.
+        balanced: joints whose parts springs carry.
     """
     try:
         scene = physics_scene(STEP)
@@ -107,6 +109,7 @@ def drive_urdf(
         return DriveResult({}, failure=f"{type(error).__name__}: {error}".splitlines()[0])
     if robot is None:
         return DriveResult({}, failure="the loader returned nothing")
+    carry(robot.links, balanced)
     follow = couplings or {}
     driver = _Driver(
         scene, robot, frictions, thresholds, budget, poses or {}, follow, catches or {}

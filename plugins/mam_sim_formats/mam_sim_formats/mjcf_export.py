@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from mam_pipeline import folders
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.asset.dynamics import catch_pull
+from mam_pipeline.asset.dynamics import catch_pull, rubbing
 from mam_pipeline.asset.visuals import by_material, free_name
 from mam_pipeline.errors import InputError
 from mam_pipeline.formats.mesh_files import read_file, save_obj
@@ -63,9 +63,9 @@ def export_mjcf(asset: Asset, path: str | Path | None = None) -> Path:
     Bodies, masses, joint frames, ranges, damping and friction are those of the URDF, read by
     MuJoCo. Added are materials with their textures (PNG, the one format of MuJoCo), geom groups,
     lights, a sky, a camera, keyframes `closed` and `open`, and contact excludes between parent and
-    child, which SAPIEN leaves out too. The base is fixed. What keeps a joint closed besides
-    friction is an actuator that nothing controls, its force a line of the joint's value: MuJoCo's
-    own springs only pull harder on the way.
+    child, which SAPIEN leaves out too. The base is fixed. Bodies on springs have `gravcomp`.
+    What keeps a joint closed besides friction is an actuator that nothing controls, its force a
+    line of the joint's value: MuJoCo's own springs only pull harder on the way.
 
     Args:
         asset: the folder. path: of the XML; default ASSET/object.xml.
@@ -103,6 +103,7 @@ def _exported(asset: Asset, work: Path) -> str:
         child = joint.parent
         spec.add_exclude(bodyname1=child.parent.name, bodyname2=child.name)
     _catches(spec, asset)
+    _balances(spec, asset)
     _light(spec, asset)
     _keys(spec, asset)
     with _warnings_as_python():
@@ -294,6 +295,19 @@ def _catches(spec: Any, asset: Asset) -> None:
         made.gainprm = [0.0] * len(made.gainprm)
         made.biasprm = [pull - slope * joint.closed, slope, *[0.0] * (len(made.biasprm) - 2)]
         made.forcelimited, made.forcerange = True, [min(pull, 0.0), max(pull, 0.0)]
+
+
+def _balances(spec: Any, asset: Asset) -> None:
+    """Where springs carry a part its bodies are compensated, and only what rubs is left."""
+    moving = {joint.name: joint for joint in spec.joints}
+    for joint in asset.card.joints:
+        if joint.balance is None or joint.name not in moving:
+            continue
+        moving[joint.name].frictionloss = rubbing(joint)[0]
+        carried = [moving[joint.name].parent]
+        for body in carried:
+            body.gravcomp = 1.0
+            carried.extend(body.bodies)
 
 
 def _light(spec: Any, asset: Asset) -> None:
