@@ -20,14 +20,13 @@ from pathlib import Path
 import torch
 import tyro
 from common import load, save
+from world_objects import world_asset
 
 import mam_envs
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.errors import MamSimError
 from mam_policies.expert import Expert, run_episode
 from mam_policies.wilson import wilson
-from mam_world import make_object
 
 FIRST_SEED = 10_000
 REFUSED = "refused"
@@ -57,27 +56,17 @@ def world_assets(wishes: list[str], folder: Path) -> list[Path]:
         name, _, span = wish.partition(":")
         first, _, last = (span or "0").partition("-")
         for seed in range(int(first), int(last or first) + 1):
-            made = make_object(name, seed)
-            path = folder / f"{name}_{seed}"
-            write_asset(made.articulation, path, name=path.name, collision=made.collision)
-            out.append(path)
+            out.append(world_asset(name, seed, folder / f"{name}_{seed}"))
     return out
 
 
-def measure(
-    path: Path, row: Row, robot: str, seeds: int, task: str | None, steps: int | None = None
-) -> Row:
-    """Run the expert on one joint for the seeds that `row` still lacks.
-
-    Args:
-        steps: of an episode; None: the task's.
-    """
+def measure(path: Path, row: Row, robot: str, seeds: int, task: str | None) -> Row:
+    """Run the expert on one joint for the seeds that `row` still lacks."""
     start = time.process_time()
     try:
         env = mam_envs.make(
             path, joint=row.joint.split(" + "), task=task, robot_uids=robot,
             control_mode="pd_joint_pos", obs_mode="none", reward_mode="none",
-            max_episode_steps=steps,
         )  # fmt: skip
     except MamSimError as error:
         row.refused = str(error).removeprefix(f"{row.asset}: ")

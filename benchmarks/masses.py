@@ -25,10 +25,10 @@ from typing import Any, Literal
 import numpy as np
 import tyro
 import yaml
+from world_objects import thing_of
 
 from mam_pipeline.asset.dynamics import gravity_load, rubbing, with_dynamics
 from mam_pipeline.asset.inertia import link_inertials
-from mam_pipeline.evidence.read import named_size
 from mam_pipeline.geometry.front import moved
 from mam_pipeline.types import Articulation, Catch
 from mam_world import make_object
@@ -53,11 +53,6 @@ class Sample:
 
 
 SAMPLE = Sample()
-
-
-def thing_of(category: str) -> str:
-    """The kind of object of a category of the world, by the table of kinds."""
-    return named_size(category.replace("_", " "))[0]
 
 
 def main(out: Path | None = None, half: Literal["measured", "set"] = "measured") -> None:

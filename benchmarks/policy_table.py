@@ -20,9 +20,9 @@ import numpy as np
 import torch
 import tyro
 from common import load, save
+from world_objects import world_asset
 
 from mam_pipeline.asset.card import Asset
-from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.check.check import check_asset
 from mam_pipeline.errors import MamSimError
 from mam_pipeline.formats.mesh_files import save_glb
@@ -31,7 +31,6 @@ from mam_policies.evaluate import evaluate_run, plain
 from mam_policies.run import EnvChoice
 from mam_policies.wilson import wilson
 from mam_sim.cli import main as mam_sim
-from mam_world import make_object
 from mam_world.ground_truth import list_objects, read_object
 
 
@@ -60,8 +59,7 @@ def prepare(wish: str, settings: Settings) -> tuple[Path, str | None]:
         folder.parent.mkdir(parents=True, exist_ok=True)
         if "@" in name:
             category, _, seed = name.partition("@")
-            made = make_object(category, int(seed))
-            write_asset(made.articulation, folder, name=folder.name, collision=made.collision)
+            world_asset(category, int(seed), folder)
         else:
             found = next(row for row in list_objects(settings.bench) if row[0] == name)
             mesh = folder.with_suffix(".glb")

@@ -37,7 +37,7 @@ class Trial:
     """One line: what is done, with which kind of part, of which categories, by which robot.
 
     Attributes:
-        joints: how many are operated in sequence. steps: of an episode; None: the task's.
+        joints: how many are operated in sequence.
     """
 
     name: str
@@ -46,7 +46,6 @@ class Trial:
     categories: tuple[str, ...]
     robot: str = "panda"
     joints: int = 1
-    steps: int | None = None
 
 
 TRIALS = (
@@ -60,8 +59,8 @@ TRIALS = (
     Trial("take a cube out of a closed drawer", "take_out", "drawer", DRAWERS),
     Trial("put a cube into a drawer and close it", "put_in", "drawer", DRAWERS),
     Trial("open two drawers, one after the other", "open", "drawer", DRAWERS, joints=2),
-    Trial("drive there and open a drawer", "open", "drawer", DRAWERS, robot="fetch", steps=300),
-    Trial("drive there and open a door", "open", "door", DOORS, robot="fetch", steps=300),
+    Trial("drive there and open a drawer", "open", "drawer", DRAWERS, robot="fetch"),
+    Trial("drive there and open a door", "open", "door", DOORS, robot="fetch"),
 )
 
 
@@ -131,7 +130,7 @@ def main(
             for path, fresh in objects(trial, count, keep or Path(scratch)):
                 row = known.setdefault((trial.name, fresh.asset), fresh)
                 if not row.refused and row.episodes < seeds:
-                    measure(path, row, trial.robot, seeds, trial.task, trial.steps)
+                    measure(path, row, trial.robot, seeds, trial.task)
                     text = row.refused or f"{row.successes}/{row.episodes} {row.reasons or ''}"
                     said = f"{trial.name}: {row.asset} {row.joint} {row.seconds:.0f}s {text}"
                     print(said, file=sys.stderr, flush=True)

@@ -47,7 +47,9 @@ def make(asset: _Any, env_id: str = "OperateJoint-v1", **kwargs: _Any) -> _Any:
     from mam_pipeline.errors import MamSimError
 
     if env_id == "OperateJoint-v1" and kwargs.get("max_episode_steps") is None:
-        kwargs["max_episode_steps"] = episode_steps(kwargs.get("task"), kwargs.get("joint"))
+        kwargs["max_episode_steps"] = episode_steps(
+            kwargs.get("task"), kwargs.get("joint"), kwargs.get("robot_uids", "panda")
+        )
     try:
         return _gym.make(env_id, asset=asset, **kwargs)
     except MamSimError as error:  # gymnasium appends all arguments to the message

@@ -55,7 +55,9 @@ def register(
     from mam_pipeline.asset.listing import asset_folders
 
     check_id(id)
-    steps = max_episode_steps or episode_steps(arguments.get("task"), arguments.get("joint"))
+    steps = max_episode_steps or episode_steps(
+        arguments.get("task"), arguments.get("joint"), arguments.get("robot_uids", "panda")
+    )
     given = [asset] if isinstance(asset, str | Path) else list(asset)
     found = [str(folder) for folder in asset_folders([Path(p) for p in given])]
     bind(id, {"asset": found[0] if len(found) == 1 else found, **arguments}, steps)

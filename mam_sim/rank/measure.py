@@ -14,7 +14,7 @@ from typing import Annotated
 
 from mam_pipeline.edited import STRICT, Range
 
-VERSION = 8
+VERSION = 9
 """Raised whenever the same asset could get another number."""
 
 

@@ -269,7 +269,7 @@ class Try:
         m = self.measure
         choice = EnvChoice(
             (self.verdict.folder,), self.joint, m.task, self.robot, m.control_mode,
-            m.max_steps or episode_steps(m.task), task_settings(m.task),
+            m.max_steps or episode_steps(m.task, robot=self.robot), task_settings(m.task),
         )  # fmt: skip
         film, truth = self.film if self.video else None, self._truth()
         found = evaluate_expert(choice, m.episodes, m.seed, video=film, truth=truth)

@@ -71,7 +71,7 @@ class Register(Verb):
         }  # fmt: skip
         if self.env != task_settings(self.task):
             arguments["config"] = config_file.plain(self.env)
-        steps = self.max_steps or episode_steps(self.task)
+        steps = self.max_steps or episode_steps(self.task, robot=self.robot)
         file = remember(self.id, arguments, steps)
         ids = {"id": f"mam_envs:{self.id}", "numpy": f"mam_envs:{numpy_id(self.id)}"}
         if self.json:

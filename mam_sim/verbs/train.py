@@ -96,7 +96,7 @@ class Train(Verb):
         assets, divided = self._assets(screen)
         choice = EnvChoice(
             assets, self.joint, self.task, self.robot, learner.control_mode,
-            self.max_steps or episode_steps(self.task), self.env,
+            self.max_steps or episode_steps(self.task, robot=self.robot), self.env,
         )  # fmt: skip
         refuse_foreign(self.out)
         folders.check_place(self.out)  # the simulator takes long to start

@@ -102,7 +102,7 @@ class CollectConfig:
         """`max_steps`, or its default."""
         from mam_envs.tasks import episode_steps  # imports torch, which `--help` does without
 
-        return self.max_steps or episode_steps(self.task) + 20
+        return self.max_steps or episode_steps(self.task, robot=self.robot) + 20
 
 
 def read_claim(file: Path) -> dict[str, Any]:

@@ -68,7 +68,7 @@ def demonstrate(
     env = mam_envs.make(
         asset_dir, joint=joint, task=task, robot_uids=robot, control_mode="pd_joint_pos",
         obs_mode="state", render_mode=render, reward_mode="none",
-        max_episode_steps=episode_steps(task) + 60,
+        max_episode_steps=episode_steps(task, robot=robot) + 60,
     )  # fmt: skip
     try:
         camera = Camera(env) if video else None

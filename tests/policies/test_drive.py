@@ -112,15 +112,14 @@ def test_shares_of_the_start_reach_both_ends() -> None:
 @pytest.mark.parametrize("kind", ["drawer", "door"])
 def test_fetch_drives_there_and_opens(kind: str, request: pytest.FixtureRequest) -> None:
     made = mam_envs.make(
-        request.getfixturevalue(kind), robot_uids="fetch", control_mode="pd_joint_pos",
-        max_episode_steps=300,
-    )  # fmt: skip
+        request.getfixturevalue(kind), robot_uids="fetch", control_mode="pd_joint_pos"
+    )
     env, expert, good = made.unwrapped, Expert(made), 0
     for seed in (0, 1, 2):
         made.reset(seed=seed)
         expert.reset()
         begun, stood, driven, touched = env.planner_state(), None, 0, 0.0
-        for _ in range(300):
+        for _ in range(made.spec.max_episode_steps):
             action = expert.act()
             if expert.phase == "drive":
                 driven += 1
@@ -142,9 +141,7 @@ def test_fetch_drives_there_and_opens(kind: str, request: pytest.FixtureRequest)
 
 @pytest.mark.slow
 def test_fetch_drives_under_changes_of_joints(drawer: Path) -> None:
-    made = mam_envs.make(
-        drawer, robot_uids="fetch", control_mode="pd_joint_delta_pos", max_episode_steps=300
-    )
+    made = mam_envs.make(drawer, robot_uids="fetch", control_mode="pd_joint_delta_pos")
     assert made.action_space.shape == (13,)
     assert run_episode(made, Expert(made), seed=0).success
     made.close()
@@ -160,7 +157,7 @@ def test_gymnasium_accepts_fetch(drawer: Path, mode: str) -> None:
 
 @pytest.mark.slow
 def test_demonstrations_hold_the_drive(drawer: Path, tmp_path: Path) -> None:
-    settings = CollectConfig(episodes=1, robot="fetch", max_steps=300)
+    settings = CollectConfig(episodes=1, robot="fetch")
     made = collect(drawer, settings, tmp_path / "demos")
     assert made.episodes == 1
     with h5py.File(made.h5) as file:

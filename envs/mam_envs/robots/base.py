@@ -38,6 +38,7 @@ class Drive:
         speed, turning: what an action of 1 asks for, m/s and rad/s.
         held: joints that keep their values of `rest`, such as a torso, in the action's order.
         held_delta: change that an action of 1 asks of them in one step, metres or radians.
+        steps: control steps that an episode has for the way to the object.
     """
 
     joints: tuple[str, str, str]
@@ -47,6 +48,7 @@ class Drive:
     turning: float
     held: tuple[str, ...] = ()
     held_delta: float = 0.1
+    steps: int = 100
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from mam_envs.robots import robot_spec
 from mam_envs.tasks.base import JointGoal, OtherTaskError, Task, TaskState
 from mam_pipeline.errors import ConfigError
 from mam_pipeline.registry import Registry
@@ -34,15 +35,18 @@ def several(names: str | Sequence[str] | None) -> tuple[str | None, ...]:
 
 
 def episode_steps(
-    task: str | Sequence[str] | None, joint: str | Sequence[str] | None = None
-) -> int:
-    """Control steps of an episode unless told otherwise: the task's, for each joint in sequence.
+    task: str | Sequence[str] | None, joint: str | Sequence[str] | None = None,
+    robot: str = "panda",
+) -> int:  # fmt: skip
+    """Control steps of an episode unless told otherwise: the task's, for each joint in sequence,
+    and those of the way to the object of a robot that drives.
 
     Raises:
-        ConfigError, BackendError: as `task_class`.
+        ConfigError, BackendError: as `task_class`, or no such robot.
     """
-    tasks, joints = several(task), several(joint)
-    return task_class(tasks).steps * max(len(tasks), len(joints))
+    tasks, joints, drive = several(task), several(joint), robot_spec(robot).drive
+    way = 0 if drive is None else drive.steps
+    return way + task_class(tasks).steps * max(len(tasks), len(joints))
 
 
 def task_class(names: Sequence[str | None]) -> type[Task]:
