@@ -31,6 +31,7 @@ class ReachIn:
         shares: of the arm's reach, distances from its base at which a thing may lie on the ground;
         angles: degrees from the side on which the object is. lifted: metres that it is lifted.
         starts: places on the ground that are enough.
+        swing: postures between two that are compared with the object.
     """
 
     room: float = 0.03
@@ -42,6 +43,7 @@ class ReachIn:
     angles: tuple[float, ...] = (75, -75, 60, -60, 90, -90, 45, -45, 110, -110)
     lifted: float = 0.12
     starts: int = 8
+    swing: int = 12
 
 
 REACH_IN = ReachIn()
@@ -152,7 +154,8 @@ def ground_places(
                     for p in poses]  # fmt: skip
             if not all(map(len, rows)):
                 continue
-            if reached(model, robot, thing, base[None], poses[0], rows[0], q)[0] is not None:
+            way = reached(model, robot, thing, base[None], poses[0], rows[0], q, swing=True)[0]
+            if way is not None:
                 out.append((float(at[0, 3]), float(at[1, 3])))
             if len(out) >= REACH_IN.starts:
                 return out
@@ -189,6 +192,25 @@ def ways_to(
     return np.array([row for row in rows if hand_fits(model, robot, thing, row, q)])
 
 
+def swings(
+    model: ObjectModel,
+    robot: RobotSpec,
+    thing: Thing,
+    begin: FloatArray,
+    end: FloatArray,
+    base: FloatArray,
+    pose: FloatArray,
+    q: Mapping[str, float],
+) -> bool:
+    """Whether the arm at `base` (4, 4), its hand open for the thing, swings freely from one
+    posture (n,) to another."""
+    wide = opening(robot, thing)
+    return all(
+        free(model, robot, arm, wide, base, pose, q, (), 0.0, 0.0)
+        for arm in np.linspace(begin, end, REACH_IN.swing)
+    )
+
+
 def reached(
     model: ObjectModel,
     robot: RobotSpec,
@@ -198,6 +220,7 @@ def reached(
     ways: FloatArray,
     q: Mapping[str, float],
     begin: FloatArray | None = None,
+    swing: bool = False,
 ) -> list[tuple[int, FloatArray] | None]:
     """For each base, which of the ways the arm leads the open hand along, and its joints (K, n),
     clear of object and ground; None where there is none.
@@ -205,6 +228,7 @@ def reached(
     Args:
         bases: (B, 4, 4) world_T_base. pose: (4, 4) world_T_asset. ways: (W, K, 4, 4), asset frame.
         q: the object's joints. begin: (n,) arm joints from which the arm comes; rest if None.
+        swing: also its swing from there to where the way begins is clear.
     """
     out: list[tuple[int, FloatArray] | None] = [None] * len(bases)
     if not len(ways):
@@ -235,5 +259,8 @@ def reached(
             free(model, robot, a, wide, bases[b], pose, q, (), 0.0, 0.0)
             for a in found_arms[r, ::-2]
         ):
+            first = found_arms[r, 0]
+            if swing and not swings(model, robot, thing, start, first, bases[b], pose, q):
+                continue
             out[b] = int(way[r]), found_arms[r]
     return out

@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from mam_envs.grasping.candidates import Grasp
-from mam_envs.placement.arm_path import ArmPath, clear, free
-from mam_envs.placement.reach_in import REACH_IN, in_open, opening, reached, ways_to
+from mam_envs.placement.arm_path import ArmPath, clear
+from mam_envs.placement.reach_in import REACH_IN, in_open, opening, reached, swings, ways_to
 from mam_envs.planner_state import PlannerState
 from mam_envs.tasks.base import JointGoal
 from mam_pipeline.asset.card import CardGrasp
@@ -26,10 +26,9 @@ class CarryLimits:
     """How much is looked at for one cube.
 
     Attributes:
-        swing: postures of a swing of the arm. places: in the drawer.
+        places: in the drawer.
     """
 
-    swing: int = 12
     places: int = 6
 
 
@@ -87,25 +86,23 @@ def put(now: PlannerState, config: ExpertConfig) -> Plan:
     pose = _upright(np.linalg.inv(now.world_asset) @ now.thing)
     ways = ways_to(model, robot, thing, pose, q, REACH_IN.lifted)
     name = f"{model.asset.card.name}: no free way"
-    taken = reached(model, robot, thing, now.base[None], now.world_asset, ways, q, now.arm)[0]
-    if taken is None:
-        raise PlanningError(f"{name} from above to the cube beside {goal.joint!r}")
-    down = taken[1]
-    held = np.linalg.inv(ways[taken[0], -1]) @ pose  # tool_T_thing
-    rest = robot.rest_arm
+    rest, world, base = robot.rest_arm, now.world_asset, now.base[None]
     for start in (now.arm, rest):
-        if _swings(now, now.arm, start) and _swings(now, start, down[0]):
-            to_thing = np.stack([now.arm, start, down[0]])
+        taken = reached(model, robot, thing, base, world, ways, q, start, swing=True)[0]
+        if taken is not None and _swings(now, now.arm, start):
             break
     else:
-        raise PlanningError(f"{name} to above the cube beside {goal.joint!r}")
+        raise PlanningError(f"{name} from above to the cube beside {goal.joint!r}")
+    down = taken[1]
+    to_thing = np.stack([now.arm, start, down[0]])
+    held = np.linalg.inv(ways[taken[0], -1]) @ pose  # tool_T_thing
     places = now.layout.places
     for k in np.unique(np.linspace(0, len(places) - 1, LIMITS.places).astype(int)):
         at = in_open(model, goal, places[k])
         at[2, 3] += REACH_IN.drop
         into = ways_to(model, robot, thing, at, q)
-        found = reached(model, robot, thing, now.base[None], now.world_asset, into, q, rest)[0]
-        if found is None or not _swings(now, found[1][0], rest):
+        found = reached(model, robot, thing, base, world, into, q, rest, swing=True)[0]
+        if found is None:
             continue
         for by in (down[0], rest):
             if _swings(now, down[0], by, held) and _swings(now, by, found[1][0], held):
@@ -132,15 +129,12 @@ def _swings(
     """
     robot, thing = now.robot, now.goal.thing
     assert thing is not None
-    q, wide = {**now.others, now.goal.joint: now.q}, opening(robot, thing)
-    swing: FloatArray = np.asarray(np.linspace(begin, end, LIMITS.swing), dtype=float)
-    if not all(
-        free(now.model, robot, arm, wide, now.base, now.world_asset, q, (), 0.0, 0.0)
-        for arm in swing
-    ):
+    q = {**now.others, now.goal.joint: now.q}
+    if not swings(now.model, robot, thing, begin, end, now.base, now.world_asset, q):
         return False
     if held is None:
         return True
+    swing: FloatArray = np.asarray(np.linspace(begin, end, REACH_IN.swing), dtype=float)
     side = np.linspace(-0.5, 0.5, 3) * thing.size
     corners = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3)
     local = corners @ held[:3, :3].T + held[:3, 3]
