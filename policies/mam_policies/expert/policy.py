@@ -319,7 +319,7 @@ class Expert:
 def run_episode(
     env: Any, expert: Expert, seed: int | None = None, record: bool = False, extra_steps: int = 0
 ) -> Episode:
-    """Reset, let the expert act until success or the time limit, and report.
+    """Reset, let the expert act until success, too much force or the time limit, and report.
 
     Args:
         record: keep observations, actions, rewards and infos (lists; one more observation than
@@ -334,7 +334,7 @@ def run_episode(
         expert.reset()
     except PlanningError as error:
         return Episode(False, 0, 0, str(error), float(info["open_fraction"][0]), "", records)
-    success, steps, left = False, 0, extra_steps
+    success, failed, steps, left = False, False, 0, extra_steps
     while True:
         action = expert.act()
         if expert.phase == "done" and not success:
@@ -348,13 +348,15 @@ def run_episode(
             ):
                 records[key].append(value)
         success = success or bool(info["success"].reshape(-1)[0])
-        if bool(np.asarray(truncated).reshape(-1)[0]):
+        failed = not success and bool(info["fail"].reshape(-1)[0])
+        if failed or bool(np.asarray(truncated).reshape(-1)[0]):
             break
         if success:
             if left <= 0:
                 break
             left -= 1
-    reason = "" if success else expert.reason or "out of time"
+    why = "too much force" if failed else expert.reason or "out of time"
+    reason = "" if success else why
     fraction = float(info["open_fraction"].reshape(-1)[0])
     mode = expert.plan.path.grasp.mode
     return Episode(success, steps, len(expert.plans), reason, fraction, mode, records)
