@@ -32,8 +32,6 @@ T = TypeVar("T", bound="Task")
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """A process per core serves many tasks better than threads do, and threads survive no fork."""
 _SERVE = "import sys; sys.path[:] = {path!r}; from {name} import main; main(int(sys.argv[1]))"
-GRACE = 5.0
-"""Seconds in which a server ends its child and itself when nobody asks any more."""
 
 
 class Task(Protocol):
@@ -52,7 +50,9 @@ class Task(Protocol):
 class ForkServer:
     """The server as those see it who ask: one task at a time, started at the first."""
 
-    def __init__(self) -> None:
+    def __init__(self, grace: float = 5.0) -> None:
+        """`grace`: seconds in which it ends its child and itself when nobody asks any more."""
+        self.grace = grace
         self._process: subprocess.Popen[bytes] | None = None
         self._lock = threading.Lock()
         # what the server says when it dies
@@ -73,7 +73,7 @@ class ForkServer:
             server.stdin.flush()
             ending: Ending = pickle.load(server.stdout)
             return ending
-        except (EOFError, BrokenPipeError, pickle.UnpicklingError):
+        except (EOFError, BrokenPipeError, ValueError, pickle.UnpicklingError):
             if self.closed:
                 raise KeyboardInterrupt from None
             self._process = None  # the next task gets a new one
@@ -91,7 +91,7 @@ class ForkServer:
             with suppress(BrokenPipeError):
                 self._process.stdin.close()
             try:
-                self._process.wait(GRACE)
+                self._process.wait(self.grace)
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
