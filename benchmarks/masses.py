@@ -30,7 +30,8 @@ from world_objects import thing_of
 from mam_pipeline.asset.dynamics import gravity_load, rubbing, with_dynamics
 from mam_pipeline.asset.inertia import link_inertials
 from mam_pipeline.geometry.front import moved
-from mam_pipeline.types import Articulation, Catch
+from mam_pipeline.holding import Catch
+from mam_pipeline.types import Articulation
 from mam_world import make_object
 
 DATA = Path(__file__).with_suffix(".yaml")

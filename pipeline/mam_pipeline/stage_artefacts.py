@@ -40,10 +40,9 @@ from mam_pipeline.edited import (
     validated,
 )
 from mam_pipeline.hints import load_hints, save_hints
+from mam_pipeline.holding import Balance, Catch, wrong_of
 from mam_pipeline.types import (
     Articulation,
-    Balance,
-    Catch,
     Coupling,
     DormantPart,
     Joint,
@@ -59,7 +58,6 @@ from mam_pipeline.types import (
     Provenance,
     RangeBasis,
     UsualTravel,
-    wrong_of,
 )
 
 MOST_ROWS = 2000

@@ -31,7 +31,8 @@ from mam_pipeline.asset.writer import write_asset
 from mam_pipeline.check.check import check_asset
 from mam_pipeline.evidence.kinds import kinds
 from mam_pipeline.evidence.read import named_size
-from mam_pipeline.types import Articulation, Catch, Inertial, Joint, Link, Mesh
+from mam_pipeline.holding import Catch
+from mam_pipeline.types import Articulation, Inertial, Joint, Link, Mesh
 
 G = 9.81
 PRODUCTS = Path(__file__).resolve().parents[2] / "benchmarks/masses.yaml"

@@ -35,18 +35,16 @@ from mam_pipeline.errors import InputError
 from mam_pipeline.formats.door import Door
 from mam_pipeline.formats.suffixes import PHOTOS, mesh_suffixes
 from mam_pipeline.formats.urdf.admit import admitted
+from mam_pipeline.holding import Balance, Catch, wrong_of
 from mam_pipeline.thresholds import MAX_LINKS
 from mam_pipeline.types import (
     NEEDS_REVIEW,
-    Balance,
-    Catch,
     Coupling,
     GraspKind,
     JointSubtype,
     JointType,
     Provenance,
     RangeBasis,
-    wrong_of,
 )
 
 SCHEMA: Literal[2] = 2

@@ -20,7 +20,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mam_pipeline.asset.matter import balance_of, bearing_of, catch_of
-from mam_pipeline.types import Articulation, Balance, Catch, Held, Inertial, Joint
+from mam_pipeline.holding import Balance, Catch, Held
+from mam_pipeline.types import Articulation, Inertial, Joint
 
 GRAVITY = 9.81
 

@@ -15,8 +15,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from mam_pipeline.evidence.kinds import ObjectKind, Range, kinds
+from mam_pipeline.holding import Catch
 from mam_pipeline.package_data import table
-from mam_pipeline.types import Catch, Inertial
+from mam_pipeline.types import Inertial
 
 
 @dataclass(frozen=True)
