@@ -22,20 +22,12 @@ class Rules:
         handle_on_panel: (parts, fused) what stands on a flat on two feet moves with that flat.
         two_sided_sheet: (parts, fused) the two faces of a thin sheet are one body.
         through_sheet: (parts, fused) what stands on both faces of a sheet at one place is one body.
-        lighter_moves: (parts) of two bodies on the floor that one hinge joins the lighter moves.
         unsure_stays: (parts) a part of the best set stays in the base when it is too unsure.
         same_handle: (parts, fused) a front with the handle of a chosen front is chosen as well.
-        sure_joins: (parts) what is as good as certain is chosen where the best set leaves it out.
         completed: (parts) what is bound to a part and likely to move joins it.
-        common_frame: (parts) what spans two parts that are alike belongs to neither.
-        handle_alone: (parts) a part that is a handle alone gets the board that it stands on.
-        blockers: (parts) small pieces that stand in a part's way and rest on it go along with it.
-        fittings: (parts) a lever or knob on a panel moves by itself only if its joint is clear.
-        panes: (parts) a pane in a panel moves by itself only if its joint is clear.
-        minor: (parts) so does what is small beside the largest part.
+        minor: (parts) what is small beside the largest part moves by itself only if its joint is
+            clear.
         abstain: (parts) what is less likely a part than a calibrated bar stays still and is told.
-        on_both_bodies: (joints) a hinge line gives way to a near one that stays on both bodies.
-        when_stuck: (joints) the best hypothesis gives way to another where it leaves a part stuck.
         near_lines: (joints) geometry decides between lines that are nearly the same.
         sunken_slide: (joints, fused) no slide takes a panel into the material beside it.
         siblings: (joints) where only another part is in the way the joint's own range counts.
@@ -47,20 +39,11 @@ class Rules:
     handle_on_panel: bool = True
     two_sided_sheet: bool = True
     through_sheet: bool = True
-    lighter_moves: bool = True
     unsure_stays: bool = True
     same_handle: bool = True
-    sure_joins: bool = True
     completed: bool = True
-    common_frame: bool = True
-    handle_alone: bool = True
-    blockers: bool = True
-    fittings: bool = True
-    panes: bool = True
     minor: bool = True
     abstain: bool = True
-    on_both_bodies: bool = True
-    when_stuck: bool = True
     near_lines: bool = True
     sunken_slide: bool = True
     siblings: bool = True

@@ -30,7 +30,7 @@ from mam_pipeline.parts.select import select_groups
 from mam_pipeline.parts.tree import clear_from, named, part_kind
 from mam_pipeline.prior.embedded import EmbeddedPrior
 from mam_pipeline.rules import ALL_RULES
-from mam_pipeline.types import NEEDS_REVIEW, JointSubtype, KinematicTree, Mesh, PartNode, Primitives
+from mam_pipeline.types import JointSubtype, KinematicTree, Mesh, PartNode, Primitives
 from mam_training.parts.corpus import Example, abstract_kinds, generated, generated_example, united
 from mam_world import Style, make_object
 
@@ -289,7 +289,7 @@ def test_a_door_that_stands_ajar_is_a_door() -> None:
     assert part_kind(graph, np.array([False, True]), "hinge") == "door"
 
 
-def test_small_parts_and_levers_on_a_panel_have_to_be_clear() -> None:
+def test_small_parts_have_to_be_clear_and_levers_on_a_panel_are_named() -> None:
     mesh, primitives = boxes(
         ((0.0, 0, 0), (0.5, 0.9, 2.0)), ((-0.04, 0, 0), (-0.002, 0.9, 2.0)),
         ((-0.06, 0.75, 1.0), (-0.04, 0.85, 1.02)),
@@ -300,8 +300,7 @@ def test_small_parts_and_levers_on_a_panel_have_to_be_clear() -> None:
     on_door, on_body = (PartNode("b", "part", (2,), parent, "hinge") for parent in (1, 0))
     on_panel, on_base = KinematicTree((base, door, on_door)), KinematicTree((base, door, on_body))
     assert [n.name for n in named(graph, on_panel).nodes] == ["base", "door_0", "lever_0"]
-    assert clear_from(graph, on_panel)[2] > NEEDS_REVIEW
-    assert 2 not in clear_from(graph, on_panel, replace(ALL_RULES, fittings=False, minor=False))
+    assert clear_from(graph, on_panel) == {2: FITTINGS.minor_above}
     assert not graph.is_fused and clear_from(graph, on_base) == {2: FITTINGS.minor_above}
     assert clear_from(graph, on_base, ALL_RULES.without("minor")) == {}
     fused = replace(graph, merges=np.array([[0, 1], [2, 3]]))  # there right ones are as unclear

@@ -16,9 +16,7 @@ from mam_pipeline.parts.features import Table, table
 from mam_pipeline.parts.graph import Graph, build_graph
 from mam_pipeline.parts.group_features import group_features, joined
 from mam_pipeline.parts.groups import enumerate_groups, expand_groups
-from mam_pipeline.parts.rules.bare_handles import with_boards
-from mam_pipeline.parts.rules.choice import lighter, with_sure
-from mam_pipeline.parts.rules.extent import completed, without_spanning
+from mam_pipeline.parts.rules.extent import completed
 from mam_pipeline.parts.scores import load_scores
 from mam_pipeline.parts.select import SELECTION
 from mam_pipeline.parts.tree import Choice, build_tree, with_base, with_left
@@ -164,16 +162,6 @@ def test_what_stands_apart_and_is_no_trifle_does_not_join() -> None:
     assert completed(graph, np.eye(4, dtype=bool)[:1], same, move)[0].tolist() == [1, 1, 0, 0]
 
 
-def test_what_is_as_good_as_certain_is_no_left_over() -> None:
-    graph = graph_of(*_row(4))
-    masks = np.array([[1, 0, 0, 0], [1, 1, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], dtype=bool)
-    value, sure = np.array([0.9, 0.95, 0.8, 0.7]), np.array([1, 1, 1, 0], dtype=bool)
-    assert with_sure(graph, masks, value, sure, [0]) == [0, 2]
-    assert with_sure(graph, masks, value, sure | True, [0]) == [0, 2, 3]
-    few = graph_of(*_row(3))
-    assert with_sure(few, masks[:, :3], value, sure | True, [0]) == [0, 2]  # something stays
-
-
 def test_parts_that_leave_nothing_give_the_largest_to_the_base() -> None:
     graph = measured()[0].graph
     every = np.arange(graph.count)  # the largest first
@@ -238,76 +226,6 @@ def graph_of(*pieces: list[Box]) -> Graph:
     whole: Any = trimesh.util.concatenate(made)
     mesh = Mesh(np.asarray(whole.vertices, dtype=float), np.asarray(whole.faces))
     return build_graph(mesh, Primitives(np.array(labels)))
-
-
-def window(split: float) -> Graph:
-    """Two leaves that meet at x = split, the rails around both, and the wall that holds them."""
-    rails: list[Box] = [((x, 0, 0), (0.06, 0.05, 1.0)) for x in (-0.6, 0.6)]
-    rails += [((0, 0, z), (1.2, 0.05, 0.06)) for z in (-0.5, 0.5)]
-    leaves: list[Box] = [
-        (((split + side * 0.6) / 2, 0, 0), (0.58 - side * split, 0.05, 0.9)) for side in (-1, 1)
-    ]
-    return graph_of([leaves[0]], [leaves[1]], rails, [((0, 0.2, 0), (1.6, 0.1, 1.4))])
-
-
-def test_rails_around_two_leaves_go_with_neither() -> None:
-    parts = np.array([[1, 0, 1, 0], [0, 1, 0, 0]], dtype=bool)
-    assert without_spanning(window(0.0), parts)[:, :3].tolist() == [[1, 0, 0], [0, 1, 0]]
-    assert (without_spanning(window(0.3), parts) == parts).all()  # a door with a flap beside it
-    assert (without_spanning(window(0.0), parts[:1]) == parts[:1]).all()
-
-
-def test_of_two_bodies_on_the_floor_the_bulkier_stays() -> None:
-    """A case lies open on its side: its box, and its lid flat on the floor."""
-    box: Box = ((0, 0, 0.2), (0.8, 0.2, 0.4))
-    masks, value = np.eye(2, dtype=bool), np.array([0.6, 0.5])
-    flat = graph_of([box], [((0, -0.31, 0.01), (0.8, 0.4, 0.02))])
-    assert lighter(flat, masks, value, 0) == 1 and lighter(flat, masks, value, 1) == 1
-    assert lighter(flat, masks[:1], value[:1], 0) == 0  # nothing else is drawn up
-    alike = graph_of([box], [((0, -0.31, 0.15), (0.8, 0.2, 0.3))])
-    assert lighter(alike, masks, value, 0) == 0
-    graph = graph_of([box], [((0, -0.31, 0.01), (0.8, 0.4, 0.02))])
-    lid = graph.probe.owner == 1
-    graph.probe.normals[lid] = (0, 0, 1.0)
-    assert lighter(graph, masks, value, 0) == 0  # no body, but one face of one
-    sheet = graph_of([box], [((0, -0.31, 0), (1, 1, 1e-4))])
-    assert lighter(sheet, masks, value, 0) == 0  # a plate on the floor is the floor
-    held = graph_of([((0, 0, 0.7), (0.8, 0.2, 0.4))], [((0, 0, 0.25), (0.1, 0.1, 0.5))])
-    assert lighter(held, masks, value, 0) == 0  # a sign on its post
-
-
-def test_a_pull_takes_the_board_that_it_is_on() -> None:
-    """A door flush with its box; its handle is a bar on two feet, a bar alone, or a lever."""
-    body: list[Box] = [((x, 0.25, 0), (0.02, 0.5, 1)) for x in (-0.4, 0.4)]
-    body += [((0, 0.25, z), (0.78, 0.5, 0.02)) for z in (-0.49, 0.49)]
-    door: list[Box] = [((0, -0.01, 0), (0.82, 0.02, 1))]
-    bar: Box = ((0.35, -0.08, 0), (0.02, 0.02, 0.3))
-    feet: list[Box] = [((0.35, -0.045, z), (0.02, 0.05, 0.02)) for z in (-0.14, 0.14)]
-    pull, move = np.array([[0, 0, 1]], dtype=bool), np.array([0.0, 0.2, 0.9])
-    value = np.array([0.6, 0.6])
-    for handle in ([bar, *feet], [bar]):
-        graph = graph_of(body, door, handle)
-        assert with_boards(graph, pull, move, value[:1]).tolist() == [[False, True, True]]
-        still = np.array([0.0, 0.01, 0.9])
-        assert (with_boards(graph, pull, still, value[:1]) == pull).all()
-        assert (with_boards(graph, pull, move, np.array([0.9])) == pull).all()  # surely a lever
-    back: list[Box] = [((0, 0.01, 0), (0.82, 0.01, 1))]
-    skin = replace(
-        graph_of(body, door, [bar, *feet], back),
-        rigid=np.array([[0, 1, 0, 1]], dtype=bool), fronts=np.zeros(1, dtype=bool),
-    )  # fmt: skip
-    alone, moves = np.arange(4)[None] == 2, np.array([0.0, 0.2, 0.9, 0.2])
-    assert with_boards(skin, alone, moves, value[:1])[0].tolist() == [False, True, True, True]
-    taken = np.array([[0, 0, 1], [0, 1, 0]], dtype=bool)
-    assert (with_boards(graph_of(body, door, [bar, *feet]), taken, move, value) == taken).all()
-    knob: Box = ((0.35, -0.05, 0), (0.05, 0.06, 0.05))
-    lamp: Box = ((0.35, -0.08, 0), (0.05, 0.02, 0.05))  # as wide as high, before the door
-    flush: Box = ((0.35, -0.03, 0), (0.02, 0.02, 0.3))
-    beside: Box = ((0.6, -0.08, 0), (0.02, 0.02, 0.3))
-    for other in ([bar, feet[0]], [knob], [lamp], [flush], [beside]):
-        assert (with_boards(graph_of(body, door, other), pull, move, value[:1]) == pull).all()
-    hidden: list[Box] = [*body, ((0, -0.3, 0), (0.6, 0.3, 0.8))]
-    assert (with_boards(graph_of(hidden, door, [bar, *feet]), pull, move, value[:1]) == pull).all()
 
 
 def test_a_door_does_not_hang_on_the_door_beside_it() -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, TypeVar
 
@@ -26,7 +26,6 @@ from mam_pipeline.joints.straight import straightened, turned_tree
 from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.thresholds import THRESHOLDS
 from mam_pipeline.types import (
-    MOVES,
     IntArray,
     Joint,
     JointCandidate,
@@ -41,16 +40,11 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class EstimateThresholds:
-    """When a hypothesis gives way to another, and which mean the same joint.
+    """Which hypotheses mean the same joint, and what is remembered.
 
     Attributes:
-        fallbacks: hypotheses, best first, that may be tried when the best one leaves a part stuck.
-        tied: log odds between two that are as probable.
-        lines: hinge lines, best first, that are tried on both bodies.
-        nearly_parallel: log odds below the best line at which a parallel one may take its place.
-        nearly: log odds below the best line at which one that runs another way may take its place.
-        parallel: cosine between lines that run the same way.
         same_way: cosine between axes that mean the same joint.
+        parallel: cosine between lines that run the same way.
         close: diagonals of the object that such lines may lie apart.
         close_own: diagonals of the part that such lines may lie apart.
         on_line: share of the check's tolerance that a line may stray from both bodies.
@@ -58,11 +52,6 @@ class EstimateThresholds:
         surroundings: of as many parts, for who asks about another line of the same part.
     """
 
-    fallbacks: int = 12
-    tied: float = 0.3
-    lines: int = 40
-    nearly_parallel: float = 3.0
-    nearly: float = 1.6
     parallel: float = 0.99
     same_way: float = 0.995
     close: float = 0.03
@@ -74,9 +63,7 @@ class EstimateThresholds:
 
 ESTIMATE = EstimateThresholds()
 # hand rules that an estimate depends on
-OF_JOINTS = (
-    "on_both_bodies", "when_stuck", "near_lines", "sunken_slide", "siblings", "plain_travel",
-)  # fmt: skip
+OF_JOINTS = ("near_lines", "sunken_slide", "siblings", "plain_travel")
 
 
 @dataclass(frozen=True)
@@ -104,14 +91,13 @@ class Estimate:
     Attributes:
         chosen: the hypothesis, its axis turned so that positive motion opens.
         limits: of the joint. sure: probability that the hypothesis is right, given part and type.
-        rank: of the chosen one among `candidates`, the hypotheses of its type, best first.
+        candidates: the hypotheses of its type, best first.
         contact: where the part touches what stands still, for the report.
     """
 
     chosen: JointCandidate
     limits: Limits
     sure: float
-    rank: int
     candidates: tuple[JointCandidate, ...]
     contact: Mapping[str, Any]
 
@@ -198,9 +184,7 @@ class JointEstimator:
     def _estimate(self, node: PartNode, faces: PartFaces) -> Estimate:
         mesh, rules = self.mesh, self.rules
         around = self._around(faces.moving, faces.static)
-        ranked = candidates = choose_candidates(mesh, self.frame, node, faces, self.seed, rules)
-        if rules.on_both_bodies and node.subtype != "slide" and node.provenance != "user":
-            candidates = on_both(mesh, faces, candidates, around.paths.rest_gap)
+        candidates = choose_candidates(mesh, self.frame, node, faces, self.seed, rules)
         alone = None
         if rules.siblings and len(faces.fixed) < len(faces.static) and len(faces.fixed):
             alone = cache(lambda: self._around(faces.moving, faces.fixed))
@@ -213,26 +197,8 @@ class JointEstimator:
             )  # fmt: skip
 
         near = min(ESTIMATE.close * mesh.diagonal, ESTIMATE.close_own * _size(mesh, faces.own))
-        best, chosen = candidates[0], 0
+        best = candidates[0]
         limits = limits_of(best)
-        stuck = rules.when_stuck and limits.share < MOVES
-        for k in instead(candidates, near) if stuck else ():
-            found = limits_of(candidates[k])
-            if found.share < MOVES:
-                continue
-            if abs(float(candidates[k].axis @ best.axis)) < ESTIMATE.parallel:
-                # sooner the same line the other way round than one that runs another way
-                back = replace(best, axis=-best.axis)
-                other_way = limits_of(back)
-                if other_way.share >= MOVES:
-                    best, limits = back, other_way
-                    break
-            if (
-                same_joint(candidates[k], best, near)
-                or candidates[k].score >= best.score - ESTIMATE.tied
-            ):
-                best, limits, chosen = candidates[k], found, k
-                break
         if node.subtype == "hinge" and node.limits is None and node.provenance != "user":
             shut = closing_of(mesh, faces.moving, faces.parent, best)
             closing = None if shut is None else limits_of(shut.line, shut.way)
@@ -244,9 +210,9 @@ class JointEstimator:
                 freed = None if edge is None else limits_of(edge)
                 if edge is not None and freed is not None and freed.share >= CLOSING.runs:
                     best, limits = edge, freed
-        sure = 1.0 if node.provenance == "user" else agreement(best, ranked, near)
+        sure = 1.0 if node.provenance == "user" else agreement(best, candidates, near)
         contact = contact_evidence(around.scene)
-        return Estimate(best, limits, sure, chosen, tuple(candidates), contact)
+        return Estimate(best, limits, sure, tuple(candidates), contact)
 
 
 _REMEMBERED: OrderedDict[str, Estimate] = OrderedDict()
@@ -357,35 +323,6 @@ def same_joint(one: JointCandidate, other: JointCandidate, near: float) -> bool:
     apart = np.linalg.norm(np.cross(one.origin - other.origin, other.axis))
     close = one.subtype == "slide" or apart <= near
     return bool(close and abs(float(one.axis @ other.axis)) > ESTIMATE.same_way)
-
-
-def instead(candidates: list[JointCandidate], near: float) -> list[int]:
-    """Which hypotheses to look at where the best one leaves a part stuck.
-
-    Where a cut is ragged, or a piece of the part was missed, the right one is stuck as well, and
-    another is seldom right because it is free. So: lines that mean the same joint first, then what
-    is not much less probable, which says that the way back may be free, and is taken in a tie only.
-    """
-    best = candidates[0]
-    least = best.score - (ESTIMATE.nearly if best.subtype == "slide" else ESTIMATE.nearly_parallel)
-    ranked = range(1, len(candidates[: ESTIMATE.fallbacks]))
-    same = [k for k in ranked if same_joint(candidates[k], best, near)]
-    return same + [k for k in ranked if k not in same and candidates[k].score >= least]
-
-
-def on_both(
-    mesh: Mesh, faces: PartFaces, candidates: list[JointCandidate], rest_gap: float
-) -> list[JointCandidate]:
-    """The candidates whose line stays on both bodies, as the check asks, and is nearly as probable
-    as the best or parallel to it; all candidates if there is none."""
-    best, stays = candidates[0], stays_on_both(mesh, faces, rest_gap)
-
-    def near(c: JointCandidate) -> bool:
-        parallel = abs(float(c.axis @ best.axis)) > ESTIMATE.parallel
-        return c.score >= best.score - (ESTIMATE.nearly_parallel if parallel else ESTIMATE.nearly)
-
-    lines = [c for c in candidates[: ESTIMATE.lines] if near(c)]
-    return [c for c in lines if stays(c)] or candidates
 
 
 def stays_on_both(

@@ -120,7 +120,6 @@ class EmbeddedSolver:
             "solver": "embedded",
             "contact": dict(found.contact),
             "candidates": [_plain(c) for c in found.candidates[:SHOWN]],
-            "chosen": found.rank,
             "limits": limits_evidence(found.limits, node),
         }
         confidence = confidence_of(node, found.sure)

@@ -27,9 +27,8 @@ from mam_pipeline.parts.group_features import joined, measured, with_rivals
 from mam_pipeline.parts.groups import Masks, enumerate_groups, expand_groups
 from mam_pipeline.parts.joint_view import with_joints
 from mam_pipeline.parts.network import Reading, log_odds
-from mam_pipeline.parts.rules.bare_handles import with_boards
-from mam_pipeline.parts.rules.choice import lighter, nearest, with_sure, with_twins
-from mam_pipeline.parts.rules.extent import completed, without_spanning
+from mam_pipeline.parts.rules.choice import with_twins
+from mam_pipeline.parts.rules.extent import completed
 from mam_pipeline.parts.said import SAID, Heard, against_physics, with_masks
 from mam_pipeline.parts.scores import WEIGHTS, Kind, Scores, load_scores
 from mam_pipeline.parts.select import SELECTION
@@ -61,12 +60,10 @@ class ReasonerSettings:
             low.
         samplings: how often an object is sampled; scores are averaged, since between single
             samplings the mIoU of 37 real objects differed by up to 0.05.
-        sure: confidence of a candidate that is taken even where the best set leaves it.
     """
 
     rescue: float = 0.2
     samplings: int = 4
-    sure: float = 0.8
 
 
 REASONER = ReasonerSettings()
@@ -288,31 +285,18 @@ def chosen_parts(found: Scored, rules: Rules = ALL_RULES) -> tuple[Masks, Choice
     highest = float(value.max(initial=0.0))
     if not best:
         return masks, Choice((), value, odds, confidence, highest, said=found.said)
-    firm = found.firm is not None and bool(found.firm[best[0]])
-    if rules.lighter_moves and len(best) == 1 and not firm and odds[best[0]].argmax() == HINGE:
-        best = [lighter(graph, masks, value, best[0])]
     unsure = best[max(found.told, 1) :] if rules.unsure_stays else []
     left = [c for c in unsure if confidence[c] < found.least]
     chosen = [c for c in best if c not in left]
     if rules.same_handle:
         chosen = with_twins(graph, masks, value, chosen)
-    if rules.sure_joins:
-        sure = confidence >= max(REASONER.sure, found.least)
-        chosen = with_sure(graph, masks, value, sure, chosen)
     masks = masks.copy()
     parts = masks[chosen]
     if rules.completed:
         parts = completed(graph, parts, found.same, found.move, masks[left])
-    if rules.common_frame:
-        parts = without_spanning(graph, parts)
-    whole = parts
-    if rules.handle_alone:
-        whole = with_boards(graph, parts, found.move, value[chosen])
     if found.firm is not None:
-        whole = np.where(found.firm[chosen][:, None], masks[chosen], whole)
-    for k in np.flatnonzero((whole != parts).any(axis=1)):
-        chosen[k] = nearest(graph, masks, whole[k], chosen)  # its type is the board's
-    masks[chosen] = whole
+        parts = np.where(found.firm[chosen][:, None], masks[chosen], parts)
+    masks[chosen] = parts
     final, out = tuple(chosen), tuple(left)
     return masks, Choice(final, value, odds, confidence, highest, out, found.said)
 

@@ -10,7 +10,7 @@ import numpy as np
 from mam_pipeline.dormant import with_dormant
 from mam_pipeline.parts.graph import CONTACT, Graph, tight_box
 from mam_pipeline.parts.groups import Masks
-from mam_pipeline.parts.rules.fittings import FITTINGS, is_minor, moves_if_above
+from mam_pipeline.parts.rules.fittings import FITTINGS, is_fitting, is_minor
 from mam_pipeline.parts.select import SELECTION
 from mam_pipeline.rules import ALL_RULES, Rules
 from mam_pipeline.types import FloatArray, JointSubtype, KinematicTree, PartNode
@@ -161,7 +161,7 @@ def with_base(graph: Graph, masks: Masks, choice: Choice) -> tuple[Masks, Choice
 
 def named(graph: Graph, tree: KinematicTree) -> KinematicTree:
     """The tree with every part named after its shape and its type."""
-    kinds, _, share = _shapes(graph, tree)
+    kinds, share = _shapes(graph, tree)
     nodes = [tree.nodes[0]]
     counts: dict[str, int] = {}
     for i, node in enumerate(tree.nodes[1:], start=1):
@@ -169,9 +169,7 @@ def named(graph: Graph, tree: KinematicTree) -> KinematicTree:
         named = node.evidence.get("said", {}).get("kind")
         if named:
             kind = named
-        elif share[i] < FITTINGS.area and moves_if_above(
-            node.subtype, kind, kinds[node.parent], share[i]
-        ):
+        elif is_fitting(node.subtype, kinds[node.parent], share[i]):
             kind = "knob" if node.subtype == "spin" else "lever"
         counts[kind] = counts.get(kind, -1) + 1
         nodes.append(replace(node, name=f"{kind}_{counts[kind]}", kind=kind))
@@ -180,26 +178,29 @@ def named(graph: Graph, tree: KinematicTree) -> KinematicTree:
 
 def clear_from(graph: Graph, tree: KinematicTree, rules: Rules = ALL_RULES) -> dict[int, float]:
     """The joint's confidence from which a part moves by itself, by node, where it must be clear."""
-    kinds, area, share = _shapes(graph, tree)
-    out = {}
-    for i, node in enumerate(tree.nodes[1:], start=1):
-        if node.evidence.get("said", {}).get("chance", 0.0) >= TREE.stated:
-            continue
-        least = moves_if_above(node.subtype, kinds[i], kinds[node.parent], share[i], rules)
-        if rules.minor and is_minor(area[i], area[1:]) and not graph.is_fused:
-            least = max(least, FITTINGS.minor_above)
-        if least:
-            out[i] = least
-    return out
+    if graph.is_fused or not rules.minor:
+        return {}
+    area = _areas(graph, tree)
+    return {
+        i: FITTINGS.minor_above
+        for i, node in enumerate(tree.nodes[1:], start=1)
+        if node.evidence.get("said", {}).get("chance", 0.0) < TREE.stated
+        and is_minor(area[i], area[1:])
+    }
 
 
-def _shapes(graph: Graph, tree: KinematicTree) -> tuple[list[str], list[float], list[float]]:
-    """Kind by shape ("" for the base), area and share of the parent's area of every node."""
+def _areas(graph: Graph, tree: KinematicTree) -> list[float]:
+    """Surface of every node."""
+    return [float(graph.area[list(node.primitives)].sum()) for node in tree.nodes]
+
+
+def _shapes(graph: Graph, tree: KinematicTree) -> tuple[list[str], list[float]]:
+    """Kind by shape ("" for the base), and share of the parent's area, of every node."""
     masks = [np.isin(np.arange(graph.count), node.primitives) for node in tree.nodes]
-    area = [float(graph.area[mask].sum()) for mask in masks]
+    area = _areas(graph, tree)
     kinds = [part_kind(graph, mask, node.subtype) for mask, node in zip(masks, tree.nodes)]
     share = [area[i] / max(area[n.parent], 1e-12) for i, n in enumerate(tree.nodes)]
-    return ["", *kinds[1:]], area, share
+    return ["", *kinds[1:]], share
 
 
 def _indices(mask: np.ndarray) -> tuple[int, ...]:

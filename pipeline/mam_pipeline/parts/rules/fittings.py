@@ -1,11 +1,8 @@
-"""What does not move by itself: small parts, levers, knobs and panes without a clear way.
+"""What does not move by itself: small parts without a clear way.
 
-Whether the lever of a door turns is not in its shape. The world's doors have levers that do; the
-fourteen levers and knobs found on eleven doors of `benchmarks/sweet_home_dataset.py` were left
-fixed by their authors. A pane between glazing bars looks like a door in a door. So such a part
-keeps a joint of its own only when that joint is clear; else the panel carries it. Of any part that
-is small beside the object's largest one more is asked than of a large one: real objects have many
-a button, lamp and rose that is a piece of its own and does not move.
+Of a part that is small beside the object's largest one more is asked than of a large one: real
+objects have many a button, lamp and rose that is a piece of its own and does not move. Such a part
+keeps a joint of its own only when that joint is clear; else what it hangs on carries it.
 """
 
 from __future__ import annotations
@@ -15,24 +12,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mam_pipeline.rules import ALL_RULES, Rules
-from mam_pipeline.types import NEEDS_REVIEW, JointSubtype, KinematicTree
+from mam_pipeline.types import JointSubtype, KinematicTree
 
 HOSTS = ("door", "drawer", "panel")  # kinds of parts that carry others
 
 
 @dataclass(frozen=True)
 class FittingThresholds:
-    """Which parts move by themselves only if their joint is clear; areas as shares.
+    """Which parts are small, and move by themselves only if their joint is clear; areas as shares.
 
     Attributes:
-        area: of the panel's area: a fitting has no more; of larger levers on doors some do turn.
-        spin_above: confidence from which a knob on a panel turns; of five on generated doors all
-            were found right.
-        hinge_above: confidence from which a lever on a panel turns; of three on generated doors
-            none was found right.
-        pane: of the panel's area: what a pane in it has.
-        pane_above: confidence from which a pane moves by itself.
+        area: of the panel's area: a fitting has no more.
         minor: of the largest part's surface: a minor part has less.
         minor_above: confidence from which a minor part of an authored mesh moves by itself; on
             fused ones right ones have less as well.
@@ -40,17 +30,12 @@ class FittingThresholds:
     """
 
     area: float = 0.05
-    spin_above: float = NEEDS_REVIEW
-    hinge_above: float = 0.9
-    pane: tuple[float, float] = (0.25, 1.0)
-    pane_above: float = 0.5
     minor: float = 0.3
     minor_above: float = 0.4
     repeated: int = 3
 
 
 FITTINGS = FittingThresholds()
-PANES = ("door", "lid")  # kinds of hinged parts that may be one
 
 
 def is_minor(area: float, areas: Sequence[float]) -> bool:
@@ -63,21 +48,13 @@ def is_minor(area: float, areas: Sequence[float]) -> bool:
     return area < FITTINGS.minor * max(areas) and alike < FITTINGS.repeated
 
 
-def moves_if_above(
-    subtype: JointSubtype, kind: str, host: str, share: float, rules: Rules = ALL_RULES
-) -> float:
-    """The confidence from which a part on a panel moves by itself; 0 where nothing doubts it.
+def is_fitting(subtype: JointSubtype, host: str, share: float) -> bool:
+    """Whether a part is a lever or a knob on a panel.
 
     Args:
-        subtype, kind: of the part. host: kind of the part that it hangs on. share: of its area.
+        subtype: of the part. host: kind of the part that it hangs on. share: of its area.
     """
-    if host not in HOSTS:
-        return 0.0
-    if share < FITTINGS.area and subtype in ("hinge", "spin"):
-        clear = FITTINGS.hinge_above if subtype == "hinge" else FITTINGS.spin_above
-        return clear if rules.fittings else 0.0
-    pane = subtype == "hinge" and kind in PANES and FITTINGS.pane[0] <= share < FITTINGS.pane[1]
-    return FITTINGS.pane_above if pane and rules.panes else 0.0
+    return host in HOSTS and share < FITTINGS.area and subtype in ("hinge", "spin")
 
 
 def carried(
