@@ -264,6 +264,26 @@ def clear(
             moving,
         ):
             return False
+    return _keeps_off(model, goal, robot, path, world_asset, others)
+
+
+def _keeps_off(
+    model: ObjectModel,
+    goal: JointGoal,
+    robot: RobotSpec,
+    path: ArmPath,
+    world_asset: FloatArray,
+    others: Mapping[str, float],
+) -> bool:
+    """Whether the links before the hand keep away from the object while its part moves: their
+    points lie farther apart than a door is thick, so shapes are compared with shapes."""
+    into, room = np.linalg.inv(world_asset) @ path.base, PLACEMENT.arm_room * robot.reach
+    opened = grasp_opening(robot, path.grasp)
+    for arm, value in zip(path.follow, path.q):
+        now, poses = {**others, goal.joint: float(value)}, robot.link_poses(arm[None], opened)
+        for name, pieces in robot.arm_pieces.items():
+            if model.cuts_into(pieces, into @ poses[name][0], now, -room):
+                return False
     return True
 
 

@@ -292,6 +292,16 @@ class RobotSpec:
         return out
 
     @cached_property
+    def arm_pieces(self) -> dict[str, list[ConvexPiece]]:
+        """Convex collision shapes of the links before the hand, link frame."""
+        hand = {*self.finger_links, *self.hand_links}
+        return {
+            name: [p for h in hulls if (p := ConvexPiece.of(np.asarray(h.vertices))) is not None]
+            for name, hulls in self.hulls.items()
+            if name not in hand
+        }
+
+    @cached_property
     def surface(self) -> dict[str, FloatArray]:
         """(P, 3) points on each link's collision shapes, link frame."""
         return {
