@@ -128,7 +128,10 @@ class Builder(Core):
         # `along` may be horizontal: the ring hangs down from the plate
         with self.facing((0, 0, 3 * t), (0, 0, 1), (1, 0, 0)):
             self.torus(link, (0, 0, 0), (0, 0, 1), r, t, material, "handle")
-        self._hold(link, 3 * t, 2 * t)
+        # round the whole ring, or its bar with one finger through it; its middle is a hole
+        self._hold(link, 3 * t, 2 * (r + t), "knob")
+        with self.moved((0, r, 0)):
+            self._hold(link, 3 * t, 2 * t)
 
     # -- fronts ---------------------------------------------------------------------------
     def front(
