@@ -4,12 +4,14 @@
 
 Runs `mam-sim bench` on folders of objects with all rules, then with each rule off, and writes
 docs/results/rule_ablation.json. Where no object's score changed the rule did nothing there. Of an
-object in which nothing moves `miou` is 1 where nothing was found to move and 0 elsewhere. Runs
+object in which nothing moves `miou` is 1 where nothing was found to move and 0 elsewhere; of the
+others `executable` is 1 where the asset passes the check. Runs
 that are in --logs are not run again, so the work can be cut short and shared out (--only).
 """
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -21,13 +23,13 @@ import numpy as np
 import results_page
 import tyro
 from common import machine
-from compare_bench import METRICS, interval, scores_of
+from compare_bench import METRICS, interval
 from tyro.conf import Positional
 
 from mam_pipeline.rules import Rules
 
 NAME = "rule_ablation"
-SHOWN = ("miou", "count", "type_error", "axis", "motion", "limits")
+SHOWN = ("miou", "count", "type_error", "axis", "motion", "limits", "executable")
 FUSED_ONLY = (
     "closed_fronts", "handle_on_panel", "two_sided_sheet", "through_sheet", "same_handle",
     "sunken_slide",
@@ -46,12 +48,16 @@ Scores = Mapping[str, Mapping[str, Any]]
 
 def bench(source: Path, flags: Sequence[str], jobs: int, log: Path) -> Scores:
     """Scores by object of a run of the bench, which goes on where it was cut short."""
-    words = [str(source), "--no-exec", *flags, "--jobs", str(jobs), "--out", str(log), "--quiet"]
+    words = [str(source), *flags, "--jobs", str(jobs), "--out", str(log), "--quiet"]
     subprocess.run(
         [sys.executable, "-m", "mam_sim.cli", "bench", *words],
         check=True, stdout=subprocess.DEVNULL,
     )  # fmt: skip
-    return {f"{source.name}/{name}": scores for name, scores in scores_of(log).items()}
+    out = {}
+    for row in json.loads(log.read_text(encoding="utf-8"))["objects"]:
+        passes = float(row["executable"]) if row["scores"]["true_parts"] else None
+        out[f"{source.name}/{row['id']}"] = {**row["scores"], "executable": passes}
+    return out
 
 
 def gains(base: Scores, off: Scores) -> dict[str, Any]:
@@ -59,7 +65,7 @@ def gains(base: Scores, off: Scores) -> dict[str, Any]:
     changed = [n for n in off if any(off[n][m] != base[n][m] for m in SHOWN)]
     out: dict[str, Any] = {"objects": len(off), "changed": len(changed)}
     for metric in SHOWN:
-        sign = 1.0 if METRICS[metric] else -1.0
+        sign = 1.0 if METRICS.get(metric, True) else -1.0
         pairs = [(base[n][metric], off[n][metric]) for n in off if n in base]
         difference = np.array([sign * (a - b) for a, b in pairs if a is not None and b is not None])
         low, high = interval(difference)

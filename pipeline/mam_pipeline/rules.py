@@ -28,6 +28,7 @@ class Rules:
         minor: (parts) what is small beside the largest part moves by itself only if its joint is
             clear.
         abstain: (parts) what is less likely a part than a calibrated bar stays still and is told.
+        on_both_bodies: (joints) a hinge line gives way to a near one that stays on both bodies.
         near_lines: (joints) geometry decides between lines that are nearly the same.
         sunken_slide: (joints, fused) no slide takes a panel into the material beside it.
         siblings: (joints) where only another part is in the way the joint's own range counts.
@@ -44,6 +45,7 @@ class Rules:
     completed: bool = True
     minor: bool = True
     abstain: bool = True
+    on_both_bodies: bool = True
     near_lines: bool = True
     sunken_slide: bool = True
     siblings: bool = True

@@ -150,6 +150,22 @@ def test_a_drawer_slides_out_of_its_cabinet() -> None:
     assert 0.15 < joint.upper < 0.45 and joint.lower == pytest.approx(0.0, abs=0.01)
 
 
+def test_a_line_off_the_bodies_gives_way_to_a_parallel_one_first() -> None:
+    ranked = tuple(
+        JointCandidate("hinge", np.array(a), np.array(o), float(np.log(p)))
+        for a, o, p in (
+            ((0, 0, -1.0), (-0.3, -0.3, 0.4), 0.8),
+            ((0, 1.0, 0), (-0.001, 0.25, 0.8), 0.1),
+            ((0, 0, -1.0), (-0.001, 0.0, 0.4), 0.08),
+            ((0, 1.0, 0), (-0.001, 0.25, 0.8), 0.01),
+        )
+    )
+    joint = solve(door_cabinet(), "hinge", candidates=ranked)
+    assert joint.origin == pytest.approx([-0.001, 0, 0.4])
+    kept = solve(door_cabinet(), "hinge", candidates=ranked[::3])
+    assert kept.axis == pytest.approx([0, 0, -1])  # the other is on both, but far less probable
+
+
 def test_lines_that_mean_the_same_joint_are_sure_together() -> None:
     """A door's edge is several lines, of its boards and of its gap; none has the odds alone."""
     z, x = np.array([0, 0, 1.0]), np.array([1.0, 0, 0])

@@ -40,10 +40,13 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class EstimateThresholds:
-    """Which hypotheses mean the same joint, and what is remembered.
+    """When a line gives way to another, and which mean the same joint.
 
     Attributes:
         same_way: cosine between axes that mean the same joint.
+        lines: hinge lines, best first, that are tried on both bodies.
+        nearly_parallel: log odds below the best line at which a parallel one may take its place.
+        nearly: log odds below the best line at which one that runs another way may take its place.
         parallel: cosine between lines that run the same way.
         close: diagonals of the object that such lines may lie apart.
         close_own: diagonals of the part that such lines may lie apart.
@@ -52,6 +55,9 @@ class EstimateThresholds:
         surroundings: of as many parts, for who asks about another line of the same part.
     """
 
+    lines: int = 40
+    nearly_parallel: float = 3.0
+    nearly: float = 1.6
     parallel: float = 0.99
     same_way: float = 0.995
     close: float = 0.03
@@ -63,7 +69,7 @@ class EstimateThresholds:
 
 ESTIMATE = EstimateThresholds()
 # hand rules that an estimate depends on
-OF_JOINTS = ("near_lines", "sunken_slide", "siblings", "plain_travel")
+OF_JOINTS = ("on_both_bodies", "near_lines", "sunken_slide", "siblings", "plain_travel")
 
 
 @dataclass(frozen=True)
@@ -184,7 +190,9 @@ class JointEstimator:
     def _estimate(self, node: PartNode, faces: PartFaces) -> Estimate:
         mesh, rules = self.mesh, self.rules
         around = self._around(faces.moving, faces.static)
-        candidates = choose_candidates(mesh, self.frame, node, faces, self.seed, rules)
+        ranked = candidates = choose_candidates(mesh, self.frame, node, faces, self.seed, rules)
+        if rules.on_both_bodies and node.subtype != "slide" and node.provenance != "user":
+            candidates = on_both(mesh, faces, candidates, around.paths.rest_gap)
         alone = None
         if rules.siblings and len(faces.fixed) < len(faces.static) and len(faces.fixed):
             alone = cache(lambda: self._around(faces.moving, faces.fixed))
@@ -210,7 +218,7 @@ class JointEstimator:
                 freed = None if edge is None else limits_of(edge)
                 if edge is not None and freed is not None and freed.share >= CLOSING.runs:
                     best, limits = edge, freed
-        sure = 1.0 if node.provenance == "user" else agreement(best, candidates, near)
+        sure = 1.0 if node.provenance == "user" else agreement(best, ranked, near)
         contact = contact_evidence(around.scene)
         return Estimate(best, limits, sure, tuple(candidates), contact)
 
@@ -323,6 +331,21 @@ def same_joint(one: JointCandidate, other: JointCandidate, near: float) -> bool:
     apart = np.linalg.norm(np.cross(one.origin - other.origin, other.axis))
     close = one.subtype == "slide" or apart <= near
     return bool(close and abs(float(one.axis @ other.axis)) > ESTIMATE.same_way)
+
+
+def on_both(
+    mesh: Mesh, faces: PartFaces, candidates: list[JointCandidate], rest_gap: float
+) -> list[JointCandidate]:
+    """The candidates whose line stays on both bodies, as the check asks, and is nearly as probable
+    as the best or parallel to it; all candidates if there is none."""
+    best, stays = candidates[0], stays_on_both(mesh, faces, rest_gap)
+
+    def near(c: JointCandidate) -> bool:
+        parallel = abs(float(c.axis @ best.axis)) > ESTIMATE.parallel
+        return c.score >= best.score - (ESTIMATE.nearly_parallel if parallel else ESTIMATE.nearly)
+
+    lines = [c for c in candidates[: ESTIMATE.lines] if near(c)]
+    return [c for c in lines if stays(c)] or candidates
 
 
 def stays_on_both(
