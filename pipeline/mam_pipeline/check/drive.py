@@ -136,6 +136,7 @@ class _Driver:
         self.joints = list(robot.active_joints)
         names = [j.name for j in self.joints]
         self.catches = {names.index(k): pull for k, pull in catches.items() if k in names}
+        self.carried = np.array([joint.child_link.disable_gravity for joint in self.joints], bool)
         bounds = np.asarray(robot.get_qlimits(), dtype=float).reshape(-1, 2)
         self.slide = np.array([j.type == "prismatic" for j in self.joints])
         free = ~np.isfinite(bounds).all(axis=1) | (np.ptp(bounds, axis=1) > 100 * _TURN)
@@ -176,6 +177,17 @@ class _Driver:
         values = self.poses.get(name, {})
         wanted = [values.get(j.name, 0.0) for j in self.joints]
         return np.asarray(np.clip(wanted, self.bounds[:, 0], self.bounds[:, 1]), dtype=np.float64)
+
+    def _bearing(self, moving: bool = False) -> FloatArray:
+        """Forces that keep the joints where gravity would take them; SAPIEN counts links without
+        gravity as well.
+
+        Args:
+            moving: also those of the joints' own speeds.
+        """
+        weight = np.asarray(self.robot.compute_passive_force(True, False))
+        forces = np.asarray(self.robot.compute_passive_force(True, True)) if moving else weight
+        return np.asarray(forces - np.where(self.carried, weight, 0.0), dtype=np.float32)
 
     def _with(self, index: int, value: float) -> FloatArray:
         """The rest pose with one joint elsewhere, and those that are coupled to it."""
@@ -223,7 +235,7 @@ class _Driver:
             for joint, target, rest in zip(self.joints, targets, self.rest):
                 if target != rest or joint is self.joints[index]:
                     joint.set_drive_target(float(target))
-            self.robot.set_qf(self.robot.compute_passive_force(True, True))
+            self.robot.set_qf(self._bearing(moving=True))
             if not self._step():
                 break
         return float(self.robot.get_qpos()[index])
@@ -281,7 +293,7 @@ class _Driver:
     def _breakaway(self, index: int) -> float | None:
         """Force towards the farther end of the range that starts the joint from its rest pose."""
         self._reset(self.rest)
-        load = abs(float(self.robot.compute_passive_force(True, False)[index]))
+        load = abs(float(self._bearing()[index]))
         friction = self.frictions.get(self.joints[index].name, (0.0, 0.0))[0]
         home = self.rest[index]
         if index in self.catches:
@@ -300,7 +312,7 @@ class _Driver:
         for line in np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]]):
             self._lean(pose, 0.5 * HANDLING.tilt, line)
             self._reset(q)
-            pull = -float(self.robot.compute_passive_force(True, False)[index])
+            pull = -float(self._bearing()[index])
             free = room[pull > 0] > 1e-6 * self.span[index]
             pulls.append((abs(pull) if free else 0.0, line))
         side = max(pulls, key=lambda row: row[0])[1]

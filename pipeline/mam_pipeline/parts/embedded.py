@@ -67,7 +67,6 @@ class ReasonerSettings:
 
 
 REASONER = ReasonerSettings()
-HINGE = SUBTYPES.index("hinge")
 
 
 class EmbeddedReasoner:
