@@ -23,6 +23,7 @@ from mam_envs.placement.drive import (
     wrapped,
 )
 from mam_envs.robots import robot_spec
+from mam_envs.tasks import episode_steps
 from mam_pipeline.errors import ConfigError
 from mam_policies.collect import collect
 from mam_policies.collection import CollectConfig
@@ -119,7 +120,7 @@ def test_fetch_drives_there_and_opens(kind: str, request: pytest.FixtureRequest)
         made.reset(seed=seed)
         expert.reset()
         begun, stood, driven, touched = env.planner_state(), None, 0, 0.0
-        for _ in range(made.spec.max_episode_steps):
+        for _ in range(episode_steps("open", robot="fetch")):
             action = expert.act()
             if expert.phase == "drive":
                 driven += 1

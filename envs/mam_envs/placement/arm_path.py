@@ -275,13 +275,13 @@ def _keeps_off(
     world_asset: FloatArray,
     others: Mapping[str, float],
 ) -> bool:
-    """Whether the links before the hand keep away from the object while its part moves: their
-    points lie farther apart than a door is thick, so shapes are compared with shapes."""
+    """Whether the arm's foot keeps away from the object while its part moves: a door swings past
+    it edge first, and its points lie farther apart than a door is thick, so shapes are compared."""
     into, room = np.linalg.inv(world_asset) @ path.base, PLACEMENT.arm_room * robot.reach
     opened = grasp_opening(robot, path.grasp)
     for arm, value in zip(path.follow, path.q):
         now, poses = {**others, goal.joint: float(value)}, robot.link_poses(arm[None], opened)
-        for name, pieces in robot.arm_pieces.items():
+        for name, pieces in robot.foot_pieces.items():
             if model.cuts_into(pieces, into @ poses[name][0], now, -room):
                 return False
     return True

@@ -24,8 +24,8 @@ class PlacementSearch:
             the fingers may jam there.
         looked_at: so many of the cheapest paths are compared with the object in full.
         above_ground: metres that the arm keeps above the ground: it sags under what it pulls.
-        arm_room: share of the arm's reach that its links keep from each other, and those before
-            the hand from the object while its part moves: it lags behind its targets.
+        arm_room: share of the arm's reach that its links keep from each other, and its foot from
+            the object while its part moves: it lags behind its targets.
         position_tolerance: error at which inverse kinematics has reached a pose, metres.
         drive_step, drive_turn: metres and degrees between the poses at which a drive is looked at.
         drive_room: metres that it keeps from the object: it arrives a centimetre or two beside

@@ -292,13 +292,12 @@ class RobotSpec:
         return out
 
     @cached_property
-    def arm_pieces(self) -> dict[str, list[ConvexPiece]]:
-        """Convex collision shapes of the links before the hand, link frame."""
-        hand = {*self.finger_links, *self.hand_links}
+    def foot_pieces(self) -> dict[str, list[ConvexPiece]]:
+        """Convex shapes of the links that at most one of the arm's joints moves, link frame."""
         return {
             name: [p for h in hulls if (p := ConvexPiece.of(np.asarray(h.vertices))) is not None]
             for name, hulls in self.hulls.items()
-            if name not in hand
+            if len({j.name for j in self.model.chain(name)} & set(self.arm)) <= 1
         }
 
     @cached_property
