@@ -357,7 +357,7 @@ def test_other_joints_are_closed_while_one_is_tested(tmp_path: Path) -> None:
 def test_driving_ends_with_its_budget_of_steps_and_says_so(
     good: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(drive_urdf, "__defaults__", (thresholds.THRESHOLDS, 10, *[None] * 3))
+    monkeypatch.setattr("mam_pipeline.check.drive.drive_urdf", partial(drive_urdf, budget=10))
     report = check_asset(good)
     assert not report.passed and report.reasons == ("not_finished",)
     assert report.clauses["reach"] is False and "not_finished" in REASONS
