@@ -156,6 +156,24 @@ def test_a_catch_holds_up_to_its_force_and_pulls_what_is_ajar_closed(
     assert abs(ends[0.01, 0.0]) < 1e-3 and ends[0.05, 0.0] == pytest.approx(0.05, abs=1e-3)
 
 
+def test_what_springs_carry_weighs_nothing_and_only_rubs(drawer: Path, tmp_path: Path) -> None:
+    own = tmp_path / "drawer"
+    shutil.copytree(drawer, own)
+    card = json.loads((own / "asset.json").read_text())
+    joint = card["joints"][0]
+    joint |= {"friction": 9.0, "friction_range": [8.0, 12.0], "balance": {"friction": 6.0}}
+    (own / "asset.json").write_text(json.dumps(card))
+    made = mam_envs.make(own)
+    made.reset(seed=0)
+    links, joints = made.unwrapped.objects[0].links_map, made.unwrapped.objects[0].joints_map
+    assert links[joint["child"]]._objs[0].disable_gravity
+    assert not links[joint["parent"]]._objs[0].disable_gravity
+    low, high = made.unwrapped.config.randomisation.friction
+    limit = joints[joint["name"]]._objs[0].force_limit
+    assert 3.0 * low - 1e-3 <= limit <= 3.0 * high + 1e-3
+    made.close()
+
+
 def test_a_part_feels_as_its_asset_says(drawer: Path, tmp_path: Path) -> None:
     own = tmp_path / "drawer"
     shutil.copytree(drawer, own)

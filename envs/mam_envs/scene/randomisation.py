@@ -16,7 +16,7 @@ from mam_envs.placement.base import object_pose
 from mam_envs.placement.drive import begin_at, drive_is_clear
 from mam_envs.scene.layout import Layout
 from mam_envs.tasks import JointGoal, Task
-from mam_pipeline.asset.dynamics import carry, catch_pull, opening, rubbing, set_joint_friction
+from mam_pipeline.asset.dynamics import catch_pull, opening, rubbing, set_joint_friction
 from mam_pipeline.types import FloatArray
 
 SLIDE, TURN = "prismatic", "revolute"
@@ -116,8 +116,12 @@ class ObjectDynamics:
         self.joints = [g.joint for g in layout.goals]
         self.springs = {g.joint: g for g in layout.goals if g.spring}
         self.moving = {n for name in self.joints for n in layout.model.moving_links(name)}
-        joints = layout.model.asset.card.joints
-        self.balanced = {joint.name for joint in joints if joint.balance is not None}
+        self.carried = {
+            name
+            for joint in layout.model.asset.card.joints
+            if joint.balance is not None
+            for name in layout.model.moving_links(joint.name)
+        }
         self.catches: FloatArray = np.zeros((3, len(articulation.active_joints)))
         self._masses = {
             link.name: (float(link._objs[0].mass), np.array(link._objs[0].inertia))
@@ -132,12 +136,13 @@ class ObjectDynamics:
                 set_joint_friction(raw, *self._friction(joint.name, drawn))
             if joint.name in self.springs:
                 self._spring(raw, self.springs[joint.name])
-        carry((link._objs[0] for link in self.articulation.links), self.balanced)
         for link in self.articulation.links:
             raw = link._objs[0]
             mass, inertia = self._masses[link.name]
             factor = self._mass(link.name, drawn) if link.name in self.moving else 1.0
             raw.mass, raw.inertia = mass * factor, inertia * factor
+            if link.name in self.carried:  # by springs
+                raw.disable_gravity = True
         self.catches = self._catches(drawn)
 
     def _catches(self, drawn: Draw) -> FloatArray:
