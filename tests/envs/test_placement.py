@@ -13,6 +13,7 @@ import pytest
 
 from mam_envs.config import EnvConfig, RandomisationConfig, SuccessConfig
 from mam_envs.grasping.candidates import PlacementError, card_grasps, tool_path
+from mam_envs.grasping.limits import LIMITS
 from mam_envs.grasping.surface import surface_grasps
 from mam_envs.object_model import ObjectModel
 from mam_envs.placement.base import _floor, object_pose, place
@@ -68,6 +69,23 @@ def test_the_tool_stays_on_the_handle(door: Path) -> None:
     in_part = np.linalg.inv(model.kinematics.link_poses({"joint_1": q})["part_1"]) @ path
     for pose in in_part:
         np.testing.assert_allclose(pose, in_part[0], atol=1e-9)
+
+
+@pytest.mark.parametrize(("kind", "most"), [("handle", 180.0), ("rim", LIMITS.board_tilt)])
+def test_fingers_pivot_round_a_bar_and_lie_flat_on_a_board(
+    door: Path, tmp_path: Path, kind: str, most: float
+) -> None:
+    model = model_of(edited(door, tmp_path / kind, kind=kind, depth=0.03))
+    goal = joint_goal(model, None, "open", SuccessConfig())
+    turned = np.degrees(abs(goal.q_goal - goal.q_start))
+    behind = [
+        (1 - lag) * turned
+        for grasp in card_grasps(model, goal, robot_spec("panda"))
+        if grasp.card.kind == kind and abs(grasp.tool[2, 0]) > 0.99  # the bar is the hinge's way
+        for lag in grasp.lags
+    ]
+    assert behind and max(behind) <= most
+    assert kind == "rim" or max(behind) > LIMITS.board_tilt
 
 
 def test_a_place_serves_displaced_objects(drawer: Path) -> None:

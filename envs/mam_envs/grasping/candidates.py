@@ -48,7 +48,7 @@ class Grasp:
         mode: grip (fingers close on the part) or push (closed fingers press on it).
         tool: (4, 4) asset_T_tool at the rest pose.
         lags: shares of the part's turn that the hand may follow (1 = rigid; less where the
-            fingers can pivot round a bar); `lag` is the one in use.
+            fingers can pivot round a bar, or on a board's faces); `lag` is the one in use.
         cost: how unnatural it is, for ranking.
         room: how much wider than the thing the fingers open, metres.
     """
@@ -182,9 +182,11 @@ def fit_to_hand(
         model.cuts_into(palm_hulls, start, before, near)
     ):
         grasp = replace(grasp, cost=grasp.cost + LIMITS.tight)
-    free = []
+    free, most = [], np.deg2rad(LIMITS.board_tilt)
     for lag in lags:
         poses = tool_path(model, goal, replace(grasp, lag=lag), q)
+        if grasp.card.kind in ("rim", "edge") and _tilt(model, goal, grasp, poses[-1], q) > most:
+            continue
         now = [{goal.joint: float(v)} for v in q]
         if not any(
             _touches(model, palm, pose, at, LIMITS.dip)
@@ -193,6 +195,14 @@ def fit_to_hand(
         ):
             free.append(lag)
     return replace(grasp, lag=free[0], lags=tuple(free)) if free else None
+
+
+def _tilt(
+    model: ObjectModel, goal: JointGoal, grasp: Grasp, last: FloatArray, q: FloatArray
+) -> float:
+    """Radians by which a hand that lags behind is tilted at the goal, about what it holds."""
+    rigid = tool_path(model, goal, replace(grasp, lag=1.0), q[-1:])[0, :3, :3]
+    return abs(float(Rotation.from_matrix(rigid.T @ last[:3, :3]).as_rotvec()[0]))
 
 
 def _grasps_something(
