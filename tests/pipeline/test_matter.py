@@ -233,6 +233,13 @@ def test_springs_carry_the_door_of_an_oven_and_friction_that_of_an_unknown_thing
     assert upright.balance is None
 
 
+@pytest.mark.parametrize(("made", "carried"), [("hung", True), ("hinged at its foot", False)])
+def test_the_sash_of_a_window_hangs_on_balances_where_it_slides(made: str, carried: bool) -> None:
+    window = cabinet("sash", (0, 0, 1)) if carried else dropping("sash")
+    (joint,) = with_dynamics(window, link_inertials(window), "window").joints
+    assert (joint.balance is not None) is carried, made
+
+
 def test_a_door_on_springs_starts_with_what_rubs_and_stays_where_it_is_left(tmp_path: Path) -> None:
     asset = write_asset(dropping("door"), tmp_path / "a", name="a", thing="oven")
     (joint,) = asset.card.joints

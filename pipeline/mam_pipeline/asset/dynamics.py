@@ -185,7 +185,7 @@ def _joint(
     if friction <= 0.0:
         friction = running + held
         between = (held + bearing.spread[0] * running, held + bearing.spread[1] * running)
-        springs = balance_of(articulation.links[joint.child].kind, thing)
+        springs = balance_of(articulation.links[joint.child].kind, thing, joint.type)
         if balance is None and springs is not None and load > 0.0:
             balance = Balance(springs.name, held, springs.source)
     damping = joint.damping if joint.damping > 0 else inertia / DYNAMICS.stop_seconds

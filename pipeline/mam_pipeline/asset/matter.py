@@ -119,12 +119,14 @@ class BalanceKind:
 
     Attributes:
         things, parts: kinds of objects, and of their parts, that have them.
+        joints: types of the parts' joints.
         source: who says so.
     """
 
     name: str
     things: tuple[str, ...]
     parts: tuple[str, ...]
+    joints: tuple[str, ...]
     source: str
 
 
@@ -183,7 +185,9 @@ def _read() -> _Table:
         for name, row in data["catches"].items()
     )  # fmt: skip
     balances = tuple(
-        BalanceKind(name, tuple(row["things"]), tuple(row["parts"]), row["source"])
+        BalanceKind(
+            name, tuple(row["things"]), tuple(row["parts"]), tuple(row["joints"]), row["source"]
+        )
         for name, row in data["balances"].items()
     )
     return _Table(materials, parts, bearings, joints, catches, balances, data["others"])
@@ -216,9 +220,9 @@ def catch_of(part: str, thing: str) -> CatchKind | None:
     return _first(_read().catches, part, thing)
 
 
-def balance_of(part: str, thing: str) -> BalanceKind | None:
+def balance_of(part: str, thing: str, type_: str) -> BalanceKind | None:
     """What carries a part of an object, if it weighs on its joint; None where friction does."""
-    return _first(_read().balances, part, thing)
+    return _first([b for b in _read().balances if type_ in b.joints], part, thing)
 
 
 def _first(kinds: Sequence[OfParts], part: str, thing: str) -> OfParts | None:
