@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,6 +17,7 @@ from mam_envs.grasping.candidates import PlacementError, card_grasps, tool_path
 from mam_envs.grasping.limits import LIMITS
 from mam_envs.grasping.surface import surface_grasps
 from mam_envs.object_model import ObjectModel
+from mam_envs.placement.arm_path import _keeps_off
 from mam_envs.placement.base import _floor, object_pose, place
 from mam_envs.robots import robot_spec
 from mam_envs.tasks.operate_joint import joint_goal
@@ -102,6 +104,21 @@ def test_a_place_serves_displaced_objects(drawer: Path) -> None:
     )
     np.testing.assert_allclose(world, wanted[:, :3, 3], atol=0.008)
     assert (found.path.follow >= chain.limits[:, 0]).all()
+
+
+def test_a_door_does_not_swing_through_the_arm_s_foot(door: Path) -> None:
+    model, robot = model_of(door), robot_spec("panda")
+    goal = joint_goal(model, None, "open", SuccessConfig())
+    found = place(model, (goal,), robot, RandomisationConfig())
+    world_asset = object_pose(model, found.object_height, (0, 0), 0)
+    assert robot.foot == ("panda_link0", "panda_link1")
+    assert _keeps_off(model, goal, robot, found.path, world_asset, {})
+    opened = model.motion(goal.joint, found.path.q, {})[7]  # half way
+    edge = (world_asset @ opened @ [*found.path.grasp.card.position, 1.0])[:3]
+    base = found.base.copy()
+    base[:2, 3] = edge[:2]
+    path = replace(found.path, base=base)
+    assert not _keeps_off(model, goal, robot, path, world_asset, {})
 
 
 @pytest.mark.parametrize(("board", "stands"), [((0.5, 0.6), 0.0), ((1.0, 1.0), 0.031)])

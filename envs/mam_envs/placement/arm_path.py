@@ -281,8 +281,8 @@ def _keeps_off(
     opened = grasp_opening(robot, path.grasp)
     for arm, value in zip(path.follow, path.q):
         now, poses = {**others, goal.joint: float(value)}, robot.link_poses(arm[None], opened)
-        for name, pieces in robot.foot_pieces.items():
-            if model.cuts_into(pieces, into @ poses[name][0], now, -room):
+        for name in robot.foot:
+            if model.cuts_into(robot.pieces[name], into @ poses[name][0], now, -room):
                 return False
     return True
 

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from mam_envs.config import RandomisationConfig
-from mam_envs.convex import ConvexPiece
 from mam_envs.object_model import ObjectModel
 from mam_envs.placement.arm_path import rest_is_clear
 from mam_envs.placement.base import base_pose
@@ -98,12 +97,7 @@ def drive_is_clear(
     """Whether a robot with its arm at rest (plus noise (n,)) keeps clear of the object, and of the
     stand below it, on its way."""
     poses = robot.link_poses((robot.rest_arm + noise)[None], robot.rest.get(robot.gripper[0], 0.0))
-    found = [
-        (name, ConvexPiece.of(np.asarray(hull.vertices)))
-        for name, hulls in robot.hulls.items()
-        for hull in hulls
-    ]
-    pieces = [piece.moved(poses[name][0]) for name, piece in found if piece is not None]
+    pieces = [p.moved(poses[name][0]) for name, found in robot.pieces.items() for p in found]
     into, room = np.linalg.inv(world_asset), PLACEMENT.drive_room
     return all(
         rest_is_clear(model, robot, base, world_asset, q, noise)

@@ -268,10 +268,8 @@ class RobotSpec:
             if name in self.surface:
                 rows = self.surface[name] @ m[:3, :3].T + m[:3, 3]
                 (fingers if name in self.finger_links else palm).append(rows)
-            for hull in self.hulls.get(name, ()):
-                piece = ConvexPiece.of(np.asarray(hull.vertices))
-                if piece is not None:
-                    hulls[name not in self.finger_links].append(piece.moved(m))
+            moved = [piece.moved(m) for piece in self.pieces.get(name, ())]
+            hulls[name not in self.finger_links].extend(moved)
         self._hands[key] = np.concatenate(fingers), np.concatenate(palm), *hulls
         return self._hands[key]
 
@@ -292,13 +290,18 @@ class RobotSpec:
         return out
 
     @cached_property
-    def foot_pieces(self) -> dict[str, list[ConvexPiece]]:
-        """Convex shapes of the links that at most one of the arm's joints moves, link frame."""
+    def pieces(self) -> dict[str, list[ConvexPiece]]:
+        """The same shapes by their planes, link frame; flat ones have none."""
         return {
             name: [p for h in hulls if (p := ConvexPiece.of(np.asarray(h.vertices))) is not None]
             for name, hulls in self.hulls.items()
-            if len({j.name for j in self.model.chain(name)} & set(self.arm)) <= 1
         }
+
+    @cached_property
+    def foot(self) -> tuple[str, ...]:
+        """Links that at most one of the arm's joints moves."""
+        arm = set(self.arm)
+        return tuple(n for n in self.pieces if len(arm & {j.name for j in self.model.chain(n)}) < 2)
 
     @cached_property
     def surface(self) -> dict[str, FloatArray]:
