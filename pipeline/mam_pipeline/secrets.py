@@ -82,11 +82,6 @@ class Secret:
         raise TypeError("a secret is not written anywhere")
 
 
-def from_environment(variable: str) -> Secret:
-    """The secret in an environment variable; an empty one where it is not set."""
-    return Secret(os.environ.get(variable, "").strip())
-
-
 def masked(text: str) -> str:
     """A text without the secrets that are known, however they are written in it.
 

@@ -8,7 +8,7 @@ is. A person's are obeyed; the others weigh against what geometry and physics sa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal, Protocol, Self, runtime_checkable
 
 import numpy as np
@@ -130,10 +130,6 @@ class KinematicSpec:
     def empty(self) -> bool:
         """Whether nothing is said beside the hints."""
         return not (self.objects or self.parts or self.counts or self.alike)
-
-    def beside_hints(self) -> KinematicSpec:
-        """The same without the hints, which are applied to the tree by themselves."""
-        return replace(self, hints=None)
 
 
 NOTHING = KinematicSpec()

@@ -48,11 +48,6 @@ def outside_allowed(yes: bool = True) -> Iterator[None]:
         _ALLOWED.reset(token)
 
 
-def may_leave() -> bool:
-    """Whether `outside_allowed` holds."""
-    return _ALLOWED.get()
-
-
 @dataclass(frozen=True)
 class Door:
     """Opens files of one folder.
