@@ -29,7 +29,6 @@ class Rules:
             clear.
         abstain: (parts) what is less likely a part than a calibrated bar stays still and is told.
         on_both_bodies: (joints) a hinge line gives way to a near one that stays on both bodies.
-        near_lines: (joints) geometry decides between lines that are nearly the same.
         sunken_slide: (joints, fused) no slide takes a panel into the material beside it.
         siblings: (joints) where only another part is in the way the joint's own range counts.
         plain_travel: (joints) doors and drawers of usual travel open a quarter turn and 0.8 of
@@ -46,7 +45,6 @@ class Rules:
     minor: bool = True
     abstain: bool = True
     on_both_bodies: bool = True
-    near_lines: bool = True
     sunken_slide: bool = True
     siblings: bool = True
     plain_travel: bool = True

@@ -145,7 +145,7 @@ def test_the_next_command_carries_what_was_chosen(tmp_path: Path) -> None:
     file.write_text("pipeline: {height: 0.9}\nenv: {reward: {reach: 2}}\n")
     flags: list[str | Path] = [
         "--config", file, "--segmenter", "geometric", "--seed", "3", "--no-interiors",
-        "--layout", "3 drawers", "--retexture", "door", "red wood", "--no-near-lines",
+        "--layout", "3 drawers", "--retexture", "door", "red wood", "--no-plain-travel",
     ]  # fmt: skip
     given = options("articulate", "x.glb", "--out", "a", *flags)
     words = carried(given, sections=("pipeline",))

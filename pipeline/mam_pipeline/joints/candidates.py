@@ -25,7 +25,6 @@ from mam_pipeline.joints.ranker import (
     KINDS,
     agreed,
     rank,
-    settle,
     usual_travel,
     without_slides,
 )
@@ -99,12 +98,9 @@ def rank_hypotheses(
         axes = np.array([h.axis for h in slides])
         ranking = without_slides(ranking, slides_into_material(mesh, part_faces, axes, seed))
     p_fixed, p_slide, p_turn = (float(p) for p in ranking.kind)
-    line = ranking.line
-    if rules.near_lines:
-        line = settle(lines, line, context.diagonal)
     out = [
         _candidate(h, float(p), p_turn, float(s), part, fused)
-        for h, p, s in zip(lines, line, ranking.line_side)
+        for h, p, s in zip(lines, ranking.line, ranking.line_side)
     ] + [
         _candidate(h, float(p), p_slide, float(s), part, fused)
         for h, p, s in zip(slides, ranking.slide, ranking.slide_side)

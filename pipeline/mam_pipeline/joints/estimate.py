@@ -69,7 +69,7 @@ class EstimateThresholds:
 
 ESTIMATE = EstimateThresholds()
 # hand rules that an estimate depends on
-OF_JOINTS = ("on_both_bodies", "near_lines", "sunken_slide", "siblings", "plain_travel")
+OF_JOINTS = ("on_both_bodies", "sunken_slide", "siblings", "plain_travel")
 
 
 @dataclass(frozen=True)

@@ -256,56 +256,6 @@ def _odds(booster: Any, row: FloatArray, temperature: float) -> float:
     return float(1.0 / (1.0 + np.exp(-margin / temperature)))
 
 
-@dataclass(frozen=True)
-class LineThresholds:
-    """Which lines are nearly the same.
-
-    Attributes:
-        near: diagonals: parallel lines closer than this are the same answer to the model.
-        as_good: share of the best line's probability that makes another one as good.
-    """
-
-    near: float = 0.05
-    as_good: float = 0.35
-
-
-LINE = LineThresholds()
-
-
-def settle(hypotheses: Sequence[Hypothesis], p: FloatArray, diagonal: float) -> FloatArray:
-    """Decide between nearly the same lines by geometry, so that noise in the scores does not.
-
-    Among the parallel neighbours of the best line that are nearly as probable, the one that runs
-    freely and lies closest to both bodies takes the best one's probability, and gives it its own.
-
-    Args:
-        hypotheses: the n lines. p: (n,) their probabilities. diagonal: of the object.
-    """
-    if len(p) < 2:
-        return p
-    best = int(np.argmax(p))
-    top = hypotheses[best]
-    names = {n: i for i, n in enumerate(LINE_NAMES)}
-    winner, least = best, np.inf
-    for i, h in enumerate(hypotheses):
-        offset = h.origin - top.origin
-        offset = offset - (offset @ top.axis) * top.axis
-        near = (
-            abs(float(h.axis @ top.axis)) > 0.995 and np.linalg.norm(offset) < LINE.near * diagonal
-        )
-        if h.spin != top.spin or not near or p[i] < LINE.as_good * p[best]:
-            continue
-        f = h.features
-        gap = float(f[names["line_part"]] + f[names["line_static"]])
-        blocked = float(f[names["free_30"]] + f[names["free_60"]] + f[names["free_90"]])
-        cost = gap + 0.2 * blocked
-        if cost < least - 0.002:
-            winner, least = i, cost
-    out = p.copy()
-    out[best], out[winner] = p[winner], p[best]
-    return out
-
-
 def _side(booster: Any, part: FloatArray, rows: FloatArray) -> FloatArray:
     """+1 or -1 (n,): keep or turn the opening direction of each hypothesis."""
     if booster is None or not len(rows):
