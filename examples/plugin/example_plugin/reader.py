@@ -13,9 +13,10 @@ def read_tri(file: Path, root: Path | None = None) -> FileContent:
     """Every triangle of the file, in its own frame and unit."""
     budget = Budget(file)  # refuses what would take too much
     try:
-        corners = np.loadtxt(file, ndmin=2).reshape(-1, 3)
+        rows = np.loadtxt(file, ndmin=2)
+        corners = rows.reshape(len(rows), 9).reshape(-1, 3)
     except ValueError as error:
-        raise InputError(f"{file} is no list of triangles: {error}") from error
+        raise InputError(f"{file}: every line needs nine numbers; export it again") from error
     count = len(corners) // 3
     budget.triangles(len(corners), count)
     faces = np.arange(3 * count).reshape(-1, 3)
