@@ -136,7 +136,7 @@ def test_its_reader_reads_its_files_in_a_process_of_its_own(tmp_path: Path) -> N
     assert kind_of(file) == "mesh" and len(got.mesh.faces) == 12
     assert np.ptp(got.mesh.bounds, axis=0) == pytest.approx([0.9, 0.5, 0.7])
     file.write_text("1 2 3\nfour\n")
-    with pytest.raises(InputError, match=r"box\.TRI is no list of triangles"):
+    with pytest.raises(InputError, match=r"box\.TRI: every line needs nine numbers"):
         load_mesh(file)
     assert mesh_suffixes()[-1] == ".tri" and reader_of(".tri").apart(file)  # type: ignore[union-attr]
 
