@@ -196,7 +196,7 @@ def _backends() -> list[Finding]:
         for name, target in backends.names(role).items():
             state, ok, fix = "", False, ""
             try:
-                found = resolve(target).available()
+                found = resolve(target, f"the {role} {name!r}").available()
                 ok, fix = found.ok, found.why
                 state = "active" if name == active else ("ready" if ok else "not available")
                 if found.licence:

@@ -234,7 +234,10 @@ def resolved(role: str, name: str = "auto") -> str:
         return name
     table = names(role)
     for candidate in PREFERENCE[role]:
-        if candidate in table and resolve(table[candidate]).available().ok:
+        if (
+            candidate in table
+            and resolve(table[candidate], f"the {role} {candidate!r}").available().ok
+        ):
             return candidate
     missing = [package_of(role, c) for c in PREFERENCE[role] if c not in table]
     hint = f"pip install ./{missing[0]}, and then mam-sim doctor" if missing else "mam-sim doctor"

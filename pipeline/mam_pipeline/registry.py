@@ -14,7 +14,7 @@ from functools import lru_cache
 from importlib import metadata
 from typing import Any
 
-from mam_pipeline.errors import BackendError, unknown_name
+from mam_pipeline.errors import BackendError, MamSimError, unknown_name
 
 
 @dataclass(frozen=True)
@@ -53,17 +53,10 @@ class Registry:
 
         Raises:
             ConfigError: no such name; the nearest and all others are named.
-            BackendError: its module or attribute cannot be imported.
+            BackendError: it cannot be imported.
         """
         self.check(name)
-        table = self.targets()
-        try:
-            return resolve(table[name])
-        except (ImportError, AttributeError) as error:
-            raise BackendError(
-                f"the {self.kind} {name!r} is registered as {table[name]}, which cannot be "
-                f"imported: {error}"
-            ) from error
+        return resolve(self.targets()[name], f"the {self.kind} {name!r}")
 
 
 def installed(group: str) -> metadata.EntryPoints:
@@ -78,7 +71,22 @@ def _all(_path: tuple[str, ...]) -> metadata.EntryPoints:
     return found
 
 
-def resolve(target: str) -> Any:
-    """The object that a "module:attribute" string names."""
+def resolve(target: str, what: str) -> Any:
+    """The object that a "module:attribute" string names.
+
+    Args:
+        what: it is, as the subject of a sentence.
+
+    Raises:
+        BackendError: it cannot be imported, whatever its own code raised.
+    """
     module, _, attribute = target.partition(":")
-    return getattr(importlib.import_module(module), attribute)
+    try:
+        return getattr(importlib.import_module(module), attribute)
+    except MamSimError:
+        raise
+    except Exception as error:
+        said = " ".join(str(error).split()) or type(error).__name__
+        raise BackendError(
+            f"{what} is registered as {target}, which cannot be imported: {said}"
+        ) from error

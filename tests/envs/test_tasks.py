@@ -252,7 +252,7 @@ def test_a_cube_is_put_in_when_it_lies_in_the_closed_drawer(tray: Path) -> None:
     assert not any(bool(step(q, x, 3.0)["success"]) for q in (half, *[goal.q_goal] * 20))
 
 
-def _resolve_here(target: str) -> Any:
+def _resolve_here(target: str, what: str) -> Any:
     return Other if target.endswith(":Other") else OperateJoint
 
 

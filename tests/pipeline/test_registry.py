@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from mam_pipeline import backends
 from mam_pipeline.errors import BackendError, ConfigError
-from mam_pipeline.registry import Registry
+from mam_pipeline.registry import Registry, resolve
 
 COLOURS = Registry("colour", {"red": "math:pi", "broken": "no_such_module:X"})
 
@@ -37,6 +38,19 @@ def test_errors_name_the_nearest_and_what_cannot_be_imported() -> None:
         COLOURS.load("rad")
     with pytest.raises(BackendError, match="'broken' is registered as no_such_module:X"):
         COLOURS.load("broken")
+
+
+def test_a_module_that_fails_at_anything_is_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "broken_colours.py").write_text("raise RuntimeError('no paint\\nis left')")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(BackendError) as told:
+        resolve("broken_colours:Blue", "the colour 'blue'")
+    assert str(told.value) == (
+        "the colour 'blue' is registered as broken_colours:Blue, which cannot be imported: "
+        "no paint is left"
+    )
 
 
 OURS = [

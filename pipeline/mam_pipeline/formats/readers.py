@@ -8,7 +8,7 @@ from functools import partial
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
-from mam_pipeline.errors import BackendError, InputError
+from mam_pipeline.errors import InputError
 from mam_pipeline.formats.apart import apart
 from mam_pipeline.formats.door import is_file
 from mam_pipeline.formats.soup import LIMITS, FileContent, checked
@@ -96,10 +96,7 @@ def read_mesh(file: Path, root: Path | None = None) -> FileContent:
         raise InputError(f"{file} is empty")
     if size > LIMITS.bytes:
         raise InputError(f"{file} has {size >> 20} MiB; the most is {LIMITS.bytes >> 20} MiB")
-    try:
-        read = resolve(reader.function)
-    except (ImportError, AttributeError) as error:
-        raise BackendError(f"the reader of {file.suffix} cannot be imported: {error}") from error
+    read = resolve(reader.function, f"the reader of {suffix}")
     if not reader.apart(file):
         return _sound(read, file, root)
     return apart(partial(_sound, read, file, root), file, file.suffix[1:].upper())
