@@ -39,10 +39,11 @@ class SuccessConfig:
         driven: least share of the joint's motion that must have happened while the robot touched
             the moving part or just after: what springs open by itself is no success.
         touch_force: newtons between robot and part above which they touch.
-        part_force: newtons with which the robot may pull or push the part, mean over a control
-            step; what two fingers squeeze between them cancels out, and friction is not counted
-            (the simulator reports normal impulses). More is a failure for good; None = no limit.
-        link_force: the same for each link of the robot against anything else.
+        part_force: newtons with which the robot may pull or push the part, as the joints of its
+            fingers feel them, mean over a control step; what two fingers squeeze between them
+            cancels out. More is a failure for good; None = no limit.
+        link_force: the same for each link of the robot against anything, by its contacts; friction
+            is not in them (the simulator reports normal impulses).
         grace_steps: control steps (20 a second) after a touch for which motion counts as the
             robot's.
     """

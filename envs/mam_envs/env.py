@@ -261,7 +261,7 @@ class OperateJointEnv(Observing):
     def _after_reconfigure(self, options: dict) -> None:
         spec = self.robot_spec
         links = self.agent.robot.links_map
-        hand = [links[name] for name in (*spec.finger_links, *spec.hand_links)]
+        hand = [links[name] for name in dict.fromkeys((*spec.finger_links, *spec.hand_links))]
         self._tip = links[spec.tip]
         for name in spec.drive.on_ground if spec.drive else ():
             links[name].set_collision_group_bit(group=2, bit_idx=build.GROUND_BIT, bit=1)
@@ -275,7 +275,9 @@ class OperateJointEnv(Observing):
             for g in item.goals
         ]
         thing = None if self.loose is None else self.loose.actor
-        self._probe = ContactProbe(self.scene, self.agent.robot, hand, self.targets, parts, thing)
+        self._probe = ContactProbe(
+            self.scene, self.agent.robot, spec.fingers, hand, self.targets, parts, thing
+        )
         self._looks: Looks | None = None
         if self.config.randomisation.seen and self.scene.can_render():
             self._looks = Looks(self.scene, self.objects, self.config.randomisation)

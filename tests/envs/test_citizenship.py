@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -81,8 +83,6 @@ def test_brute_force_ends_an_episode(drawer: Path) -> None:
     made = mam_envs.make(
         drawer, control_mode="pd_joint_pos", success={"part_force": 1.0, "link_force": None}
     )
-    from mam_policies.expert import Expert
-
     made.reset(seed=0)
     expert = Expert(made)
     expert.reset()
@@ -92,6 +92,49 @@ def test_brute_force_ends_an_episode(drawer: Path) -> None:
             break
     assert bool(info["fail"]) and not bool(info["success"])
     assert 1.0 < float(info["part_force"]) < 60.0 and float(info["link_force"]) > 1.0
+    made.close()
+
+
+@pytest.mark.parametrize("robot", ["panda", "so100", "fetch"])
+def test_what_bears_on_a_finger_is_felt_whole(drawer: Path, robot: str) -> None:
+    made = mam_envs.make(drawer, robot_uids=robot)
+    made.reset(seed=0)
+    base: Any = made.unwrapped
+    probe = base._probe
+    for name in base.robot_spec.finger_links:
+        for push in 3.0 * np.eye(3):
+            for _ in range(300):
+                base._before_simulation_step()
+                base.agent.robot.links_map[name]._objs[0].add_force_torque(push, [0, 0, 0], "force")
+                base.scene.step()
+            probe.clear()
+            probe._feel(torch.ones(1))
+            assert np.allclose(probe._felt()[0], push, atol=0.05), (name, push)
+    made.close()
+
+
+def test_a_pull_by_friction_alone_is_felt(drawer: Path, tmp_path: Path) -> None:
+    own = tmp_path / "drawer"
+    shutil.copytree(drawer, own)
+    card = json.loads((own / "asset.json").read_text())
+    card["joints"][0] |= {"friction": 20.0, "friction_range": [20.0, 20.0]}
+    (own / "asset.json").write_text(json.dumps(card))
+    made = mam_envs.make(own, control_mode="pd_joint_pos", randomisation={"yaw": 0.0})
+    made.reset(seed=0)
+    expert = Expert(made.unwrapped)
+    expert.reset()
+    felt = []  # the drawer comes out towards -x and drags the hand towards +x
+    for _ in range(200):
+        _, _, terminated, _, info = made.step(expert.act())
+        state = made.unwrapped.planner_state()
+        assert np.linalg.norm(state.force) == pytest.approx(float(info["part_force"]), rel=1e-4)
+        if expert.phase == "follow" and 0.05 < state.q < 0.15:
+            felt.append(state.force)
+        if bool(terminated):
+            break
+    assert bool(info["success"]) and len(felt) > 5
+    pull = np.median(felt, axis=0)
+    assert 18.0 < pull[0] < 24.0 and np.abs(pull[1:]).max() < 8.0
     made.close()
 
 
@@ -365,6 +408,9 @@ def test_robots_that_are_not_bundled_say_how_to_get_them() -> None:
         assert "mani_skill.utils.download_asset xarm6_robotiq" in str(error)
     else:
         assert spec.path.is_file()
+    mine = replace(SO101, uid="mine", package="", urdf="mine/arm.urdf")
+    with pytest.raises(ConfigError, match=r"'mine' is not installed; .* at .*robots.mine.arm\.urdf"):
+        _ = mine.path
 
 
 @pytest.mark.parametrize(

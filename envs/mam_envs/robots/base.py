@@ -167,20 +167,23 @@ class RobotSpec:
         """The robot's URDF in the installed ManiSkill or in its package.
 
         Raises:
-            ConfigError: this ManiSkill does not bundle the robot, or its package is not there.
+            ConfigError: its file or its package is not there.
         """
         if self.package:
             return packaged(self.package, self.urdf)
         from mani_skill import ASSET_DIR, PACKAGE_ASSET_DIR
 
-        for root in (PACKAGE_ASSET_DIR, ASSET_DIR):
-            file = Path(root) / "robots" / self.urdf
+        tried = [Path(root) / "robots" / self.urdf for root in (PACKAGE_ASSET_DIR, ASSET_DIR)]
+        for file in tried:
             if file.is_file():
                 return file
-        raise ConfigError(
-            f"robot {self.uid!r} is not installed; run: "
-            f"python -m mani_skill.utils.download_asset {self.uid}"
-        )
+        from mani_skill.utils.assets import data
+
+        if self.uid in data.DATA_SOURCES or self.uid in data.DATA_GROUPS:
+            way = f"run: python -m mani_skill.utils.download_asset {self.uid}"
+        else:
+            way = f"its URDF is not at {' or '.join(map(str, dict.fromkeys(tried)))}"
+        raise ConfigError(f"robot {self.uid!r} is not installed; {way}")
 
     @cached_property
     def model(self) -> KinematicModel:
@@ -194,6 +197,16 @@ class RobotSpec:
         tool[:3, :3] = np.stack([np.cross(closing, approach), closing, approach], axis=1)
         tool[:3, 3] = self.tool_position
         return Chain(self.model.chain(self.tip), self.arm, dict(self.locked), tool)
+
+    @cached_property
+    def fingers(self) -> dict[str, tuple[str, ...]]:
+        """Fingers that no other finger carries, and the links that move with each, itself first."""
+        below = {name: self.model.subtree(name) for name in self.finger_links}
+        return {
+            name: links
+            for name, links in below.items()
+            if not any(name in others for other, others in below.items() if other != name)
+        }
 
     @cached_property
     def swinging(self) -> frozenset[str]:

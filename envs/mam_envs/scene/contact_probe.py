@@ -2,27 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import torch
 from mani_skill.envs.scene import ManiSkillScene
+from mani_skill.utils.geometry.rotation_conversions import (
+    quaternion_apply,
+    quaternion_multiply,
+)
 from mani_skill.utils.structs import Actor, Articulation, Link
 
 
 class ContactProbe:
-    """Contact forces between a robot, the moving links of each stage, and everything else.
+    """Forces between a robot, the moving links of each stage, and everything else.
 
     They are read after every step of the simulation: fingers that drag a part along with some play
     touch it in only some of a control step's five. On the CPU one pass over PhysX's contact list
-    counts the whole robot and all links that the joint carries; on the GPU one query per hand link
-    counts the joint's own link.
+    tells what the whole robot and all links that the joint carries touch; on the GPU one query per
+    hand link tells it of the joint's own link.
+
+    Contacts have normal forces, without friction. What the fingers pull or push with while they
+    touch the part is therefore the force in the joints that carry them, as force sensors there
+    would measure it; ManiSkill leaves gravity out for robots. It is not read at the wrist: where
+    one finger's joint mimics the other's, PhysX keeps part of it from the joints before them.
     """
 
     def __init__(
         self,
         scene: ManiSkillScene,
         robot: Articulation,
+        fingers: Mapping[str, Sequence[str]],
         hand: Sequence[Link],
         targets: Sequence[Link],
         parts: Sequence[Sequence[Link]],
@@ -31,12 +41,22 @@ class ContactProbe:
         """Bind to a built scene.
 
         Args:
+            fingers: names of the robot's links whose joints are read, and of those that move with
+                each; contacts of other links count as they are.
             hand: the robot's links that are asked for on the GPU.
             targets: per stage the joint's moving link, merged over sub-scenes.
             parts: per stage all links of sub-scene 0's object that the joint carries.
             thing: a loose body whose contact with the robot is counted, too (CPU).
         """
         self.scene, self.hand, self.targets = scene, hand, targets
+        self.robot, by_name = robot, robot.links_map
+        self.fingers = [by_name[name] for name in fingers]
+        self._at = [robot.links.index(link) for link in self.fingers]
+        frames = [link._objs[0].joint.pose_in_child.q for link in self.fingers]
+        self._frames = torch.tensor(np.array(frames), device=scene.device)
+        carried = {name for names in fingers.values() for name in names}
+        self._by_joint = [link.name in carried for link in hand]
+        self.finger_ids = {_scene_id(link) for link in robot.links if link.name in carried}
         self.robot_ids = {_scene_id(link) for link in robot.links}
         self.part_ids = [{_scene_id(link) for link in links} for links in parts]
         self.thing_id = None if thing is None else _scene_id(thing)
@@ -48,6 +68,7 @@ class ContactProbe:
         self._peak = torch.zeros(n, device=device)
         self.on_thing = torch.zeros(n, device=device)
         self._on_part = torch.zeros((n, 3), device=device)
+        self._in_joints = torch.zeros((n, len(self.fingers), 3), device=device)
         self._on_links: dict[int, torch.Tensor] = {}
         self._steps = 0
 
@@ -58,13 +79,14 @@ class ContactProbe:
 
     @property
     def part_force(self) -> torch.Tensor:
-        """(b,) newtons on the part as one vector, mean since `clear`."""
+        """(b,) newtons of the robot on the part, friction of the fingers included, as one vector
+        (what fingers squeeze between them cancels out), mean since `clear`."""
         return self.part_push.norm(dim=-1)
 
     @property
     def part_push(self) -> torch.Tensor:
         """(b, 3) that vector as the robot feels it, world frame."""
-        return self._on_part / max(self._steps, 1)
+        return (self._on_part + self._felt()) / max(self._steps, 1)
 
     @property
     def link_force(self) -> torch.Tensor:
@@ -92,14 +114,27 @@ class ContactProbe:
             rows.append(torch.stack(pairs))
         at = stage[None, None, :, None].expand(1, len(self.hand), -1, 3)
         pairs_now = torch.stack(rows).gather(0, at)[0]  # (hand, b, 3)
-        self._peak = torch.maximum(self._peak, pairs_now.norm(dim=-1).sum(dim=0))
-        self._on_part = self._on_part + pairs_now.sum(dim=0)
+        hard, by_joint = pairs_now.norm(dim=-1), torch.tensor(self._by_joint)
+        self._peak = torch.maximum(self._peak, hard.sum(dim=0))
+        self._on_part = self._on_part + pairs_now[~by_joint].sum(dim=0)
+        self._feel((hard[by_joint] > 0).any(dim=0))
         for k, link in enumerate(self.hand):
             self._on_links[k] = self._on_links.get(k, 0.0) + link.get_net_contact_forces()
 
+    def _feel(self, touching: torch.Tensor) -> None:
+        """Add the forces in the fingers' joints now, each in its joint's frame on the finger, where
+        a finger is `touching` (b,)."""
+        forces = self.robot.get_link_incoming_joint_forces()[:, self._at, :3]
+        self._in_joints = self._in_joints + forces * touching[:, None, None]
+
+    def _felt(self) -> torch.Tensor:
+        """(b, 3) those forces since `clear` as they bear on the fingers, world frame, summed."""
+        turns = [quaternion_multiply(link.pose.q, q) for link, q in zip(self.fingers, self._frames)]
+        return -quaternion_apply(torch.stack(turns, dim=1), self._in_joints).sum(dim=1)
+
     def _listed(self, contacts: list, wanted: set[int]) -> None:
         """Of the only sub-scene, from PhysX's list; `wanted`: the part's bodies."""
-        total, on_thing, on_part = 0.0, 0.0, np.zeros(3)
+        total, on_thing, on_part, by_finger = 0.0, 0.0, np.zeros(3), False
         links: dict[int, np.ndarray] = {}
         for contact in contacts:
             a, b = (body.entity.per_scene_id for body in contact.bodies)
@@ -110,14 +145,20 @@ class ContactProbe:
             turned = impulses.sum(axis=0) * (1.0 if link == a else -1.0)
             links[link] = links.get(link, 0.0) + turned
             if other in wanted:
-                total += float(np.linalg.norm(impulses, axis=1).sum())
-                on_part += turned
+                hard = float(np.linalg.norm(impulses, axis=1).sum())
+                total += hard
+                if link in self.finger_ids:
+                    by_finger = by_finger or hard > 0
+                else:
+                    on_part += turned
             elif other == self.thing_id:
                 on_thing += float(np.linalg.norm(impulses, axis=1).sum())
         rate, like = 1.0 / float(self.scene.px.timestep), self._on_part
         self._peak = self._peak.clamp(min=rate * total)
         self.on_thing = self.on_thing.clamp(min=rate * on_thing)
         self._on_part = like + like.new_tensor(rate * on_part)
+        if by_finger:
+            self._feel(torch.ones_like(self._peak))
         for link, impulse in links.items():
             before = self._on_links.get(link, torch.zeros_like(like))
             self._on_links[link] = before + like.new_tensor(rate * impulse)

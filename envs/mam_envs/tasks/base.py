@@ -83,9 +83,10 @@ class TaskState:
             (per second); a task on one joint has one stage.
         force: (b,) newtons between the robot and the part of the present stage, the most of the
             last control step.
-        part_force: (b,) newtons of the robot on that part as one vector (what fingers squeeze
-            between them cancels out), mean over the last control step.
-        link_force: (b,) the same for the robot's link that presses hardest on anything.
+        part_force: (b,) newtons of the robot on that part, friction included, as one vector (what
+            fingers squeeze between them cancels out), mean over the last control step.
+        link_force: (b,) newtons of contact, without friction, on the robot's link that presses
+            hardest on anything, mean over the last control step.
         handle: (b, stages, 3) point to grasp, world.
         tool: (b, 7) tool frame in the world: position, quaternion (w, x, y, z).
         action_rate: (b,) mean squared change of the action since the last control step.
