@@ -23,10 +23,12 @@ class Compliance:
 
     Attributes:
         offset: (3,) metres, robot base frame.
+        across: newtons that the hand last felt across the joint's motion.
     """
 
     config: ExpertConfig
     offset: FloatArray = field(default_factory=lambda: np.zeros(3))
+    across: float = 0.0
 
     def target(self, now: PlannerState, path: ArmPath, arm: FloatArray, q: float) -> FloatArray:
         """Take note of this step's force, and shift the planned arm joints.
@@ -42,8 +44,8 @@ class Compliance:
         force = into @ now.force
         way = into @ now.world_asset[:3, :3] @ _way(now, path, q)
         across = force - way * float(force @ way)
-        size = float(np.linalg.norm(across))
-        free = max(size - self.config.bearable, 0.0) / max(size, 1e-9)
+        self.across = float(np.linalg.norm(across))
+        free = max(self.across - self.config.bearable, 0.0) / max(self.across, 1e-9)
         self.offset = self.offset + self.config.compliance * free * across
         length = float(np.linalg.norm(self.offset))
         self.offset *= min(1.0, self.config.most_offset / max(length, 1e-9))

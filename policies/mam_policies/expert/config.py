@@ -63,8 +63,8 @@ class ExpertConfig:
     most_turn: float = 0.25
     """Radians, at most, between an arm joint and its planned value."""
     strained: float = 0.6
-    """Share of the force that the robot is trusted with above which the hand waits until it has
-    given way."""
+    """Share of the force that the robot is trusted with; above it, across the joint's motion, the
+    hand waits until it has given way."""
     card_tries: int = 2
     """After so many grasps that slipped, those on the part's surface come first."""
     drive_speed: float = 0.6

@@ -187,7 +187,7 @@ class Expert:
                 return self.act()
             value = float(self.plan.expected[self.at])
             self.target = self.compliance.target(now, self.plan.path, self.target, value)
-            if self._strained(now):
+            if self._strained(now.robot.force):
                 self.strained += 1
                 return self._action(now)
         self.at += 1
@@ -210,9 +210,9 @@ class Expert:
         wanted = now.goal.let_go and not self.leaving
         return wanted and float(self.env.get_info()["progress"][0]) >= 1.0
 
-    def _strained(self, now: PlannerState) -> bool:
-        """Whether the hand pulls so hard that it waits for its compliance."""
-        hard = float(np.linalg.norm(now.force)) > self.config.strained * now.robot.force
+    def _strained(self, trusted: float) -> bool:
+        """Whether the hand pulls so hard across the motion that it waits for its compliance."""
+        hard = self.compliance.across > self.config.strained * trusted
         return hard and self.strained < self.config.catch_up
 
     def _lags(self, now: PlannerState) -> bool:
@@ -246,7 +246,9 @@ class Expert:
             return "the grasp slipped before the joint moved" if touched else "no contact was made"
         if done < 1.0:
             return f"the joint stopped at {100 * done:.0f} % of the way"
-        return "the joint was not still, or moved without contact"
+        if not touched:
+            return "the joint moved without contact"
+        return "the joint went far enough, but was not still, or the task asks for more"
 
     def _give_up(self, now: PlannerState) -> None:
         self.skip.append(self.plan.path.grasp)
