@@ -98,7 +98,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Look, fit, keep."""
     config = configured(OpenedTraining(), argv)
     told = dict(labelled(config))
-    x = np.array([described(read_photo(path).small).mean(axis=0) for path in told], float)
+    rows = []
+    for path in told:
+        rows.append(described(read_photo(path).small).mean(axis=0))
+        if len(rows) % 50 == 0:
+            print(f"{len(rows)} of {len(told)} photos are looked at", flush=True)
+    x = np.array(rows, float)
     y = np.array(list(told.values()))
     weights, bias = fit(x, y, config)
     kept = {
@@ -108,13 +113,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     }
     config.out.mkdir(parents=True, exist_ok=True)
     (config.out / NAME).write_text(json.dumps(kept) + "\n", encoding="utf-8")
-    rows = (f"{path.stem} {opened}".encode() for path, opened in told.items())
+    said = (f"{path.stem} {opened}".encode() for path, opened in told.items())
     manifest.write(
         config.out,
         "python -m mam_training.photo.fit_opened configs/train/photo_opened.yaml",
         config,
         {"folds": config.seed},
-        {"photos": len(y), "sha256": manifest.data_digest(rows)},
+        {"photos": len(y), "sha256": manifest.data_digest(said)},
         [REAL],
     )
     print(kept["in_folds"])
