@@ -51,7 +51,7 @@ class ContactProbe:
         self.scene, self.hand, self.targets = scene, hand, targets
         self.robot, by_name = robot, robot.links_map
         self.fingers = [by_name[name] for name in fingers]
-        self._at = [robot.links.index(link) for link in self.fingers]
+        self._at = [int(link.index[0]) for link in self.fingers]
         frames = [link._objs[0].joint.pose_in_child.q for link in self.fingers]
         self._frames = torch.tensor(np.array(frames), device=scene.device)
         carried = {name for names in fingers.values() for name in names}
@@ -69,6 +69,7 @@ class ContactProbe:
         self.on_thing = torch.zeros(n, device=device)
         self._on_part = torch.zeros((n, 3), device=device)
         self._in_joints = torch.zeros((n, len(self.fingers), 3), device=device)
+        self._push: torch.Tensor | None = self._on_part
         self._on_links: dict[int, torch.Tensor] = {}
         self._steps = 0
 
@@ -86,7 +87,9 @@ class ContactProbe:
     @property
     def part_push(self) -> torch.Tensor:
         """(b, 3) that vector as the robot feels it, world frame."""
-        return (self._on_part + self._felt()) / max(self._steps, 1)
+        if self._push is None:
+            self._push = (self._on_part + self._felt()) / self._steps
+        return self._push
 
     @property
     def link_force(self) -> torch.Tensor:
@@ -114,6 +117,7 @@ class ContactProbe:
             rows.append(torch.stack(pairs))
         at = stage[None, None, :, None].expand(1, len(self.hand), -1, 3)
         pairs_now = torch.stack(rows).gather(0, at)[0]  # (hand, b, 3)
+        self._push = None
         hard, by_joint = pairs_now.norm(dim=-1), torch.tensor(self._by_joint)
         self._peak = torch.maximum(self._peak, hard.sum(dim=0))
         self._on_part = self._on_part + pairs_now[~by_joint].sum(dim=0)
@@ -145,6 +149,7 @@ class ContactProbe:
             turned = impulses.sum(axis=0) * (1.0 if link == a else -1.0)
             links[link] = links.get(link, 0.0) + turned
             if other in wanted:
+                self._push = None
                 hard = float(np.linalg.norm(impulses, axis=1).sum())
                 total += hard
                 if link in self.finger_ids:
