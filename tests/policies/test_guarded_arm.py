@@ -18,7 +18,7 @@ from lerobot.robots.so_follower.config_so_follower import SOFollowerRobotConfig
 from mam_sim_arm.guarded_arm import Lost, connected
 from mam_sim_arm.held_key import NoKey
 from mam_sim_arm.recording import checked_signs
-from mam_sim_arm.safety import KeyReleased, SafetyConfig, StoppedForSafety
+from mam_sim_arm.safety import Guard, KeyReleased, SafetyConfig, StoppedForSafety
 from mam_sim_arm.setup import guess_mapping
 
 from mam_envs.robots import robot_spec
@@ -200,6 +200,18 @@ def test_a_motor_under_too_much_current_stops_the_arm(follower: Any) -> None:
         arm.allow(arm.now()[None, :-1])
         for _ in range(5):
             arm.send(arm.now())
+
+
+def test_a_joint_that_small_steps_do_not_move_is_named() -> None:
+    guard, at = Guard(SPEC, SafetyConfig()), np.array(SPEC.rest_arm)
+    for k in range(60):  # it creeps after its target
+        guard._strain(at + 0.002 * k + 0.02, at + 0.002 * k, ())
+    assert guard.unmoved() is None
+    guard.reset()
+    for _ in range(60):
+        guard._strain(np.add(at, [0, 0, 0.02, 0, 0]), at, ())
+    told = guard.unmoved()
+    assert told is not None and f"{SPEC.arm[2]} did not move, though it was asked for 1.2" in told
 
 
 def test_links_and_gripper_stay_above_the_ground_and_near_the_way(follower: Any) -> None:

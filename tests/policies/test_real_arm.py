@@ -64,7 +64,10 @@ def test_calibrate_perceive_deploy(
 @pytest.mark.parametrize(
     ("fault", "words"),
     [
-        ("dead_motor", "does not follow its target|outside the planned workspace"),
+        (
+            "dead_motor",
+            "does not follow its target|outside the planned workspace|did not move, though",
+        ),
         ("wrong_sign", "is wrong: run `mam-sim calibrate`"),
         ("slipped_gripper", "see whether the handle slipped|^(no )?success$"),  # it may grip again
         ("moved_object", "the object has moved by"),

@@ -136,6 +136,8 @@ class Pilot:
             stopped = str(error)
             arm.hold()
         done = best >= 1.0 and stopped is None
+        if not done and stopped is None:
+            stopped = arm.guard.unmoved()
         return Attempt(best, done, unseen > 0, k, arm.guard.cut, arm.late, stopped)
 
     def _unmoved(self, before: Seen, now: Seen) -> None:

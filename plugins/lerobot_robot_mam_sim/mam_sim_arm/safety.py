@@ -37,6 +37,10 @@ class SafetyConfig:
     lag: Annotated[float, Range(0, 3, above=True)] = 0.25
     """Radians that a joint may stay behind its target; more means that the arm presses on
     something, or that a motor is dead."""
+    asked: Annotated[float, Range(0, 100, above=True)] = 1.0
+    """Radians that a joint may be asked for, summed over the steps in which it moves less than a
+    twentieth of it; more names the joint where the goal is not reached. A policy that asks for
+    small steps from where the joint is never makes it lag."""
     current: Annotated[float, Range(0, 100, above=True)] = 1.5
     """Amperes that an arm's motor may take, where the driver reads them (stall is 2.7)."""
     moved: Annotated[float, Range(0, 1, above=True)] = 0.03
@@ -182,6 +186,19 @@ class Guard:
         """Forget what was sent: the next target is held against where the arm is."""
         self.last: FloatArray | None = None
         self.outside = self.behind = self.strained = self.cut = 0
+        self._stood: FloatArray | None = None
+        self._asked: FloatArray = np.zeros(len(self.spec.arm))
+
+    def unmoved(self) -> str | None:
+        """The joint that was asked to move for long and has not, in a sentence, or None."""
+        k = int(self._asked.argmax())
+        if self._asked[k] < self.config.asked:
+            return None
+        return (
+            f"the goal was not reached, and {self.spec.arm[k]} did not move, though it was asked "
+            f"for {self._asked[k]:.1f} rad in all: it presses on something or its motor is dead. "
+            "Free the arm, and check the motor's cable"
+        )
 
     def pass_on(
         self, target: FloatArray, now: FloatArray, currents: Sequence[float] = ()
@@ -219,6 +236,10 @@ class Guard:
     def _strain(self, sent: FloatArray, now: FloatArray, currents: Sequence[float]) -> None:
         """Count steps behind the target and under current; stop when there are too many."""
         config, off = self.config, np.abs(sent - now)
+        stood: FloatArray = now if self._stood is None else self._stood
+        moved = np.abs(now - stood) > config.asked / 20
+        self._stood = np.where(moved, now, stood)
+        self._asked = np.where(moved, 0.0, self._asked + off)
         self.behind = self.behind + 1 if float(off.max()) > config.lag else 0
         if self.behind >= config.patience:
             raise StoppedForSafety(
