@@ -409,7 +409,9 @@ def test_robots_that_are_not_bundled_say_how_to_get_them() -> None:
     else:
         assert spec.path.is_file()
     mine = replace(SO101, uid="mine", package="", urdf="mine/arm.urdf")
-    with pytest.raises(ConfigError, match=r"'mine' is not installed; .* at .*robots.mine.arm\.urdf"):
+    with pytest.raises(
+        ConfigError, match=r"'mine' is not installed; .* at .*robots.mine.arm\.urdf"
+    ):
         _ = mine.path
 
 

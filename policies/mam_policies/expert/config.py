@@ -56,7 +56,7 @@ class ExpertConfig:
     """Metres at the hand below which a lag is the arm's give, not a slip."""
     bearable: float = 5.0
     """Newtons across the joint's motion to which the hand does not give way."""
-    compliance: float = 0.0003
+    compliance: float = 0.0001
     """Metres per step and newton by which it gives way."""
     most_offset: float = 0.05
     """Metres, at most, between the hand and its planned place."""
