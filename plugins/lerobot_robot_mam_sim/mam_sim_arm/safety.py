@@ -234,7 +234,8 @@ class Guard:
         return out
 
     def _strain(self, sent: FloatArray, now: FloatArray, currents: Sequence[float]) -> None:
-        """Count steps behind the target and under current; stop when there are too many."""
+        """Count steps behind the target and under current, and stop when there are too many; sum up
+        what joints that stand are asked for."""
         config, off = self.config, np.abs(sent - now)
         stood: FloatArray = now if self._stood is None else self._stood
         moved = np.abs(now - stood) > config.asked / 20
