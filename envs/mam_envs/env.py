@@ -11,7 +11,7 @@ import sapien
 import torch
 from gymnasium.utils import seeding
 from mani_skill.utils import common
-from mani_skill.utils.geometry.rotation_conversions import matrix_to_quaternion, quaternion_apply
+from mani_skill.utils.geometry.rotation_conversions import matrix_to_quaternion
 from mani_skill.utils.registration import REGISTERED_ENVS
 from mani_skill.utils.registration import EnvSpec as ManiSkillSpec
 from mani_skill.utils.structs import Articulation, Link, Pose
@@ -27,6 +27,7 @@ from mam_envs.robots import robot_spec
 from mam_envs.robots.agent import agent_of
 from mam_envs.scene import build, vulkan
 from mam_envs.scene.contact_probe import ContactProbe
+from mam_envs.scene.frames import Frames
 from mam_envs.scene.layout import Layout, arrange
 from mam_envs.scene.looks import Looks
 from mam_envs.scene.loose import loose_thing
@@ -257,18 +258,18 @@ class OperateJointEnv(Observing):
         self._world_asset = np.tile(np.eye(4), (n, 1, 1))
         self._rate = torch.zeros(n, device=self.device)
         self._last_action: torch.Tensor | None = None
+        self._stepped: TaskState | None = None  # what the last step has read, until it is judged
 
     def _after_reconfigure(self, options: dict) -> None:
         spec = self.robot_spec
         links = self.agent.robot.links_map
         hand = [links[name] for name in dict.fromkeys((*spec.finger_links, *spec.hand_links))]
-        self._tip = links[spec.tip]
         for name in spec.drive.on_ground if spec.drive else ():
             links[name].set_collision_group_bit(group=2, bit_idx=build.GROUND_BIT, bit=1)
         active = [j.name for j in self.agent.robot.active_joints]
         self._arm_index = [active.index(name) for name in spec.arm]
-        tool = spec.chain.tool
-        self._tool = None if np.allclose(tool, np.eye(4)) else _pose(tool[None], self.device)
+        tip = links[spec.tip]
+        self._frames = Frames(self.targets, self._handle_point, tip, spec.chain.tool)
         item = self.layout(0)
         parts = [
             [self.objects[0].links_map[name] for name in item.model.moving_links(g.joint)]
@@ -394,10 +395,7 @@ class OperateJointEnv(Observing):
 
     def task_state(self) -> TaskState:
         """What the task sees now."""
-        handles = []
-        for k, target in enumerate(self.targets):
-            pose = target.pose
-            handles.append(quaternion_apply(pose.q, self._handle_point[:, k]) + pose.p)
+        handle, tool = self._frames.read()
         seen = {}
         if self.loose is not None:
             seen = self.loose.seen(self.targets[0].pose, self._probe.on_thing)
@@ -407,8 +405,8 @@ class OperateJointEnv(Observing):
             force=self._probe.peak,
             part_force=self._probe.part_force,
             link_force=self._probe.link_force,
-            handle=torch.stack(handles, dim=1),
-            tool=self.tool_pose().raw_pose,
+            handle=handle,
+            tool=tool,
             action_rate=self._rate,
             **seen,
         )
@@ -423,7 +421,7 @@ class OperateJointEnv(Observing):
 
     def tool_pose(self) -> Pose:
         """Pose (b,) of the tool frame: z approaches, y closes."""
-        return self._tip.pose if self._tool is None else self._tip.pose * self._tool
+        return Pose.create(self._frames.read()[1])
 
     def base_pose(self) -> Pose:
         """Pose (b,) of the robot's base frame, which moves where it drives."""
@@ -473,7 +471,8 @@ class OperateJointEnv(Observing):
             if self._last_action is not None and self._last_action.shape == out.shape:
                 self._rate = ((out - self._last_action) ** 2).mean(dim=-1)
             self._last_action = out.clone()
-        self.task.update(self.task_state())
+        self._stepped = self.task_state()
+        self.task.update(self._stepped)
         self._push_springs()
         return out
 
@@ -505,7 +504,8 @@ class OperateJointEnv(Observing):
 
     def evaluate(self) -> dict[str, torch.Tensor]:
         """The task's success and what it depends on, the point to grasp and the tool's pose."""
-        self._now = self.task_state()
+        self._now = self._stepped or self.task_state()
+        self._stepped = None
         return {
             **self.task.evaluate(self._now),
             "handle_position": self.task.pick(self._now.handle),

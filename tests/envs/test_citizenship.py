@@ -113,6 +113,22 @@ def test_what_bears_on_a_finger_is_felt_whole(drawer: Path, robot: str) -> None:
     made.close()
 
 
+@pytest.mark.parametrize("robot", ["panda", "fetch"])
+def test_grasp_point_and_tool_are_where_links_carry_them(drawer: Path, robot: str) -> None:
+    made = mam_envs.make(drawer, robot_uids=robot)
+    made.reset(seed=0)
+    base: Any = made.unwrapped
+    spec, item = base.robot_spec, base.layout(0)
+    base.object.set_qpos(torch.full_like(base.object.get_qpos(), 0.1))
+    tip = base.agent.robot.links_map[spec.tip].pose.to_transformation_matrix()[0].numpy()
+    tool = base.tool_pose().to_transformation_matrix()[0].numpy()
+    assert np.allclose(tool, tip @ spec.chain.tool, atol=1e-6)
+    moved = item.model.motion(item.goals[0].joint, np.array([0.1]), {})[0]
+    point = (base._world_asset[0] @ moved @ np.append(item.handles[0], 1.0))[:3]
+    assert np.allclose(base.handle_position()[0], point, atol=1e-5)
+    made.close()
+
+
 def test_a_pull_by_friction_alone_is_felt(drawer: Path, tmp_path: Path) -> None:
     own = tmp_path / "drawer"
     shutil.copytree(drawer, own)

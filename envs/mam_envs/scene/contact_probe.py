@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import torch
 from mani_skill.envs.scene import ManiSkillScene
-from mani_skill.utils.geometry.rotation_conversions import (
-    quaternion_apply,
-    quaternion_multiply,
-)
 from mani_skill.utils.structs import Actor, Articulation, Link
+
+from mam_envs.scene.frames import raw_poses, rotate
 
 
 class ContactProbe:
@@ -53,7 +52,7 @@ class ContactProbe:
         self.fingers = [by_name[name] for name in fingers]
         self._at = [int(link.index[0]) for link in self.fingers]
         frames = [link._objs[0].joint.pose_in_child.q for link in self.fingers]
-        self._frames = torch.tensor(np.array(frames), device=scene.device)
+        self._frames = torch.tensor(np.array(frames)[None], device=scene.device)
         carried = {name for names in fingers.values() for name in names}
         self._by_joint = [link.name in carried for link in hand]
         self.finger_ids = {_scene_id(link) for link in robot.links if link.name in carried}
@@ -70,7 +69,7 @@ class ContactProbe:
         self._on_part = torch.zeros((n, 3), device=device)
         self._in_joints = torch.zeros((n, len(self.fingers), 3), device=device)
         self._push: torch.Tensor | None = self._on_part
-        self._on_links: dict[int, torch.Tensor] = {}
+        self._on_links: dict[int, Any] = {}  # (b, 3) newtons, summed; (3,) on the CPU
         self._steps = 0
 
     @property
@@ -96,8 +95,9 @@ class ContactProbe:
         """(b,) newtons on the robot's link that presses hardest, mean since `clear`."""
         if not self._on_links:
             return torch.zeros_like(self._peak)
-        rows = torch.stack([force.norm(dim=-1) for force in self._on_links.values()])
-        return rows.amax(dim=0) / max(self._steps, 1)
+        forces = [torch.as_tensor(row).to(self._peak) for row in self._on_links.values()]
+        hardest = torch.stack(forces).view(len(forces), -1, 3).norm(dim=-1).amax(dim=0)
+        return hardest / max(self._steps, 1)
 
     def watch(self, stage: torch.Tensor) -> None:
         """Take note of the forces of one step of the simulation; `stage` (b,) of each sub-scene."""
@@ -133,8 +133,8 @@ class ContactProbe:
 
     def _felt(self) -> torch.Tensor:
         """(b, 3) those forces since `clear` as they bear on the fingers, world frame, summed."""
-        turns = [quaternion_multiply(link.pose.q, q) for link, q in zip(self.fingers, self._frames)]
-        return -quaternion_apply(torch.stack(turns, dim=1), self._in_joints).sum(dim=1)
+        turns = raw_poses(self.fingers)[..., 3:]
+        return -rotate(turns, rotate(self._frames, self._in_joints)).sum(dim=1)
 
     def _listed(self, contacts: list, wanted: set[int]) -> None:
         """Of the only sub-scene, from PhysX's list; `wanted`: the part's bodies."""
@@ -158,15 +158,16 @@ class ContactProbe:
                     on_part += turned
             elif other == self.thing_id:
                 on_thing += float(np.linalg.norm(impulses, axis=1).sum())
-        rate, like = 1.0 / float(self.scene.px.timestep), self._on_part
-        self._peak = self._peak.clamp(min=rate * total)
-        self.on_thing = self.on_thing.clamp(min=rate * on_thing)
-        self._on_part = like + like.new_tensor(rate * on_part)
+        rate = 1.0 / float(self.scene.px.timestep)
+        for link, impulse in links.items():
+            self._on_links[link] = self._on_links.get(link, 0.0) + rate * impulse
+        if on_thing:
+            self.on_thing = self.on_thing.clamp(min=rate * on_thing)
+        if total:
+            self._peak = self._peak.clamp(min=rate * total)
+            self._on_part = self._on_part + self._on_part.new_tensor(rate * on_part)
         if by_finger:
             self._feel(torch.ones_like(self._peak))
-        for link, impulse in links.items():
-            before = self._on_links.get(link, torch.zeros_like(like))
-            self._on_links[link] = before + like.new_tensor(rate * impulse)
 
 
 def _scene_id(link: Link | Actor) -> int:

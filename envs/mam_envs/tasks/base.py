@@ -201,9 +201,9 @@ class Task(ABC):
 
     def pick(self, values: torch.Tensor) -> torch.Tensor:
         """(b,) or (b, n) of (b, stages) or (b, stages, n): each sub-scene's present stage."""
-        if values.ndim == 2:
-            return values.gather(1, self.stage[:, None])[:, 0]
         if values.shape[1] == 1:
             return values[:, 0]
+        if values.ndim == 2:
+            return values.gather(1, self.stage[:, None])[:, 0]
         index = self.stage[:, None, None].expand(-1, 1, values.shape[2])
         return values.gather(1, index)[:, 0]
