@@ -287,11 +287,11 @@ def _keeps_off(
     return True
 
 
-def _in_stand(model: ObjectModel, points: FloatArray) -> bool:
-    """Whether points (N, 3), asset frame, lie in the stand below the object's footprint."""
+def _in_stand(model: ObjectModel, world_asset: FloatArray, points: FloatArray) -> bool:
+    """Whether points (N, 3), world, lie in the stand, which stays where the object nominally is."""
     low, high = model.footprint
     inside = ((points[:, :2] > low[:2]) & (points[:, :2] < high[:2])).all(axis=1)
-    return bool((inside & (points[:, 2] < low[2] - 0.005)).any())
+    return bool((inside & (points[:, 2] < world_asset[2, 3] + low[2] - 0.005)).any())
 
 
 def rest_is_clear(
@@ -336,8 +336,11 @@ def free(
         lifted = name in robot.swinging
         if lifted and (local @ base[2, :3] + base[2, 3]).min() < ground - 0.002:
             return False
+    points = np.concatenate([*rest, *held]) @ base[:3, :3].T + base[:3, 3]
+    if _in_stand(model, world_asset, points):
+        return False
     points = np.concatenate(rest) @ into[:3, :3].T + into[:3, 3]
-    if model.runs_into(points, q, slack) or _in_stand(model, points):
+    if model.runs_into(points, q, slack):
         return False
     if held:
         points = np.concatenate(held) @ into[:3, :3].T + into[:3, 3]
