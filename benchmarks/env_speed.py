@@ -1,6 +1,6 @@
 """Steps per second beside ManiSkill's own tasks in the same run, and a soak of resets and steps.
 
-    python benchmarks/env_speed.py ASSET --steps 600 --resets 1000 --soak-steps 100000
+    python benchmarks/env_speed.py ASSET --steps 600 --resets 1000 --soak-steps 100000 --workers 10
 
 OpenCabinetDrawer needs PartNet models that ManiSkill does not bundle; where they are not installed
 its code runs on the asset itself (which then needs a drawer), and the output says so.
@@ -45,6 +45,25 @@ def steps_per_second(env: Any, steps: int) -> float:
         if k % 100 == 99:
             env.reset()
     return steps / (time.process_time() - start)
+
+
+def scaling(asset: Path, joint: str | None, workers: int, steps: int) -> dict[str, float]:
+    """Random steps a second by the clock in one process and in `workers`, and their ratio: the best
+    of three rounds each, by turns."""
+    best = {1: 0.0, workers: 0.0}
+    for count in (1, workers) * 3:
+        env = gym.make_vec(
+            "mam_envs:OperateJointNumpy-v1", num_envs=count, vectorization_mode="async",
+            asset=str(asset), joint=joint, control_mode=MODE,
+        )  # fmt: skip
+        env.reset(seed=0)
+        env.action_space.seed(0)
+        start = time.monotonic()
+        for _ in range(steps):
+            env.step(env.action_space.sample())
+        best[count] = max(best[count], count * steps / (time.monotonic() - start))
+        env.close()
+    return {**{f"{n} processes": v for n, v in best.items()}, "ratio": best[workers] / best[1]}
 
 
 def soak(env: Any, resets: int, steps: int) -> dict[str, float]:
@@ -110,6 +129,7 @@ def main(
     steps: int = 600,
     resets: int = 0,
     soak_steps: int = 0,
+    workers: int = 0,
     rounds: int = 3,
     joint: str | None = None,
     out: Path | None = None,
@@ -162,6 +182,8 @@ def main(
         env = mam_envs.make(asset, joint=joint, control_mode=MODE)
         found["soak"] = soak(env, resets, soak_steps or 100 * resets)
         env.close()
+    if workers:
+        found["workers"] = scaling(asset, joint, workers, steps // 3)
     scratch.cleanup()
     save(out, found)
     print(json.dumps(found, indent=1, default=lambda v: float(np.asarray(v))))
