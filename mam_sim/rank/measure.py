@@ -14,7 +14,7 @@ from typing import Annotated
 
 from mam_pipeline.edited import STRICT, Range
 
-VERSION = 10
+VERSION = 11
 """Raised whenever the same asset could get another number."""
 
 
