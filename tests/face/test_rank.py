@@ -45,7 +45,7 @@ def test_a_number_is_only_compared_with_one_of_the_same_measure() -> None:
     """Whoever changes one of these raises VERSION, here, there, and on the page."""
     from mam_envs.config import EnvConfig
 
-    assert VERSION == 10
+    assert VERSION == 11
     assert asdict(Measure()) == {
         "episodes": 5, "seed": 50_000_017, "max_steps": None, "control_mode": "pd_joint_pos",
         "task": None,
