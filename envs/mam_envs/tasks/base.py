@@ -202,7 +202,7 @@ class Task(ABC):
     def pick(self, values: torch.Tensor) -> torch.Tensor:
         """(b,) or (b, n) of (b, stages) or (b, stages, n): each sub-scene's present stage."""
         if values.shape[1] == 1:
-            return values[:, 0]
+            return values[:, 0].clone()  # a task's memory changes in place
         if values.ndim == 2:
             return values.gather(1, self.stage[:, None])[:, 0]
         index = self.stage[:, None, None].expand(-1, 1, values.shape[2])

@@ -50,7 +50,7 @@ class SuccessTracker:
     def pick(self, values: torch.Tensor) -> torch.Tensor:
         """(b,) of (b, stages): each sub-scene's present stage."""
         if self.stages == 1:
-            return values[:, 0]
+            return values[:, 0].clone()
         return values.gather(1, self.stage[:, None])[:, 0]
 
     def now(self, key: str) -> torch.Tensor:
